@@ -1,0 +1,1 @@
+"""HTTP in, HTTP out: no arrays, no numpy, no OpenCV."""

@@ -1,0 +1,1 @@
+"""What is remembered: layout graph models and feedback."""

@@ -1,0 +1,47 @@
+"""The errors that a user can act on, one class each, with the stable codes of the HTTP contract."""
+
+from typing import ClassVar
+
+
+class DocumentError(Exception):
+    """Base of all errors that the product raises on purpose.
+
+    Every subclass passes its arguments to `super().__init__` unchanged, so that it survives the
+    border of a worker process (pickle rebuilds an exception from `args`).
+    """
+
+    code: ClassVar[str] = "internal"
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(detail)
+        self.detail = detail
+
+
+class TooLarge(DocumentError):
+    """The image has more bytes, pixels or metadata than a limit allows."""
+
+    code = "too-large"
+
+
+class UnsupportedMediaType(DocumentError):
+    """The bytes are not an image format that is accepted."""
+
+    code = "unsupported-media-type"
+
+
+class UndecodableImage(DocumentError):
+    """The image data is truncated or damaged."""
+
+    code = "undecodable-image"
+
+
+class InvalidOption(DocumentError):
+    """An option is out of its range; the detail names the field."""
+
+    code = "invalid-option"
+
+
+class NoText(DocumentError):
+    """The image shows too little printed text to see the page's shape."""
+
+    code = "no-text"

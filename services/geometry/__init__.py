@@ -1,0 +1,1 @@
+"""Homographies, the pin-hole camera, lines and vanishing points, meshes."""

@@ -1,0 +1,1 @@
+"""Decoding, encoding, illumination, binarization and resampling of images."""

@@ -1,0 +1,1 @@
+"""Reading text: a small seam, and the engines behind it."""

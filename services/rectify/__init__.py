@@ -1,0 +1,1 @@
+"""One photo of a page -> its frontal flat view (dissertation, chapter 3)."""

@@ -1,0 +1,74 @@
+"""What `rectify` answers: the flat image and all the evidence for it."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import RgbImage
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """A warning of the contract: a stable `code`, and a `detail` that a person can act on."""
+
+    code: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Convergence S3/S1 of both flows (3.2.2; None: too few samples) and the share of text area, 0-1."""
+
+    major_convergence: float | None
+    minor_convergence: float | None
+    text_area_fraction: float
+
+
+@dataclass(frozen=True, slots=True)
+class CameraEstimate:
+    """Focal length in photo pixels and the diagonal field of view; None where it cannot be known."""
+
+    focal_length_px: float | None
+    field_of_view_rad: float | None
+    source: Literal["estimated", "exif", "given", "unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneSurface:
+    """Unit normal in the camera frame (x right, y down, z forward); None where f is unknown."""
+
+    normal: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Orientation:
+    """Clockwise turn that was applied to the flat view so that it reads.
+
+    `rotation_deg` is one of 0, 90, 180, 270; `mirrored` means that the view was flipped left to right
+    before the turn; `confidence` is 0-1, None when nothing was read (no OCR, or `upright=False`).
+    """
+
+    rotation_deg: int
+    mirrored: bool
+    confidence: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RectifyResult:
+    """The frontal flat view and its evidence.
+
+    `mesh` is (rows, columns, 2): `mesh[r, c]` is the photo point (x, y) shown at output pixel
+    (c (width-1)/(columns-1), r (height-1)/(rows-1)), after `orientation` was applied.
+    """
+
+    image: RgbImage
+    kind: Literal["planar", "curved"]
+    evidence: Evidence
+    camera: CameraEstimate
+    surface: PlaneSurface
+    orientation: Orientation
+    mesh: NDArray[np.float64]
+    warnings: tuple[Notice, ...] = ()
+    timings_ms: dict[str, float] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Texture flow of document images (dissertation, chapter 2)."""

@@ -1,0 +1,1 @@
+"""Photos of pages with their truth (dissertation, Appendix A)."""
