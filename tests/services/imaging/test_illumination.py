@@ -1,0 +1,152 @@
+"""Known gain fields over a page that the test sets itself."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from services.imaging.illumination import BackgroundParameters, estimate_background, flatten_illumination
+
+PAPER = 220.0
+
+
+def set_page(height: int, width: int) -> NDArray[np.float64]:
+    """Reflectance (H, W) of a page of text lines: 1 for paper, about 0.1 for ink."""
+    page = np.full((height, width), 255, np.uint8)
+    scale = width / 1000
+    for line in range(int(0.08 * height), int(0.93 * height), max(8, int(34 * scale))):
+        cv2.putText(
+            page, "Rectification of document images taken by camera phones", (int(60 * scale), line),
+            cv2.FONT_HERSHEY_SIMPLEX, 0.85 * scale, 25, max(1, round(2 * scale)), cv2.LINE_AA,
+        )  # fmt: skip
+    return np.asarray(page / 255.0)
+
+
+def gain_field(kind: str, height: int, width: int) -> NDArray[np.float64]:
+    """Light (H, W), at most 1."""
+    y, x = np.mgrid[0:height, 0:width] / max(height, width)
+    fields = {
+        "even": np.ones_like(x),
+        "slope": 1.0 - 0.6 * x - 0.1 * y,
+        "vignette": 1.0 / (1.0 + 1.5 * ((x - 0.4) ** 2 + (y - 0.5) ** 2)),
+        "lamp": 0.3 + 0.7 * np.exp(-4.0 * ((x - 0.2) ** 2 + (y - 0.3) ** 2)),
+        "shadow": np.where(x + 0.4 * y > 0.6, 0.4, 1.0),
+    }
+    return np.asarray(fields[kind])
+
+
+def take_photo(reflectance: NDArray[np.float64], gain: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.asarray(np.rint(PAPER * reflectance * gain), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("kind", ["even", "slope", "vignette", "lamp"])
+@pytest.mark.parametrize(("height", "width"), [(1400, 1000), (700, 1000), (280, 200)])
+def test_smooth_light_is_recovered_within_bounds_on_both_sides(kind: str, height: int, width: int) -> None:
+    gain = gain_field(kind, height, width)
+    background = estimate_background(take_photo(set_page(height, width), gain))
+    ratio = background / (PAPER * gain)
+    assert ratio.min() > 0.90
+    assert ratio.max() < 1.10
+    assert abs(np.median(ratio) - 1.0) < 0.01
+
+
+def test_shadow_edge_stays_where_it_is() -> None:
+    height, width = 1400, 1000
+    gain = gain_field("shadow", height, width)
+    background = estimate_background(take_photo(set_page(height, width), gain))
+    wrong = np.abs(background / (PAPER * gain) - 1.0) > 0.05
+    edge = cv2.dilate((gain < 1).astype(np.uint8), np.ones((61, 61))) != (gain < 1)
+    edge |= cv2.erode((gain < 1).astype(np.uint8), np.ones((61, 61))) != (gain < 1)
+    assert not np.any(wrong & ~edge)
+    assert wrong.mean() < 0.03
+
+
+@pytest.mark.parametrize("kind", ["even", "slope", "vignette", "lamp"])
+def test_flat_page_shows_white_paper_and_ink_of_the_right_reflectance(kind: str) -> None:
+    page = set_page(1400, 1000)
+    flat = flatten_illumination(take_photo(page, gain_field(kind, *page.shape)))
+    assert np.percentile(flat[page == 1.0], 5) > 240
+    ink = page < 0.15
+    assert np.quantile(np.abs(flat[ink] / 255.0 - page[ink]), 0.99) < 0.04
+
+
+def test_colour_keeps_its_hue() -> None:
+    page = set_page(700, 500)
+    gain = gain_field("slope", 700, 500)
+    colour = np.array([1.0, 0.9, 0.7])
+    photo = np.rint(PAPER * (page * gain)[..., None] * colour).astype(np.uint8)
+    flat = flatten_illumination(photo)
+    paper = flat[page == 1.0].astype(float)
+    # Red saturates first, as the gain is that of the luminance; green and blue stay in proportion.
+    assert np.median(paper[:, 2] / paper[:, 1]) == pytest.approx(0.7 / 0.9, abs=0.02)
+    assert np.std(paper[:, 2]) < 4.0
+
+
+@settings(max_examples=15, deadline=None)
+@given(scale=st.floats(0.5, 2.0), kind=st.sampled_from(["slope", "vignette", "lamp"]))
+def test_background_follows_the_scale_of_the_photo(scale: float, kind: str) -> None:
+    page = set_page(900, 700)
+    photo = take_photo(page, gain_field(kind, 900, 700))
+    size = (round(700 * scale), round(900 * scale))
+    scaled = np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    expected = cv2.resize(estimate_background(photo), size, interpolation=cv2.INTER_LINEAR).astype(float)
+    difference = np.abs(estimate_background(scaled) - expected)
+    assert np.mean(difference) < 3.0
+    assert np.quantile(difference, 0.99) < 10.0
+
+
+@settings(max_examples=10, deadline=None)
+@given(turns=st.integers(0, 3), flip=st.booleans(), kind=st.sampled_from(["slope", "shadow", "lamp"]))
+def test_background_turns_with_the_photo(turns: int, flip: bool, kind: str) -> None:
+    photo = take_photo(set_page(600, 400), gain_field(kind, 600, 400))
+    background = estimate_background(photo)
+    photo, background = np.rot90(photo, turns), np.rot90(background, turns)
+    if flip:
+        photo, background = photo[:, ::-1], background[:, ::-1]
+    assert np.max(np.abs(estimate_background(np.ascontiguousarray(photo)) - background.astype(float))) <= 2
+
+
+def test_given_text_height_removes_large_print_that_the_default_keeps() -> None:
+    photo = np.full((800, 800), 200, np.uint8)
+    cv2.putText(photo, "BIG", (60, 520), cv2.FONT_HERSHEY_SIMPLEX, 11, 20, 60, cv2.LINE_AA)
+    background = estimate_background(photo, text_height_px=240.0)
+    assert background.min() > 195
+
+
+def test_gain_is_bounded_on_a_dark_desk() -> None:
+    photo = np.full((600, 600), 4, np.uint8)
+    photo[150:450, 150:450] = 240
+    parameters = BackgroundParameters(largest_gain=5.0)
+    background = estimate_background(photo, parameters=parameters)
+    assert background.min() == 48
+    assert flatten_illumination(photo, parameters=parameters)[:100].max() <= 4 * 255 / 48 + 1
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (7, 1), (2, 2), (3, 500), (500, 3), (1, 5000), (33, 47)])
+@pytest.mark.parametrize("value", [0, 1, 128, 255])
+def test_constant_images_of_any_size(shape: tuple[int, int], value: int) -> None:
+    photo = np.full(shape, value, np.uint8)
+    background = estimate_background(photo)
+    assert background.shape == shape
+    assert background.dtype == np.uint8
+    assert np.all(background == max(1, value))
+    flat = flatten_illumination(photo)
+    assert np.all(flat == (255 if value else 0))
+    colour = flatten_illumination(np.repeat(photo[..., None], 3, axis=2))
+    assert colour.shape == (*shape, 3)
+    assert np.array_equal(colour[..., 1], flat)
+
+
+@settings(max_examples=30, deadline=None)
+@given(height=st.integers(1, 60), width=st.integers(1, 60), seed=st.integers(0, 99))
+def test_any_noise_gives_an_image_of_the_same_shape(height: int, width: int, seed: int) -> None:
+    photo = np.random.default_rng(seed).integers(0, 256, (height, width), dtype=np.uint8)
+    before = photo.copy()
+    flat = flatten_illumination(photo)
+    assert flat.shape == photo.shape
+    assert flat.dtype == np.uint8
+    assert np.array_equal(photo, before)
+    # The gain is never below 1: no pixel gets darker.
+    assert np.all(flat >= photo)
