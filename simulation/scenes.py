@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulation.camera import Camera, Pose
+from simulation.degradation import Degradation, degrade, desk_texture
 from simulation.flat_page import Page
+from simulation.photo import SimulatedPhoto, simulate_photo
 from simulation.surfaces import Cylinder, Plane, Shape
 from simulation.truth import Truth
 
@@ -74,3 +76,31 @@ CURVATURE_SERIES = tuple(Cylinder((0.0, 0.0, 0.06 * (i + 1), 0.0, 0.01 * (i + 1)
 """Seven shapes alike, each more curved than the last (Figure 3.18); they bulge towards the viewer."""
 
 PLANE = Plane()
+
+
+def photograph(
+    page: Page,
+    view: View,
+    skew_rad: float,
+    shape: Shape = PLANE,
+    *,
+    dirt: Degradation | None = None,
+    rng: np.random.Generator | None = None,
+    size: tuple[int, int] = PHOTO_SIZE,
+) -> SimulatedPhoto:
+    """A photo of an experiment: clean on black, or with `dirt` on a desk (both drawn from `rng`).
+
+    Raises
+    ------
+    ValueError
+        When there is dirt but no generator, or the shape hides itself in this view.
+    """
+    camera = view.camera(*size)
+    pose = view.pose(page, shape, camera)
+    if dirt is None:
+        return simulate_photo(page, shape, skew_rad, pose, camera)
+    if rng is None:
+        raise ValueError("dirt needs a seeded generator")
+    desk = desk_texture(camera.width, camera.height, rng)
+    photo = simulate_photo(page, shape, skew_rad, pose, camera, background=desk)
+    return SimulatedPhoto(degrade(photo.image, dirt, rng), photo.truth)

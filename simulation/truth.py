@@ -241,7 +241,8 @@ class Truth:
     def _vanishing_points(self, directions: Points3) -> Points3:
         f, (cx, cy) = self.camera.focal_length_px, self.camera.principal_point
         calibration = np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
-        return directions @ calibration.T
+        points: Points3 = directions @ calibration.T
+        return points
 
     def _refuse_curved(self) -> None:
         if not self.is_planar:

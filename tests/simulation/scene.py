@@ -19,7 +19,7 @@ POSE = Pose(0.45, 1.1, -0.15, (0.1, 0.05, 3.4))
 
 
 def blank_page(width: int = 320, height: int = 440) -> Page:
-    """A page with one word in its middle and one at its corner."""
+    """White paper with one word in its middle and one at its corner."""
     middle = PageWord("middle", (width / 2 - 30, height / 2 - 8, width / 2 + 30, height / 2 + 8))
     corner = PageWord("corner", (2.0, 2.0, 40.0, 14.0))
     return Page(np.full((height, width), 255, np.uint8), ((corner,), (middle,)))

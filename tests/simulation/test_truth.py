@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from simulation.camera import Camera, Pose
 from simulation.flat_page import Page, PageWord
@@ -210,3 +212,21 @@ def test_no_words_no_points() -> None:
     page = Page(np.full((60, 60), 255, np.uint8), ((PageWord("off", (-20.0, 0.0, -5.0, 9.0)),),))
     truth = Truth(page, Plane(), 0.0, Pose(), CAMERA)
     assert truth.text_points(np.random.default_rng(0)).shape == (0, 2)
+
+
+angles = st.floats(-np.pi, np.pi)
+
+
+@given(st.floats(0, 0.8), angles, angles, angles, st.floats(2.5, 6.0))
+def test_any_pose_of_a_plane_is_undone(
+    tilt: float, azimuth: float, roll: float, skew: float, distance: float
+) -> None:
+    truth = Truth(blank_page(), Plane(), skew, Pose(tilt, azimuth, roll, (0.2, -0.1, distance)), CAMERA)
+    page = page_grid(3)
+    photo = truth.page_to_photo(page)
+    np.testing.assert_allclose(truth.photo_to_page(photo), page, atol=1e-6)
+    normal = truth.normals(photo[:1])[0]
+    assert np.arccos(np.clip(normal[2], -1, 1)) == pytest.approx(tilt, abs=1e-6)
+    # Rolling the camera turns the photo and every direction in it.
+    rolled = Truth(truth.page, Plane(), skew, Pose(tilt, azimuth, roll + 0.3, truth.pose.translation), CAMERA)
+    assert np.allclose(rolled.normals(photo[:1])[0, 2], normal[2])
