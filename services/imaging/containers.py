@@ -1,0 +1,232 @@
+"""What a file's structure says before any decoder touches it: the gates against costly headers.
+
+Pillow reads headers in Python, piece by piece: millions of tiny segments, EXIF spread over hundreds of
+segments (each one copies all those before it), directories of millions of entries, or progressive JPEGs
+of a thousand scans cost minutes for a few megabytes. Each gate here is one linear walk that stops at the
+first excess. Limits are far above what any honest writer makes.
+"""
+
+import re
+import struct
+import zlib
+
+from services.errors import TooLarge, UndecodableImage
+
+_MOST_SEGMENTS = 4096
+"""JPEG header segments or PNG chunks other than IDAT; extended XMP and ICC need a few hundred at most."""
+_MOST_SCANS = 32
+"""Scans of one JPEG; the usual progressive script has 10. Every scan costs a pass over all pixels."""
+_MOST_IDAT_CHUNKS = 262_144
+"""64 MP of 16-bit RGBA in chunks of 8 KiB (libpng's default) are 65,536."""
+_MOST_DIRECTORY_ENTRIES = 1024
+_MOST_STRIPS = 262_144
+_MOST_VALUES = 1_048_576
+"""Values of one TIFF tag that holds numbers, strips apart: a colour map of 16 bits has 196,608."""
+
+_MOST_STRAY_BYTES = 65_536
+"""Fill and other bytes between a JPEG's header segments, which Pillow reads one at a time (0.3 us each)."""
+
+_INFLATED_AT_ONCE = 1_048_576
+_ADAM7_PASSES = (
+    (0, 0, 8, 8),
+    (4, 0, 8, 8),
+    (0, 4, 4, 8),
+    (2, 0, 4, 4),
+    (0, 2, 2, 4),
+    (1, 0, 2, 2),
+    (0, 1, 1, 2),
+)
+"""First column and row, and steps right and down, of each pass of an interlaced PNG (8.2)."""
+
+_JPEG_MARKER = re.compile(rb"\xff[\x02-\xcf\xd8-\xfe]")
+"""Next marker; byte stuffing (FF 00), fill (FF FF), TEM and the restart markers (D0-D7) carry no segment."""
+
+
+def check_jpeg(data: bytes, max_exif_bytes: int) -> None:
+    """Judge the segments and scans of the first image in a JPEG file.
+
+    Raises
+    ------
+    TooLarge
+        When its EXIF segments together hold more than `max_exif_bytes`.
+    UndecodableImage
+        When it has more segments, scans or stray bytes than any writer makes.
+    """
+    position, segments, scans, exif_bytes, stray_bytes = 2, 0, 0, 0, 0
+    while found := _JPEG_MARKER.search(data, position):
+        start, marker = found.start(), data[found.start() + 1]
+        if marker == 0xD9:  # EOI: what follows (previews, motion photos) belongs to no decoder here
+            return
+        if marker == 0xD8:
+            position = start + 2
+            continue
+        length = int.from_bytes(data[start + 2 : start + 4], "big")
+        segments += 1
+        stray_bytes += 0 if scans else start - position  # after the first scan these are the pixels
+        scans += marker == 0xDA
+        if marker == 0xE1 and data[start + 4 : start + 10] == b"Exif\0\0":
+            exif_bytes += length
+        check_exif_size(exif_bytes, max_exif_bytes)
+        if segments > _MOST_SEGMENTS or scans > _MOST_SCANS or stray_bytes > _MOST_STRAY_BYTES:
+            raise UndecodableImage(
+                f"The JPEG file has more than {_MOST_SEGMENTS} segments, {_MOST_SCANS} scans or "
+                f"{_MOST_STRAY_BYTES} stray bytes, which no camera or scanner writes."
+            )
+        position = start + 2 + max(length, 2)
+
+
+def check_png(data: bytes, max_exif_bytes: int) -> None:
+    """Judge the chunks of a PNG file: their number, their checksums, and that the last one is there.
+
+    Raises
+    ------
+    TooLarge
+        When the eXIf chunk is larger than `max_exif_bytes`.
+    UndecodableImage
+        When the file is cut short, a critical chunk's CRC is wrong (Pillow does not check IDAT's), or
+        it has more chunks than any writer makes.
+    """
+    view = memoryview(data)
+    position, others, pixel_chunks = 8, 0, 0
+    while position + 12 <= len(data):
+        (length,) = struct.unpack_from(">I", data, position)
+        kind = data[position + 4 : position + 8]
+        end = position + 12 + length
+        if end > len(data):
+            break
+        if kind == b"IDAT":
+            pixel_chunks += 1
+        else:
+            others += 1
+        if others > _MOST_SEGMENTS or pixel_chunks > _MOST_IDAT_CHUNKS:
+            raise UndecodableImage("The PNG file has more chunks than any writer makes.")
+        if kind == b"eXIf":
+            check_exif_size(length, max_exif_bytes)
+        is_critical = not kind[0] & 0x20  # PNG 5.4: bit 5 of the first letter
+        (checksum,) = struct.unpack_from(">I", data, end - 4)
+        if is_critical and zlib.crc32(view[position + 4 : end - 4]) != checksum:
+            raise UndecodableImage("The PNG file is damaged: a checksum does not match.")
+        if kind == b"IEND":
+            return
+        position = end
+    raise UndecodableImage("The PNG file is truncated.")
+
+
+def check_png_rows(data: bytes) -> None:
+    """Raise `UndecodableImage` when a PNG that `check_png` passed holds fewer rows than its header says.
+
+    Costs as much as inflating its data (0.1 s for 12 MP), hence for files of which a decoder shows
+    nothing in the last row.
+    """
+    width, height, depth, colour_type, _, _, is_interlaced = struct.unpack_from(">IIBBBBB", data, 16)
+    bits = depth * {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[colour_type]
+    needed = 0
+    for left, top, right, down in _ADAM7_PASSES if is_interlaced else ((0, 0, 1, 1),):
+        columns, rows = -(-(width - left) // right), -(-(height - top) // down)
+        needed += rows * (1 + -(-columns * bits // 8)) if columns > 0 else 0
+    inflate, position = zlib.decompressobj(), 8
+    while needed > 0 and position < len(data):
+        (length,) = struct.unpack_from(">I", data, position)
+        packed = (
+            data[position + 8 : position + 8 + length]
+            if data[position + 4 : position + 8] == b"IDAT"
+            else b""
+        )
+        while packed and needed > 0:
+            needed -= len(inflate.decompress(packed, _INFLATED_AT_ONCE))
+            packed = inflate.unconsumed_tail
+        position += 12 + length
+    if needed > 0:
+        raise UndecodableImage("The PNG file is truncated: rows are missing.")
+
+
+def check_webp(data: bytes, max_pixels: int) -> None:
+    """Judge the canvas of a WebP file, whose decoder takes memory for two of them when it is only opened.
+
+    Raises
+    ------
+    TooLarge
+        When the canvas has more than `max_pixels` pixels.
+    UndecodableImage
+        When the header holds no size.
+    """
+    kind, width, height = data[12:16], 0, 0
+    if kind == b"VP8X" and len(data) >= 30:  # two sizes less one, 24 bits each
+        width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
+    elif kind == b"VP8L" and len(data) >= 25:  # two sizes less one, 14 bits each
+        bits = int.from_bytes(data[21:25], "little")
+        width, height = (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    elif kind == b"VP8 " and len(data) >= 30:  # 14 bits each
+        width, height = (int.from_bytes(data[at : at + 2], "little") & 0x3FFF for at in (26, 28))
+    if width * height == 0:
+        raise UndecodableImage("The WebP file is truncated or damaged: its header holds no size.")
+    check_pixels(width, height, max_pixels)
+
+
+def check_tiff(data: bytes, max_pixels: int) -> None:
+    """Judge the first directory of a TIFF or BigTIFF file.
+
+    Raises
+    ------
+    UndecodableImage
+        When the directory lies outside of the file, or has more entries, strips or values than any
+        writer makes.
+    TooLarge
+        When one tile has more than `max_pixels` pixels (a decoder holds a whole tile, however small
+        the picture).
+    """
+    try:
+        entries = _tiff_entries(data)
+    except struct.error:
+        raise UndecodableImage("The TIFF file is truncated: its directory is not in it.") from None
+    tile_width, tile_height = 1, 1
+    for tag, kind, count, value in entries:
+        is_bytes = kind in (1, 2, 6, 7)  # BYTE, ASCII, SBYTE, UNDEFINED: Pillow keeps them as they are
+        if (tag in (273, 279, 324, 325) and count > _MOST_STRIPS) or (not is_bytes and count > _MOST_VALUES):
+            raise UndecodableImage(
+                f"The TIFF file's tag {tag} has {count} values, more than any writer makes."
+            )
+        if tag == 322:
+            tile_width = value
+        elif tag == 323:
+            tile_height = value
+    check_pixels(tile_width, tile_height, max_pixels)
+
+
+def _tiff_entries(data: bytes) -> list[tuple[int, int, int, int]]:
+    """(tag, type, count, inline value) of the first directory's entries (TIFF 6.0, section 2)."""
+    order = "<" if data[:2] == b"II" else ">"
+    is_big = 43 in data[2:4]
+    if is_big:
+        (offset,) = struct.unpack_from(order + "Q", data, 8)
+    else:
+        (offset,) = struct.unpack_from(order + "I", data, 4)
+    if offset > len(data):
+        raise struct.error("directory outside of the file")
+    (count,) = struct.unpack_from(order + ("Q" if is_big else "H"), data, offset)
+    if count > _MOST_DIRECTORY_ENTRIES:
+        raise UndecodableImage(f"The TIFF file's directory has {count} entries, more than any writer makes.")
+    offset += 8 if is_big else 2
+    entry = struct.Struct(order + ("HHQ8s" if is_big else "HHI4s"))
+    entries = []
+    for _ in range(count):
+        tag, kind, values, field = entry.unpack_from(data, offset)
+        letter = {3: "H", 16: "Q"}.get(kind, "I")
+        entries.append((tag, kind, values, struct.unpack_from(order + letter, field)[0]))
+        offset += entry.size
+    return entries
+
+
+def check_pixels(width: int, height: int, max_pixels: int) -> None:
+    """Raise `TooLarge` when a (height, width) picture has more than `max_pixels` pixels."""
+    if width * height > max_pixels:
+        raise TooLarge(
+            f"The image has {width} x {height} = {width * height / 1e6:.1f} megapixels; "
+            f"the limit is {max_pixels / 1e6:g}."
+        )
+
+
+def check_exif_size(exif_bytes: int, max_exif_bytes: int) -> None:
+    """Raise `TooLarge` when `exif_bytes` is over the limit."""
+    if exif_bytes > max_exif_bytes:
+        raise TooLarge(f"The image's EXIF metadata has more than the limit of {max_exif_bytes} bytes.")

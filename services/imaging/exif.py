@@ -1,0 +1,90 @@
+"""What EXIF says about the camera: orientation, focal length, resolution. Advice, never an error."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from PIL import ExifTags, Image
+
+_FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
+"""43.2666 mm: the diagonal of the 35 mm film frame that FocalLengthIn35mmFilm refers to."""
+_PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+"""FocalPlaneResolutionUnit: inch, cm, mm, um."""
+_SHORTEST_DIAGONALS, _LONGEST_DIAGONALS = 0.2, 20.0
+"""Focal lengths believed, in image diagonals: a field of view of 136 to 2.9 degrees."""
+_LOWEST_DPI, _HIGHEST_DPI = 100.0, 2400.0
+"""Resolutions believed: below lie the placeholders of cameras and editors (1, 72, 96)."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraFacts:
+    """What the metadata tells about a picture.
+
+    `orientation` is EXIF's 1-8; `focal_length_px` in pixels of the picture, None where unknown; `dpi`
+    is pixels per inch of the paper, None where unknown (always so for a camera's photo).
+    """
+
+    orientation: int
+    focal_length_px: float | None
+    dpi: float | None
+
+
+def read_camera_facts(picture: Image.Image) -> CameraFacts:
+    """Facts from the metadata of an opened, not yet decoded picture; whatever cannot be read is unknown."""
+    try:
+        exif = picture.getexif()
+        orientation = exif.get(ExifTags.Base.Orientation, 1)
+        camera = exif.get_ifd(ExifTags.IFD.Exif)
+    except Exception:  # a damaged block makes Pillow raise nearly anything; the picture does not need it
+        orientation, camera = 1, {}
+    is_photo = any(tag in camera for tag in (ExifTags.Base.FocalLength, ExifTags.Base.ExposureTime))
+    return CameraFacts(
+        orientation if isinstance(orientation, int) and orientation in range(1, 9) else 1,
+        focal_length_px(camera, *picture.size),
+        None if is_photo else _believable_dpi(picture.info.get("dpi")),
+    )
+
+
+def focal_length_px(camera: Mapping[int, Any], width: int, height: int) -> float | None:
+    """Focal length in pixels of a (height, width) picture, from the tags of its Exif directory.
+
+    FocalLengthIn35mmFilm f35 first: f = f35 / 43.2666 mm times the picture's diagonal. Else FocalLength
+    times FocalPlaneXResolution (pixels per unit in the picture as it was taken, whose size PixelXDimension
+    and PixelYDimension tell).
+    None where neither is there, or the field of view would be absurd.
+    """
+    diagonal = math.hypot(width, height)
+    found = _positive(camera.get(ExifTags.Base.FocalLengthIn35mmFilm))
+    if found is not None:
+        focal = found / _FILM_DIAGONAL_MM * diagonal
+    else:
+        focal_mm = _positive(camera.get(ExifTags.Base.FocalLength))
+        resolution = _positive(camera.get(ExifTags.Base.FocalPlaneXResolution))
+        unit_mm = _PLANE_UNIT_MM.get(camera.get(ExifTags.Base.FocalPlaneResolutionUnit, 2))
+        if focal_mm is None or resolution is None or unit_mm is None:
+            return None
+        sizes = [camera.get(tag) for tag in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)]
+        # Long sides are compared, since an editor may have turned the picture and left the sizes.
+        full_long_side = max(_positive(size) or 0.0 for size in sizes) or max(width, height)
+        focal = focal_mm * resolution / unit_mm * max(width, height) / full_long_side
+    return focal if _SHORTEST_DIAGONALS <= focal / diagonal <= _LONGEST_DIAGONALS else None
+
+
+def _positive(value: Any) -> float | None:
+    """`value` as a positive finite number, else None (EXIF rationals may be 0/0)."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    return number if math.isfinite(number) and number > 0 else None
+
+
+def _believable_dpi(value: Any) -> float | None:
+    """Resolution of a (horizontal, vertical) pair, when both agree within 1 % and a scanner could have it."""
+    if not isinstance(value, tuple) or len(value) != 2:
+        return None
+    horizontal, vertical = _positive(value[0]), _positive(value[1])
+    if horizontal is None or vertical is None or abs(horizontal / vertical - 1) > 0.01:
+        return None
+    return horizontal if _LOWEST_DPI <= round(horizontal) <= _HIGHEST_DPI else None
