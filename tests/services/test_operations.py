@@ -1,0 +1,249 @@
+"""What a worker answers: the asked-for file, and a document that is the contract's."""
+
+import base64
+import io
+import json
+import math
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image, ImageCms
+
+from services import operations
+from services.errors import InvalidOption, NoText, TooLarge, UndecodableImage, UnsupportedMediaType
+from services.imaging.codec import ImageLimits
+from services.operations import EncodingOptions, rectify_upload, to_json_ready, warm_up
+from services.rectify.parameters import RectifyParameters
+from services.rectify.results import (
+    CameraEstimate,
+    Evidence,
+    Notice,
+    Orientation,
+    PlaneSurface,
+    RectifyResult,
+)
+from tests.services.imaging.files import make_exif, make_file
+
+LIMITS = ImageLimits()
+PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
+PARAMETERS = RectifyParameters(kind="planar", upright=False)
+
+
+class Pipeline:
+    """Stands for the pipeline: remembers how it was called, answers with the photo turned by 90 degrees."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[Any, ...]] = []
+        self.field_of_view_rad: float | None = math.pi / 3
+        self.convergence: float | None = 0.0123
+
+    def __call__(self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any) -> RectifyResult:
+        self.calls.append((photo.shape, parameters, exif_focal_length_px, ocr))
+        return RectifyResult(
+            np.ascontiguousarray(np.rot90(photo)),
+            "planar",
+            Evidence(self.convergence, None, 0.41),
+            CameraEstimate(55.5, self.field_of_view_rad, "exif"),
+            PlaneSurface((0.0, 0.6, 0.8)),
+            Orientation(270, False, 0.98),
+            np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64),
+            (Notice("focal-length-unknown", "Say it."),),
+            {"text": 12.345, "remap": np.float64(3.0)},
+        )
+
+
+@pytest.fixture
+def pipeline(monkeypatch: pytest.MonkeyPatch) -> Pipeline:
+    stand_in = Pipeline()
+    monkeypatch.setattr(operations, "rectify", stand_in)
+    monkeypatch.setattr(operations, "ocr_engine", lambda: "an engine")
+    return stand_in
+
+
+def reject_constant(name: str) -> None:
+    raise AssertionError(f"{name} is not JSON")
+
+
+def test_the_answer_is_the_contracts(pipeline: Pipeline) -> None:
+    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS)
+    document = json.loads(json.dumps(reply.document), parse_constant=reject_constant)
+    assert document.pop("timings_ms").keys() == {"decode", "text", "remap", "encode"}
+    assert document.pop("camera") == {
+        "focal_length_px": 55.5,
+        "field_of_view_deg": pytest.approx(60),
+        "source": "exif",
+    }
+    assert document == {
+        "kind": "planar",
+        "evidence": {"major_convergence": 0.0123, "minor_convergence": None, "text_area_fraction": 0.41},
+        "surface": {"type": "plane", "normal": [0.0, 0.6, 0.8]},
+        "orientation": {"rotation_deg": 270, "mirrored": False, "confidence": 0.98},
+        "width": 40,
+        "height": 60,
+        "mesh": {"rows": 2, "columns": 2, "source": [[[0, 0.333], [1, 0]], [[0, 1], [None, 1]]]},
+        "warnings": [{"code": "focal-length-unknown", "detail": "Say it."}],
+        "image": None,
+    }
+
+
+@pytest.mark.parametrize("not_finite", [math.nan, math.inf, -math.inf, np.float32("nan")])
+def test_what_is_not_finite_becomes_null(pipeline: Pipeline, not_finite: float) -> None:
+    pipeline.field_of_view_rad = pipeline.convergence = not_finite
+    document = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS).document
+    restored = json.loads(json.dumps(document), parse_constant=reject_constant)
+    assert restored["camera"]["field_of_view_deg"] is None
+    assert restored["evidence"]["major_convergence"] is None
+
+
+def test_json_ready_values_keep_their_kind() -> None:
+    mixed = {
+        "a": np.int64(3),
+        "b": (np.bool_(True), np.float32(0.5)),
+        4: np.array([[1, 2]]),
+        "c": [None, "x"],
+    }
+    assert to_json_ready(mixed) == {"a": 3, "b": [True, 0.5], "4": [[1, 2]], "c": [None, "x"]}
+    assert type(to_json_ready(np.float64(1.5))) is float
+
+
+def test_the_pipeline_gets_the_upright_photo_and_all_that_is_known(pipeline: Pipeline) -> None:
+    upload = make_file(PHOTO, "JPEG", exif=make_exif(6, {0xA405: 26}))
+    rectify_upload(upload, PARAMETERS, EncodingOptions(), LIMITS)
+    ((shape, parameters, focal_length_px, ocr),) = pipeline.calls
+    assert shape == (60, 40, 3)
+    assert parameters is PARAMETERS
+    assert focal_length_px == pytest.approx(26 / math.hypot(36, 24) * math.hypot(60, 40))
+    assert ocr == "an engine"
+
+
+@pytest.mark.parametrize(
+    ("plugin", "asked", "media_type", "mark"),
+    [
+        ("JPEG", None, "image/jpeg", "JPEG"),
+        ("PNG", None, "image/png", "PNG"),
+        ("WEBP", None, "image/webp", "WEBP"),
+        ("TIFF", None, "image/tiff", "TIFF"),
+        ("HEIF", None, "image/jpeg", "JPEG"),
+        ("PNG", "jpeg", "image/jpeg", "JPEG"),
+        ("JPEG", "png", "image/png", "PNG"),
+        ("JPEG", "webp", "image/webp", "WEBP"),
+        ("HEIF", "tiff", "image/tiff", "TIFF"),
+    ],
+)
+@pytest.mark.usefixtures("pipeline")
+def test_the_file_is_in_the_asked_for_or_in_the_uploads_format(
+    plugin: str, asked: Any, media_type: str, mark: str
+) -> None:
+    reply = rectify_upload(make_file(PHOTO, plugin), PARAMETERS, EncodingOptions(asked), LIMITS)
+    assert reply.media_type == media_type
+    with Image.open(io.BytesIO(reply.body)) as picture:
+        assert picture.format == mark
+        assert picture.size == (40, 60)
+    assert reply.document["image"] is None
+
+
+@pytest.mark.usefixtures("pipeline")
+def test_pdf() -> None:
+    reply = rectify_upload(make_file(PHOTO, "JPEG"), PARAMETERS, EncodingOptions("pdf"), LIMITS)
+    assert reply.media_type == "application/pdf"
+    assert reply.body.startswith(b"%PDF-")
+
+
+@pytest.mark.usefixtures("pipeline")
+def test_json_has_no_body_and_encodes_nothing() -> None:
+    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions("json"), LIMITS)
+    assert (reply.body, reply.media_type, reply.document["image"]) == (b"", "application/json", None)
+    timings = reply.document["timings_ms"]
+    assert isinstance(timings, dict)
+    assert "encode" not in timings
+
+
+@pytest.mark.parametrize(("plugin", "mark"), [("PNG", "PNG"), ("JPEG", "JPEG"), ("HEIF", "JPEG")])
+@pytest.mark.usefixtures("pipeline")
+def test_json_can_hold_the_image_in_the_uploads_format(plugin: str, mark: str) -> None:
+    reply = rectify_upload(make_file(PHOTO, plugin), PARAMETERS, EncodingOptions("json", embed=True), LIMITS)
+    assert reply.body == b""
+    assert isinstance(reply.document["image"], str)
+    with Image.open(io.BytesIO(base64.b64decode(reply.document["image"], validate=True))) as picture:
+        assert picture.format == mark
+
+
+@pytest.mark.usefixtures("pipeline")
+def test_the_scans_resolution_and_the_colour_profile_are_kept() -> None:
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    upload = make_file(PHOTO, "PNG", dpi=(200, 200), icc_profile=profile)
+    reply = rectify_upload(upload, PARAMETERS, EncodingOptions("jpeg"), LIMITS)
+    with Image.open(io.BytesIO(reply.body)) as picture:
+        assert picture.info["dpi"] == (200, 200)
+        assert picture.info["icc_profile"] == profile
+
+
+@pytest.mark.usefixtures("pipeline")
+def test_quality_reaches_the_encoder() -> None:
+    sizes = [
+        len(
+            rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions("jpeg", quality), LIMITS).body
+        )
+        for quality in (10, 95)
+    ]
+    assert sizes[0] < sizes[1] / 2
+    with pytest.raises(InvalidOption, match="quality"):
+        rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions("jpeg", 101), LIMITS)
+
+
+@pytest.mark.usefixtures("pipeline")
+def test_a_reply_crosses_the_border_of_a_process() -> None:
+    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS)
+    assert pickle.loads(pickle.dumps(reply)) == reply
+
+
+@pytest.mark.parametrize(
+    ("upload", "limits", "error"),
+    [
+        (b"no picture", LIMITS, UnsupportedMediaType),
+        (make_file(PHOTO, "PNG")[:-20], LIMITS, UndecodableImage),
+        (make_file(PHOTO, "PNG"), ImageLimits(max_megapixels=0.001), TooLarge),
+    ],
+)
+def test_bad_uploads_never_reach_the_pipeline(
+    pipeline: Pipeline, upload: bytes, limits: ImageLimits, error: type[Exception]
+) -> None:
+    with pytest.raises(error):
+        rectify_upload(upload, PARAMETERS, EncodingOptions(), limits)
+    assert pipeline.calls == []
+
+
+def test_an_engine_is_opened_once_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = operations.ocr_engine(), operations.ocr_engine()
+    assert first is second
+    state = warm_up()
+    assert state["ocr"] == (None if first is None else first.name)
+
+
+@pytest.mark.parametrize("refusal", [NoText("Nothing to read."), None])
+def test_warming_up_runs_the_whole_road(
+    monkeypatch: pytest.MonkeyPatch, pipeline: Pipeline, refusal: Exception | None
+) -> None:
+    def refuse(*arguments: Any) -> RectifyResult:
+        result = pipeline(*arguments)
+        if refusal is not None:
+            raise refusal
+        return result
+
+    monkeypatch.setattr(operations, "rectify", refuse)
+    monkeypatch.setattr(operations, "ocr_engine", lambda: None)
+    assert warm_up() == {"ocr": None}
+    assert len(pipeline.calls) == 1
+
+
+def test_warming_up_does_not_hide_defects(monkeypatch: pytest.MonkeyPatch, pipeline: Pipeline) -> None:
+    def crash(*_: Any) -> RectifyResult:
+        raise ZeroDivisionError
+
+    broken: Callable[..., RectifyResult] = crash
+    monkeypatch.setattr(operations, "rectify", broken)
+    with pytest.raises(ZeroDivisionError):
+        warm_up()
