@@ -1,0 +1,33 @@
+FROM python:3.11-slim-bookworm
+
+ENV PYTHONDONTWRITEBYTECODE=1 \
+    PYTHONUNBUFFERED=1 \
+    PIP_NO_CACHE_DIR=1 \
+    HOST=0.0.0.0 \
+    PORT=8000 \
+    DATA_DIR=/data
+
+# The only step that is not one of the Makefile's: it brings make.
+RUN apt-get update && apt-get install --yes --no-install-recommends make && rm -rf /var/lib/apt/lists/*
+
+WORKDIR /app
+
+# Before the sources, so that a change of code does not install everything again.
+COPY Makefile requirements.lock ./
+RUN make system-packages
+RUN make venv
+
+COPY app ./app
+COPY models ./models
+COPY services ./services
+
+RUN make data-folder
+USER 10001:10001
+VOLUME /data
+EXPOSE 8000
+
+HEALTHCHECK --interval=10s --timeout=3s --start-period=30s --retries=3 \
+    CMD [".venv/bin/python", "-c", "import os, urllib.request; urllib.request.urlopen('http://127.0.0.1:' + os.environ['PORT'] + '/health/live', timeout=2)"]
+
+# Python itself is process 1, so that SIGTERM reaches it: it finishes what is in flight.
+CMD [".venv/bin/python", "-m", "app"]

@@ -1,0 +1,153 @@
+# make serve   sets everything up and serves on HOST:PORT
+# make test    sets everything up and runs the tests
+# make help    the other targets
+
+HOST ?= 127.0.0.1
+PORT ?= 8000
+export HOST PORT
+
+# The first Python of 3.11 or later; override with `make PYTHON=/path/to/python serve`.
+ifndef PYTHON
+PYTHON := $(shell for python in python3.11 /usr/bin/python3.11 /usr/local/bin/python3.11 \
+	python3 python3.12 python3.13 python3.14; do \
+	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	&& command -v "$$python" && break; done)
+endif
+
+VENV := .venv
+BENCH_VENV := .venv-bench
+BIN := $(VENV)/bin
+PIP_INSTALL := -m pip install --quiet --quiet --no-input --disable-pip-version-check --no-deps
+
+# An environment is good for one Python, one place and one lock: their digest is in the name of its stamp.
+digest = $(shell { echo '$(PYTHON)' '$(CURDIR)'; cat $(1); } 2>/dev/null | sha256sum | cut -c 1-16)
+CREATED := $(VENV)/created-$(call digest,/dev/null)
+RUNTIME := $(VENV)/runtime-$(call digest,requirements.lock)
+DEVELOPMENT := $(VENV)/development-$(call digest,requirements-dev.lock)
+BENCH_CREATED := $(BENCH_VENV)/created-$(call digest,/dev/null)
+BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
+
+BENCH_OPTIONS ?=
+
+.PHONY: help serve test lint format check lock bench-rectify bench-photos \
+	system-packages python venv venv-dev venv-bench data-folder clean
+.NOTPARALLEL:
+
+help:
+	@echo 'make serve            set up, then serve on HOST:PORT (now $(HOST):$(PORT))'
+	@echo 'make test             set up, then run the tests'
+	@echo 'make lint             formatting, lint and types'
+	@echo 'make check            lint and test'
+	@echo 'make format           format the code'
+	@echo 'make lock             pin the dependencies anew'
+	@echo 'make bench-rectify    the experiments on simulated photos (BENCH_OPTIONS=...)'
+	@echo 'make bench-photos     the real photos, peers side by side (BENCH_OPTIONS=...)'
+	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
+	@echo 'make venv             the environment that the service runs in'
+	@echo 'make clean            remove what these targets made'
+
+serve: venv
+	@exec $(BIN)/python -m app
+
+test: venv-dev
+	@$(BIN)/python -m pytest $(TEST_OPTIONS)
+
+lint: venv-dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+format: venv-dev
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+check: lint test
+
+bench-rectify: venv-dev venv-bench
+	@PAGE_DEWARP=$(BENCH_VENV)/bin/page-dewarp RAPIDOCR_PYTHON=$(BENCH_VENV)/bin/python \
+		$(BIN)/python -m benchmarks.rectify_simulated $(BENCH_OPTIONS)
+
+bench-photos: venv-dev venv-bench
+	@PAGE_DEWARP=$(BENCH_VENV)/bin/page-dewarp RAPIDOCR_PYTHON=$(BENCH_VENV)/bin/python \
+		$(BIN)/python -m benchmarks.rectify_photos $(BENCH_OPTIONS)
+
+# Debian's packages: Tesseract's language data, and python3-venv where this Python cannot make environments
+# without it. Whoever may not install them is told, and gets a service without OCR.
+system-packages:
+	@missing=''; \
+	for package in tesseract-ocr-eng tesseract-ocr-osd; do \
+		name=$${package#tesseract-ocr-}.traineddata; \
+		for folder in "$$TESSDATA_PREFIX" /usr/share/tesseract-ocr/5/tessdata \
+			/usr/share/tesseract-ocr/4.00/tessdata /usr/share/tesseract-ocr/tessdata \
+			/usr/share/tessdata /usr/local/share/tessdata; do \
+			[ -n "$$folder" ] && [ -f "$$folder/$$name" ] && continue 2; \
+		done; \
+		missing="$$missing $$package"; \
+	done; \
+	if [ -z '$(PYTHON)' ]; then missing="$$missing python3 python3-venv"; \
+	elif ! '$(PYTHON)' -c 'import ensurepip, venv' 2>/dev/null; then missing="$$missing python3-venv"; fi; \
+	[ -z "$$missing" ] && exit 0; \
+	if ! command -v apt-get >/dev/null; then \
+		echo "Please install what Debian calls$$missing. Without the tesseract packages there is no OCR." >&2; exit 0; \
+	fi; \
+	if [ "$$(id -u)" = 0 ]; then root=''; \
+	elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then root='sudo -n'; \
+	else \
+		echo "Not root: please run  sudo apt-get install$$missing" >&2; \
+		echo 'Going on; without the tesseract packages the service works without OCR.' >&2; exit 0; \
+	fi; \
+	echo "Installing$$missing"; \
+	export DEBIAN_FRONTEND=noninteractive; \
+	install="$$root apt-get install --quiet=2 --yes --no-install-recommends -o Dpkg::Use-Pty=0 $$missing"; \
+	$$install >/dev/null 2>&1 || { $$root apt-get update --quiet=2 && $$install >/dev/null; } || \
+		echo "These could not be installed:$$missing. Without the tesseract packages there is no OCR." >&2
+
+python: system-packages
+	@if [ -z '$(PYTHON)' ] && ! command -v python3 >/dev/null; then \
+		echo 'Python 3.11 or later was not found; say where it is: make PYTHON=/path/to/python ...' >&2; exit 1; \
+	fi
+
+venv: system-packages $(RUNTIME)
+venv-dev: system-packages $(DEVELOPMENT)
+venv-bench: $(BENCH)
+
+$(CREATED) $(BENCH_CREATED): | python
+	@echo 'Creating $(@D)'
+	@rm -rf $(@D)
+	@'$(or $(PYTHON),python3)' -m venv $(@D)
+	@touch $@
+
+$(RUNTIME): $(CREATED)
+	@echo 'Installing requirements.lock'
+	@$(BIN)/python $(PIP_INSTALL) -r requirements.lock
+	@touch $@
+
+$(DEVELOPMENT): $(CREATED)
+	@echo 'Installing requirements-dev.lock'
+	@$(BIN)/python $(PIP_INSTALL) -r requirements-dev.lock
+	@touch $@
+
+$(BENCH): $(BENCH_CREATED)
+	@echo 'Installing requirements-bench.lock'
+	@$(BENCH_VENV)/bin/python $(PIP_INSTALL) -r requirements-bench.lock
+	@touch $@
+
+# Where the service keeps what it remembers; in the container it belongs to the user that the service runs as.
+DATA_DIR ?= data
+DATA_OWNER ?= 10001:10001
+data-folder:
+	@mkdir -p '$(DATA_DIR)'
+	@[ "$$(id -u)" != 0 ] || chown '$(DATA_OWNER)' '$(DATA_DIR)'
+
+# Versions that are pinned stay where the .in files allow it; `make lock UPGRADE=--upgrade` moves them.
+COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-header \
+	--no-emit-index-url --no-emit-find-links $(UPGRADE)
+lock: venv-dev
+	$(COMPILE) requirements.in --output-file requirements.lock
+	$(COMPILE) requirements-dev.in --constraints requirements.lock --output-file requirements-dev.lock
+	$(COMPILE) requirements-bench.in --overrides requirements-bench.overrides \
+		--output-file requirements-bench.lock
+
+clean:
+	rm -rf $(VENV) $(BENCH_VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find $(wildcard app benchmarks models services simulation tests) -name __pycache__ -type d -prune -exec rm -rf {} +

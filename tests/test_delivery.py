@@ -1,0 +1,195 @@
+"""The Makefile, the lock files, the container: what they promise each other.
+
+No container engine is needed: every set-up step of the Dockerfile is a target of the Makefile, and those are
+what `make serve` and `make test` themselves run.
+"""
+
+import ast
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[1]
+DOCKERFILE = (ROOT / "Dockerfile").read_text()
+MAKEFILE = (ROOT / "Makefile").read_text()
+LOCKS = sorted(ROOT.glob("requirements*.lock"))
+
+
+def make_targets() -> set[str]:
+    return set(re.findall(r"^([a-z-]+):(?!=)", MAKEFILE, re.MULTILINE))
+
+
+def instructions() -> list[tuple[str, str]]:
+    """(instruction, arguments) of the Dockerfile, continued lines joined."""
+    joined = re.sub(r"\\\n\s*", " ", re.sub(r"^#.*\n", "", DOCKERFILE, flags=re.MULTILINE))
+    return [(word, rest) for word, _, rest in (line.partition(" ") for line in joined.splitlines() if line)]
+
+
+def arguments_of(instruction: str) -> list[str]:
+    return [rest.strip() for word, rest in instructions() if word == instruction]
+
+
+def run_make(*arguments: str, **environment: str) -> str:
+    """Output of `make` in an environment as bare as a fresh machine's."""
+    bare = {"PATH": "/usr/local/bin:/usr/bin:/bin", "HOME": os.environ.get("HOME", "/"), **environment}
+    done = subprocess.run(
+        ["make", *arguments], cwd=ROOT, env=bare, capture_output=True, text=True, check=True, timeout=60
+    )
+    return done.stdout + done.stderr
+
+
+def pins(lock: Path) -> dict[str, set[str]]:
+    """Versions of every distribution that a lock file names (several where Python versions differ)."""
+    found: dict[str, set[str]] = {}
+    for name, version in re.findall(r"^([A-Za-z0-9._-]+)==([^\s;]+)", lock.read_text(), re.MULTILINE):
+        found.setdefault(name, set()).add(version)
+    return found
+
+
+def test_every_step_of_the_container_is_the_makefiles() -> None:
+    bring_make, *steps = arguments_of("RUN")
+    assert re.fullmatch(
+        r"apt-get update && apt-get install [a-z -]*make && rm -rf /var/lib/apt/lists/\*", bring_make
+    )
+    assert steps
+    assert {step.partition(" ")[0] for step in steps} == {"make"}
+    assert {target for step in steps for target in step.split()[1:]} <= make_targets()
+
+
+def test_the_container_copies_what_there_is_and_what_it_needs() -> None:
+    *sources, _ = (word for line in arguments_of("COPY") for word in line.split())
+    copied = {word for word in sources if not word.startswith("./")}
+    allowed = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
+    assert copied == allowed
+    assert [name for name in copied if not (ROOT / name).exists()] == []
+    assert {"app", "services", "models", "Makefile", "requirements.lock"} <= copied
+
+
+def test_the_container_runs_python_itself_as_nobody_special() -> None:
+    (command,) = arguments_of("CMD")
+    assert json.loads(command) == [".venv/bin/python", "-m", "app"]
+    (user,) = arguments_of("USER")
+    assert re.fullmatch(r"[1-9]\d*:[1-9]\d*", user)
+    assert f"DATA_OWNER ?= {user}" in MAKEFILE
+    (environment,) = arguments_of("ENV")
+    assert {"HOST=0.0.0.0", "PORT=8000", "DATA_DIR=/data"} <= set(environment.split())
+
+
+def test_the_container_asks_after_its_own_health() -> None:
+    (check,) = arguments_of("HEALTHCHECK")
+    python, flag, code = json.loads(check[check.index("[") :])
+    assert (python, flag) == (".venv/bin/python", "-c")
+    ast.parse(code)
+    assert "/health/live" in code
+
+
+def test_compose() -> None:
+    compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+    ((_, service),) = compose["services"].items()
+    assert service["build"] == "."
+    assert service["read_only"] is True
+    assert any(mount.startswith("/tmp") for mount in service["tmpfs"])
+    ((source, target),) = (volume.split(":") for volume in service["volumes"])
+    assert source in compose["volumes"]
+    assert target == service["environment"]["DATA_DIR"] == "/data"
+    assert service["mem_limit"]
+    assert int(service["stop_grace_period"].removesuffix("s")) > 30
+
+
+def test_serve_listens_where_it_is_told() -> None:
+    assert "-m app" in run_make("--dry-run", "serve")
+    assert "127.0.0.1:8000" in run_make("help")
+    assert "0.0.0.0:9001" in run_make("help", HOST="0.0.0.0", PORT="9001")
+
+
+def test_help_names_every_target_that_a_person_calls() -> None:
+    told = set(re.findall(r"^make (\S+)", run_make("help"), re.MULTILINE))
+    assert told <= make_targets()
+    assert make_targets() - told <= {"help", "python", "venv-dev", "venv-bench", "data-folder"}
+
+
+def test_an_environment_is_made_anew_for_another_lock_python_or_place(tmp_path: Path) -> None:
+    def stamps(folder: Path, python: str) -> set[str]:
+        variables = subprocess.run(
+            ["make", "-C", str(folder), "--print-data-base", "--dry-run", "help", f"PYTHON={python}"],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=60,
+        ).stdout
+        return set(re.findall(r"^(?:CREATED|RUNTIME) := (.*)$", variables, re.MULTILINE))
+
+    places = [tmp_path / name for name in ("one", "two")]
+    for place in places:
+        place.mkdir()
+        (place / "Makefile").write_text(MAKEFILE)
+        (place / "requirements.lock").write_text("numpy==2.4.6\n")
+    one = stamps(places[0], sys.executable)
+    assert len(one) == 2
+    assert stamps(places[0], sys.executable) == one
+    assert not one & stamps(places[1], sys.executable)
+    assert not one & stamps(places[0], "/another/python")
+    (places[0] / "requirements.lock").write_text("numpy==2.4.7\n")
+    assert len(one & stamps(places[0], sys.executable)) == 1  # the empty environment is the same
+
+
+def test_the_data_folder_is_made(tmp_path: Path) -> None:
+    run_make("data-folder", DATA_DIR=str(tmp_path / "data"), DATA_OWNER=f"{os.getuid()}:{os.getgid()}")
+    assert (tmp_path / "data").is_dir()
+
+
+def test_the_checks_of_a_change() -> None:
+    script = ROOT / ".ci" / "run"
+    assert os.access(script, os.X_OK)
+    assert re.findall(r"^make (\w+)$", script.read_text(), re.MULTILINE) == ["lint", "test"]
+
+
+@pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
+def test_locks_pin_everything_and_name_no_place(lock: Path) -> None:
+    lines = [line for line in lock.read_text().splitlines() if line and not line.lstrip().startswith("#")]
+    assert lines
+    assert [line for line in lines if not re.match(r"[a-z0-9._-]+==[^\s;]+( ; .+)?$", line)] == []
+    assert not re.search(r"://|index-url|find-links|@ |/opt|/tmp|/work", lock.read_text())
+
+
+def test_what_is_tested_is_what_is_served() -> None:
+    service, development = pins(ROOT / "requirements.lock"), pins(ROOT / "requirements-dev.lock")
+    assert {name: development.get(name) for name in service} == service
+
+
+def imported_by(folders: list[str]) -> Iterator[str]:
+    """Top-level names of all modules that the sources in `folders` import."""
+    for path in (path for folder in folders for path in (ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                yield from (alias.name.partition(".")[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                yield node.module.partition(".")[0]
+
+
+@pytest.mark.parametrize(
+    ("folders", "lock"),
+    [
+        (["app", "services", "models"], "requirements.lock"),
+        (["tests", "simulation"], "requirements-dev.lock"),
+    ],
+)
+def test_what_is_imported_is_locked(folders: list[str], lock: str) -> None:
+    ours = {path.name for path in ROOT.iterdir() if path.is_dir()}
+    foreign = set(imported_by(folders)) - set(sys.stdlib_module_names) - ours
+    distributions = packages_distributions()
+    locked = {re.sub(r"[-_.]+", "-", name).lower() for name in pins(ROOT / lock)}
+    missing = {
+        name
+        for name in foreign
+        if not {re.sub(r"[-_.]+", "-", dist).lower() for dist in distributions.get(name, [])} & locked
+    }
+    assert missing == set()
