@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-
 RgbImage = NDArray[np.uint8]
 """(H, W, 3) uint8, RGB."""
 GrayImage = NDArray[np.uint8]
