@@ -1,0 +1,23 @@
+"""The options that the benchmarks share."""
+
+import argparse
+import sys
+
+from benchmarks.workers import MOST_WORKERS
+
+
+def make_parser(module: str, description: str | None) -> argparse.ArgumentParser:
+    """Parser of `python -m benchmarks.<module>` with the shared options."""
+    parser = argparse.ArgumentParser(
+        prog=f"python -m benchmarks.{module}",
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--data", default=None, help="folder of the data (default: DOCUMENT_DATA, else ../shared/data)")
+    add("--reader", choices=("tesseract", "rapidocr"), default="tesseract", help="the judge of the images")
+    add("--rapidocr-python", default=sys.executable, help="a Python that has rapidocr and onnxruntime")
+    add("--page-dewarp", default=None, help="page-dewarp's command (default: PAGE_DEWARP, else the PATH)")
+    add("--workers", type=int, default=MOST_WORKERS, help="processes, 1 or 2")
+    add("--update-baseline", action="store_true", help="adopt these figures as the baseline")
+    return parser

@@ -1,0 +1,69 @@
+"""page-dewarp in a process of its own, with limits on time and memory."""
+
+import contextlib
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.stopwatch import Usage, peak_of_process_mb
+from services.arrays import RgbImage
+
+TIME_LIMIT_S = 180.0
+MEMORY_LIMIT_BYTES = 6 << 30
+
+
+def find_page_dewarp(given: str | None) -> str | None:
+    """The command: as given, from the environment's PAGE_DEWARP, or on the PATH; None without it."""
+    return given or os.environ.get("PAGE_DEWARP") or shutil.which("page-dewarp")
+
+
+def run_page_dewarp(command: str, photo: RgbImage) -> tuple[RgbImage | None, Usage, str]:
+    """Its page (None when it failed), what it took, and why it failed."""
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "photo.png"
+        cv2.imwrite(str(source), photo[..., ::-1])
+        trouble, usage = _run_limited([command, "-o", folder, str(source)], folder)
+        pages = [path for path in Path(folder).glob("*.png") if path != source]
+        if trouble or not pages:
+            return None, usage, trouble or "no page came out"
+        page = cv2.imread(str(pages[0]), cv2.IMREAD_COLOR)
+        if page is None:
+            return None, usage, "its page cannot be read"
+        return np.ascontiguousarray(np.asarray(page, np.uint8)[..., ::-1]), usage, ""
+
+
+def _run_limited(command: list[str], folder: str) -> tuple[str, Usage]:
+    """Run to the end or to the limits; the reason of a failure, and the child's own use."""
+    started = time.perf_counter()
+    child = subprocess.Popen(
+        command,
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    with contextlib.suppress(ProcessLookupError):
+        resource.prlimit(child.pid, resource.RLIMIT_AS, (MEMORY_LIMIT_BYTES, MEMORY_LIMIT_BYTES))
+    trouble, peak_mb = "", 0.0
+    while True:
+        peak_mb = max(peak_mb, peak_of_process_mb(child.pid))
+        done, status, spent = os.wait4(child.pid, os.WNOHANG)
+        if done:
+            break
+        if time.perf_counter() - started > TIME_LIMIT_S and not trouble:
+            trouble = f"more than {TIME_LIMIT_S:.0f} s"
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)
+        time.sleep(0.05)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode and not trouble:
+        trouble = f"exit status {child.returncode}"
+    return trouble, Usage(spent.ru_utime + spent.ru_stime, time.perf_counter() - started, peak_mb)

@@ -1,0 +1,66 @@
+"""What is being measured: the only calls of the benchmarks into the rectification."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from services.rectify.analysis import analyse_photo
+
+from benchmarks.residuals import direction_error_deg
+from services.arrays import RgbImage
+from services.imaging.codec import ImageLimits, decode_image
+from services.ocr.engine import OcrEngine
+from services.rectify.parameters import RectifyParameters
+from services.rectify.pipeline import rectify
+from services.rectify.results import RectifyResult
+from simulation.truth import Truth
+
+_SAMPLE_POINTS = 400
+
+
+@dataclass(frozen=True, slots=True)
+class FlowErrors:
+    """Mean direction errors over the text (2.5), degrees; NaN where no flow was found."""
+
+    major_deg: float
+    minor_deg: float
+
+
+def embedded_engine() -> OcrEngine | None:
+    """The engine that the service itself would use, None where it is not installed."""
+    from services.ocr.tesseract import EngineUnavailable, TesseractEngine
+
+    try:
+        return TesseractEngine()
+    except EngineUnavailable:
+        return None
+
+
+def rectify_photo(photo: RgbImage, ocr: OcrEngine | None) -> RectifyResult:
+    """The rectification as the service calls it, without EXIF (as the dissertation's)."""
+    return rectify(photo, RectifyParameters(), None, ocr)
+
+
+def rectify_file(path: Path, ocr: OcrEngine | None) -> tuple[RgbImage, Callable[[], RectifyResult]]:
+    """The decoded photo, and the call that rectifies it with what its EXIF says, as the service would.
+
+    Raises
+    ------
+    DocumentError
+        When the file is no picture that the service accepts.
+    """
+    decoded = decode_image(path.read_bytes(), ImageLimits())
+    return decoded.pixels, lambda: rectify(decoded.pixels, RectifyParameters(), decoded.focal_length_px, ocr)
+
+
+def measure_flows(photo: RgbImage, truth: Truth, rng: np.random.Generator) -> FlowErrors:
+    """Both texture flows as measured, before any shape is fitted to them, at sample points in the text."""
+    analysis = analyse_photo(photo)
+    points = truth.text_points(rng, _SAMPLE_POINTS)
+    if not len(points):
+        return FlowErrors(float("nan"), float("nan"))
+    major = direction_error_deg(analysis.major_field.at(points), truth.major_flow(points))
+    if analysis.minor_field is None:
+        return FlowErrors(major, float("nan"))
+    return FlowErrors(major, direction_error_deg(analysis.minor_field.at(points), truth.minor_flow(points)))
