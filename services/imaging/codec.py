@@ -268,12 +268,22 @@ def _rgb_profile(picture: Image.Image) -> bytes | None:
 
 
 def _apply_orientation(pixels: RgbImage, orientation: int) -> RgbImage:
-    """Upright picture from EXIF's orientation 1-8 (Exif 2.32, 4.6.4): bits of mirroring and of turning."""
-    if orientation >= 5:  # rows and columns are exchanged
-        pixels = np.asarray(cv2.transpose(pixels), np.uint8)
-    flips = {2: 1, 3: -1, 4: 0, 6: 1, 7: -1, 8: 0}  # OpenCV: 1 left-right, 0 top-bottom, -1 both
-    if orientation in flips:
-        pixels = np.asarray(cv2.flip(pixels, flips[orientation]), np.uint8)
+    """Upright picture from EXIF's orientation 1-8 (Exif 2.32, 4.6.4)."""
+    match orientation:
+        case 2:
+            pixels = np.asarray(cv2.flip(pixels, 1), np.uint8)
+        case 3:
+            pixels = np.asarray(cv2.rotate(pixels, cv2.ROTATE_180), np.uint8)
+        case 4:
+            pixels = np.asarray(cv2.flip(pixels, 0), np.uint8)
+        case 5:
+            pixels = np.asarray(cv2.transpose(pixels), np.uint8)
+        case 6:
+            pixels = np.asarray(cv2.rotate(pixels, cv2.ROTATE_90_CLOCKWISE), np.uint8)
+        case 7:
+            pixels = np.asarray(cv2.flip(cv2.transpose(pixels), -1), np.uint8)
+        case 8:
+            pixels = np.asarray(cv2.rotate(pixels, cv2.ROTATE_90_COUNTERCLOCKWISE), np.uint8)
     return pixels
 
 
