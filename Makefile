@@ -7,7 +7,9 @@ PORT ?= 8000
 export HOST PORT
 
 # The first Python of 3.11 or later; override with `make PYTHON=/path/to/python serve`.
-ifndef PYTHON
+ifdef PYTHON
+PYTHON_GIVEN := $(PYTHON)
+else
 PYTHON := $(shell for python in python3.11 /usr/bin/python3.11 /usr/local/bin/python3.11 \
 	python3 python3.12 python3.13 python3.14; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
@@ -19,15 +21,25 @@ BENCH_VENV := .venv-bench
 BIN := $(VENV)/bin
 PIP_INSTALL := -m pip install --quiet --quiet --no-input --disable-pip-version-check --no-deps
 
-# An environment is good for one Python, one place and one lock: their digest is in the name of its stamp.
-digest = $(shell { echo '$(PYTHON)' '$(CURDIR)'; cat $(1); } 2>/dev/null | sha256sum | cut -c 1-16)
+# An environment is good for one place, one lock, and the Python that was asked for by name, if one was: their
+# digest is in the name of its stamp. One whose Python has gone is made anew.
+digest = $(shell { echo '$(PYTHON_GIVEN)' '$(CURDIR)'; cat $(1); } 2>/dev/null | sha256sum | cut -c 1-16)
+works = $(shell $(1)/bin/python -c 'print("yes")' 2>/dev/null)
+ifneq ($(call works,$(VENV)),yes)
+$(shell rm -f $(VENV)/created-*)
+endif
+ifneq ($(call works,$(BENCH_VENV)),yes)
+$(shell rm -f $(BENCH_VENV)/created-*)
+endif
 CREATED := $(VENV)/created-$(call digest,/dev/null)
 RUNTIME := $(VENV)/runtime-$(call digest,requirements.lock)
 DEVELOPMENT := $(VENV)/development-$(call digest,requirements-dev.lock)
 BENCH_CREATED := $(BENCH_VENV)/created-$(call digest,/dev/null)
 BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
 
+# For example BENCH_OPTIONS='--limit 6 --reader rapidocr'.
 BENCH_OPTIONS ?=
+PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
 .PHONY: help serve test lint format check lock bench-rectify bench-photos \
 	system-packages python venv venv-dev venv-bench data-folder clean
@@ -64,12 +76,10 @@ format: venv-dev
 check: lint test
 
 bench-rectify: venv-dev venv-bench
-	@PAGE_DEWARP=$(BENCH_VENV)/bin/page-dewarp RAPIDOCR_PYTHON=$(BENCH_VENV)/bin/python \
-		$(BIN)/python -m benchmarks.rectify_simulated $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks.rectify_simulated $(PEERS) $(BENCH_OPTIONS)
 
 bench-photos: venv-dev venv-bench
-	@PAGE_DEWARP=$(BENCH_VENV)/bin/page-dewarp RAPIDOCR_PYTHON=$(BENCH_VENV)/bin/python \
-		$(BIN)/python -m benchmarks.rectify_photos $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks.rectify_photos $(PEERS) $(BENCH_OPTIONS)
 
 # Debian's packages: Tesseract's language data, and python3-venv where this Python cannot make environments
 # without it. Whoever may not install them is told, and gets a service without OCR.
