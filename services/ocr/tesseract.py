@@ -1,0 +1,160 @@
+"""Tesseract inside the process, by `tesserocr` (its wheel bundles the library, not the language data)."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from services.arrays import GrayImage
+from services.ocr.engine import ReadDirection, Word
+
+_TESSDATA_FOLDERS = (
+    "/usr/share/tesseract-ocr/5/tessdata",
+    "/usr/share/tesseract-ocr/4.00/tessdata",
+    "/usr/share/tesseract-ocr/tessdata",
+    "/usr/share/tessdata",
+    "/usr/local/share/tessdata",
+)
+_LARGEST_SIDE_PX = 16000
+"""Tesseract keeps coordinates in 16 bits."""
+_SMALLEST_SIDE_PX = 3
+_LINE_DPI = "300"
+
+
+class EngineUnavailable(Exception):
+    """The engine's library or its language data is not installed; the message says which."""
+
+
+def find_tessdata(language: str) -> Path | None:
+    """Folder that holds `language`.traineddata: TESSDATA_PREFIX first, then where distributions put it."""
+    prefix = os.environ.get("TESSDATA_PREFIX")
+    folders = [Path(prefix), Path(prefix) / "tessdata"] if prefix else []
+    folders += [Path(folder) for folder in _TESSDATA_FOLDERS]
+    for folder in folders:
+        if (folder / f"{language}.traineddata").is_file():
+            return folder
+    return None
+
+
+class TesseractEngine:
+    """`OcrEngine` over Tesseract's LSTM; 1.4-2.4 CPU s a page. One object per thread or process.
+
+    The two page segmentation modes each keep an API object, made at first use (80 ms and 20-80 MB each).
+
+    Raises
+    ------
+    EngineUnavailable
+        When `tesserocr` cannot be imported, or the language data is not installed.
+    """
+
+    name = "tesseract"
+
+    def __init__(self, language: str = "eng") -> None:
+        # OpenMP inside Tesseract costs CPU and gains nothing where every core has a worker of its own.
+        os.environ.setdefault("OMP_THREAD_LIMIT", "1")
+        try:
+            import tesserocr
+        except ImportError as error:
+            raise EngineUnavailable(f"the Python package tesserocr cannot be imported ({error})") from error
+        folder = find_tessdata(language)
+        if folder is None:
+            raise EngineUnavailable(
+                f"{language}.traineddata was not found in TESSDATA_PREFIX or the usual folders "
+                f"(on Debian: package tesseract-ocr-{language})"
+            )
+        self._library = tesserocr
+        self._language = language
+        self._folder = folder
+        self._apis: dict[str, Any] = {}
+
+    def read_page(self, image: GrayImage) -> list[Word]:
+        """Words of a whole page, in reading order; boxes are in pixels of `image` (H, W) uint8."""
+        if min(image.shape) < _SMALLEST_SIDE_PX:
+            return []
+        factor = min(1.0, _LARGEST_SIDE_PX / max(image.shape))
+        if factor < 1.0:
+            size = (max(1, int(image.shape[1] * factor)), max(1, int(image.shape[0] * factor)))
+            image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        api = self._api("page", self._library.PSM.AUTO, self._language)
+        self._set_image(api, image)
+        return self._recognize(api, factor)
+
+    def read_line(self, image: GrayImage) -> tuple[str, float]:
+        """Text of one horizontal line crop, and the length-weighted confidence of its words, 0-1."""
+        if min(image.shape) < _SMALLEST_SIDE_PX or max(image.shape) > _LARGEST_SIDE_PX:
+            return "", 0.0
+        api = self._api("line", self._library.PSM.SINGLE_LINE, self._language)
+        self._set_image(api, image)
+        words = self._recognize(api)
+        length = sum(len(word.text) for word in words)
+        if length == 0:
+            return "", 0.0
+        confidence = sum(len(word.text) * word.confidence for word in words) / length
+        return " ".join(word.text for word in words), confidence
+
+    def detect_direction(self, image: GrayImage) -> ReadDirection | None:
+        """Orientation of a page by Tesseract's own script detection; None without its data or enough text."""
+        readable = min(image.shape) >= _SMALLEST_SIDE_PX and max(image.shape) <= _LARGEST_SIDE_PX
+        if not readable or find_tessdata("osd") is None:
+            return None
+        api = self._api("direction", self._library.PSM.OSD_ONLY, "osd")
+        self._set_image(api, image)
+        try:
+            found = api.DetectOrientationScript()
+        finally:
+            api.Clear()
+        if not found:
+            return None
+        return ReadDirection(int(found["orient_deg"]) % 360, float(found["orient_conf"]))
+
+    def close(self) -> None:
+        """Release the memory of the library."""
+        while self._apis:
+            self._apis.popitem()[1].End()
+
+    def _api(self, use: str, segmentation: int, language: str) -> Any:
+        if use not in self._apis:
+            folder = self._folder if language == self._language else find_tessdata(language)
+            api = self._library.PyTessBaseAPI(path=str(folder), lang=language, psm=segmentation)
+            api.SetVariable("debug_file", os.devnull)
+            if use == "line":
+                # Polarity is settled before a line is read; trying both doubles the cost of unreadable lines.
+                api.SetVariable("tessedit_do_invert", "0")
+                api.SetVariable("user_defined_dpi", _LINE_DPI)
+            self._apis[use] = api
+        return self._apis[use]
+
+    @staticmethod
+    def _set_image(api: Any, image: GrayImage) -> None:
+        height, width = image.shape
+        api.SetImageBytes(np.ascontiguousarray(image).tobytes(), width, height, 1, width)
+
+    def _recognize(self, api: Any, factor: float = 1.0) -> list[Word]:
+        try:
+            words = list(self._words(api, factor)) if api.Recognize() else []
+        finally:
+            api.Clear()
+        # On blank ground the engine makes up a word, without any confidence.
+        return words if any(word.confidence > 0.0 for word in words) else []
+
+    def _words(self, api: Any, factor: float) -> Iterator[Word]:
+        """Words of the last recognition; boxes are divided by `factor`."""
+        level = self._library.RIL.WORD
+        words = api.GetIterator()
+        if words is None:
+            return
+        for word in self._library.iterate_level(words, level):
+            box = word.BoundingBox(level)
+            if word.Empty(level) or box is None:
+                continue
+            try:
+                text = word.GetUTF8Text(level).strip()
+            except RuntimeError:  # "No text returned": the library's word for an empty one.
+                continue
+            if text:
+                x0, y0, x1, y1 = (float(edge) / factor for edge in box)
+                confidence = min(1.0, max(0.0, word.Confidence(level) / 100.0))
+                yield Word(text, (x0, y0, x1, y1), confidence)

@@ -1,0 +1,314 @@
+"""Text lines of a flat page, found without reading them: enough to cut crops that an engine can read."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import GrayImage
+from services.imaging.illumination import flatten_illumination
+
+
+@dataclass(frozen=True, slots=True)
+class TextLineParameters:
+    """Sizes are multiples of the text height, which is measured first, unless their unit says otherwise."""
+
+    working_long_side_px: int = 1200
+    """The reduced copy: ten-point print on A4 is 8 px high there."""
+    ink_contrast: float = 0.11
+    """Ink is darker than its surroundings by this share of white; faint gray print has about 0.3."""
+    ink_deviations: float = 1.0
+    """And by this many standard deviations of its surroundings."""
+    surroundings: float = 1 / 30
+    """Window of the local mean, as a share of the long side."""
+    height_quantiles: tuple[float, ...] = (0.6, 0.9, 0.25)
+    """Print sizes to look for: the ordinary one, headings, and small print beside large or pictures."""
+    height_step: float = 1.8
+    """Sizes closer than this factor are one."""
+    word_gap: float = 2.2
+    """Gaps up to this are closed: wider than between words, narrower than between columns."""
+    least_width: float = 3.0
+    """A shorter line says too little."""
+    height_range: tuple[float, float] = (0.8, 5.0)
+    """Allowed height of a line."""
+    fill_range: tuple[float, float] = (0.08, 0.75)
+    """Share of ink in a line's box; rules and frames lie outside."""
+    largest_slope: float = 0.1
+    """The page is flat, or nearly so."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextLine:
+    """One line: its box (x0, y0, x1, y1) in pixels of the page it was found on, and its slope dy/dx.
+
+    The box holds the line's ink after it was levelled about the box's centre.
+    """
+
+    box: tuple[float, float, float, float]
+    slope: float
+    strokes: float
+    """Runs of ink along the rows, per pixel of width of the working copy: a picture's edges have few."""
+
+    @property
+    def width_px(self) -> float:
+        return self.box[2] - self.box[0]
+
+    @property
+    def height_px(self) -> float:
+        return self.box[3] - self.box[1]
+
+
+@dataclass(frozen=True, slots=True)
+class TextLines:
+    """Horizontal lines of a page; `inverted` where print is lighter than its ground.
+
+    `mass` is the sum of squared line widths over the squared side of the page, weighted by `strokes`: long
+    lines count, the fragments that appear across the direction of reading and smears do not.
+    """
+
+    lines: tuple[TextLine, ...]
+    mass: float
+    inverted: bool
+
+
+def detect_text_lines(
+    gray: GrayImage, parameters: TextLineParameters = TextLineParameters()
+) -> tuple[TextLines, TextLines]:
+    """Lines along the rows and along the columns of a flat page.
+
+    Parameters
+    ----------
+    gray : (H, W) uint8; print may be darker or lighter than its ground.
+
+    Returns
+    -------
+    (horizontal, vertical): the second in the frame of the page turned 90 degrees clockwise, in which
+    its lines are horizontal.
+    """
+    factor = min(1.0, parameters.working_long_side_px / max(gray.shape))
+    size = (max(1, round(gray.shape[1] * factor)), max(1, round(gray.shape[0] * factor)))
+    small = gray if factor == 1.0 else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+    scale = (gray.shape[1] / size[0], gray.shape[0] / size[1])
+    small = np.asarray(small, dtype=np.uint8)
+    dark = _lines_both_ways(small, False, scale, parameters)
+    if not _has_light_print(small, parameters):
+        return dark
+    light = _lines_both_ways(np.asarray(255 - small, dtype=np.uint8), True, scale, parameters)
+    # Between dark letters lie light gaps, which make short lines too.
+    return light if max(line.mass for line in light) > 2 * max(line.mass for line in dark) else dark
+
+
+def _lines_both_ways(
+    small: GrayImage, inverted: bool, scale: tuple[float, float], parameters: TextLineParameters
+) -> tuple[TextLines, TextLines]:
+    components = _measure_components(_detect_ink(small, parameters))
+    rows, columns = TextLines((), 0.0, inverted), TextLines((), 0.0, inverted)
+    for height_px in _text_heights(components, parameters):
+        ink = _keep_print(components, components.height_px, height_px, parameters)
+        rows = _unite(rows, _lines_along_rows(ink, height_px, scale, inverted, parameters))
+        ink = np.rot90(_keep_print(components, components.width_px, height_px, parameters), -1)
+        ink = np.ascontiguousarray(ink)
+        columns = _unite(columns, _lines_along_rows(ink, height_px, scale[::-1], inverted, parameters))
+    return rows, columns
+
+
+def _unite(first: TextLines, second: TextLines) -> TextLines:
+    """Lines of both; of two that lie on each other only the first's."""
+    new = second.lines
+    if first.lines and new:
+        a, b = np.array([line.box for line in first.lines]), np.array([line.box for line in new])
+        centre = (b[:, :2] + b[:, 2:]) / 2
+        inside = (a[:, None, :2] <= centre) & (centre <= a[:, None, 2:])
+        known = np.any(np.all(inside, axis=2), axis=0)
+        new = tuple(line for line, old in zip(new, known, strict=True) if not old)
+    return TextLines(first.lines + new, max(first.mass, second.mass), first.inverted)
+
+
+def _has_light_print(small: GrayImage, parameters: TextLineParameters) -> bool:
+    """True where strokes that are lighter than their surroundings are not rare against darker ones."""
+    window = _surroundings_window(small, parameters)
+    mean = cv2.blur(small, (window, window), borderType=cv2.BORDER_REPLICATE)
+    threshold = 1.5 * 255 * parameters.ink_contrast
+    lighter = np.count_nonzero(cv2.subtract(small, mean) > threshold)
+    darker = np.count_nonzero(cv2.subtract(mean, small) > threshold)
+    return bool(lighter > 0.5 * darker)
+
+
+def _surroundings_window(small: GrayImage, parameters: TextLineParameters) -> int:
+    return 2 * int(parameters.surroundings * max(small.shape) / 2) + 3
+
+
+def _detect_ink(small: GrayImage, parameters: TextLineParameters) -> NDArray[np.uint8]:
+    """(h, w) 0/1: pixels that are darker than their surroundings, against white and against the noise."""
+    flat = cv2.GaussianBlur(flatten_illumination(small), (3, 3), 0)
+    window = _surroundings_window(small, parameters)
+    size = (window, window)
+    mean = cv2.blur(flat, size, borderType=cv2.BORDER_REPLICATE)
+    contrast = cv2.subtract(mean, flat)
+    # Within print, ink lies at two standard deviations; noise seldom lies at more than one.
+    square = cv2.sqrBoxFilter(flat, cv2.CV_32F, size, borderType=cv2.BORDER_REPLICATE)
+    deviation = np.sqrt(np.maximum(square - np.square(mean, dtype=np.float32), 0.0))
+    least = np.maximum(255 * parameters.ink_contrast, parameters.ink_deviations * deviation)
+    return np.asarray(contrast > least, dtype=np.uint8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Components:
+    """Connected components of ink: labels (h, w), and per label (N,) its sides and area in pixels."""
+
+    labels: NDArray[np.int32]
+    width_px: NDArray[np.float64]
+    height_px: NDArray[np.float64]
+    area_px: NDArray[np.float64]
+
+
+def _measure_components(ink: NDArray[np.uint8]) -> _Components:
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(ink, connectivity=8)
+    columns = (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT, cv2.CC_STAT_AREA)
+    return _Components(np.asarray(labels, dtype=np.int32), *(stats[:, c].astype(np.float64) for c in columns))
+
+
+def _text_heights(components: _Components, parameters: TextLineParameters) -> list[float]:
+    """Heights (x-heights) of the kinds of print on the page in pixels: the ordinary one first.
+
+    They are quantiles of the sizes of components, weighted by size, since specks are many.
+    """
+    # The shorter side serves as the size of letters that touch along a line, whichever way the line runs.
+    shorter = np.minimum(components.width_px, components.height_px)
+    longer = np.maximum(components.width_px, components.height_px)
+    limit = 0.1 * max(components.labels.shape)
+    plausible = (shorter >= 2) & (longer >= 4) & (shorter < limit) & (longer < 40 * shorter)
+    plausible[0] = False
+    if not np.any(plausible):
+        return []
+    sizes = np.sort(shorter[plausible])
+    weights = np.cumsum(sizes)
+    heights: list[float] = []
+    for share in parameters.height_quantiles:
+        height_px = float(sizes[np.searchsorted(weights, share * weights[-1])])
+        if all(max(height_px / other, other / height_px) > parameters.height_step for other in heights):
+            heights.append(height_px)
+    return heights
+
+
+def _keep_print(
+    components: _Components,
+    across_px: NDArray[np.float64],
+    height_px: float,
+    parameters: TextLineParameters,
+) -> NDArray[np.uint8]:
+    """Ink (h, w) 0/1 of print of one size, without rules, frames, blobs and smaller print.
+
+    `across_px` (N,) is the extent of the components across the lines that are looked for.
+    """
+    shorter = np.minimum(components.width_px, components.height_px)
+    longer = np.maximum(components.width_px, components.height_px)
+    is_blob = shorter > parameters.height_range[1] * height_px
+    is_rule = (longer > 8 * height_px) & (components.area_px < 0.4 * height_px * longer)
+    keep = ~(is_blob | is_rule) & (across_px >= 0.5 * height_px)
+    keep[0] = False
+    return np.asarray(keep[components.labels], dtype=np.uint8)
+
+
+def _lines_along_rows(
+    ink: NDArray[np.uint8],
+    height_px: float,
+    scale: tuple[float, float],
+    inverted: bool,
+    parameters: TextLineParameters,
+) -> TextLines:
+    """Lines of `ink` (h, w) 0/1; boxes are multiplied by `scale` (x, y) to the page's own pixels."""
+    gap = max(3, int(parameters.word_gap * height_px) | 1)
+    joined = cv2.morphologyEx(ink, cv2.MORPH_CLOSE, np.ones((1, gap), np.uint8))
+    count, joined_labels = cv2.connectedComponents(joined, connectivity=4)
+    labels = np.asarray(joined_labels, dtype=np.int32)
+    y, x = np.nonzero(ink)
+    label = labels[y, x]
+    # Level every component: regression of y on x from its moments.
+    n = np.maximum(np.bincount(label, minlength=count), 1).astype(np.float64)
+    mean_x = np.bincount(label, x, count) / n
+    mean_y = np.bincount(label, y, count) / n
+    dx, dy = x - mean_x[label], y - mean_y[label]
+    slope = np.bincount(label, dx * dy, count) / np.maximum(np.bincount(label, dx * dx, count), 1e-9)
+    residual = dy - slope[label] * dx
+    edges = np.zeros((count, 4))
+    for column, values, extreme in ((0, dx, np.minimum), (1, residual, np.minimum), (2, dx, np.maximum)):
+        extreme.at(edges[:, column], label, values)
+    np.maximum.at(edges[:, 3], label, residual)
+    width, height = edges[:, 2] - edges[:, 0] + 1, edges[:, 3] - edges[:, 1] + 1
+    fill = n / (width * height)
+    low, high = (limit * height_px for limit in parameters.height_range)
+    is_line = (
+        (height >= low)
+        & (height <= high)
+        & (width >= parameters.least_width * height)
+        & (fill >= parameters.fill_range[0])
+        & (fill <= parameters.fill_range[1])
+        & (np.abs(slope) <= parameters.largest_slope)
+    )
+    is_line[0] = False
+    strokes = np.bincount(label, ink[y, np.maximum(x - 1, 0)] == 0, count) / width
+    mass = float(np.sum((width**2 * np.minimum(strokes, 1.0))[is_line])) / max(ink.shape) ** 2
+    # Residuals are from the slope through the mean; the box is levelled about its own centre.
+    shift_y = mean_y + slope * (edges[:, 0] + edges[:, 2]) / 2
+    boxes = edges + np.stack([mean_x, shift_y, mean_x, shift_y], axis=1)
+    boxes = (boxes + np.array([0.0, 0.0, 1.0, 1.0])) * np.array([*scale, *scale]) - 0.5
+    lines = tuple(
+        TextLine((b[0], b[1], b[2], b[3]), s * scale[1] / scale[0], d)
+        for b, s, d in zip(
+            boxes[is_line].tolist(), slope[is_line].tolist(), strokes[is_line].tolist(), strict=True
+        )
+    )
+    return TextLines(lines, mass, inverted)
+
+
+def cut_line(
+    page: GrayImage, line: TextLine, inverted: bool, height_px: int = 36, longest: float = 26.0
+) -> GrayImage:
+    """Level crop (height_px, w) of one line, dark on white, whatever its size on `page` (H, W) uint8.
+
+    Lines longer than `longest` times their height are cut there: their first words tell enough.
+    """
+    margin = 0.2 * line.height_px
+    zoom = height_px / (line.height_px + 2 * margin)
+    x0 = line.box[0] - 2 * margin
+    length = min(line.box[2] + 2 * margin - x0, longest * line.height_px)
+    # The row of the line's middle at column x of the page.
+    middle_y = (line.box[1] + line.box[3]) / 2 - line.slope * (line.box[0] + line.box[2]) / 2
+    ends_y = (middle_y + line.slope * x0, middle_y + line.slope * (x0 + length))
+    reach = line.height_px / 2 + margin + 2
+    top, left = max(0, int(min(ends_y) - reach)), max(0, int(x0))
+    patch = page[top : int(max(ends_y) + reach) + 1, left : int(x0 + length) + 2]
+    # Reduce by areas first; reducing by a factor s maps x to (x + 0.5) s - 0.5.
+    reduction = min(1.0, zoom)
+    size = (max(1, round(patch.shape[1] * reduction)), max(1, round(patch.shape[0] * reduction)))
+    reduced = cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
+    ratio_x, ratio_y = size[0] / patch.shape[1], size[1] / patch.shape[0]
+    origin_y = middle_y + line.slope * x0 - (height_px - 1) / 2 / zoom
+    patch_of_crop = np.array(
+        [
+            [ratio_x / zoom, 0.0, (x0 - left + 0.5) * ratio_x - 0.5],
+            [ratio_y * line.slope / zoom, ratio_y / zoom, (origin_y - top + 0.5) * ratio_y - 0.5],
+        ]
+    )
+    crop = cv2.warpAffine(
+        reduced,
+        patch_of_crop,
+        (max(1, round(length * zoom)), height_px),
+        flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return _stretch(np.asarray(255 - crop if inverted else crop, dtype=np.uint8))
+
+
+def _stretch(crop: GrayImage) -> GrayImage:
+    """Ink to black, ground to white, also where a shadow's edge crosses the line.
+
+    The ground's noise is smoothed and clipped: engines take a line of speckles for a picture.
+    """
+    flat = flatten_illumination(crop, text_height_px=0.6 * crop.shape[0])
+    flat = np.asarray(cv2.GaussianBlur(flat, (0, 0), crop.shape[0] / 36), dtype=np.uint8)
+    dark, light = np.percentile(flat, (2, 55))
+    gain = 255.0 / max(light - dark, 32.0)
+    return np.asarray(np.clip((flat.astype(np.float32) - dark) * gain, 0, 255), dtype=np.uint8)
