@@ -1,7 +1,9 @@
 """Tesseract inside the process, by `tesserocr` (its wheel bundles the library, not the language data)."""
 
+import logging
 import os
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,9 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage
-from services.ocr.engine import ReadDirection, Word
+from services.ocr.engine import OcrEngine, ReadDirection, Word
+
+_log = logging.getLogger(__name__)
 
 _TESSDATA_FOLDERS = (
     "/usr/share/tesseract-ocr/5/tessdata",
@@ -37,6 +41,20 @@ def find_tessdata(language: str) -> Path | None:
         if (folder / f"{language}.traineddata").is_file():
             return folder
     return None
+
+
+def open_engine() -> OcrEngine | None:
+    """A new engine for the calling thread or process; None where none is installed (told once in the log)."""
+    try:
+        return TesseractEngine()
+    except EngineUnavailable as error:
+        _tell_once(str(error))
+        return None
+
+
+@cache
+def _tell_once(reason: str) -> None:
+    _log.warning("No text is read, and pages are not turned upright: %s.", reason)
 
 
 class TesseractEngine:

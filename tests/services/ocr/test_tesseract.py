@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services import ocr
-from services.ocr import open_engine, tesseract
+from services.ocr import tesseract
 from services.ocr.engine import DirectionDetector, OcrEngine
-from services.ocr.tesseract import EngineUnavailable, TesseractEngine, find_tessdata
+from services.ocr.tesseract import EngineUnavailable, TesseractEngine, find_tessdata, open_engine
 from tests.services.ocr.pages import blank, set_lines, text_of_line, text_page
 
 
@@ -97,7 +96,7 @@ def test_service_goes_without_the_library_and_says_so_once(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setitem(sys.modules, "tesserocr", None)
-    ocr._tell_once.cache_clear()
+    tesseract._tell_once.cache_clear()
     with caplog.at_level(logging.WARNING):
         assert open_engine() is None
         assert open_engine() is None
@@ -110,7 +109,7 @@ def test_service_goes_without_language_data(
 ) -> None:
     monkeypatch.setattr(tesseract, "find_tessdata", lambda language: None)
     monkeypatch.setitem(sys.modules, "tesserocr", sys)
-    ocr._tell_once.cache_clear()
+    tesseract._tell_once.cache_clear()
     with caplog.at_level(logging.WARNING):
         assert open_engine() is None
     assert "eng.traineddata" in caplog.text

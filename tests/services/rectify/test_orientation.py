@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from PIL import ImageDraw, ImageFont
 
 from services.arrays import GrayImage
-from services.ocr import open_engine
 from services.ocr.engine import ReadDirection, Word
-from services.ocr.tesseract import find_tessdata
+from services.ocr.tesseract import find_tessdata, open_engine
 from services.rectify.orientation import apply_orientation, estimate_orientation, orient_mesh
 from services.rectify.results import Orientation
 from tests.services.ocr.pages import blank, set_lines, text_page
