@@ -1,0 +1,152 @@
+"""The seam behind which work runs, and what can befall a job there."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, TypeVar, runtime_checkable
+
+from services.errors import DocumentError
+
+T = TypeVar("T")
+
+
+class Busy(DocumentError):
+    """No seat is free; the detail names the limit, `retry_after_s` says when to come again."""
+
+    code = "busy"
+
+    def __init__(self, detail: str, retry_after_s: int = 1) -> None:
+        super().__init__(detail)
+        self.args = (detail, retry_after_s)
+        self.retry_after_s = retry_after_s
+
+
+class ShuttingDown(Busy):
+    """The service is stopping and takes no new work."""
+
+    code = "shutting-down"
+
+
+class JobTimedOut(DocumentError):
+    """The work ran past its limit and was stopped."""
+
+    code = "timed-out"
+
+
+class WorkerDied(DocumentError):
+    """The process that did the work ended before it was done (a crash, a kill)."""
+
+    code = "worker-died"
+
+
+class OutOfMemory(DocumentError):
+    """The work needed more memory than a worker may take."""
+
+    code = "out-of-memory"
+
+
+class JobFailed(DocumentError):
+    """The work raised what nobody foresaw: a defect. `traceback` is for the log, never for a client."""
+
+    code = "internal"
+
+    def __init__(self, detail: str, traceback: str = "") -> None:
+        super().__init__(detail)
+        self.args = (detail, traceback)
+        self.traceback = traceback
+
+
+class EngineFailed(Exception):
+    """The engine could not start."""
+
+
+@runtime_checkable
+class Spooled(Protocol):
+    """Bytes that wait outside of memory until a worker is free to take them."""
+
+    async def read(self) -> bytes:
+        """All the bytes."""
+        ...
+
+
+class Admission(Protocol):
+    """A seat in the engine, held from before a body is read until its job is over."""
+
+    def release(self) -> None:
+        """Give the seat back; more than once is harmless."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class EngineStatus:
+    """What the engine holds right now, and what it has lost since it started.
+
+    `admitted` of `capacity` seats are taken; `waiting` jobs wait for a worker and `running` jobs have one.
+    `facts` is what the workers said of themselves when they were warm.
+    """
+
+    ready: bool
+    workers: int
+    live_workers: int
+    capacity: int
+    admitted: int
+    waiting: int
+    running: int
+    worker_deaths: int
+    recycled_workers: int
+    facts: dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class JobRecord:
+    """How one job went: `done` or the `code` of its error, and its seconds in queue and at work."""
+
+    outcome: str
+    queue_s: float
+    work_s: float
+
+
+class Engine(Protocol):
+    """Runs functions of `services` away from the event loop."""
+
+    async def start(self) -> None:
+        """Return when workers are warm.
+
+        Raises
+        ------
+        EngineFailed
+            When no worker can be brought up.
+        """
+        ...
+
+    def admit(self) -> Admission:
+        """A seat, at once.
+
+        Raises
+        ------
+        Busy
+            When every seat is taken, or when the engine is draining.
+        """
+        ...
+
+    async def submit(
+        self, operation: Callable[..., T], *arguments: object, timeout_s: float | None = None
+    ) -> T:
+        """Answer of `operation(*arguments)`, run in a worker for at most `timeout_s` (None: engine's limit).
+
+        `operation` is a function of a module, its arguments and answer pickle. A `Spooled` argument arrives
+        as its bytes, which are read only when a worker is free. Cancelling the caller stops the work.
+
+        Raises
+        ------
+        DocumentError
+            What the operation raised on purpose, and Busy, JobTimedOut, WorkerDied, OutOfMemory, JobFailed.
+        """
+        ...
+
+    def status(self) -> EngineStatus:
+        """The engine as it stands."""
+        ...
+
+    async def drain(self, grace_s: float) -> None:
+        """Take no more work, let what runs end within `grace_s` seconds, then stop every worker."""
+        ...

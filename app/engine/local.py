@@ -1,0 +1,391 @@
+"""The default engine: a pool of processes on this machine.
+
+Whatever happens to a worker happens to it and to the one job that it holds: nothing is shared among workers.
+"""
+
+import asyncio
+import atexit
+import logging
+import math
+import multiprocessing
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, TypeVar, cast
+
+from app.engine import worker as inside
+from app.engine.base import (
+    Busy,
+    EngineFailed,
+    EngineStatus,
+    JobFailed,
+    JobRecord,
+    JobTimedOut,
+    OutOfMemory,
+    ShuttingDown,
+    Spooled,
+    WorkerDied,
+)
+from app.engine.process import WorkerGone, WorkerProcess
+from services.errors import DocumentError
+
+T = TypeVar("T")
+log = logging.getLogger(__name__)
+
+RESTART_PAUSE_S = 1.0
+"""Between two failed attempts to bring a worker up."""
+MAX_RETRY_AFTER_S = 60
+
+
+@dataclass(frozen=True, slots=True)
+class PoolLimits:
+    """The bounds of the pool; `app.settings` documents each under the same name.
+
+    `worker_memory_bytes` 0 means no limit of our own; `start_timeout_s` bounds the warm start of one worker.
+    """
+
+    workers: int = 1
+    queue_length: int = 16
+    job_timeout_s: float = 30.0
+    queue_timeout_s: float = 30.0
+    worker_memory_bytes: int = 0
+    jobs_per_worker: int = 200
+    start_timeout_s: float = 60.0
+
+
+@dataclass(slots=True, eq=False)
+class _Job:
+    operation: Callable[..., Any]
+    arguments: tuple[object, ...]
+    timeout_s: float
+    answer: "asyncio.Future[Any]"
+    started: "asyncio.Future[None]"
+    queued_at: float = field(default_factory=time.monotonic)
+
+
+class _Seat:
+    """One admission; counted from `admit` to the first `release`."""
+
+    def __init__(self, engine: "LocalEngine") -> None:
+        self._engine: LocalEngine | None = engine
+
+    def release(self) -> None:
+        engine, self._engine = self._engine, None
+        if engine is not None:
+            engine._admitted -= 1
+
+
+class LocalEngine:
+    """Pool of worker processes with bounded admission and a hard limit of time and memory per job."""
+
+    def __init__(
+        self,
+        limits: PoolLimits,
+        warm_up: Callable[[], dict[str, object]] | None = None,
+        preload: Sequence[str] = (),
+        observe: Callable[[JobRecord], None] = lambda record: None,
+    ) -> None:
+        """`warm_up` runs in every new worker; modules of `preload` are imported once, for all of them."""
+        self._limits = limits
+        self._warm_up = warm_up
+        self._preload = list(preload)
+        self._observe = observe
+        self._jobs: deque[_Job] = deque()
+        self._bells: deque[asyncio.Future[None]] = deque()  # one for each idle worker
+        self._open: set[asyncio.Future[Any]] = set()  # answers that somebody waits for
+        self._hired: set[WorkerProcess] = set()
+        self._tasks: list[asyncio.Task[None]] = []
+        self._threads = ThreadPoolExecutor(limits.workers, thread_name_prefix="engine")
+        self._draining = self._stopped = False
+        self._facts: dict[str, object] = {}
+        self._admitted = self._live = self._running = self._deaths = self._recycled = 0
+        self._mean_work_s = 1.0
+
+    # The seam
+
+    async def start(self) -> None:
+        # Read when the libraries are loaded, which happens in the fork server, before any worker exists.
+        for name, value in inside.SINGLE_THREAD_ENVIRONMENT.items():
+            os.environ.setdefault(name, value)
+        multiprocessing.get_context("forkserver").set_forkserver_preload(self._preload)
+        # Workers ignore SIGTERM, so at a hasty exit multiprocessing would wait for them for ever.
+        atexit.register(self._kill_all)
+        hires = await asyncio.gather(
+            *(self._hire() for _ in range(self._limits.workers)), return_exceptions=True
+        )
+        workers = [worker for worker in hires if isinstance(worker, WorkerProcess)]
+        if len(workers) < self._limits.workers:
+            for worker in workers:
+                await self._dismiss(worker)
+            failure = next(hire for hire in hires if isinstance(hire, BaseException))
+            raise EngineFailed(f"a worker did not start: {failure}")
+        self._tasks = [asyncio.create_task(self._attend(worker)) for worker in workers]
+
+    def admit(self) -> _Seat:
+        if self._draining:
+            raise ShuttingDown("The service is shutting down; send the request again.", 1)
+        if self._admitted >= self._capacity:
+            raise Busy(
+                f"All {self._limits.workers} workers and the queue of {self._limits.queue_length} "
+                "(QUEUE_LENGTH) are taken; send the request again later.",
+                self._retry_after_s(),
+            )
+        self._admitted += 1
+        return _Seat(self)
+
+    async def submit(
+        self, operation: Callable[..., T], *arguments: object, timeout_s: float | None = None
+    ) -> T:
+        if self._stopped:
+            raise ShuttingDown("The service is shutting down; send the request again.", 1)
+        loop = asyncio.get_running_loop()
+        job = _Job(
+            operation,
+            arguments,
+            self._limits.job_timeout_s if timeout_s is None else timeout_s,
+            loop.create_future(),
+            loop.create_future(),
+        )
+        self._open.add(job.answer)
+        self._jobs.append(job)
+        self._ring()
+        try:
+            await asyncio.wait(
+                (job.started, job.answer),
+                timeout=self._limits.queue_timeout_s,
+                return_when=asyncio.FIRST_COMPLETED,
+            )
+            if not job.started.done() and not job.answer.done():
+                self._observe(JobRecord(Busy.code, time.monotonic() - job.queued_at, 0.0))
+                raise Busy(
+                    f"No worker was free within {self._limits.queue_timeout_s:g} s (QUEUE_TIMEOUT_S); "
+                    "send the request again later.",
+                    self._retry_after_s(),
+                )
+            return cast(T, await job.answer)
+        finally:
+            job.answer.cancel()  # stops the work when the caller has gone; harmless when it is done
+            self._open.discard(job.answer)
+            with suppress(ValueError):
+                self._jobs.remove(job)
+
+    def status(self) -> EngineStatus:
+        return EngineStatus(
+            ready=self._live > 0 and not self._draining,
+            workers=self._limits.workers,
+            live_workers=self._live,
+            capacity=self._capacity,
+            admitted=self._admitted,
+            waiting=len(self._jobs),
+            running=self._running,
+            worker_deaths=self._deaths,
+            recycled_workers=self._recycled,
+            facts=dict(self._facts),
+        )
+
+    async def drain(self, grace_s: float) -> None:
+        self._draining = True
+        if self._open:
+            await asyncio.wait(tuple(self._open), timeout=grace_s)
+        self._stopped = True
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        for answer in tuple(self._open):
+            if not answer.done():
+                answer.set_exception(ShuttingDown("The service is shutting down.", 1))
+        self._threads.shutdown(wait=False)
+        atexit.unregister(self._kill_all)
+
+    # Inside
+
+    @property
+    def _capacity(self) -> int:
+        return self._limits.workers + self._limits.queue_length
+
+    def _retry_after_s(self) -> int:
+        wait_s = self._mean_work_s * (len(self._jobs) + 1) / self._limits.workers
+        return max(1, min(MAX_RETRY_AFTER_S, math.ceil(wait_s)))
+
+    def _kill_all(self) -> None:
+        for worker in tuple(self._hired):
+            worker.kill()
+
+    def _ring(self) -> None:
+        """Wake one idle worker's attendant."""
+        while self._bells:
+            bell = self._bells.popleft()
+            if not bell.done():
+                bell.set_result(None)
+                return
+
+    async def _attend(self, worker: WorkerProcess) -> None:
+        """Keep one place in the pool filled, for ever."""
+        while True:
+            try:
+                await self._employ(worker)
+            finally:
+                self._live -= 1
+                code = await self._dismiss(worker)
+                log.info("worker ended", extra={"exit_code": code, "worker": worker.pid})
+            while True:
+                try:
+                    worker = await self._hire()
+                    break
+                except Exception:
+                    log.exception("worker did not start")
+                    await asyncio.sleep(RESTART_PAUSE_S)
+
+    async def _hire(self) -> WorkerProcess:
+        worker = WorkerProcess(self._limits.worker_memory_bytes, self._warm_up)
+        self._hired.add(worker)
+        loop = asyncio.get_running_loop()
+        alarm = loop.call_later(self._limits.start_timeout_s, worker.kill)
+        try:
+            self._facts = await loop.run_in_executor(self._threads, worker.start)
+        except BaseException as error:
+            code = await self._dismiss(worker)
+            if isinstance(error, WorkerGone):
+                raise EngineFailed(f"it ended while it warmed up (exit code {code})") from error
+            raise
+        finally:
+            alarm.cancel()
+        self._live += 1
+        return worker
+
+    async def _dismiss(self, worker: WorkerProcess) -> int | None:
+        worker.kill()  # first, so that no thread is left waiting for it
+        self._hired.discard(worker)
+        return await asyncio.shield(asyncio.get_running_loop().run_in_executor(self._threads, worker.bury))
+
+    async def _employ(self, worker: WorkerProcess) -> None:
+        """Give the worker one job after another, until it has gone or has done its share."""
+        for _ in range(self._limits.jobs_per_worker):
+            while not (job := self._next_job()):
+                if not await self._wait_for_job(worker):
+                    self._deaths += 1
+                    log.warning("idle worker died", extra={"worker": worker.pid})
+                    return
+            self._running += 1
+            try:
+                if not await self._run(worker, job):
+                    return
+            finally:
+                self._running -= 1
+        self._recycled += 1
+
+    def _next_job(self) -> _Job | None:
+        while self._jobs:
+            job = self._jobs.popleft()
+            if not job.answer.done():
+                return job
+        return None
+
+    async def _wait_for_job(self, worker: WorkerProcess) -> bool:
+        """True when there may be a job, False when the worker died meanwhile."""
+        loop = asyncio.get_running_loop()
+        bell: asyncio.Future[None] = loop.create_future()
+        gone: asyncio.Future[None] = loop.create_future()
+        self._bells.append(bell)
+
+        def notice() -> None:
+            if not gone.done():
+                gone.set_result(None)
+
+        loop.add_reader(worker.fileno(), notice)
+        try:
+            await asyncio.wait((bell, gone), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            loop.remove_reader(worker.fileno())
+            if bell.done():
+                if gone.done():
+                    self._ring()  # the job that it announced is for another
+            else:
+                bell.cancel()
+                self._bells.remove(bell)
+        return not gone.done()
+
+    async def _run(self, worker: WorkerProcess, job: _Job) -> bool:
+        """Answer the job; True when the worker can take another one."""
+        loop = asyncio.get_running_loop()
+        job.started.set_result(None)
+        begin = time.monotonic()
+        expired = False
+
+        def expire() -> None:
+            nonlocal expired
+            expired = True
+            worker.kill()
+
+        def abandon(answer: "asyncio.Future[Any]") -> None:
+            if answer.cancelled():
+                worker.kill()
+
+        alarm: asyncio.TimerHandle | None = None
+        error: DocumentError | None = None
+        value: object = None
+        usable = False
+        try:
+            arguments = [await part.read() if isinstance(part, Spooled) else part for part in job.arguments]
+            if job.answer.done():
+                return True
+            # The alarm covers the whole exchange, so that a worker that stops reading or that hangs in the
+            # middle of its answer is stopped like one that computes for ever.
+            alarm = loop.call_later(job.timeout_s, expire)
+            job.answer.add_done_callback(abandon)
+            outcome, value = await loop.run_in_executor(self._threads, worker.call, job.operation, arguments)
+            usable = outcome in {inside.DONE, inside.REFUSED, inside.FAILED}
+            error = self._error_of(outcome, value)
+        except WorkerGone:
+            error = self._error_of_loss(job, expired)
+        except asyncio.CancelledError:
+            error = ShuttingDown("The service stopped before the work was done; send the request again.", 1)
+            raise
+        except Exception as unforeseen:
+            log.exception("exchange with a worker failed")
+            error = JobFailed(f"{type(unforeseen).__name__}: {unforeseen}")
+        finally:
+            if alarm is not None:
+                alarm.cancel()
+            self._settle(job, value, error, begin)
+        return usable
+
+    def _error_of(self, outcome: str, value: object) -> DocumentError | None:
+        if outcome == inside.DONE:
+            return None
+        if outcome == inside.REFUSED:
+            return cast(DocumentError, value)
+        if outcome == inside.OUT_OF_MEMORY:
+            return OutOfMemory(
+                "The work needs more memory than a worker may take "
+                f"({self._limits.worker_memory_bytes} bytes, WORKER_MEMORY_BYTES); send a smaller image."
+            )
+        detail, traceback = cast(tuple[str, str], value)
+        return JobFailed(detail, traceback)
+
+    def _error_of_loss(self, job: _Job, expired: bool) -> DocumentError | None:
+        if job.answer.cancelled():
+            return None  # the caller left and the worker was stopped for it
+        if expired:
+            return JobTimedOut(
+                f"The work ran past its limit of {job.timeout_s:g} s (JOB_TIMEOUT_S) and was stopped."
+            )
+        self._deaths += 1
+        return WorkerDied("The process that did the work ended before it was done; nothing else is affected.")
+
+    def _settle(self, job: _Job, value: object, error: DocumentError | None, begin: float) -> None:
+        """Hand the answer over and remember how it went."""
+        work_s = time.monotonic() - begin
+        outcome = "cancelled" if job.answer.cancelled() else error.code if error is not None else "done"
+        if not job.answer.done():
+            if error is not None:
+                job.answer.set_exception(error)
+            else:
+                job.answer.set_result(value)
+        if outcome == "done":
+            self._mean_work_s += 0.1 * (work_s - self._mean_work_s)
+        self._observe(JobRecord(outcome, begin - job.queued_at, work_s))

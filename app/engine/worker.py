@@ -1,0 +1,76 @@
+"""The inside of a worker process: one call after another, over one pipe to the engine.
+
+This module is all that a worker imports of `app`, so that a worker starts fast and stays small.
+"""
+
+import faulthandler
+import os
+import pickle
+import resource
+import signal
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Literal
+
+from services.errors import DocumentError
+
+READY, DONE, REFUSED, FAILED, OUT_OF_MEMORY = "ready", "done", "refused", "failed", "out-of-memory"
+Outcome = tuple[Literal["ready", "done", "refused", "failed", "out-of-memory"], object]
+
+SINGLE_THREAD_ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "OPENCV_FOR_THREADS_NUM": "1",
+}
+"""Workers are as many as processors; threads inside of them would only fight each other."""
+
+OPENCV_NO_MEMORY = -4
+"""cv::Error::StsNoMem: OpenCV's own word for a failed allocation."""
+
+
+def serve(connection: Connection, memory_bytes: int, warm_up: Callable[[], dict[str, object]] | None) -> None:
+    """Say that this worker is warm, then answer calls until the engine hangs up."""
+    _settle(memory_bytes)
+    facts = warm_up() if warm_up is not None else {}
+    connection.send_bytes(pickle.dumps((READY, facts)))
+    while True:
+        try:
+            call = connection.recv_bytes()
+        except (EOFError, OSError):
+            return
+        connection.send_bytes(_answer(call))
+
+
+def _settle(memory_bytes: int) -> None:
+    """Make the process one that can be killed at any moment without harm to its neighbours."""
+    # A group of its own: the terminal's Ctrl-C and the supervisor's SIGTERM reach the server, which lets
+    # jobs end; and a kill of the group takes whatever the worker may have started along.
+    os.setsid()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    os.environ.update(SINGLE_THREAD_ENVIRONMENT)
+    faulthandler.enable()
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if memory_bytes:
+        resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+    with suppress(OSError):
+        # When the machine itself runs out of memory, a worker shall go before the server.
+        Path("/proc/self/oom_score_adj").write_text("500", encoding="ascii")
+
+
+def _answer(call: bytes) -> bytes:
+    """Pickled `Outcome` of a pickled (operation, arguments); never raises what can be told instead."""
+    try:
+        operation, arguments = pickle.loads(call)
+        return pickle.dumps((DONE, operation(*arguments)))
+    except DocumentError as error:
+        return pickle.dumps((REFUSED, error))
+    except BaseException as error:
+        if isinstance(error, MemoryError) or getattr(error, "code", None) == OPENCV_NO_MEMORY:
+            return pickle.dumps((OUT_OF_MEMORY, None))
+        # Told as text: the server need not import what raised it, and cannot stumble over its pickle.
+        return pickle.dumps((FAILED, (f"{type(error).__name__}: {error}", traceback.format_exc())))

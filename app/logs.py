@@ -1,0 +1,94 @@
+"""Structured logs: a JSON object a line, one line a request, bound together by request ids."""
+
+import json
+import logging
+import re
+import time
+import uuid
+from datetime import UTC, datetime
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.metrics import Metrics
+
+HEADER = "X-Request-ID"
+_GOOD_REQUEST_ID = re.compile(r"[A-Za-z0-9._~+/=:@-]{1,128}")
+_PLAIN_FIELDS = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message"}
+log = logging.getLogger("app.requests")
+
+
+class JsonFormatter(logging.Formatter):
+    """A record as one line of JSON: time, level, logger, message, and whatever was given as `extra`."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        line: dict[str, object] = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        line |= {name: value for name, value in vars(record).items() if name not in _PLAIN_FIELDS}
+        if record.exc_info:
+            line["traceback"] = self.formatException(record.exc_info)
+        return json.dumps(line, default=str, ensure_ascii=False)
+
+
+def configure_logs(level: str) -> None:
+    """Send all logs of this process, the server's own included, to stderr as JSON lines."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(JsonFormatter())
+    logging.basicConfig(level=level, handlers=[handler], force=True)
+
+
+def request_id_of(headers: Headers) -> str:
+    """The client's own id if it is short and harmless, else a new one."""
+    offered = headers.get(HEADER, "")
+    return offered if _GOOD_REQUEST_ID.fullmatch(offered) else uuid.uuid4().hex
+
+
+class RequestLog:
+    """Middleware: gives each request its id, sends it back, and writes the request's line and counts."""
+
+    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+        self.app = app
+        self.metrics = metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        request_id = request_id_of(Headers(scope=scope))
+        state = scope.setdefault("state", {})
+        state["request_id"] = request_id
+        begin = time.perf_counter()
+        status, seconds, sent_bytes = 499, None, 0
+
+        async def send_with_id(message: Message) -> None:
+            nonlocal status, seconds, sent_bytes
+            if message["type"] == "http.response.start":
+                status, seconds = message["status"], time.perf_counter() - begin
+                MutableHeaders(scope=message)[HEADER] = request_id
+            else:
+                sent_bytes += len(message.get("body", b""))
+            await send(message)
+
+        try:
+            await self.app(scope, receive, send_with_id)
+        finally:
+            if seconds is None:
+                seconds = time.perf_counter() - begin
+            self.metrics.observe_request(scope["method"], scope["path"], status, seconds)
+            log.info(
+                "request",
+                extra={
+                    "request_id": request_id,
+                    "method": scope["method"],
+                    "path": scope["path"],
+                    "status": status,
+                    "code": state.get("problem_code"),
+                    "duration_ms": round(seconds * 1000, 1),
+                    "sent_bytes": sent_bytes,
+                    "client": scope["client"][0] if scope.get("client") else None,
+                },
+            )

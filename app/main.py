@@ -1,0 +1,159 @@
+"""The application, and the server that runs it."""
+
+import logging
+import signal
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+from fastapi.exceptions import RequestValidationError
+from fastapi.openapi.utils import get_openapi
+from fastapi.routing import APIRoute
+from starlette.exceptions import HTTPException
+
+from app.authentication import HEADER as API_KEY_HEADER
+from app.authentication import ApiKeys
+from app.engine.local import LocalEngine, PoolLimits
+from app.logs import RequestLog, configure_logs
+from app.metrics import Metrics
+from app.operations import Operations
+from app.problems import ProblemBoundary, answer_framework_error, documented
+from app.routes import health, rectify
+from app.routes.state import AppState
+from app.schemas.problem import Problem
+from app.settings import Settings
+from app.uploads import Admission, BodyGuard, BodyLimits
+
+log = logging.getLogger(__name__)
+
+ROUTERS = (rectify.router, health.router)
+WORK = frozenset({("POST", "/rectify")})
+"""Requests that need a seat in the engine before their body is read."""
+MAX_FIELD_BYTES = 64 * 1024
+"""Of one option; 200 points of a region need a tenth of it."""
+
+
+def create_app(settings: Settings | None = None, operations: Operations | None = None) -> FastAPI:
+    """The service as an ASGI application; its workers start with its lifespan."""
+    settings = settings or Settings()
+    operations = operations or Operations()
+    metrics = Metrics(
+        route.path for router in ROUTERS for route in router.routes if isinstance(route, APIRoute)
+    )
+    engine = LocalEngine(
+        PoolLimits(
+            workers=settings.workers,
+            queue_length=settings.queue_length,
+            job_timeout_s=settings.job_timeout_s,
+            queue_timeout_s=settings.queue_timeout_s,
+            worker_memory_bytes=settings.worker_memory_bytes,
+            jobs_per_worker=settings.jobs_per_worker,
+        ),
+        warm_up=operations.warm_up,
+        preload=operations.preloaded,
+        observe=metrics.observe_job,
+    )
+    metrics.watch(engine.status)
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        await engine.start()
+        log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
+        try:
+            yield
+        finally:
+            await engine.drain(settings.shutdown_grace_s)
+
+    app = FastAPI(
+        title="Document rectification",
+        summary="Photos of documents in, flat pages out.",
+        version=_version(),
+        lifespan=lifespan,
+        redoc_url=None,
+        swagger_ui_oauth2_redirect_url=None,
+        redirect_slashes=False,
+        form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
+    )
+    app.state.document_rectification = AppState(settings, engine, operations, metrics)
+    for router in ROUTERS:
+        app.include_router(router)
+    app.add_exception_handler(HTTPException, answer_framework_error)
+    app.add_exception_handler(RequestValidationError, answer_framework_error)
+    # The last one added is the outermost. A refusal that is raised inside of the boundary is answered there,
+    # on its way out the guard sees to the unread body, and the log writes down what became of the request.
+    app.add_middleware(Admission, engine=engine, work=WORK)
+    app.add_middleware(ApiKeys, keys=settings.api_keys)
+    app.add_middleware(ProblemBoundary)
+    app.add_middleware(
+        BodyGuard,
+        limits=BodyLimits(
+            max_upload_bytes=settings.max_upload_bytes,
+            body_timeout_s=settings.body_timeout_s,
+            max_drain_bytes=settings.max_drain_bytes,
+            drain_timeout_s=settings.drain_timeout_s,
+        ),
+    )
+    app.add_middleware(RequestLog, metrics=metrics)
+    _describe(app, bool(settings.api_keys))
+    return app
+
+
+def _version() -> str:
+    try:
+        return version("document-rectification")
+    except PackageNotFoundError:  # run from a checkout
+        return "0.1.0"
+
+
+def _describe(app: FastAPI, keys: bool) -> None:
+    """Have the OpenAPI document tell of problems and API keys, of which FastAPI knows nothing."""
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            document = get_openapi(
+                title=app.title, version=app.version, summary=app.summary, routes=app.routes
+            )
+            components = document.setdefault("components", {})
+            components.setdefault("schemas", {})["Problem"] = Problem.model_json_schema()
+            if keys:
+                scheme = {"type": "apiKey", "in": "header", "name": API_KEY_HEADER}
+                components["securitySchemes"] = {"ApiKey": scheme}
+                for method, path in WORK:
+                    operation = document["paths"][path][method.lower()]
+                    operation["security"] = [{"ApiKey": []}]
+                    refusals = documented("unauthorized", "forbidden")
+                    operation["responses"] |= {str(status): said for status, said in refusals.items()}
+            app.openapi_schema = document
+        return app.openapi_schema
+
+    app.openapi = openapi  # type: ignore[method-assign]
+
+
+def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:
+    """Run the service until SIGTERM or SIGINT; what is in flight then finishes within the grace."""
+    settings = settings or Settings()
+    configure_logs(settings.log_level)
+    app = app or create_app(settings)
+    server = uvicorn.Server(
+        uvicorn.Config(
+            app,
+            host=settings.host,
+            port=settings.port,
+            lifespan="on",
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            timeout_keep_alive=settings.keep_alive_s,
+            timeout_graceful_shutdown=settings.shutdown_grace_s,
+        )
+    )
+    # uvicorn raises the signal again once it has shut down; this makes a clean exit of it.
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
+    try:
+        server.run()
+    except KeyboardInterrupt:
+        sys.exit(0)

@@ -1,0 +1,86 @@
+"""What Prometheus reads at /metrics."""
+
+from collections.abc import Callable, Iterable, Iterator
+
+from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from app.engine.base import EngineStatus, JobRecord
+
+MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+SECONDS = (0.01, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
+METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+
+
+class Metrics:
+    """The counters of one app; labels take few values, whatever clients send."""
+
+    def __init__(self, paths: Iterable[str] = ()) -> None:
+        """`paths` are the ones that are counted by name."""
+        self.paths = frozenset(paths)
+        self.registry = CollectorRegistry()
+        self._requests = Counter(
+            "http_requests", "Requests answered.", ("method", "path", "status"), registry=self.registry
+        )
+        self._latency = Histogram(
+            "http_request_duration_seconds",
+            "From the request's head to the answer's.",
+            ("method", "path"),
+            buckets=SECONDS,
+            registry=self.registry,
+        )
+        self._jobs = Counter(
+            "jobs", "Jobs by outcome: done, or the code of the problem.", ("outcome",), registry=self.registry
+        )
+        self._queue = Histogram(
+            "job_queue_seconds", "From submission to a worker.", buckets=SECONDS, registry=self.registry
+        )
+        self._work = Histogram(
+            "job_work_seconds", "Time in a worker.", buckets=SECONDS, registry=self.registry
+        )
+
+    def observe_request(self, method: str, path: str, status: int, seconds: float) -> None:
+        """Count one answered request."""
+        method = method if method in METHODS else "other"
+        path = path if path in self.paths else "other"
+        self._requests.labels(method, path, str(status)).inc()
+        self._latency.labels(method, path).observe(seconds)
+
+    def observe_job(self, record: JobRecord) -> None:
+        """Count one finished job."""
+        self._jobs.labels(record.outcome).inc()
+        self._queue.observe(record.queue_s)
+        self._work.observe(record.work_s)
+
+    def watch(self, status: Callable[[], EngineStatus]) -> None:
+        """Show the engine's own numbers too, as they are when Prometheus asks."""
+        self.registry.register(_EngineCollector(status))
+
+    def exposition(self) -> bytes:
+        """All of it in Prometheus' text format."""
+        return generate_latest(self.registry)
+
+
+class _EngineCollector(Collector):
+    def __init__(self, status: Callable[[], EngineStatus]) -> None:
+        self._status = status
+
+    def collect(self) -> Iterator[Metric]:
+        now = self._status()
+        for name, value, meaning in (
+            ("engine_live_workers", now.live_workers, "Worker processes that are up."),
+            ("engine_capacity", now.capacity, "Seats: workers and places in the queue."),
+            ("engine_admitted", now.admitted, "Seats taken, bodies still arriving included."),
+            ("engine_queue_depth", now.waiting, "Jobs that wait for a worker."),
+            ("engine_running", now.running, "Jobs that have a worker."),
+        ):
+            yield GaugeMetricFamily(name, meaning, value=value)
+        yield CounterMetricFamily(
+            "engine_worker_deaths", "Workers that died unasked.", value=now.worker_deaths
+        )
+        yield CounterMetricFamily(
+            "engine_workers_recycled",
+            "Workers replaced after their share of jobs.",
+            value=now.recycled_workers,
+        )

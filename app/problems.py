@@ -1,0 +1,240 @@
+"""Errors -> `application/problem+json` (RFC 9457): the only place that knows a status code."""
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.engine.base import Busy, JobFailed
+from app.schemas.problem import Problem
+from services.errors import DocumentError
+
+log = logging.getLogger(__name__)
+
+MEDIA_TYPE = "application/problem+json"
+
+STATUS_OF_CODE: Mapping[str, int] = {
+    "bad-request": 400,
+    "unauthorized": 401,
+    "forbidden": 403,
+    "not-found": 404,
+    "method-not-allowed": 405,
+    "not-acceptable": 406,
+    "request-timeout": 408,
+    "too-large": 413,
+    "out-of-memory": 413,
+    "unsupported-media-type": 415,
+    "undecodable-image": 422,
+    "invalid-option": 422,
+    "no-text": 422,
+    "client-closed-request": 499,
+    "internal": 500,
+    "worker-died": 500,
+    "busy": 503,
+    "not-ready": 503,
+    "shutting-down": 503,
+    "timed-out": 504,
+}
+"""Every code that this service answers with; 499 is only ever logged, for nobody is left to read it."""
+
+MEANING_OF_CODE: Mapping[str, str] = {
+    "bad-request": "Not multipart/form-data, or a part is missing.",
+    "unauthorized": "API keys are configured and the request has none.",
+    "forbidden": "The API key is not a good one.",
+    "not-found": "There is no such resource.",
+    "method-not-allowed": "The resource does not know this method; `Allow` lists what it knows.",
+    "not-acceptable": "No representation fits `Accept`.",
+    "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S.",
+    "too-large": "More bytes or megapixels than a limit allows; judged before decoding.",
+    "out-of-memory": "The work needs more memory than WORKER_MEMORY_BYTES.",
+    "unsupported-media-type": "Not an image format that is accepted.",
+    "undecodable-image": "The image data is truncated or damaged.",
+    "invalid-option": "An option is unknown, malformed or out of its range; `field` names it.",
+    "no-text": "The image shows too little printed text to see the page's shape.",
+    "client-closed-request": "The client closed the connection before the answer.",
+    "internal": "A defect of the service.",
+    "worker-died": "The process that did the work ended before it was done; try again.",
+    "busy": "All workers and the queue are taken; come again after `Retry-After` seconds.",
+    "not-ready": "No worker is up.",
+    "shutting-down": "The service is stopping; come again after `Retry-After` seconds.",
+    "timed-out": "The work ran past JOB_TIMEOUT_S and was stopped.",
+}
+
+_CODE_OF_STATUS = {400: "bad-request", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
+"""Codes of what the framework itself refuses."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A problem before it is bound to a request."""
+
+    code: str
+    detail: str
+    field: str | None = None
+    headers: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def status(self) -> int:
+        return STATUS_OF_CODE[self.code]
+
+
+def refusal_of(error: BaseException) -> Refusal:
+    """What a client is told of `error`; nothing of an unforeseen one but that it happened."""
+    if isinstance(error, DocumentError) and error.code in MEANING_OF_CODE and error.code != "internal":
+        return Refusal(error.code, error.detail, getattr(error, "field", None), _headers_of(error))
+    if isinstance(error, RequestValidationError):
+        return _refusal_of_validation(error)
+    if isinstance(error, HTTPException):
+        return _refusal_of_http(error)
+    return _internal()
+
+
+class ProblemBoundary:
+    """Middleware: whatever is raised inside, the client gets a problem document and never a traceback."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        started = False
+
+        async def noting_send(message: Message) -> None:
+            nonlocal started
+            started = started or message["type"] == "http.response.start"
+            await send(message)
+
+        try:
+            await self.app(scope, receive, noting_send)
+        except asyncio.CancelledError:  # the grace of a shutdown is over
+            if not started:
+                refusal = Refusal(
+                    "shutting-down", "The service is shutting down.", None, (("Retry-After", "1"),)
+                )
+                await _response_for(refusal, scope)(scope, receive, send)
+            raise
+        except Exception as error:
+            if started:
+                raise
+            await _response_for(_told(error, scope), scope)(scope, receive, send)
+
+
+async def answer_framework_error(request: Request, error: Exception) -> Response:
+    """Exception handler for what the framework itself refuses."""
+    return _response_for(_told(error, request.scope), request.scope)
+
+
+def _told(error: Exception, scope: Scope) -> Refusal:
+    """The refusal of `error`; one that is our own fault goes to the log with its cause."""
+    refusal = refusal_of(error)
+    if refusal.status == 500:
+        extra = {"request_id": scope["state"]["request_id"], "code": refusal.code}
+        if isinstance(error, JobFailed):
+            log.error("operation failed: %s", error.detail, extra={**extra, "traceback": error.traceback})
+        else:
+            foreseen = isinstance(error, DocumentError)
+            log.error("request failed: %s", error, extra=extra, exc_info=None if foreseen else error)
+    return refusal
+
+
+def _response_for(refusal: Refusal, scope: Scope) -> Response:
+    state = scope["state"]
+    state["problem_code"] = refusal.code
+    return response_for(refusal, state["request_id"])
+
+
+def response_for(refusal: Refusal, request_id: str) -> Response:
+    """The problem document of one request."""
+    body = Problem(
+        title=_TITLES.get(refusal.status) or HTTPStatus(refusal.status).phrase,
+        status=refusal.status,
+        code=refusal.code,
+        detail=refusal.detail,
+        field=refusal.field,
+        request_id=request_id,
+    )
+    return Response(
+        body.model_dump_json(exclude_none=True), refusal.status, dict(refusal.headers), media_type=MEDIA_TYPE
+    )
+
+
+def documented(*codes: str) -> dict[int | str, dict[str, object]]:
+    """OpenAPI responses for these codes, with the problem media type."""
+    responses: dict[int | str, dict[str, object]] = {}
+    for status in sorted({STATUS_OF_CODE[code] for code in codes}):
+        here = [code for code in codes if STATUS_OF_CODE[code] == status]
+        responses[status] = {
+            "description": " ".join(f"`{code}`: {MEANING_OF_CODE[code]}" for code in here),
+            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        }
+        if status == 503:
+            responses[status]["headers"] = {
+                "Retry-After": {"description": "Seconds.", "schema": {"type": "integer", "minimum": 1}}
+            }
+    return responses
+
+
+_TITLES = {499: "Client Closed Request"}
+_PHRASES = frozenset(status.phrase for status in HTTPStatus)
+
+
+def _internal() -> Refusal:
+    return Refusal(
+        "internal", "The service failed on this request; its log has the cause under this request_id."
+    )
+
+
+def _headers_of(error: DocumentError) -> tuple[tuple[str, str], ...]:
+    if isinstance(error, Busy):
+        return (("Retry-After", str(error.retry_after_s)),)
+    if error.code == "unauthorized":
+        return (("WWW-Authenticate", 'ApiKey realm="document-rectification", header="X-API-Key"'),)
+    return ()
+
+
+def _refusal_of_http(error: HTTPException) -> Refusal:
+    """What the framework refuses, or what stopped it while it read the body."""
+    if isinstance(error.__cause__, DocumentError):
+        return refusal_of(error.__cause__)
+    if isinstance(error.__cause__, ClientDisconnect):
+        return Refusal("client-closed-request", MEANING_OF_CODE["client-closed-request"])
+    if error.status_code not in _CODE_OF_STATUS:
+        return _internal()
+    code = _CODE_OF_STATUS[error.status_code]
+    detail = MEANING_OF_CODE[code] if error.detail in _PHRASES else str(error.detail)
+    return Refusal(code, detail, None, tuple((error.headers or {}).items()))
+
+
+def _refusal_of_validation(error: RequestValidationError) -> Refusal:
+    """The first thing that is wrong with the form; a file that is missing is not an option out of range."""
+    first = error.errors()[0]
+    place = [str(part) for part in first["loc"]]
+    field = place[1] if len(place) > 1 else None
+    if field is None or field in _FILE_FIELDS:
+        name = field or "body"
+        if first["type"] == "missing":
+            return Refusal(
+                "bad-request", f"{name}: send the photo as a file part of multipart/form-data.", field
+            )
+        return Refusal("bad-request", f"{name}: this part must be a file (with a filename).", field)
+    if first["type"] == "extra_forbidden":
+        return Refusal("invalid-option", f"{field}: there is no such option.", field)
+    reason = str(first["msg"]).removeprefix("Value error, ")
+    return Refusal("invalid-option", f"{field}: {reason}; got {_shown(first.get('input'))}.", field)
+
+
+_FILE_FIELDS = frozenset({"image"})
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."

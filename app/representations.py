@@ -1,0 +1,141 @@
+"""`Accept` and `format` -> what is sent."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from app.operations import Format
+from services.errors import DocumentError
+
+MEDIA_TYPES: Mapping[Format, str] = {
+    "jpeg": "image/jpeg",
+    "png": "image/png",
+    "webp": "image/webp",
+    "tiff": "image/tiff",
+    "pdf": "application/pdf",
+    "json": "application/json",
+}
+"""In the order of preference among what a client likes equally well."""
+
+SNIFFED_BYTES = 32
+
+
+class NotAcceptable(DocumentError):
+    """No representation fits `Accept`."""
+
+    code = "not-acceptable"
+
+
+@dataclass(frozen=True, slots=True)
+class MediaRange:
+    """One element of `Accept`: `type/subtype` with `*` for any, and its weight 0-1."""
+
+    type: str
+    subtype: str
+    weight: float
+
+    def precision(self, media_type: str) -> int:
+        """How exactly this range names `media_type`; 0: not at all."""
+        type_, subtype = media_type.split("/")
+        if (self.type, self.subtype) == (type_, subtype):
+            return 3
+        if (self.type, self.subtype) == (type_, "*"):
+            return 2
+        return 1 if (self.type, self.subtype) == ("*", "*") else 0
+
+
+def parse_accept(header: str) -> tuple[MediaRange, ...]:
+    """Elements of an `Accept` header (RFC 9110, 12.5.1); malformed ones are passed over."""
+    ranges = []
+    for element in header.split(","):
+        name, *parameters = (part.strip() for part in element.split(";"))
+        type_, slash, subtype = name.lower().partition("/")
+        weight = _weight(parameters)
+        if slash and type_ and subtype and weight is not None:
+            ranges.append(MediaRange(type_, subtype, weight))
+    return tuple(ranges)
+
+
+def _weight(parameters: list[str]) -> float | None:
+    for parameter in parameters:
+        name, _, value = parameter.partition("=")
+        if name.strip().lower() == "q":
+            try:
+                weight = float(value.strip())
+            except ValueError:
+                return None
+            return weight if 0 <= weight <= 1 else None
+    return 1.0
+
+
+def choose_format(requested: Format | None, accept: str | None, own: Format | None) -> Format | None:
+    """Format to send; None: the upload's own, whatever it turns out to be.
+
+    `requested` is the form's `format` and wins over `accept`, the header; `own` is the upload's format where
+    it is known (`sniff_format`). Among formats that weigh the same the upload's own comes first.
+
+    Raises
+    ------
+    NotAcceptable
+        When `accept` has room for none of the formats.
+    """
+    if requested is not None:
+        return requested
+    ranges = parse_accept(accept) if accept is not None else ()
+    if not ranges:
+        return own
+    weights = {name: _weight_of(media_type, ranges) for name, media_type in MEDIA_TYPES.items()}
+    best = max(weights.values())
+    if best <= 0:
+        raise NotAcceptable(
+            f"None of {', '.join(MEDIA_TYPES.values())} fits the Accept header; send a form field `format` "
+            "to choose one."
+        )
+    liked = [name for name, weight in weights.items() if weight == best]
+    if own in liked:
+        return own
+    images = {name for name, media_type in MEDIA_TYPES.items() if media_type.startswith("image/")}
+    if own is None and images.issubset(liked):
+        return None
+    return liked[0]
+
+
+def _weight_of(media_type: str, ranges: tuple[MediaRange, ...]) -> float:
+    """Weight by the most precise range that names `media_type`; 0 where none does."""
+    named = [(range_.precision(media_type), range_.weight) for range_ in ranges]
+    precision, weight = max(named, key=lambda pair: pair[0])
+    return weight if precision else 0.0
+
+
+def sniff_format(head: bytes) -> Format | None:
+    """Format to answer in, by the first bytes of an upload; HEIC, which is not sent, becomes JPEG.
+
+    Only the choice of the representation hangs on it: what the upload really is, the decoder decides.
+    """
+    if head.startswith(b"\xff\xd8\xff"):
+        return "jpeg"
+    if head.startswith(b"\x89PNG\r\n\x1a\n"):
+        return "png"
+    if head.startswith(b"RIFF") and head[8:12] == b"WEBP":
+        return "webp"
+    if head.startswith((b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")):
+        return "tiff"
+    if head[4:8] == b"ftyp":
+        return "jpeg"
+    return None
+
+
+def image_headers(document: Mapping[str, object]) -> dict[str, str]:
+    """The essential facts of a result (`RectifyResult` as JSON) as headers of an image answer."""
+    headers = {"Document-Kind": str(document["kind"])}
+    orientation, warnings, timings = (
+        document.get(name) for name in ("orientation", "warnings", "timings_ms")
+    )
+    if isinstance(orientation, Mapping):
+        headers["Document-Rotation"] = str(orientation["rotation_deg"])
+    if isinstance(warnings, list | tuple):
+        headers["Document-Warnings"] = ", ".join(str(warning["code"]) for warning in warnings)
+    if isinstance(timings, Mapping):
+        headers["Server-Timing"] = ", ".join(
+            f"{name.replace('_', '-')};dur={float(ms):.1f}" for name, ms in timings.items()
+        )
+    return headers

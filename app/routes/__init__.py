@@ -1,0 +1,1 @@
+"""A file a resource, named as its URL: parse, call, map."""

@@ -1,0 +1,51 @@
+"""Is it up, can it work, how does it do."""
+
+from fastapi import APIRouter, Response
+
+from app.engine.base import EngineStatus
+from app.metrics import MEDIA_TYPE
+from app.problems import documented
+from app.routes.state import State
+from app.schemas.health import Live, Ready
+from services.errors import DocumentError
+
+router = APIRouter(tags=["health"])
+
+
+class NotReady(DocumentError):
+    """No worker is up."""
+
+    code = "not-ready"
+
+
+@router.get("/health/live", operation_id="live")
+async def live() -> Live:
+    """Answers as long as the server process does."""
+    return Live()
+
+
+@router.get("/health/ready", operation_id="ready", responses=documented("not-ready"))
+async def ready(state: State) -> Ready:
+    """Answers 200 when workers are warm."""
+    status: EngineStatus = state.engine.status()
+    if not status.ready:
+        raise NotReady("No worker is up; work that is sent now would wait.")
+    ocr = status.facts.get("ocr")
+    return Ready(
+        live_workers=status.live_workers,
+        workers=status.workers,
+        admitted=status.admitted,
+        capacity=status.capacity,
+        ocr=None if ocr is None else str(ocr),
+    )
+
+
+@router.get(
+    "/metrics",
+    operation_id="metrics",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
+)
+async def metrics(state: State) -> Response:
+    """Counters and gauges in Prometheus' text format."""
+    return Response(state.metrics.exposition(), headers={"Content-Type": MEDIA_TYPE})

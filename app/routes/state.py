@@ -1,0 +1,29 @@
+"""What routes find in the app."""
+
+from dataclasses import dataclass
+from typing import Annotated, cast
+
+from fastapi import Depends, Request
+
+from app.engine.base import Engine
+from app.metrics import Metrics
+from app.operations import Operations
+from app.settings import Settings
+
+
+@dataclass(frozen=True, slots=True)
+class AppState:
+    """Made once by `create_app`."""
+
+    settings: Settings
+    engine: Engine
+    operations: Operations
+    metrics: Metrics
+
+
+def app_state(request: Request) -> AppState:
+    """The state of the app that serves this request."""
+    return cast(AppState, request.app.state.document_rectification)
+
+
+State = Annotated[AppState, Depends(app_state)]

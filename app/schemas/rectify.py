@@ -1,0 +1,196 @@
+"""What POST /rectify takes and answers."""
+
+import json
+import math
+from typing import Annotated, Literal
+
+from fastapi import UploadFile
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic.json_schema import SkipJsonSchema
+
+from app.operations import Format
+
+REGION_POINTS = (3, 200)
+REGION_LIMIT_PX = 1e6
+_NUMBER = r"-?(0|[1-9][0-9]{0,5})(\.[0-9]{1,6})?"
+_POINT = rf"\[ ?{_NUMBER} ?, ?{_NUMBER} ?\]"
+REGION_PATTERN = rf"^(\[ ?{_POINT}( ?, ?{_POINT}){{2,199}} ?\])?$"
+"""What the OpenAPI document tells of `region`; the parser also takes other spellings of the same JSON.
+
+An empty field is one that was left out, as everywhere in a form.
+"""
+
+
+def parse_region(text: str) -> tuple[tuple[float, float], ...]:
+    """Polygon ((x, y), ...) in pixels of JSON `[[x, y], ...]`.
+
+    Raises
+    ------
+    ValueError
+        When it is not JSON, or not a list of 3 to 200 points of two finite numbers below a million.
+    """
+    expected = "expected JSON [[x, y], ...] of 3 to 200 points"
+    try:
+        points = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise ValueError(f"{expected}; it is not JSON") from error
+    if not isinstance(points, list) or not REGION_POINTS[0] <= len(points) <= REGION_POINTS[1]:
+        raise ValueError(expected)
+    for point in points:
+        if not isinstance(point, list) or len(point) != 2 or not all(map(_is_coordinate, point)):
+            raise ValueError(f"{expected}, each of two finite numbers of at most {REGION_LIMIT_PX:g} in size")
+    return tuple((float(x), float(y)) for x, y in points)
+
+
+def _is_coordinate(value: object) -> bool:
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and math.isfinite(value)
+        and abs(value) <= REGION_LIMIT_PX
+    )
+
+
+def _checked_region(text: str) -> str:
+    parse_region(text)
+    return text
+
+
+def _switch(value: object) -> object:
+    """A form's `true` or `false`, and none of the other words that may be taken for them."""
+    if isinstance(value, str):
+        if value.lower() not in {"true", "false"}:
+            raise ValueError("expected true or false")
+        return value.lower() == "true"
+    return value
+
+
+Switch = Annotated[bool, BeforeValidator(_switch)]
+Absent = SkipJsonSchema[None]
+"""A field that was left out; a form has no null."""
+
+
+class RectifyForm(BaseModel):
+    """The multipart form of POST /rectify."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    image: UploadFile = Field(description="The photo: JPEG, PNG, WebP, TIFF (first page) or HEIC/HEIF.")
+    kind: Literal["auto", "planar", "curved"] = Field(
+        default="auto", description="Skip the planar/curved decision."
+    )
+    upright: Switch = Field(
+        default=True,
+        description="Turn (and un-mirror) the result so that it reads; false leaves the text lines "
+        "horizontal, whichever way up.",
+    )
+    focal_length_px: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] | Absent = Field(
+        default=None, description="Known focal length; else EXIF where present, else estimated."
+    )
+    region: Annotated[str, AfterValidator(_checked_region)] | Absent = Field(
+        default=None,
+        description="JSON [[x, y], ...] of 3 to 200 points, pixels of the upright-by-EXIF photo: polygon "
+        "round the page text, for guided text identification.",
+        json_schema_extra={"contentMediaType": "application/json", "pattern": REGION_PATTERN},
+    )
+    illumination: Literal["keep", "normalize"] = Field(
+        default="keep", description="Even out light and shadow to dark ink on white paper."
+    )
+    format: Format | Absent = Field(
+        default=None,
+        description="What comes back; overrides `Accept`. Neither: an image in the upload's own format.",
+    )
+    quality: Annotated[int, Field(ge=1, le=100)] | Absent = Field(
+        default=None, description="1-100, for lossy formats."
+    )
+    embed: Switch = Field(default=False, description="With JSON: include the image as base64 in `image`.")
+
+
+class _Answer(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+Point = tuple[float, float]
+Direction = tuple[float, float, float]
+
+
+class Evidence(_Answer):
+    """Why the page was taken for planar or curved."""
+
+    major_convergence: float | None = Field(
+        description="S3/S1 of the text lines' flow; null: too few samples."
+    )
+    minor_convergence: float | None = Field(description="S3/S1 of the strokes' flow; null: too few samples.")
+    text_area_fraction: float = Field(ge=0, le=1, description="Share of the photo that is text.")
+
+
+class Camera(_Answer):
+    """The camera as known or estimated."""
+
+    focal_length_px: float | None
+    field_of_view_deg: float | None = Field(description="Of the diagonal.")
+    source: Literal["estimated", "exif", "given", "unknown"]
+
+
+class Plane(_Answer):
+    """A flat page."""
+
+    type: Literal["plane"] = "plane"
+    normal: Direction | None = Field(description="Unit, camera frame: x right, y down, z forward.")
+
+
+class Ruling(_Answer):
+    """One straight line on a curved page."""
+
+    point: Point
+    angle_deg: float
+    vanishing_point: Point | None
+
+
+class Strips(_Answer):
+    """A curved page, as planar strips between rulings."""
+
+    type: Literal["strips"] = "strips"
+    normals: list[Direction]
+    rulings: list[Ruling]
+
+
+class Orientation(_Answer):
+    """How the flat view was turned so that it reads."""
+
+    rotation_deg: Literal[0, 90, 180, 270] = Field(description="Clockwise, after the mirroring if any.")
+    mirrored: bool
+    confidence: float | None = Field(ge=0, le=1, description="null: nothing was read.")
+
+
+class Mesh(_Answer):
+    """`source[r][c]` is the photo's point that is shown at output pixel
+    (c (width-1)/(columns-1), r (height-1)/(rows-1)).
+    """
+
+    rows: int = Field(ge=2)
+    columns: int = Field(ge=2)
+    source: list[list[Point]]
+
+
+class Warning(_Answer):
+    """Something that the caller should know of the result."""
+
+    code: str
+    detail: str
+
+
+class RectifyResult(_Answer):
+    """The frontal flat view of one photo, and the evidence for it."""
+
+    kind: Literal["planar", "curved"]
+    evidence: Evidence
+    camera: Camera
+    surface: Annotated[Plane | Strips, Field(discriminator="type")]
+    orientation: Orientation
+    width: int = Field(ge=1)
+    height: int = Field(ge=1)
+    mesh: Mesh
+    warnings: list[Warning]
+    timings_ms: dict[str, float]
+    image: str | None = Field(default=None, description="base64, if `embed` was asked for.")

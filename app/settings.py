@@ -1,0 +1,86 @@
+"""Everything that an operator may set, from the environment; units are in the names."""
+
+import os
+from typing import Annotated
+
+from pydantic import Field, field_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+MIB = 1024 * 1024
+
+
+def usable_processors() -> int:
+    """Processors that this process may run on."""
+    return len(os.sched_getaffinity(0))
+
+
+class Settings(BaseSettings):
+    """Each field is an environment variable of the same name in capitals (`port`: PORT)."""
+
+    model_config = SettingsConfigDict(frozen=True, extra="ignore")
+
+    # Where it listens
+    host: str = Field(default="127.0.0.1", description="Address to listen on.")
+    port: int = Field(default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    keep_alive_s: int = Field(default=30, ge=1, description="An idle connection is closed after this long.")
+    shutdown_grace_s: int = Field(
+        default=30, ge=0, description="After SIGTERM, what is in flight may take this long to finish."
+    )
+    log_level: str = Field(
+        default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$", description="Least level logged."
+    )
+
+    # Who may call
+    api_keys: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Comma-separated keys; if set, a request must carry one of them as X-API-Key "
+        "(all but /health, /metrics, /docs).",
+        repr=False,
+    )
+
+    # What a request may bring
+    max_upload_bytes: int = Field(default=32 * MIB, ge=1024, description="Largest request body.")
+    max_megapixels: float = Field(default=64.0, gt=0, description="Largest image, judged from its header.")
+    max_exif_bytes: int = Field(default=256 * 1024, ge=0, description="Largest EXIF block.")
+    body_timeout_s: float = Field(
+        default=60.0, gt=0, description="A request body must have arrived within this long."
+    )
+    max_drain_bytes: int = Field(
+        default=8 * MIB,
+        ge=0,
+        description="Of a refused body, so much is still read, so that a client that sends first and reads "
+        "later can read the refusal.",
+    )
+    drain_timeout_s: float = Field(
+        default=10.0, gt=0, description="A refused body is read for at most this long."
+    )
+
+    # How work runs
+    workers: int = Field(
+        default_factory=usable_processors,
+        ge=1,
+        le=256,
+        description="Worker processes; default: the processors.",
+    )
+    queue_length: int = Field(
+        default=16,
+        ge=0,
+        description="Requests that may wait for a worker; beyond it the answer is 503 `busy`.",
+    )
+    queue_timeout_s: float = Field(
+        default=60.0, gt=0, description="A request that no worker takes within this long gets 503 `busy`."
+    )
+    job_timeout_s: float = Field(
+        default=30.0, gt=0, description="Work that runs longer is killed: 504 `timed-out`."
+    )
+    worker_memory_bytes: int = Field(
+        default=4096 * MIB, ge=0, description="Address space of a worker (RLIMIT_AS); 0: no limit."
+    )
+    jobs_per_worker: int = Field(default=200, ge=1, description="A worker is replaced after so many jobs.")
+
+    @field_validator("api_keys", mode="before")
+    @classmethod
+    def _split(cls, value: object) -> object:
+        if isinstance(value, str):
+            return tuple(key.strip() for key in value.split(",") if key.strip())
+        return value

@@ -1,0 +1,155 @@
+"""Admission before a body is read, limits while it is read, and a readable refusal when it is not."""
+
+import asyncio
+import time
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.engine.base import Engine
+from services.errors import DocumentError, TooLarge
+
+
+class BodyTooSlow(DocumentError):
+    """The body did not arrive in time."""
+
+    code = "request-timeout"
+
+
+class ClientGone(DocumentError):
+    """Nobody waits for the answer any more."""
+
+    code = "client-closed-request"
+
+
+@dataclass(frozen=True, slots=True)
+class BodyLimits:
+    """How much of a body is read, and for how long; `app.settings` documents each under the same name."""
+
+    max_upload_bytes: int
+    body_timeout_s: float
+    max_drain_bytes: int
+    drain_timeout_s: float
+
+
+class BodyGuard:
+    """Middleware: no body is larger or slower than its limits, and every refusal can be read.
+
+    A client that sends first and reads later would find its connection reset if the server closed it with
+    bytes still on their way. So when an answer is given before the body has been read, the answer goes out
+    whole, a bounded rest of the body is read and thrown away, and only then the connection is closed.
+    """
+
+    def __init__(self, app: ASGIApp, limits: BodyLimits) -> None:
+        self.app = app
+        self.limits = limits
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        exchange = _Exchange(Headers(scope=scope), receive, send, self.limits)
+        await self.app(scope, exchange.receive, exchange.send)
+
+
+class _Exchange:
+    """One request's body and answer."""
+
+    def __init__(self, headers: Headers, receive: Receive, send: Send, limits: BodyLimits) -> None:
+        length = headers.get("content-length", "")
+        self._declared_bytes = int(length) if length.isascii() and length.isdigit() else None
+        self._body_over = "transfer-encoding" not in headers and not self._declared_bytes
+        self._receive = receive
+        self._send = send
+        self._limits = limits
+        self._received_bytes = 0
+        self._deadline: float | None = None
+        self._closing = False
+
+    async def receive(self) -> Message:
+        """The next piece of the body.
+
+        Raises
+        ------
+        TooLarge, BodyTooSlow
+            When a limit is crossed.
+        """
+        if self._body_over:
+            return await self._receive()
+        limit = self._limits.max_upload_bytes
+        if self._declared_bytes is not None and self._declared_bytes > limit:
+            raise self._too_large(f"{self._declared_bytes} bytes")
+        now = time.monotonic()
+        if self._deadline is None:
+            self._deadline = now + self._limits.body_timeout_s
+        try:
+            async with asyncio.timeout(max(0.0, self._deadline - now)):
+                message = await self._receive()
+        except TimeoutError:
+            raise BodyTooSlow(
+                f"The body did not arrive within {self._limits.body_timeout_s:g} s (BODY_TIMEOUT_S)."
+            ) from None
+        self._note(message)
+        if self._received_bytes > limit:
+            raise self._too_large("more")
+        return message
+
+    def _note(self, message: Message) -> None:
+        if message["type"] == "http.request":
+            self._received_bytes += len(message.get("body", b""))
+        if message["type"] == "http.disconnect" or not message.get("more_body", False):
+            self._body_over = True
+
+    def _too_large(self, size: str) -> TooLarge:
+        return TooLarge(
+            f"The request body is limited to {self._limits.max_upload_bytes} bytes (MAX_UPLOAD_BYTES); "
+            f"this one has {size}."
+        )
+
+    async def send(self, message: Message) -> None:
+        """Pass the answer on; see to the rest of the body before its end."""
+        if message["type"] == "http.response.start" and not self._body_over:
+            self._closing = True
+            message = {**message, "headers": [*message.get("headers", ()), (b"connection", b"close")]}
+        last = message["type"] == "http.response.body" and not message.get("more_body", False)
+        if not (last and self._closing):
+            await self._send(message)
+            return
+        await self._send({**message, "more_body": True})
+        await self._drain()
+        await self._send({"type": "http.response.body", "body": b"", "more_body": False})
+
+    async def _drain(self) -> None:
+        bound = self._received_bytes + self._limits.max_drain_bytes
+        try:
+            async with asyncio.timeout(self._limits.drain_timeout_s):
+                while not self._body_over and self._received_bytes < bound:
+                    self._note(await self._receive())
+        except TimeoutError:
+            pass
+
+
+class Admission:
+    """Middleware: a request that means work takes a seat in the engine before its body is read.
+
+    The seat is `request.state.seat`, for the route to release when the work is done; at the latest it is
+    released with the answer. Raises what `Engine.admit` raises.
+    """
+
+    def __init__(self, app: ASGIApp, engine: Engine, work: Collection[tuple[str, str]]) -> None:
+        self.app = app
+        self.engine = engine
+        self.work = frozenset(work)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or (scope["method"], scope["path"]) not in self.work:
+            await self.app(scope, receive, send)
+            return
+        seat = self.engine.admit()
+        scope.setdefault("state", {})["seat"] = seat
+        try:
+            await self.app(scope, receive, send)
+        finally:
+            seat.release()
