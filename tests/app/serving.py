@@ -1,0 +1,50 @@
+"""The app behind a real server in this process."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import httpx
+import uvicorn
+
+from app.main import create_app
+from app.operations import Operations
+from app.settings import Settings
+from tests.app.scripted import OPERATIONS
+
+SETTINGS = {
+    "workers": 1,
+    "queue_length": 4,
+    "worker_memory_bytes": 1 << 30,
+    "job_timeout_s": 20.0,
+    "shutdown_grace_s": 5,
+}
+
+
+@contextmanager
+def serving(operations: Operations = OPERATIONS, **settings: object) -> Iterator[httpx.Client]:
+    """A client of a service with these settings; the service is up inside of the block."""
+    app = create_app(Settings(**{**SETTINGS, **settings}), operations)  # type: ignore[arg-type]
+    server = uvicorn.Server(uvicorn.Config(app, port=0, lifespan="on", log_config=None, access_log=False))
+    up = threading.Event()
+    startup = server.startup
+
+    async def startup_and_tell(sockets: object = None) -> None:
+        try:
+            await startup()
+        finally:
+            up.set()
+
+    server.startup = startup_and_tell  # type: ignore[method-assign]
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        assert up.wait(60)
+        assert server.started
+        port = server.servers[0].sockets[0].getsockname()[1]
+        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=30) as client:
+            yield client
+    finally:
+        server.should_exit = True
+        thread.join(30)
+        assert not thread.is_alive()

@@ -1,0 +1,43 @@
+"""API keys, where they are configured."""
+
+import httpx
+import pytest
+
+from app.authentication import OPEN_PATHS
+from app.main import create_app
+from app.settings import Settings
+from tests.app.scripted import OPERATIONS, upload
+from tests.app.serving import serving
+from tests.app.test_problems import assert_problem
+
+
+def rectify(client: httpx.Client, key: str | bytes | None) -> httpx.Response:
+    headers = {} if key is None else {"X-API-Key": key}
+    return client.post("/rectify", files={"image": upload("")}, headers=headers)  # type: ignore[arg-type]
+
+
+def test_keys_guard_the_work_and_leave_the_probes_open() -> None:
+    with serving(api_keys="first, second") as client:
+        response = rectify(client, None)
+        assert_problem(response, 401, "unauthorized")
+        assert "X-API-Key" in response.headers["www-authenticate"]
+        assert_problem(rectify(client, ""), 401, "unauthorized")
+        assert_problem(rectify(client, "third"), 403, "forbidden")
+        assert_problem(rectify(client, "schlüssel".encode()), 403, "forbidden")
+        assert_problem(client.get("/nowhere"), 401, "unauthorized")
+        assert rectify(client, "first").status_code == rectify(client, "second").status_code == 200
+        assert {client.get(path).status_code for path in OPEN_PATHS} == {200}
+
+
+@pytest.mark.parametrize("keys", ["", " , "])
+def test_no_keys_no_guard(keys: str) -> None:
+    assert Settings(api_keys=keys).api_keys == ()  # type: ignore[arg-type]
+
+
+def test_the_openapi_document_tells_of_keys_when_there_are_some() -> None:
+    operation = create_app(Settings(api_keys=("key",)), OPERATIONS).openapi()["paths"]["/rectify"]["post"]
+    assert operation["security"] == [{"ApiKey": []}]
+    assert {"401", "403"} <= operation["responses"].keys()
+    operation = create_app(Settings(api_keys=()), OPERATIONS).openapi()["paths"]["/rectify"]["post"]
+    assert "security" not in operation
+    assert "401" not in operation["responses"]

@@ -1,0 +1,465 @@
+"""The pool of processes: what befalls a worker befalls its job and nothing else."""
+
+import asyncio
+import ctypes
+import os
+import signal
+import subprocess
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+
+from app.engine.base import (
+    Busy,
+    EngineFailed,
+    JobFailed,
+    JobRecord,
+    JobTimedOut,
+    OutOfMemory,
+    ShuttingDown,
+    WorkerDied,
+)
+from app.engine.local import LocalEngine, PoolLimits
+from services.errors import NoText
+
+MEMORY_BYTES = 1 << 30
+
+
+def worker_pid() -> int:
+    return os.getpid()
+
+
+def size_of(payload: bytes) -> int:
+    return len(payload)
+
+
+def payload_of(size: int) -> bytes:
+    return b"x" * size
+
+
+def hang_in_native_code() -> None:
+    ctypes.PyDLL(None).sleep(3600)
+
+
+def crash() -> None:
+    ctypes.string_at(0)
+
+
+def leave() -> None:
+    os._exit(3)
+
+
+def take_memory(size: int) -> int:
+    return len(bytearray(size))
+
+
+def refuse() -> None:
+    raise NoText("nothing to read")
+
+
+def fail() -> None:
+    raise ZeroDivisionError("a defect")
+
+
+def answer_a_function() -> object:
+    return lambda: None
+
+
+def announce_and_wait(folder: str) -> int:
+    (Path(folder) / f"running-{os.getpid()}").touch()
+    while not (Path(folder) / "go").exists():
+        time.sleep(0.005)
+    return os.getpid()
+
+
+def start_child_and_hang() -> None:
+    subprocess.Popen(["sleep", "3600"])
+    time.sleep(3600)
+
+
+def threads_and_limits() -> dict[str, object]:
+    import resource
+
+    return {
+        "openblas": os.environ["OPENBLAS_NUM_THREADS"],
+        "opencv": os.environ["OPENCV_FOR_THREADS_NUM"],
+        "memory": resource.getrlimit(resource.RLIMIT_AS)[0],
+        "core": resource.getrlimit(resource.RLIMIT_CORE)[0],
+        "group": os.getpgid(0) == os.getpid(),
+    }
+
+
+def fail_to_warm_up() -> dict[str, object]:
+    raise RuntimeError("a library is missing")
+
+
+def exit_while_warming_up() -> dict[str, object]:
+    os._exit(5)
+
+
+def say_warm() -> dict[str, object]:
+    return {"ocr": "none", "pid": os.getpid()}
+
+
+@asynccontextmanager
+async def engine(
+    workers: int = 1, records: list[JobRecord] | None = None, **limits: object
+) -> AsyncIterator[LocalEngine]:
+    observed: list[JobRecord] = [] if records is None else records
+    settings = {"worker_memory_bytes": MEMORY_BYTES, "job_timeout_s": 20.0, "queue_timeout_s": 20.0, **limits}
+    pool = LocalEngine(
+        PoolLimits(workers=workers, **settings),  # type: ignore[arg-type]
+        warm_up=say_warm,
+        preload=(__name__,),
+        observe=observed.append,
+    )
+    await pool.start()
+    try:
+        yield pool
+    finally:
+        await pool.drain(0)
+
+
+async def until(condition: object, seconds: float = 10.0) -> None:
+    """Wait for a condition that must come true."""
+    assert callable(condition)
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not come true"
+        await asyncio.sleep(0.005)
+
+
+def is_gone(process: psutil.Process) -> bool:
+    """Whether it runs no more; where nobody reaps orphans they stay as zombies."""
+    try:
+        return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
+def test_it_answers_from_a_warm_process_of_its_own() -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            assert pool.status().ready
+            assert pool.status().facts["ocr"] == "none"
+            assert await pool.submit(worker_pid) == pool.status().facts["pid"] != os.getpid()
+            assert await pool.submit(size_of, b"x" * 30_000_000) == 30_000_000
+            assert len(await pool.submit(payload_of, 30_000_000)) == 30_000_000
+
+    asyncio.run(check())
+
+
+def test_workers_have_one_thread_bounded_memory_and_a_group_of_their_own() -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            assert await pool.submit(threads_and_limits) == {
+                "openblas": "1",
+                "opencv": "1",
+                "memory": MEMORY_BYTES,
+                "core": 0,
+                "group": True,
+            }
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize("fate", [crash, leave])
+def test_a_worker_that_dies_costs_its_job_only(fate: object) -> None:
+    async def check() -> None:
+        records: list[JobRecord] = []
+        async with engine(workers=2, records=records) as pool:
+            others = [asyncio.create_task(pool.submit(worker_pid)) for _ in range(6)]
+            with pytest.raises(WorkerDied):
+                await pool.submit(fate)  # type: ignore[arg-type]
+            assert all(await asyncio.gather(*others))
+            assert pool.status().worker_deaths == 1
+            assert await pool.submit(size_of, b"abc") == 3
+        assert sorted(record.outcome for record in records) == ["done"] * 7 + ["worker-died"]
+
+    asyncio.run(check())
+
+
+def test_kill_9_in_the_middle_of_a_job_costs_that_job(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with engine(workers=2) as pool:
+            jobs = [asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path))) for _ in range(2)]
+            await until(lambda: len(list(tmp_path.glob("running-*"))) == 2)
+            victim = int(next(tmp_path.glob("running-*")).name.removeprefix("running-"))
+            os.kill(victim, signal.SIGKILL)
+            (tmp_path / "go").touch()
+            results = await asyncio.gather(*jobs, return_exceptions=True)
+            assert sum(isinstance(result, WorkerDied) for result in results) == 1
+            assert sum(isinstance(result, int) and result != victim for result in results) == 1
+            await until(lambda: pool.status().live_workers == 2)
+
+    asyncio.run(check())
+
+
+def test_kill_9_while_a_large_result_is_on_its_way() -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            for delay_s in (0.0, 0.01, 0.02, 0.04, 0.08):
+                pid = await pool.submit(worker_pid)
+                job = asyncio.create_task(pool.submit(payload_of, 100_000_000))
+                await asyncio.sleep(delay_s)
+                os.kill(pid, signal.SIGKILL)
+                result = (await asyncio.gather(job, return_exceptions=True))[0]
+                assert isinstance(result, WorkerDied) or len(result) == 100_000_000
+                assert await pool.submit(size_of, b"abc") == 3
+
+    asyncio.run(check())
+
+
+def test_kill_9_of_an_idle_worker_costs_nothing() -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            first = await pool.submit(worker_pid)
+            os.kill(first, signal.SIGKILL)
+            await until(lambda: pool.status().worker_deaths == 1)
+            second = await pool.submit(worker_pid)
+            assert second != first
+            assert pool.status().worker_deaths == 1
+
+    asyncio.run(check())
+
+
+def test_a_hang_in_native_code_is_killed_at_its_limit() -> None:
+    async def check() -> None:
+        async with engine(job_timeout_s=0.3) as pool:
+            begin = time.monotonic()
+            with pytest.raises(JobTimedOut, match="JOB_TIMEOUT_S"):
+                await pool.submit(hang_in_native_code)
+            assert 0.3 <= time.monotonic() - begin < 3
+            assert await pool.submit(size_of, b"abc") == 3
+            assert pool.status().worker_deaths == 0
+
+    asyncio.run(check())
+
+
+def test_a_stopped_worker_cannot_hold_its_place() -> None:
+    async def check() -> None:
+        async with engine(job_timeout_s=0.3) as pool:
+            os.kill(await pool.submit(worker_pid), signal.SIGSTOP)
+            with pytest.raises(JobTimedOut):
+                await pool.submit(size_of, b"x" * 10_000_000)  # more than a pipe holds
+            assert await pool.submit(size_of, b"abc") == 3
+
+    asyncio.run(check())
+
+
+def test_the_limit_holds_when_the_fork_server_is_gone() -> None:
+    async def check() -> None:
+        async with engine(job_timeout_s=0.3) as pool:
+            worker = psutil.Process(await pool.submit(worker_pid))
+            os.kill(worker.ppid(), signal.SIGKILL)
+            with pytest.raises(JobTimedOut):
+                await pool.submit(hang_in_native_code)
+            await until(lambda: is_gone(worker))
+            assert await pool.submit(size_of, b"abc") == 3
+
+    asyncio.run(check())
+
+
+def test_what_a_killed_worker_has_started_goes_with_it() -> None:
+    async def check() -> None:
+        async with engine(job_timeout_s=1.0) as pool:
+            worker = psutil.Process(await pool.submit(worker_pid))
+            job = asyncio.create_task(pool.submit(start_child_and_hang))
+            await until(worker.children)
+            child = worker.children()[0]
+            with pytest.raises(JobTimedOut):
+                await job
+            await until(lambda: is_gone(child))
+
+    asyncio.run(check())
+
+
+def test_more_memory_than_allowed_is_an_error_of_that_job() -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            assert await pool.submit(take_memory, MEMORY_BYTES // 4) == MEMORY_BYTES // 4
+            with pytest.raises(OutOfMemory, match=f"{MEMORY_BYTES} bytes, WORKER_MEMORY_BYTES"):
+                await pool.submit(take_memory, MEMORY_BYTES)
+            assert await pool.submit(size_of, b"abc") == 3
+
+    asyncio.run(check())
+
+
+def test_errors_cross_the_border_as_what_they_are() -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            pid = await pool.submit(worker_pid)
+            with pytest.raises(NoText, match="nothing to read"):
+                await pool.submit(refuse)
+            with pytest.raises(JobFailed, match="a defect") as failure:
+                await pool.submit(fail)
+            assert "in fail" in failure.value.traceback
+            with pytest.raises(JobFailed):
+                await pool.submit(answer_a_function)
+            with pytest.raises(JobFailed):
+                await pool.submit(lambda: None)
+            await pool.submit(size_of, b"abc")
+            with pytest.raises(JobFailed):
+                await pool.submit(size_of)
+            assert pid  # the process that answered first
+
+    asyncio.run(check())
+
+
+def test_a_refusal_does_not_cost_the_worker() -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            pid = await pool.submit(worker_pid)
+            for _ in range(3):
+                with pytest.raises(NoText):
+                    await pool.submit(refuse)
+            assert await pool.submit(worker_pid) == pid
+
+    asyncio.run(check())
+
+
+def test_workers_are_replaced_after_their_share_of_jobs() -> None:
+    async def check() -> None:
+        async with engine(jobs_per_worker=3) as pool:
+            pids = [await pool.submit(worker_pid) for _ in range(9)]
+            assert pids == [pids[0]] * 3 + [pids[3]] * 3 + [pids[6]] * 3
+            assert len(set(pids)) == 3
+            await until(lambda: pool.status().recycled_workers == 3)
+            assert pool.status().worker_deaths == 0
+
+    asyncio.run(check())
+
+
+def test_a_caller_who_leaves_frees_the_worker() -> None:
+    async def check() -> None:
+        records: list[JobRecord] = []
+        async with engine(records=records) as pool:
+            job = asyncio.create_task(pool.submit(hang_in_native_code))
+            await until(lambda: pool.status().running == 1)
+            job.cancel()
+            assert await pool.submit(size_of, b"abc") == 3
+            assert pool.status().worker_deaths == 0
+        assert [record.outcome for record in records] == ["cancelled", "done"]
+
+    asyncio.run(check())
+
+
+def test_a_caller_who_leaves_the_queue_is_passed_over(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            first = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            await until(lambda: pool.status().running == 1)
+            waiting = asyncio.create_task(pool.submit(crash))
+            await until(lambda: pool.status().waiting == 1)
+            waiting.cancel()
+            await until(lambda: pool.status().waiting == 0)
+            (tmp_path / "go").touch()
+            pid = await first
+            assert await pool.submit(worker_pid) == pid
+
+    asyncio.run(check())
+
+
+def test_the_queue_has_a_limit_of_time(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with engine(queue_timeout_s=0.1) as pool:
+            first = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            await until(lambda: pool.status().running == 1)
+            with pytest.raises(Busy, match="QUEUE_TIMEOUT_S") as refusal:
+                await pool.submit(size_of, b"abc")
+            assert refusal.value.retry_after_s >= 1
+            (tmp_path / "go").touch()
+            await first
+
+    asyncio.run(check())
+
+
+def test_seats_are_bounded_and_come_back() -> None:
+    async def check() -> None:
+        async with engine(workers=2, queue_length=3) as pool:
+            seats = [pool.admit() for _ in range(5)]
+            with pytest.raises(Busy, match="QUEUE_LENGTH"):
+                pool.admit()
+            seats[0].release()
+            seats[0].release()
+            assert pool.status().admitted == 4
+            pool.admit()
+            with pytest.raises(Busy):
+                pool.admit()
+
+    asyncio.run(check())
+
+
+class SpooledPhoto:
+    """Bytes that count how often they are read."""
+
+    def __init__(self) -> None:
+        self.reads = 0
+
+    async def read(self) -> bytes:
+        self.reads += 1
+        return b"photo"
+
+
+def test_spooled_bytes_are_read_when_a_worker_is_free(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            first = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            await until(lambda: pool.status().running == 1)
+            photo = SpooledPhoto()
+            second = asyncio.create_task(pool.submit(size_of, photo))
+            await until(lambda: pool.status().waiting == 1)
+            assert photo.reads == 0
+            (tmp_path / "go").touch()
+            await first
+            assert await second == 5
+            assert photo.reads == 1
+
+    asyncio.run(check())
+
+
+def test_draining_lets_work_end_and_takes_no_more(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            job = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            await until(lambda: pool.status().running == 1)
+            draining = asyncio.create_task(pool.drain(10))
+            await asyncio.sleep(0)
+            with pytest.raises(ShuttingDown):
+                pool.admit()
+            assert not pool.status().ready
+            (tmp_path / "go").touch()
+            assert await job
+            await draining
+            with pytest.raises(ShuttingDown):
+                await pool.submit(worker_pid)
+
+    asyncio.run(check())
+
+
+def test_draining_stops_what_outlives_the_grace() -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            pid = await pool.submit(worker_pid)
+            job = asyncio.create_task(pool.submit(hang_in_native_code))
+            await until(lambda: pool.status().running == 1)
+            await pool.drain(0.05)
+            with pytest.raises(ShuttingDown):
+                await job
+            assert not psutil.pid_exists(pid)
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize("warm_up", [fail_to_warm_up, exit_while_warming_up])
+def test_an_engine_that_cannot_warm_up_says_so(warm_up: object) -> None:
+    async def check() -> None:
+        pool = LocalEngine(PoolLimits(workers=2), warm_up=warm_up)  # type: ignore[arg-type]
+        with pytest.raises(EngineFailed, match="exit code"):
+            await pool.start()
+
+    asyncio.run(check())

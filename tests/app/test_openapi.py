@@ -1,0 +1,87 @@
+"""The OpenAPI document and the service agree: schemathesis asks, the document says what may come back."""
+
+import json
+from collections.abc import Iterator
+
+import pytest
+import schemathesis
+from fastapi.routing import APIRoute
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from app.main import ROUTERS, WORK, create_app
+from app.problems import STATUS_OF_CODE
+from app.schemas.rectify import REGION_PATTERN, parse_region
+from app.settings import Settings
+from tests.app.scripted import OPERATIONS
+from tests.app.serving import serving
+
+DOCUMENT = create_app(Settings(api_keys=()), OPERATIONS).openapi()
+schema = schemathesis.openapi.from_dict(DOCUMENT)
+
+
+@pytest.fixture(scope="module")
+def base_url() -> Iterator[str]:
+    with serving(max_upload_bytes=1_000_000, body_timeout_s=5) as client:
+        yield str(client.base_url)
+
+
+@schema.parametrize()
+@settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: str) -> None:
+    if isinstance(case.body, dict):
+        # "An object in place of the file" goes out as a file that holds JSON: bytes like any others.
+        assume(isinstance(case.body.get("image", b""), bytes | str))
+        # An empty field of a form is one that was left out, so it is no violation.
+        assume("" not in [value for name, value in case.body.items() if name != "image"])
+    case.call_and_validate(base_url=base_url)
+
+
+def test_every_route_is_documented_and_every_job_is_admitted() -> None:
+    routes = [route for router in ROUTERS for route in router.routes if isinstance(route, APIRoute)]
+    assert {route.path for route in routes} == DOCUMENT["paths"].keys()
+    assert {(method, route.path) for route in routes for method in route.methods if method == "POST"} == WORK
+
+
+def test_problems_are_documented_as_problems() -> None:
+    for path in DOCUMENT["paths"].values():
+        for operation in path.values():
+            for status, response in operation["responses"].items():
+                if status != "200":
+                    assert list(response["content"]) == ["application/problem+json"]
+                    assert f"`{code_in(response)}`" in response["description"]
+                    assert STATUS_OF_CODE[code_in(response)] == int(status)
+    assert "HTTPValidationError" not in DOCUMENT["components"]["schemas"]
+    assert DOCUMENT["components"]["schemas"]["Problem"]["properties"].keys() >= {
+        "code",
+        "detail",
+        "request_id",
+    }
+
+
+def code_in(response: dict[str, str]) -> str:
+    return response["description"].split("`")[1]
+
+
+def test_the_form_is_documented_field_by_field() -> None:
+    fields = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]
+    assert list(fields) == [
+        "image", "kind", "upright", "focal_length_px", "region", "illumination", "format", "quality", "embed",
+    ]  # fmt: skip
+    assert all(field["description"] for field in fields.values())
+    assert fields["quality"]["minimum"] == 1
+    assert fields["kind"]["enum"] == ["auto", "planar", "curved"]
+
+
+@settings(derandomize=True)
+@given(st.from_regex(REGION_PATTERN, fullmatch=True))
+def test_what_the_document_says_of_a_region_is_a_region(text: str) -> None:
+    assert text == "" or len(parse_region(text)) >= 3
+
+
+coordinates = st.floats(-1e6, 1e6) | st.integers(-(10**6), 10**6)
+
+
+@given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=200))
+def test_every_polygon_comes_through(points: list[tuple[float, float]]) -> None:
+    assert parse_region(json.dumps(points)) == tuple(points)

@@ -1,0 +1,165 @@
+"""POST /rectify: options in, representations out."""
+
+import base64
+
+import httpx
+import pytest
+
+from app.schemas.rectify import RectifyResult
+from tests.app.scripted import upload
+
+
+def post(
+    client: httpx.Client,
+    data: dict[str, str] | None = None,
+    accept: str | None = None,
+    image: bytes = upload(""),
+) -> httpx.Response:
+    headers = {} if accept is None else {"Accept": accept}
+    return client.post("/rectify", files={"image": ("photo.jpg", image)}, data=data, headers=headers)
+
+
+def notices(response: httpx.Response) -> dict[str, str]:
+    return {notice["code"]: notice["detail"] for notice in response.json()["warnings"]}
+
+
+def test_an_image_answer_carries_the_facts_as_headers(client: httpx.Client) -> None:
+    response = post(client)
+    assert response.status_code == 200
+    assert response.content == b"flat as jpeg"
+    assert response.headers["content-type"] == "image/jpeg"
+    assert response.headers["document-kind"] == "planar"
+    assert response.headers["document-rotation"] == "180"
+    assert response.headers["document-warnings"] == "options, encoding"
+    assert response.headers["server-timing"] == "decode;dur=1.2, texture-flow;dur=20.0"
+    assert response.headers["vary"] == "Accept"
+
+
+def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
+    response = post(client, {"format": "json"})
+    assert response.headers["content-type"] == "application/json"
+    assert list(response.json()) == [
+        "kind", "evidence", "camera", "surface", "orientation", "width", "height", "mesh", "warnings",
+        "timings_ms", "image",
+    ]  # fmt: skip
+    assert response.json()["image"] is None
+    assert RectifyResult.model_validate(response.json()).mesh.source[1][0] == (0, 9)
+
+
+def test_embed_puts_the_image_into_the_json(client: httpx.Client) -> None:
+    response = post(client, {"format": "json", "embed": "true"})
+    assert base64.b64decode(response.json()["image"]) == b"flat"
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        ({}, "kind='auto', upright=True, focal_length_px=None, region=None, illumination='keep'"),
+        ({"kind": "curved"}, "kind='curved'"),
+        ({"upright": "false"}, "upright=False"),
+        ({"upright": "False"}, "upright=False"),
+        ({"focal_length_px": "2931.5"}, "focal_length_px=2931.5"),
+        ({"focal_length_px": ""}, "focal_length_px=None"),
+        ({"region": "[[1,2],[3.5,4],[5,-6]]"}, "region=((1.0, 2.0), (3.5, 4.0), (5.0, -6.0))"),
+        ({"illumination": "normalize"}, "illumination='normalize'"),
+    ],
+)
+def test_options_reach_the_operation(client: httpx.Client, data: dict[str, str], expected: str) -> None:
+    assert expected in notices(post(client, {**data, "format": "json"}))["options"]
+
+
+@pytest.mark.parametrize("quality", ["1", "100"])
+def test_encoding_options_reach_the_operation(client: httpx.Client, quality: str) -> None:
+    detail = notices(post(client, {"format": "json", "quality": quality}))["encoding"]
+    assert detail == f"Encoding(format='json', quality={quality}, embed=False)"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("kind", "round"),
+        ("upright", "perhaps"),
+        ("upright", "0"),
+        ("focal_length_px", "0"),
+        ("focal_length_px", "-3"),
+        ("focal_length_px", "nan"),
+        ("focal_length_px", "inf"),
+        ("focal_length_px", "1e7"),
+        ("focal_length_px", "long"),
+        ("illumination", "bright"),
+        ("format", "gif"),
+        ("quality", "0"),
+        ("quality", "101"),
+        ("quality", "80.5"),
+        ("embed", "maybe"),
+        ("region", "[[1,2],[3,4]"),
+        ("region", "[[1,2],[3,4]]"),
+        ("region", "[[1,2],[3,4],[5]]"),
+        ("region", "[[1,2],[3,4],[5,true]]"),
+        ("region", "[[1,2],[3,4],[5,null]]"),
+        ("region", "[[1,2],[3,4],[5,NaN]]"),
+        ("region", "[[1,2],[3,4],[5,1e999]]"),
+        ("region", "[[1,2],[3,4],[5,1e7]]"),
+        ("region", "[[1,2],[3,4],[5,6,7]]"),
+        ("region", '{"a": 1}'),
+        ("region", "[" * 30_000),
+        ("region", f"[{','.join(['[1,2]'] * 201)}]"),
+        ("regoin", "[[1,2],[3,4],[5,6]]"),
+    ],
+)
+def test_a_bad_option_is_named(client: httpx.Client, field: str, value: str) -> None:
+    response = post(client, {field: value})
+    problem = response.json()
+    assert (response.status_code, problem["code"], problem["field"]) == (422, "invalid-option", field)
+    assert problem["detail"].startswith(f"{field}: ")
+    assert len(problem["detail"]) < 300
+
+
+def test_200_points_are_a_region(client: httpx.Client) -> None:
+    assert post(client, {"region": f"[{','.join(['[1,2]'] * 200)}]"}).status_code == 200
+
+
+PNG, WEBP, TIFF, HEIC = (
+    head + upload("") for head in (b"\x89PNG\r\n\x1a\n", b"RIFF\0\0\0\0WEBP", b"II*\0", b"\0\0\0\x18ftypheic")
+)
+BROWSER = "text/html,application/xhtml+xml,application/xml;q=0.9,image/avif,image/webp,*/*;q=0.8"
+
+
+@pytest.mark.parametrize(
+    ("image", "field", "accept", "expected"),
+    [
+        (upload(""), None, "*/*", "jpeg"),
+        (PNG, None, "*/*", "png"),
+        (PNG, None, "image/*", "png"),
+        (WEBP, None, None, "webp"),
+        (TIFF, None, "*/*", "tiff"),
+        (HEIC, None, "*/*", "jpeg"),
+        (b"unknown" + upload(""), None, "*/*", "None"),
+        (PNG, "jpeg", "application/json", "jpeg"),
+        (PNG, "pdf", "text/html", "pdf"),
+        (PNG, None, "application/pdf", "pdf"),
+        (PNG, None, "image/jpeg;q=0.5, image/tiff;q=0.7", "tiff"),
+        (PNG, None, BROWSER, "webp"),
+    ],
+)
+def test_what_comes_back(
+    client: httpx.Client, image: bytes, field: str | None, accept: str | None, expected: str
+) -> None:
+    response = post(client, {} if field is None else {"format": field}, accept, image)
+    assert response.text == f"flat as {expected}"
+
+
+def test_json_by_accept(client: httpx.Client) -> None:
+    response = post(client, accept="application/json, image/*;q=0.1")
+    assert response.json()["kind"] == "planar"
+
+
+@pytest.mark.parametrize("accept", ["image/heic", "text/html", "image/*;q=0"])
+def test_no_representation_fits(client: httpx.Client, accept: str) -> None:
+    response = post(client, accept=accept)
+    assert (response.status_code, response.json()["code"]) == (406, "not-acceptable")
+
+
+def test_a_large_upload_passes_through(client: httpx.Client) -> None:
+    image = upload("") + b" " * 5_000_000
+    assert post(client, image=image).content == b"flat as jpeg"

@@ -1,0 +1,96 @@
+"""`Accept` by RFC 9110."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.operations import Format
+from app.representations import (
+    MEDIA_TYPES,
+    MediaRange,
+    NotAcceptable,
+    choose_format,
+    image_headers,
+    parse_accept,
+    sniff_format,
+)
+
+
+@pytest.mark.parametrize(
+    ("accept", "own", "expected"),
+    [
+        (None, "png", "png"),
+        (None, None, None),
+        ("", "png", "png"),
+        (";;,,q=", "png", "png"),
+        ("*/*", None, None),
+        ("*/*", "tiff", "tiff"),
+        ("image/*", None, None),
+        ("image/*;q=0.5, application/json", "png", "json"),
+        ("image/*, application/json;q=0.9", "png", "png"),
+        ("*/*;q=0.1, image/png;q=0.2", "jpeg", "png"),
+        ("image/webp, image/png", "jpeg", "png"),
+        ("image/webp, image/png", "webp", "webp"),
+        ("image/jpeg;q=0, image/*", "jpeg", "png"),
+        ("image/jpeg;q=0, image/*", None, "png"),
+        ("image/*, */*;q=0", "jpeg", "jpeg"),
+        ("application/*", "jpeg", "pdf"),
+        ("application/json; charset=utf-8", "jpeg", "json"),
+        ("IMAGE/PNG; Q=1", "jpeg", "png"),
+        ("image/png;q=nonsense, image/webp;q=0.1", "jpeg", "webp"),
+        ("image/png;q=7, image/webp;q=0.1", "jpeg", "webp"),
+    ],
+)
+def test_choice(accept: str | None, own: Format | None, expected: Format | None) -> None:
+    assert choose_format(None, accept, own) == expected
+
+
+@pytest.mark.parametrize("accept", ["text/html", "image/avif", "*/*;q=0", "image/*;q=0.0, text/*"])
+def test_nothing_fits(accept: str) -> None:
+    with pytest.raises(NotAcceptable, match="image/jpeg"):
+        choose_format(None, accept, "jpeg")
+
+
+def test_the_field_wins() -> None:
+    assert choose_format("pdf", "text/html", "jpeg") == "pdf"
+
+
+def test_parsing_keeps_order_and_weights() -> None:
+    assert parse_accept("image/png;q=0.5;level=1 , */*") == (
+        MediaRange("image", "png", 0.5),
+        MediaRange("*", "*", 1.0),
+    )
+
+
+@given(st.text(alphabet="aimgejson/*;q=.,0159 \t-+", max_size=60), st.sampled_from([None, *MEDIA_TYPES]))
+def test_no_header_breaks_it(accept: str, own: Format | None) -> None:
+    try:
+        chosen = choose_format(None, accept, own)
+    except NotAcceptable:
+        return
+    assert chosen is None or chosen in MEDIA_TYPES
+
+
+@given(st.sampled_from(sorted(MEDIA_TYPES)), st.floats(0.001, 1))
+def test_the_only_format_that_is_wanted_is_sent(wanted: Format, weight: float) -> None:
+    assert choose_format(None, f"{MEDIA_TYPES[wanted]};q={weight:.3f}", "jpeg") == wanted
+
+
+@pytest.mark.parametrize("head", [b"", b"GIF89a", b"RIFF....WAVE", b"%PDF-1.7", b"\xff\xd8"])
+def test_what_is_not_known_is_left_to_the_decoder(head: bytes) -> None:
+    assert sniff_format(head) is None
+
+
+def test_headers_of_a_result_without_warnings() -> None:
+    document = {
+        "kind": "planar",
+        "orientation": {"rotation_deg": 0},
+        "warnings": [],
+        "timings_ms": {"texture_flow": 1.0},
+    }
+    assert image_headers(document) == {
+        "Document-Kind": "planar",
+        "Document-Rotation": "0",
+        "Document-Warnings": "",
+        "Server-Timing": "texture-flow;dur=1.0",
+    }

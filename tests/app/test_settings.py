@@ -1,0 +1,49 @@
+"""Settings come from the environment, with units in their names."""
+
+import pytest
+from pydantic import ValidationError
+
+from app.settings import Settings, usable_processors
+
+
+def test_defaults() -> None:
+    settings = Settings()
+    assert (settings.host, settings.port, settings.workers) == ("127.0.0.1", 8000, usable_processors())
+    assert settings.api_keys == ()
+
+
+def test_the_environment_sets_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in {"PORT": "9000", "API_KEYS": "a, b", "JOB_TIMEOUT_S": "2.5", "WORKERS": "3"}.items():
+        monkeypatch.setenv(name, value)
+    settings = Settings()
+    assert (settings.port, settings.api_keys, settings.job_timeout_s, settings.workers) == (
+        9000,
+        ("a", "b"),
+        2.5,
+        3,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("PORT", "70000"),
+        ("WORKERS", "0"),
+        ("QUEUE_LENGTH", "-1"),
+        ("JOB_TIMEOUT_S", "0"),
+        ("MAX_UPLOAD_BYTES", "many"),
+        ("LOG_LEVEL", "LOUD"),
+    ],
+)
+def test_nonsense_is_refused(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
+    monkeypatch.setenv(name, value)
+    with pytest.raises(ValidationError, match=name.lower()):
+        Settings()
+
+
+def test_every_setting_says_what_it_is() -> None:
+    assert all(field.description for field in Settings.model_fields.values())
+
+
+def test_keys_stay_out_of_logs() -> None:
+    assert "secret" not in repr(Settings(api_keys=("secret",)))

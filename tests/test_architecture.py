@@ -1,0 +1,121 @@
+"""The import rules of the house, held against the code's own imports."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+ARRAYS = ("numpy", "cv2", "PIL", "scipy", "pillow_heif", "img2pdf")
+HTTP = ("fastapi", "starlette", "uvicorn", "httpx", "pydantic", "pydantic_settings", "prometheus_client")
+SQL = ("sqlalchemy", "alembic", "sqlite3")
+ESTIMATORS = ("services.rectify", "services.mosaic", "services.layout")
+
+RULES = [
+    # (who, may not import, but may)
+    ("app", ("simulation", "benchmarks", "tests", *ARRAYS), ()),
+    ("app/engine", (*HTTP, "app"), ("app.engine",)),
+    ("app/schemas", ("app.routes", "app.engine", "app.main", "services"), ()),
+    (
+        "services",
+        ("app", "simulation", "benchmarks", "tests", "models", *HTTP, *SQL),
+        ("models.layout_graph",),
+    ),
+    ("services/geometry", (*ESTIMATORS, "services.imaging", "services.texture_flow", "services.ocr"), ()),
+    ("services/imaging", (*ESTIMATORS, "services.texture_flow", "services.ocr"), ()),
+    ("services/texture_flow", (*ESTIMATORS, "services.ocr"), ()),
+    ("services/ocr", (*ESTIMATORS, "services.texture_flow"), ()),
+    ("services/rectify", ("services.mosaic", "services.layout", "services.operations"), ()),
+    ("services/mosaic", ("services.layout", "services.operations"), ()),
+    ("services/layout", ("services.rectify", "services.mosaic", "services.operations"), ()),
+    ("models", ("app", "services", "simulation", "benchmarks", "tests"), ()),
+    ("simulation", ("app", "services", "models", "benchmarks", "tests"), ()),
+]
+ONLY_IN = [
+    # (module, the only places that may import it)
+    ("sqlalchemy", ("models/",)),
+    ("alembic", ("models/",)),
+    ("fastapi", ("app/",)),
+    ("starlette", ("app/",)),
+]
+
+
+def sources(folder: str) -> list[Path]:
+    return sorted(path for path in (ROOT / folder).rglob("*.py") if "__pycache__" not in path.parts)
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Dotted names that a module imports, wherever in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute here"
+            assert node.module is not None
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def within(name: str, packages: tuple[str, ...]) -> bool:
+    return any(name == package or name.startswith(package + ".") for package in packages)
+
+
+@pytest.mark.parametrize(("who", "forbidden", "allowed"), RULES, ids=[rule[0] for rule in RULES])
+def test_imports_run_one_way(who: str, forbidden: tuple[str, ...], allowed: tuple[str, ...]) -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in sources(who)
+        for name in imports(path)
+        if within(name, forbidden) and not within(name, allowed)
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize(("module", "places"), ONLY_IN, ids=[rule[0] for rule in ONLY_IN])
+def test_some_libraries_have_one_place(module: str, places: tuple[str, ...]) -> None:
+    wrong = [
+        str(path.relative_to(ROOT))
+        for folder in ("app", "services", "models", "simulation", "benchmarks")
+        for path in sources(folder)
+        for name in imports(path)
+        if within(name, (module,)) and not str(path.relative_to(ROOT)).startswith(places)
+    ]
+    assert wrong == []
+
+
+def test_only_the_codec_decodes_and_encodes() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}: {node.attr}"
+        for path in sources("services")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute)
+        and node.attr in {"imread", "imdecode", "imwrite", "imencode"}
+        and path.relative_to(ROOT).parts[:2] != ("services", "imaging")
+    ]
+    assert wrong == []
+
+
+def test_only_problems_knows_status_codes() -> None:
+    """No number of HTTP's errors anywhere else in `app`; what the log says of a client that left is none."""
+    wrong = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {node.value}"
+        for path in sources("app")
+        if path.name not in {"problems.py"} and path.parent.name != "schemas"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant)
+        and type(node.value) is int
+        and 400 <= node.value < 600
+        and node.value != 499
+    ]
+    assert wrong == []
+
+
+def test_no_room_for_leftovers() -> None:
+    names = {"utils", "helpers", "common", "manager", "core", "misc"}
+    folders = ("app", "services", "models", "simulation", "benchmarks")
+    assert [path for folder in folders for path in sources(folder) if path.stem in names] == []
+
+
+@pytest.mark.parametrize("folder", ["app", "services", "models", "simulation"])
+def test_the_rules_see_the_code(folder: str) -> None:
+    assert sources(folder)
