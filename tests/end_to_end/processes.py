@@ -1,0 +1,88 @@
+"""The service as a process of its own, as an operator runs it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import psutil
+
+ROOT = Path(__file__).parent.parent.parent
+SCRIPTED = "tests.end_to_end.scripted_service"
+PRODUCT = "app"
+
+
+@dataclass(slots=True)
+class Service:
+    """A running server process; `lines` is what it has logged so far."""
+
+    process: "subprocess.Popen[str]"
+    lines: list[dict[str, Any]] = field(default_factory=list)
+    other_output: list[str] = field(default_factory=list)
+    port: int = 0
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def read(self) -> None:
+        """Collect the log until the process ends."""
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            try:
+                self.lines.append(json.loads(line))
+            except json.JSONDecodeError:
+                self.other_output.append(line)
+
+    def wait_until_up(self, seconds: float = 60) -> None:
+        """Return when it listens."""
+        deadline = time.monotonic() + seconds
+        while not self.port:
+            assert self.process.poll() is None, self.other_output
+            assert time.monotonic() < deadline
+            for line in self.lines:
+                if "running on http" in line["message"]:
+                    self.port = int(line["message"].split("127.0.0.1:")[1].split()[0])
+            time.sleep(0.02)
+
+    def descendants(self) -> list[psutil.Process]:
+        """Every process that this one has started, and those that they have."""
+        return psutil.Process(self.process.pid).children(recursive=True)
+
+    def terminate(self) -> None:
+        """Ask it to stop, as `docker stop` does."""
+        self.process.send_signal(signal.SIGTERM)
+
+
+@contextmanager
+def running(module: str = SCRIPTED, **settings: object) -> Iterator[Service]:
+    """The service in a process of its own, on a free port of the loopback."""
+    environment = {name.upper(): str(value) for name, value in settings.items()}
+    process = subprocess.Popen(
+        [sys.executable, "-m", module],
+        cwd=ROOT,
+        env={**os.environ, "HOST": "127.0.0.1", "PORT": "0", **environment},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    service = Service(process)
+    reader = Thread(target=service.read)
+    reader.start()
+    try:
+        service.wait_until_up()
+        yield service
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.wait(10)
+        reader.join(10)
+        assert process.stderr is not None
+        process.stderr.close()

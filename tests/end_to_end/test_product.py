@@ -1,0 +1,141 @@
+"""The product itself, `python -m app`: pictures in, pictures and JSON out."""
+
+import base64
+import io
+import time
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import img2pdf
+import numpy as np
+import pikepdf
+import pytest
+from PIL import Image
+from pillow_heif import register_heif_opener
+
+from app.schemas.rectify import RectifyResult
+from simulation.pages import own_pages
+from tests.end_to_end.processes import PRODUCT, running
+
+register_heif_opener()
+MEDIA_TYPES = {
+    "JPEG": "image/jpeg",
+    "PNG": "image/png",
+    "WEBP": "image/webp",
+    "TIFF": "image/tiff",
+    "HEIF": "image/jpeg",
+}
+
+
+@pytest.fixture(scope="module")
+def page() -> Image.Image:
+    return Image.fromarray(own_pages(800, 1200)[0].image)
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[httpx.Client]:
+    with running(PRODUCT, workers=1) as process, httpx.Client(base_url=process.url, timeout=60) as client:
+        yield client
+
+
+def encoded(image: Image.Image, format_: str, **options: object) -> bytes:
+    stream = io.BytesIO()
+    image.save(stream, format_, **options)
+    return stream.getvalue()
+
+
+def post(service: httpx.Client, photo: bytes, accept: str = "*/*", **fields: str) -> httpx.Response:
+    return service.post(
+        "/rectify", files={"image": ("photo", photo)}, data=fields, headers={"Accept": accept}
+    )
+
+
+@pytest.mark.parametrize("format_", MEDIA_TYPES)
+def test_a_page_comes_back_in_its_own_format(service: httpx.Client, page: Image.Image, format_: str) -> None:
+    response = post(service, encoded(page, format_))
+    assert (response.status_code, response.headers["content-type"]) == (200, MEDIA_TYPES[format_])
+    assert response.headers["document-kind"] == "planar"
+    assert response.headers["document-rotation"] in {"0", "90", "180", "270"}
+    assert "decode;dur=" in response.headers["server-timing"]
+    with Image.open(io.BytesIO(response.content)) as flat:
+        flat.load()
+        assert min(flat.size) > 100
+    assert np.asarray(flat.convert("L")).std() > 5  # there is something on it
+
+
+def test_the_json_is_the_contract_s(service: httpx.Client, page: Image.Image) -> None:
+    response = post(service, encoded(page, "JPEG"), accept="application/json", embed="true")
+    assert response.status_code == 200
+    result = RectifyResult.model_validate_json(response.content)
+    assert result.image is not None
+    with Image.open(io.BytesIO(base64.b64decode(result.image))) as flat:
+        assert flat.size == (result.width, result.height)
+    assert len(result.mesh.source) == result.mesh.rows
+    assert {len(row) for row in result.mesh.source} == {result.mesh.columns}
+
+
+def test_a_pdf_has_one_page(service: httpx.Client, page: Image.Image) -> None:
+    response = post(service, encoded(page, "JPEG"), format="pdf")
+    assert response.headers["content-type"] == "application/pdf"
+    with pikepdf.open(io.BytesIO(response.content)) as document:
+        assert len(document.pages) == 1
+
+
+def bomb() -> bytes:
+    """A PNG of 30000 x 30000 pixels in a few bytes."""
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return len(data).to_bytes(4, "big") + name + data + zlib.crc32(name + data).to_bytes(4, "big")
+
+    size = (30_000).to_bytes(4, "big")
+    header = chunk(b"IHDR", size + size + b"\x08\x02\0\0\0")
+    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"\0" * 1000)) + chunk(b"IEND", b"")
+
+
+def noise(mode: str) -> Image.Image:
+    return Image.fromarray(np.random.default_rng(1).integers(0, 255, (60, 80, 3), np.uint8)).convert(mode)
+
+
+BAD = {
+    "empty": (b"", {415}),
+    "text": (b"no picture at all", {415}),
+    "svg": (b"<svg xmlns='http://www.w3.org/2000/svg'/>", {415}),
+    "gif": (encoded(noise("P"), "GIF"), {415}),
+    "pdf": (img2pdf.convert(encoded(noise("RGB"), "JPEG")), {415}),
+    "bomb": (bomb(), {413}),
+    "cut JPEG": (encoded(noise("RGB"), "JPEG")[:-900], {422}),
+    "cut PNG": (encoded(noise("RGB"), "PNG")[:-900], {422}),
+    "only a signature": (b"\xff\xd8\xff\xe0", {415, 422}),
+    "CMYK": (encoded(noise("CMYK"), "JPEG"), {200, 422}),
+    "palette": (encoded(noise("P"), "PNG"), {200, 422}),
+    "alpha": (encoded(noise("RGBA"), "PNG"), {200, 422}),
+    "16 bits": (encoded(Image.fromarray(np.zeros((60, 80), np.uint16)), "PNG"), {200, 422}),
+    "animated": (encoded(noise("RGB"), "WEBP", save_all=True, append_images=[noise("RGB")]), {200, 422}),
+    "one pixel": (encoded(Image.new("RGB", (1, 1)), "PNG"), {200, 422}),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_gets_a_problem_soon(service: httpx.Client, name: str) -> None:
+    photo, expected = BAD[name]
+    begin = time.monotonic()
+    response = post(service, photo)
+    assert time.monotonic() - begin < 1
+    assert response.status_code in expected
+    if response.status_code != 200:
+        assert response.headers["content-type"] == "application/problem+json"
+        assert response.json()["status"] == response.status_code
+
+
+def test_the_server_itself_loads_no_arrays(page: Image.Image) -> None:
+    with running(PRODUCT, workers=1) as process:
+        assert post_to(process.url, encoded(page, "JPEG")) == 200
+        maps = Path(f"/proc/{process.process.pid}/maps").read_text(encoding="utf-8")
+        assert "numpy" not in maps
+        assert "cv2" not in maps
+
+
+def post_to(url: str, photo: bytes) -> int:
+    return httpx.post(url + "/rectify", files={"image": photo}, timeout=60).status_code
