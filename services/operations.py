@@ -18,6 +18,7 @@ from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.imaging.codec import DecodedImage, ImageLimits, OutputFormat, decode_image, encode_image
 from services.ocr.engine import OcrEngine
+from services.ocr.tesseract import open_engine
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import PlaneSurface, RectifyResult
@@ -163,13 +164,8 @@ def _timed(stage: str, timings_ms: dict[str, float]) -> Iterator[None]:
 
 @functools.cache
 def ocr_engine() -> OcrEngine | None:
-    """This process's OCR engine, opened at first use; None where there is none."""
-    try:
-        from services.ocr.tesseract import open_engine  # type: ignore[import-not-found,unused-ignore]
-    except ModuleNotFoundError:
-        return None
-    engine: OcrEngine | None = open_engine()
-    return engine
+    """This process's OCR engine, opened at first use; None where none is installed."""
+    return open_engine()
 
 
 def warm_up() -> dict[str, object]:
