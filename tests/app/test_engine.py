@@ -1,10 +1,8 @@
 """The pool of processes: what befalls a worker befalls its job and nothing else."""
 
 import asyncio
-import ctypes
 import os
 import signal
-import subprocess
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -25,84 +23,26 @@ from app.engine.base import (
 )
 from app.engine.local import LocalEngine, PoolLimits
 from services.errors import NoText
+from tests.app.jobs import (
+    announce_and_wait,
+    answer_a_function,
+    crash,
+    exit_while_warming_up,
+    fail,
+    fail_to_warm_up,
+    hang_in_native_code,
+    leave,
+    payload_of,
+    refuse,
+    say_warm,
+    size_of,
+    start_child_and_hang,
+    take_memory,
+    threads_and_limits,
+    worker_pid,
+)
 
 MEMORY_BYTES = 1 << 30
-
-
-def worker_pid() -> int:
-    return os.getpid()
-
-
-def size_of(payload: bytes) -> int:
-    return len(payload)
-
-
-def payload_of(size: int) -> bytes:
-    return b"x" * size
-
-
-def hang_in_native_code() -> None:
-    ctypes.PyDLL(None).sleep(3600)
-
-
-def crash() -> None:
-    ctypes.string_at(0)
-
-
-def leave() -> None:
-    os._exit(3)
-
-
-def take_memory(size: int) -> int:
-    return len(bytearray(size))
-
-
-def refuse() -> None:
-    raise NoText("nothing to read")
-
-
-def fail() -> None:
-    raise ZeroDivisionError("a defect")
-
-
-def answer_a_function() -> object:
-    return lambda: None
-
-
-def announce_and_wait(folder: str) -> int:
-    (Path(folder) / f"running-{os.getpid()}").touch()
-    while not (Path(folder) / "go").exists():
-        time.sleep(0.005)
-    return os.getpid()
-
-
-def start_child_and_hang() -> None:
-    subprocess.Popen(["sleep", "3600"])
-    time.sleep(3600)
-
-
-def threads_and_limits() -> dict[str, object]:
-    import resource
-
-    return {
-        "openblas": os.environ["OPENBLAS_NUM_THREADS"],
-        "opencv": os.environ["OPENCV_FOR_THREADS_NUM"],
-        "memory": resource.getrlimit(resource.RLIMIT_AS)[0],
-        "core": resource.getrlimit(resource.RLIMIT_CORE)[0],
-        "group": os.getpgid(0) == os.getpid(),
-    }
-
-
-def fail_to_warm_up() -> dict[str, object]:
-    raise RuntimeError("a library is missing")
-
-
-def exit_while_warming_up() -> dict[str, object]:
-    os._exit(5)
-
-
-def say_warm() -> dict[str, object]:
-    return {"ocr": "none", "pid": os.getpid()}
 
 
 @asynccontextmanager
@@ -114,7 +54,7 @@ async def engine(
     pool = LocalEngine(
         PoolLimits(workers=workers, **settings),  # type: ignore[arg-type]
         warm_up=say_warm,
-        preload=(__name__,),
+        preload=("tests.app.jobs",),
         observe=observed.append,
     )
     await pool.start()

@@ -81,8 +81,14 @@ def running(module: str = SCRIPTED, **settings: object) -> Iterator[Service]:
         yield service
     finally:
         if process.poll() is None:
+            process.terminate()
+        try:
+            process.wait(20)
+        except subprocess.TimeoutExpired:
             process.kill()
-        process.wait(10)
-        reader.join(10)
-        assert process.stderr is not None
-        process.stderr.close()
+            process.wait(10)
+            raise
+        finally:
+            reader.join(10)
+            assert process.stderr is not None
+            process.stderr.close()

@@ -97,8 +97,8 @@ def test_what_outlives_the_grace_gets_an_answer_and_is_stopped() -> None:
         assert_nothing_is_left(processes)
 
 
-def test_workers_do_not_outlive_a_server_that_is_killed() -> None:
-    with running(SCRIPTED, workers=2) as service:
+def test_workers_do_not_outlive_a_server_that_is_killed(tmp_path: Path) -> None:
+    with running(SCRIPTED, workers=2, tmpdir=tmp_path) as service:
         processes = service.descendants()
         assert len(processes) >= 3
         service.process.kill()

@@ -1,0 +1,84 @@
+"""What workers are made to do, and to suffer, in the tests of the engine."""
+
+import ctypes
+import os
+import resource
+import subprocess
+import time
+from pathlib import Path
+
+from services.errors import NoText
+
+
+def worker_pid() -> int:
+    return os.getpid()
+
+
+def size_of(payload: bytes) -> int:
+    return len(payload)
+
+
+def payload_of(size: int) -> bytes:
+    return b"x" * size
+
+
+def hang_in_native_code() -> None:
+    ctypes.PyDLL(None).sleep(3600)
+
+
+def crash() -> None:
+    ctypes.string_at(0)
+
+
+def leave() -> None:
+    os._exit(3)
+
+
+def take_memory(size: int) -> int:
+    return len(bytearray(size))
+
+
+def refuse() -> None:
+    raise NoText("nothing to read")
+
+
+def fail() -> None:
+    raise ZeroDivisionError("a defect")
+
+
+def answer_a_function() -> object:
+    return lambda: None
+
+
+def announce_and_wait(folder: str) -> int:
+    (Path(folder) / f"running-{os.getpid()}").touch()
+    while not (Path(folder) / "go").exists():
+        time.sleep(0.005)
+    return os.getpid()
+
+
+def start_child_and_hang() -> None:
+    subprocess.Popen(["sleep", "3600"])
+    time.sleep(3600)
+
+
+def threads_and_limits() -> dict[str, object]:
+    return {
+        "openblas": os.environ["OPENBLAS_NUM_THREADS"],
+        "opencv": os.environ["OPENCV_FOR_THREADS_NUM"],
+        "memory": resource.getrlimit(resource.RLIMIT_AS)[0],
+        "core": resource.getrlimit(resource.RLIMIT_CORE)[0],
+        "group": os.getpgid(0) == os.getpid(),
+    }
+
+
+def fail_to_warm_up() -> dict[str, object]:
+    raise RuntimeError("a library is missing")
+
+
+def exit_while_warming_up() -> dict[str, object]:
+    os._exit(5)
+
+
+def say_warm() -> dict[str, object]:
+    return {"ocr": "none", "pid": os.getpid()}
