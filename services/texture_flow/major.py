@@ -1,0 +1,147 @@
+"""Major texture flow: the local direction of text lines (dissertation 2.3.2)."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Points
+from services.texture_flow.field import FlowField, FlowSamples, angle_difference, reject_outliers, smooth_samples
+from services.texture_flow.projection_profiles import parabola_peak, sample_windows, scan_directions, scan_slopes
+from services.texture_flow.relaxation import Candidates, find_peaks, label_by_relaxation
+from services.texture_flow.text_identification import IdentifiedText
+
+
+@dataclass(frozen=True, slots=True)
+class MajorFlowParameters:
+    """Lengths are multiples of the text height."""
+
+    coarse_text_height_px: float = 4.0
+    """The coarse scan works on ink reduced until characters have this size."""
+    coarse_block: float = 5.0
+    coarse_window: tuple[float, float] = (12.0, 9.0)
+    coarse_step_rad: float = np.deg2rad(5.0)
+    candidates: int = 4
+    iterations: int = 10
+    relaxation_step: float = 1.0
+    """A large step: ten iterations decide."""
+    fine_block: float = 3.0
+    fine_window: tuple[float, float] = (14.0, 8.0)
+    fine_range_rad: float = np.deg2rad(7.0)
+    fine_step_rad: float = np.deg2rad(1.0)
+    strips: int = 12
+    outlier_rad: float = np.deg2rad(8.0)
+    max_samples: int = 900
+    """Bound on the fine samples: the blocks grow until there are no more."""
+    smoothing: float = 6.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoarseFlow:
+    """Coarse directions on a grid of nodes: the estimates E_0^M and E_0^m of the text."""
+
+    points: Points
+    major: FlowSamples
+    minor: FlowSamples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MajorFlow:
+    """Fine samples E_2^M and the dense field E^M, in the frame of the analysed image."""
+
+    samples: FlowSamples
+    field: FlowField
+
+
+def block_centres(area: NDArray[np.bool_], block_px: float, max_count: int | None = None) -> tuple[Points, tuple[int, int]]:
+    """Centres (rows * columns, 2) of blocks that tile the image, row by row, and the grid's (rows, columns)."""
+    height, width = area.shape
+    while True:
+        rows, columns = max(int(height / block_px), 1), max(int(width / block_px), 1)
+        x = (np.arange(columns) + 0.5) * width / columns - 0.5
+        y = (np.arange(rows) + 0.5) * height / rows - 0.5
+        grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        at = np.round(grid).astype(int)
+        if max_count is None or area[at[:, 1], at[:, 0]].sum() <= max_count:
+            return grid, (rows, columns)
+        block_px *= 1.15
+
+
+def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | None = None) -> CoarseFlow:
+    """Coarse major and minor directions by K candidate peaks and relaxation labelling."""
+    p = parameters or MajorFlowParameters()
+    scale = min(p.coarse_text_height_px / text.text_height_px, 1.0)
+    ink = cv2.resize(text.ink.astype(np.float32), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    unit = text.text_height_px
+    # Grids of a page-filling headline or of dust alike stay bounded.
+    block = max(p.coarse_block * unit, max(text.ink.shape) / 64)
+    centres, grid = block_centres(text.area, block)
+    reduced = (centres + 0.5) * scale - 0.5
+    window = (p.coarse_window[0] * unit * scale, p.coarse_window[1] * unit * scale)
+    presence = cv2.blur(ink, tuple(int(w) | 1 for w in window), borderType=cv2.BORDER_CONSTANT)
+    at = np.clip(np.round(reduced).astype(int), 0, [ink.shape[1] - 1, ink.shape[0] - 1])
+    amount = presence[at[:, 1], at[:, 0]]
+    alive = amount > 0.25 * float(np.median(amount[amount > 0])) if (amount > 0).any() else amount > 0
+    angles = np.arange(0.0, np.pi - 1e-9, p.coarse_step_rad)
+    energies = np.zeros((len(centres), len(angles)))
+    energies[alive] = scan_directions(ink, reduced[alive], angles, window)
+    candidates = find_peaks(energies.reshape(*grid, -1), angles, p.candidates)
+    confidence = label_by_relaxation(candidates, p.iterations, p.relaxation_step)
+    best = np.argmax(confidence, axis=-1)[..., None]
+    major_angle = np.take_along_axis(candidates.angles, best, axis=-1)
+    major = _as_samples(centres, candidates, confidence, best)
+    # E_0^m: without the major candidates, and only directions that cross the major flow clearly.
+    crossing = np.abs(angle_difference(candidates.angles, major_angle)) > np.pi / 4
+    rest = Candidates(candidates.angles, np.where(crossing, candidates.energies, 0.0))
+    confidence_rest = label_by_relaxation(rest, p.iterations, p.relaxation_step)
+    best_rest = np.argmax(confidence_rest, axis=-1)[..., None]
+    minor = _as_samples(centres, rest, confidence_rest, best_rest)
+    return CoarseFlow(centres, major, minor)
+
+
+def _as_samples(
+    centres: Points, candidates: Candidates, confidence: NDArray[np.float64], best: NDArray[np.intp]
+) -> FlowSamples:
+    energy = np.take_along_axis(candidates.energies, best, axis=-1).ravel()
+    angle = np.take_along_axis(candidates.angles, best, axis=-1).ravel()
+    trust = np.take_along_axis(confidence, best, axis=-1).ravel()
+    top = float(energy.max()) if energy.size and energy.max() > 0 else 1.0
+    samples = FlowSamples(centres, angle, trust * energy / top)
+    return samples.select(energy > 0)
+
+
+def refine_major_flow(
+    text: IdentifiedText, coarse: FlowSamples, parameters: MajorFlowParameters | None = None
+) -> MajorFlow:
+    """Fine major flow: the profile's peak within a few degrees of the coarse field, at finer blocks."""
+    p = parameters or MajorFlowParameters()
+    unit = text.text_height_px
+    shape = (text.ink.shape[0], text.ink.shape[1])
+    sigma = p.smoothing * unit
+    kept = reject_outliers(coarse, 2 * sigma, shape, 3 * p.outlier_rad)
+    field = smooth_samples(kept, shape, sigma, 2 * sigma)
+    centres, _ = block_centres(text.area, p.fine_block * unit, p.max_samples)
+    at = np.round(centres).astype(int)
+    centres = centres[text.area[at[:, 1], at[:, 0]]]
+    slopes = np.tan(np.arange(-p.fine_range_rad, p.fine_range_rad + 1e-9, p.fine_step_rad))
+    step = max(unit / 12.0, 0.5)  # at most a dozen samples a character, so that work does not grow with its size
+    columns = int(p.fine_window[0] * unit / step / p.strips) * p.strips
+    margin = int(np.ceil(columns / 2 * abs(slopes[0]))) + 2
+    rows = int(p.fine_window[1] * unit / step) + 2 * margin
+    ink = text.ink.astype(np.float32)
+    samples = FlowSamples(centres, np.zeros(len(centres)), np.ones(len(centres)))
+    for _ in range(2):  # the second round starts from the first one's field, which brings far peaks into range
+        theta = field.at(centres)
+        along = step * np.stack([np.cos(theta), np.sin(theta)], axis=1)
+        across = step * np.stack([-np.sin(theta), np.cos(theta)], axis=1)
+        energies, amount = scan_slopes(sample_windows(ink, centres, along, across, (rows, columns)), slopes, margin, p.strips)
+        slope, inner = parabola_peak(energies, slopes)
+        top, mean = energies.max(axis=1), energies.mean(axis=1)
+        contrast = (top - energies.min(axis=1)) / np.where(mean > 0, mean, 1.0)
+        weight = np.clip(contrast / 0.6, 0, 1) * np.clip(amount / max(float(np.median(amount)), 1e-9), 0, 1)
+        angle = (theta + np.arctan(slope) + np.pi / 2) % np.pi - np.pi / 2
+        samples = FlowSamples(centres, angle, np.where(inner, weight, 0.0))
+        samples = reject_outliers(samples.select(samples.weights > 0.05), sigma, shape, p.outlier_rad)
+        field = smooth_samples(samples, shape, p.fine_block * unit, sigma)
+    return MajorFlow(samples, field)

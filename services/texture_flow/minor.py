@@ -1,0 +1,174 @@
+"""Minor texture flow: the local direction of vertical character strokes (dissertation 2.3.3).
+
+The directional filter is the derivative across a stroke's edge. A straight stroke puts all its edge pixels
+at one direction, a round one spreads them thinly; so the strength curve over the direction, gathered in a
+window, has a narrow peak at the strokes' direction. Strokes along the major flow are removed first, and the
+peak is found by a third-order fit, as in the text. Measured against the text's line filters on the same
+windows this is five times more precise, for a tenth of the time (docs/decisions.md).
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from services.arrays import GrayImage, Mask, Points, Vector
+from services.texture_flow.field import FlowField, FlowSamples, angle_difference, reject_outliers, smooth_samples
+
+
+@dataclass(frozen=True, slots=True)
+class MinorFlowParameters:
+    """Lengths are multiples of the text height."""
+
+    presmoothing_px: float = 0.7
+    """Gaussian before the derivative: takes the staircase of sampled edges away."""
+    edge_share: float = 0.25
+    """Edges count above this share of the strong (99th percentile) gradient."""
+    crossing_rad: float = np.deg2rad(40.0)
+    """Strokes nearer than this to the major flow are removed."""
+    block: float = 6.0
+    coarse_bin_rad: float = np.deg2rad(1.0)
+    coarse_sigma_rad: float = np.deg2rad(3.0)
+    coarse_fit_rad: float = np.deg2rad(9.0)
+    fine_range_rad: float = np.deg2rad(12.0)
+    fine_bin_rad: float = np.deg2rad(0.25)
+    fine_sigma_rad: float = np.deg2rad(0.7)
+    fine_fit_rad: float = np.deg2rad(2.5)
+    outlier_rad: float = np.deg2rad(8.0)
+    smoothing: float = 10.0
+    min_edges: int = 40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StrokeEdges:
+    """Edge pixels that cross the major flow: `points` (E, 2), tangent `angles` (E,) rad, `strengths` (E,)."""
+
+    points: NDArray[np.float32]
+    angles: NDArray[np.float32]
+    strengths: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MinorFlow:
+    """Samples E_2^m and the dense field E^m, in the frame of the analysed image."""
+
+    samples: FlowSamples
+    field: FlowField
+
+
+def detect_stroke_edges(
+    gray: GrayImage, area: Mask, major: FlowField, parameters: MinorFlowParameters
+) -> StrokeEdges:
+    """Strong edges in the text `area` whose tangent is clear of the major flow."""
+    p = parameters
+    smooth = cv2.GaussianBlur(gray, (0, 0), p.presmoothing_px)
+    # Scharr's filter: its direction is right to 0.1 degree, Sobel's only to about one.
+    gx, gy = cv2.Scharr(smooth, cv2.CV_16S, 1, 0), cv2.Scharr(smooth, cv2.CV_16S, 0, 1)
+    strength = np.abs(gx, out=None).astype(np.uint16) + np.abs(gy).astype(np.uint16)
+    inside = strength[area]
+    if inside.size == 0:
+        empty = np.zeros(0, np.float32)
+        return StrokeEdges(np.zeros((0, 2), np.float32), empty, empty)
+    threshold = p.edge_share * float(np.percentile(inside[:: max(inside.size // 100_000, 1)], 99))
+    rows, columns = np.nonzero((strength > threshold) & area)
+    x, y = gx[rows, columns].astype(np.float32), gy[rows, columns].astype(np.float32)
+    points = np.stack([columns, rows], axis=1).astype(np.float32)
+    angles = np.arctan2(x, -y)  # the tangent is the gradient turned by a right angle
+    clear = np.abs(angle_difference(angles, major.at(points))) > p.crossing_rad
+    return StrokeEdges(points[clear], angles[clear].astype(np.float32), np.hypot(x, y)[clear])
+
+
+def strength_curves(
+    blocks: NDArray[np.intp], count: int, deviations: Vector, strengths: Vector, half_range: float, bin_rad: float
+) -> tuple[NDArray[np.float64], Vector]:
+    """Strength S(beta) (count, B) per block over directions (B,), by adding up edge pixels."""
+    bins = int(round(2 * half_range / bin_rad))
+    index = np.floor((deviations + half_range) / bin_rad).astype(int)
+    ok = (index >= 0) & (index < bins)
+    flat = np.bincount(blocks[ok] * bins + index[ok], weights=strengths[ok], minlength=count * bins)
+    return flat.reshape(count, bins), (np.arange(bins) + 0.5) * bin_rad - half_range
+
+
+def fit_curve_peaks(curves: NDArray[np.float64], directions: Vector, half_width: float) -> Vector:
+    """Direction (N,) of the peak of curves (N, B), by a third-order polynomial around the largest value.
+
+    The fit's windows are moved inside of the range, so a peak at the very end keeps its largest value.
+    """
+    step = directions[1] - directions[0]
+    half = max(int(round(half_width / step)), 2)
+    top = np.clip(np.argmax(curves, axis=1), half, curves.shape[1] - 1 - half)
+    t = np.arange(-half, half + 1) / half
+    window = np.take_along_axis(curves, top[:, None] + np.arange(-half, half + 1), axis=1)
+    design = np.vander(t, 4, increasing=True)
+    c = window @ np.linalg.pinv(design).T  # S = c0 + c1 t + c2 t^2 + c3 t^3
+    # The maximum of a cubic: c1 + 2 c2 t + 3 c3 t^2 = 0 with negative second derivative, in a stable form.
+    root = np.sqrt(np.maximum(c[:, 2] ** 2 - 3 * c[:, 1] * c[:, 3], 0.0))
+    denominator = -c[:, 2] + root
+    peak = np.where(denominator > 0, c[:, 1] / np.where(denominator > 0, denominator, 1.0), 0.0)
+    return np.asarray(directions[top] + np.clip(peak, -1, 1) * half * step)
+
+
+def estimate_minor_flow(
+    gray: GrayImage,
+    area: Mask,
+    text_height_px: float,
+    major: FlowField,
+    parameters: MinorFlowParameters | None = None,
+) -> MinorFlow | None:
+    """Minor flow of a flat-fielded image in the text `area` (H, W); None where there are no strokes.
+
+    First strength curves over the half circle, shared with neighbouring blocks, give a coarse field; then
+    curves of the deviation from that field, with narrow bins, give the samples.
+    """
+    p = parameters or MinorFlowParameters()
+    edges = detect_stroke_edges(gray, area, major, p)
+    if len(edges.points) < p.min_edges:
+        return None
+    shape = (gray.shape[0], gray.shape[1])
+    block = p.block * text_height_px
+    columns = int(shape[1] // block) + 1
+    rows = int(shape[0] // block) + 1
+    which = (edges.points[:, 1] // block).astype(int) * columns + (edges.points[:, 0] // block).astype(int)
+    count = rows * columns
+    population = np.bincount(which, minlength=count)
+    mass = np.bincount(which, weights=edges.strengths, minlength=count)
+    divisor = np.maximum(mass, 1e-9)
+    centres = np.stack(
+        [np.bincount(which, weights=edges.points[:, k] * edges.strengths, minlength=count) / divisor for k in (0, 1)],
+        axis=1,
+    )
+    alive = population >= p.min_edges
+    if not alive.any():
+        return None
+    perpendicular = major.at(edges.points) + np.pi / 2
+    deviation = angle_difference(edges.angles, perpendicular)
+    curves, directions = strength_curves(which, count, deviation, edges.strengths, np.pi / 2, p.coarse_bin_rad)
+    shared = _share(curves, (rows, columns), 1.0, p.coarse_sigma_rad / p.coarse_bin_rad)
+    coarse = fit_curve_peaks(shared[alive], directions, p.coarse_fit_rad)
+    weight = np.clip(population[alive] / float(np.median(population[alive])), 0, 1)
+    samples = FlowSamples(centres[alive], major.at(centres[alive]) + np.pi / 2 + coarse, weight)
+    sigma = p.smoothing * text_height_px
+    samples = reject_outliers(samples, 1.5 * sigma, shape, 3 * p.outlier_rad)
+    field = smooth_samples(samples, shape, block, 1.5 * sigma)
+    for _ in range(2):
+        deviation = angle_difference(edges.angles, field.at(edges.points))
+        curves, directions = strength_curves(which, count, deviation, edges.strengths, p.fine_range_rad, p.fine_bin_rad)
+        shared = _share(curves, (rows, columns), 0.7, p.fine_sigma_rad / p.fine_bin_rad)[alive]
+        peaks = fit_curve_peaks(shared, directions, p.fine_fit_rad)
+        prominence = shared.max(axis=1) / np.maximum(shared.mean(axis=1), 1e-9)
+        trust = weight * np.clip((prominence - 1.2) / 1.5, 0.05, 1)
+        angle = (field.at(centres[alive]) + peaks) % np.pi
+        samples = reject_outliers(FlowSamples(centres[alive], angle, trust), sigma, shape, p.outlier_rad)
+        field = smooth_samples(samples, shape, block, sigma)
+    return MinorFlow(samples, field)
+
+
+def _share(
+    curves: NDArray[np.float64], grid: tuple[int, int], sigma_blocks: float, sigma_bins: float
+) -> NDArray[np.float64]:
+    """Curves (rows * columns, B) blurred over neighbouring blocks and along the direction."""
+    stacked = curves.reshape(*grid, -1)
+    blurred = gaussian_filter(stacked, (sigma_blocks, sigma_blocks, sigma_bins), mode="constant", truncate=3.0)
+    return np.asarray(blurred.reshape(curves.shape))

@@ -1,0 +1,113 @@
+"""Windowed projection profiles of ink, for all windows at once (dissertation 2.3.2).
+
+The energy of a profile is its standard deviation: largest where the profile's direction runs along text
+lines. Two forms are needed: a coarse one over the whole half circle of directions, on a regular grid of
+windows, and a fine one over a few degrees around a known direction, at any points.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Points, Vector
+
+Energies = NDArray[np.float64]
+
+
+def scan_directions(
+    ink: NDArray[np.float32], centres: Points, angles: Vector, window: tuple[float, float]
+) -> Energies:
+    """Energies (N, A) of windows (width along the direction, height across, px) at `centres` (N, 2).
+
+    For each direction the image is turned until that direction is horizontal; box filters along the rows
+    then give every projection profile, and box filters over it its deviation, for all windows at once.
+    """
+    rows, columns = ink.shape
+    middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
+    side = int(np.ceil(np.hypot(rows, columns))) + 2
+    width, height = (max(int(round(v)) | 1, 3) for v in window)
+    energies = np.empty((len(centres), len(angles)))
+    for k, angle in enumerate(angles):
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[c, s], [-s, c]])  # photo -> turned frame
+        shift = (side - 1) / 2 - turn @ middle
+        turned = cv2.warpAffine(ink, np.column_stack([turn, shift]), (side, side), flags=cv2.INTER_LINEAR)
+        profile = cv2.blur(turned, (width, 1), borderType=cv2.BORDER_CONSTANT)
+        mean = cv2.blur(profile, (1, height), borderType=cv2.BORDER_CONSTANT)
+        square = cv2.sqrBoxFilter(profile, -1, (1, height), borderType=cv2.BORDER_CONSTANT)
+        variance = np.maximum(square - mean * mean, 0.0)
+        at = np.round(centres @ turn.T + shift).astype(int)
+        energies[:, k] = np.sqrt(variance[at[:, 1], at[:, 0]])
+    return energies
+
+
+def sample_windows(
+    image: NDArray[np.float32],
+    centres: Points,
+    along: NDArray[np.float64],
+    across: NDArray[np.float64],
+    shape: tuple[int, int],
+) -> NDArray[np.float32]:
+    """Windows (N, rows, columns) of `image`, bilinear, zero outside.
+
+    Row r and column c of window n lies at centres[n] + (c - (columns-1)/2) along[n] + (r - (rows-1)/2) across[n];
+    `along` and `across` (N, 2) are the steps in pixels.
+    """
+    rows, columns = shape
+    u = np.arange(columns) - (columns - 1) / 2
+    v = np.arange(rows) - (rows - 1) / 2
+    windows = np.empty((len(centres), rows, columns), np.float32)
+    per_batch = max(1, 30000 // rows)  # cv2.remap takes at most 32767 rows
+    for start in range(0, len(centres), per_batch):
+        part = slice(start, start + per_batch)
+        grid = (
+            centres[part, None, None, :]
+            + v[None, :, None, None] * across[part, None, None, :]
+            + u[None, None, :, None] * along[part, None, None, :]
+        ).astype(np.float32)
+        flat = grid.reshape(-1, columns, 2)
+        windows[part] = cv2.remap(image, flat, None, cv2.INTER_LINEAR).reshape(-1, rows, columns)
+    return windows
+
+
+def scan_slopes(
+    windows: NDArray[np.float32], slopes: Vector, margin: int, strips: int
+) -> tuple[Energies, NDArray[np.float64]]:
+    """Energies (N, S) of `windows` (N, rows, columns) projected along rows of slope `slopes` (S,).
+
+    A window is first summed to `strips` column sums; a slope then only shifts these against one another,
+    by linear interpolation. `margin` rows above and below are reserve for the shifts. Also returns the
+    ink (N,) of the central rows.
+    """
+    count, rows, columns = windows.shape
+    width = columns // strips
+    used = windows[:, :, : width * strips].reshape(count, rows, strips, width).sum(axis=3).astype(np.float64)
+    offset_of = (np.arange(strips) + 0.5) * width - 0.5 - (columns - 1) / 2
+    height = rows - 2 * margin
+    energies = np.empty((count, len(slopes)))
+    for k, slope in enumerate(slopes):
+        profile = np.zeros((count, height))
+        for j, offset in enumerate(offset_of * slope):
+            whole = int(np.floor(offset))
+            part = offset - whole
+            top = margin + whole
+            profile += (1 - part) * used[:, top : top + height, j] + part * used[:, top + 1 : top + 1 + height, j]
+        energies[:, k] = profile.std(axis=1)
+    return energies, used[:, margin : margin + height].sum(axis=(1, 2))
+
+
+def parabola_peak(energies: Energies, positions: Vector) -> tuple[Vector, NDArray[np.bool_]]:
+    """Peak position (N,) of sampled curves (N, S) by a parabola through the largest sample and its neighbours.
+
+    The second value tells where the largest sample is an inner one; at the ends the sample itself is returned.
+    """
+    last = len(positions) - 1
+    best = np.argmax(energies, axis=1)
+    inner = (best > 0) & (best < last)
+    at = np.clip(best, 1, last - 1)
+    n = np.arange(len(energies))
+    left, middle, right = energies[n, at - 1], energies[n, at], energies[n, at + 1]
+    curvature = left - 2 * middle + right
+    shift = np.where(curvature < 0, 0.5 * (left - right) / np.where(curvature < 0, curvature, -1.0), 0.0)
+    step = positions[1] - positions[0]
+    return np.where(inner, positions[at] + np.clip(shift, -1, 1) * step, positions[best]), inner

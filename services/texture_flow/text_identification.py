@@ -1,0 +1,206 @@
+"""Text identification (dissertation 2.3.1), and what photos of real scenes need beyond it.
+
+The three steps of the text (strong Laplacian of Gaussian edges, closing, Niblack's threshold inside the
+text area) find ink. Real photos add desks, pictures, rules and page borders; these are kept out by testing
+the connected components of the ink for size, stroke width, solidity and alignment with neighbours.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from services.arrays import GrayImage, Mask, Points, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class TextIdentificationParameters:
+    """Lengths are shares of the image diagonal or multiples of the text height."""
+
+    log_sigma: float = 1 / 1500
+    """Scale of the Laplacian of Gaussian over the diagonal: half a stroke of small print."""
+    edge_noise_factor: float = 5.0
+    """An edge is strong above this many robust standard deviations of the response."""
+    edge_contrast: float = 6.0
+    """... and above this response in gray levels of the flat-fielded image (paper grain stays below)."""
+    closing: float = 1 / 110
+    """Diameter of the closing over the diagonal: about a line spacing of small print."""
+    niblack_k: float = -0.2
+    """Niblack's weight of the standard deviation (Trier and Jain's recommendation)."""
+    niblack_window: float = 1 / 65
+    """Window of Niblack's mean and deviation over the diagonal: about two lines of small print."""
+    ink_contrast: float = 12.0
+    """Least standard deviation, in gray levels, of a window that holds ink."""
+    min_text_height: float = 1 / 500
+    max_text_height: float = 1 / 12
+    """Heights of a single component over the diagonal."""
+    max_elongation: float = 8.0
+    """Longest over shortest side of the least rectangle round a component; rules are longer."""
+    max_stroke: float = 0.45
+    """Stroke width over the component's own size; blobs are thicker."""
+    size_ratio: float = 2.5
+    """Components of one line differ in size by less."""
+    reach: float = 3.0
+    """Neighbours of one line are nearer than this many component sizes."""
+    min_neighbours: int = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TextComponents:
+    """Connected components of printed characters, one row each.
+
+    `centres` (N, 2) in pixels; `boxes` (N, 4) as (x, y, width, height); `sizes` (N,) geometric extent
+    in pixels; `labels` (N,) are the values of the component in `IdentifiedText.label_image`.
+    """
+
+    centres: Points
+    boxes: NDArray[np.int32]
+    sizes: Vector
+    labels: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IdentifiedText:
+    """Where the text is, in the frame of the analysed image.
+
+    `ink` (H, W) marks the pixels of characters, `area` (H, W) the closed text area, `text_height_px` is
+    the typical size of a lower-case character, `rejected_fraction` the share of found ink that is no text.
+    """
+
+    ink: Mask
+    area: Mask
+    label_image: NDArray[np.int32]
+    components: TextComponents
+    text_height_px: float
+    rejected_fraction: float
+
+    @property
+    def area_fraction(self) -> float:
+        """Share of the image that is text area, 0-1."""
+        return float(self.area.mean())
+
+
+def detect_edges(gray: GrayImage, parameters: TextIdentificationParameters) -> Mask:
+    """Pixels of strong Laplacian of Gaussian response (step 1 of 2.3.1), scale-normalised by sigma^2."""
+    diagonal = float(np.hypot(*gray.shape))
+    sigma = max(parameters.log_sigma * diagonal, 0.8)
+    smoothed = cv2.GaussianBlur(gray, (0, 0), sigma, dst=None)
+    response = np.abs(cv2.Laplacian(smoothed, cv2.CV_16S, ksize=1).astype(np.float32)) * sigma**2
+    sample = response[::7, ::7]
+    noise = 1.4826 * float(np.median(sample))
+    threshold = max(parameters.edge_noise_factor * noise, parameters.edge_contrast * sigma**2 / 2)
+    return response > threshold
+
+
+def find_text_area(edges: Mask, diameter_px: float) -> Mask:
+    """Closing of the edges, which fills the gaps between strokes, words and lines (step 2 of 2.3.1)."""
+    size = max(int(diameter_px) | 1, 3)
+    kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
+    return cv2.morphologyEx(edges.astype(np.uint8), cv2.MORPH_CLOSE, kernel).astype(bool)
+
+
+def binarize_niblack(gray: GrayImage, area: Mask, window_px: float, k: float, contrast: float) -> Mask:
+    """Niblack's threshold mean + k deviation inside `area` (step 3 of 2.3.1).
+
+    Windows whose deviation is below `contrast` hold no ink: without that guard Niblack's method draws
+    the grain of empty paper.
+    """
+    size = max(int(window_px) | 1, 5)
+    values = gray.astype(np.float32)
+    mean = cv2.boxFilter(values, -1, (size, size), borderType=cv2.BORDER_REFLECT)
+    square = cv2.sqrBoxFilter(values, -1, (size, size), borderType=cv2.BORDER_REFLECT)
+    deviation = np.sqrt(np.maximum(square - mean * mean, 0.0))
+    return area & (deviation > contrast) & (values < mean + k * deviation)
+
+
+def identify_text(
+    gray: GrayImage,
+    region: Mask | None = None,
+    parameters: TextIdentificationParameters | None = None,
+) -> IdentifiedText:
+    """Printed text of a flat-fielded photo (dark on light), in its own pixel frame.
+
+    Parameters
+    ----------
+    gray
+        (H, W) uint8, flat-fielded: paper near white.
+    region
+        (H, W) guide: only text inside of it counts.
+    """
+    p = parameters or TextIdentificationParameters()
+    diagonal = float(np.hypot(*gray.shape))
+    area = find_text_area(detect_edges(gray, p), p.closing * diagonal)
+    if region is not None:
+        area &= region
+    ink = binarize_niblack(gray, area, p.niblack_window * diagonal, p.niblack_k, p.ink_contrast)
+    count, label_image, stats, centroids = cv2.connectedComponentsWithStats(ink.astype(np.uint8), connectivity=8)
+    kept = _select_characters(ink, stats, centroids, diagonal, p)
+    chosen = np.zeros(count, bool)
+    chosen[kept] = True
+    text_ink = chosen[label_image]
+    found, taken = int(ink.sum()), int(text_ink.sum())
+    components = TextComponents(
+        centroids[kept].astype(np.float64),
+        stats[kept, :4].astype(np.int32),
+        _sizes(stats[kept]),
+        kept.astype(np.int32),
+    )
+    text_height = float(np.median(components.sizes)) if len(kept) else 0.0
+    text_area = find_text_area(text_ink, max(2.5 * text_height, 3.0)) if len(kept) else text_ink
+    return IdentifiedText(
+        text_ink, text_area, label_image, components, text_height, 1.0 - taken / found if found else 0.0
+    )
+
+
+def _sizes(stats: NDArray[np.int32]) -> Vector:
+    """Rotation-tolerant size of components: the geometric mean of box sides, kept from vanishing for i and l."""
+    width, height = stats[:, cv2.CC_STAT_WIDTH].astype(float), stats[:, cv2.CC_STAT_HEIGHT].astype(float)
+    return np.maximum(np.sqrt(width * height), 0.7 * np.maximum(width, height))
+
+
+def _select_characters(
+    ink: Mask,
+    stats: NDArray[np.int32],
+    centroids: Points,
+    diagonal: float,
+    p: TextIdentificationParameters,
+) -> NDArray[np.intp]:
+    """Indices of the components that look like characters and stand among their like."""
+    width, height = stats[:, cv2.CC_STAT_WIDTH].astype(float), stats[:, cv2.CC_STAT_HEIGHT].astype(float)
+    area = stats[:, cv2.CC_STAT_AREA].astype(float)
+    longest = np.maximum(width, height)
+    size = _sizes(stats)
+    shape_ok = (
+        (longest >= p.min_text_height * diagonal)
+        & (longest <= 2 * p.max_text_height * diagonal)
+        & (size <= p.max_text_height * diagonal)
+        & (area >= 6)
+        & (longest <= p.max_elongation * np.maximum(np.minimum(width, height), 1.0))
+    )
+    rows, columns = ink.shape
+    left, top = stats[:, cv2.CC_STAT_LEFT], stats[:, cv2.CC_STAT_TOP]
+    inside = (left > 0) & (top > 0) & (left + width < columns) & (top + height < rows)
+    shape_ok &= inside
+    shape_ok[0] = False
+    candidates = np.flatnonzero(shape_ok)
+    # Stroke width by area over half the outline is costly per component; a solid blob fills its box instead.
+    fill = area[candidates] / (width[candidates] * height[candidates])
+    solid = (fill > 0.9) & (longest[candidates] < 2 * np.minimum(width, height)[candidates])
+    candidates = candidates[~solid]
+    for _ in range(2):  # the second pass takes away what leaned on components that fell in the first
+        candidates = candidates[_neighbour_counts(centroids[candidates], size[candidates], p) >= p.min_neighbours]
+    return candidates
+
+
+def _neighbour_counts(centres: Points, sizes: Vector, p: TextIdentificationParameters) -> NDArray[np.intp]:
+    """Number of neighbours of like size within reach, for every component (at most 8 are looked at)."""
+    if len(centres) < 2:
+        return np.zeros(len(centres), np.intp)
+    tree = cKDTree(centres)
+    distance, index = tree.query(centres, k=min(9, len(centres)))
+    ratio = sizes[index] / sizes[:, None]
+    near = (distance > 0) & (distance < p.reach * np.maximum(sizes[index], sizes[:, None]))
+    alike = (ratio < p.size_ratio) & (ratio > 1 / p.size_ratio)
+    return np.asarray((near & alike).sum(axis=1), np.intp)
