@@ -1,0 +1,71 @@
+"""The pin-hole camera: focal length, directions of vanishing points, plane to image (3.2.3, 3.2.4)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Homography
+
+FULL_FRAME_DIAGONAL_MM = 43.2666
+"""Diagonal of the 36 x 24 mm frame that EXIF's 35 mm equivalent refers to."""
+
+TYPICAL_FOCAL_LENGTH = 28.0 / FULL_FRAME_DIAGONAL_MM
+"""Focal length over the image diagonal of a typical phone's main camera (26 to 30 mm equivalent)."""
+
+
+def field_of_view(focal_length_px: float, width: int, height: int) -> float:
+    """Diagonal field of view in radians of an image `width` x `height`."""
+    return float(2 * np.arctan(0.5 * np.hypot(width, height) / focal_length_px))
+
+
+def focal_length_from_vanishing_points(v_h: NDArray[np.float64], v_v: NDArray[np.float64]) -> float | None:
+    """f = sqrt(-v_h . v_v) for the vanishing points of two orthogonal directions (3.2.3).
+
+    The points are homogeneous (3,), relative to the principal point. None where f cannot be solved for:
+    a point at infinity, or v_h . v_v > 0 (noise).
+    """
+    third = v_h[2] * v_v[2]
+    if abs(third) < 1e-9:
+        return None
+    square = -(v_h[0] * v_v[0] + v_h[1] * v_v[1]) / third
+    return float(np.sqrt(square)) if square > 0 else None
+
+
+def rotation_from_vector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation matrix (3, 3) of an axis-angle vector (3,), by Rodrigues' formula."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = vector / angle
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K))
+
+
+def rotation_from_flows(
+    v_h: NDArray[np.float64], v_v: NDArray[np.float64], focal_length: float
+) -> NDArray[np.float64]:
+    """Rotation (3, 3) with columns V_h, V_v, N: the page's axes in the camera frame (Equation 3.1).
+
+    Noise leaves V_h and V_v not quite orthogonal; the nearest rotation shares the error between the two.
+    The signs are chosen so that the page faces the camera (N_z > 0) and V_h points to the right.
+    """
+    V_h = v_h * np.array([1.0, 1.0, focal_length])
+    V_v = v_v * np.array([1.0, 1.0, focal_length])
+    V_h = V_h / np.linalg.norm(V_h)
+    V_v = V_v / np.linalg.norm(V_v)
+    V_h = V_h if V_h[0] >= 0 else -V_h
+    if np.cross(V_h, V_v)[2] < 0:
+        V_v = -V_v
+    sum_, difference = V_h + V_v, V_h - V_v
+    sum_, difference = sum_ / np.linalg.norm(sum_), difference / np.linalg.norm(difference)
+    V_h, V_v = (sum_ + difference) / np.sqrt(2), (sum_ - difference) / np.sqrt(2)
+    return np.stack([V_h, V_v, np.cross(V_h, V_v)], axis=1)
+
+
+def plane_to_image(R: NDArray[np.float64], focal_length: float) -> Homography:
+    """H_image_plane (3, 3) of a plane with axes R[:, 0], R[:, 1], through the point (0, 0, f) (Equation 3.4).
+
+    Coordinates on both sides are relative to the principal point and in the same unit; the plane's
+    unit is the image's at the principal point.
+    """
+    H = np.column_stack([R[:, 0], R[:, 1], [0.0, 0.0, focal_length]])
+    return np.diag([focal_length, focal_length, 1.0]) @ H / focal_length

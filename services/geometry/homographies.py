@@ -1,0 +1,51 @@
+"""Homographies, named `H_dst_src`, on points (N, 2)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Homography, Points, Vector
+
+
+def transform_points(H: Homography, points: Points) -> Points:
+    """Points (N, 2) mapped by `H`; points on its vanishing line come out infinite."""
+    p = np.asarray(points, np.float64)
+    w = p[:, 0] * H[2, 0] + p[:, 1] * H[2, 1] + H[2, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = (p[:, 0] * H[0, 0] + p[:, 1] * H[0, 1] + H[0, 2]) / w
+        y = (p[:, 0] * H[1, 0] + p[:, 1] * H[1, 1] + H[1, 2]) / w
+    return np.stack([x, y], axis=1)
+
+
+def jacobians(H: Homography, points: Points) -> NDArray[np.float64]:
+    """Derivatives (N, 2, 2) of the map at `points` (N, 2): d destination / d source."""
+    p = np.asarray(points, np.float64)
+    w = p[:, 0] * H[2, 0] + p[:, 1] * H[2, 1] + H[2, 2]
+    image = transform_points(H, p)
+    upper = H[None, :2, :2] - image[:, :, None] * H[None, 2:, :2]
+    return np.asarray(upper / w[:, None, None])
+
+
+def translation(x: float, y: float) -> Homography:
+    """Shift by (x, y)."""
+    return np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
+
+
+def scaling(s: float) -> Homography:
+    """Enlargement by `s` about the origin."""
+    return np.diag([s, s, 1.0])
+
+
+def resizing(factor: float) -> Homography:
+    """From an image to the same image resized by `factor`: pixel centres map to (x + 0.5) factor - 0.5."""
+    return np.array([[factor, 0.0, 0.5 * factor - 0.5], [0.0, factor, 0.5 * factor - 0.5], [0.0, 0.0, 1.0]])
+
+
+def convex_area(polygon: Points) -> float:
+    """Signed area of a polygon (N, 2) by the shoelace formula; positive when it turns from x to y."""
+    x, y = polygon[:, 0], polygon[:, 1]
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def denominators(H: Homography, points: Points) -> Vector:
+    """Third homogeneous coordinate (N,) of the mapped points; its sign tells the side of the vanishing line."""
+    return np.asarray(points @ H[2, :2] + H[2, 2])

@@ -1,0 +1,208 @@
+"""Refinement of a planar page's pose by what the flat view must look like.
+
+The closed form of 3.2.3 trusts two vanishing points alone. In the flat view much more is known: baselines are
+horizontal, the lines of a paragraph are equally spaced, flush margins and strokes are vertical. Each of these is
+one residual in units of its own deviation; rotation, focal length and the slant of the type are fitted to all of
+them together, with a soft loss and a prior on the focal length that decides only where nothing else does.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from services.arrays import Homography, Points, Vector
+from services.geometry.camera import rotation_from_vector
+from services.geometry.homographies import jacobians, transform_points
+from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FocalPrior, PagePlane
+from services.rectify.text_lines import Paragraph, TextLines, find_margins, group_paragraphs
+from services.texture_flow.field import FlowSamples
+
+
+@dataclass(frozen=True, slots=True)
+class RefinementParameters:
+    """Standard deviations of the observations."""
+
+    flow_overlap: float = 12.0
+    """Windows of neighbouring major samples share ink: so many count as one."""
+    flow_floor_rad: float = np.deg2rad(0.1)
+    stroke_overlap: float = 4.0
+    stroke_floor_rad: float = np.deg2rad(0.3)
+    slant_rad: float = np.deg2rad(0.4)
+    """Type leans a little as a whole (serifs, italics): one unknown slant with this prior."""
+    baseline_floor_rad: float = np.deg2rad(0.03)
+    spacing: float = 0.012
+    """Deviation of a line's place over the spacing."""
+    spacing_between: float = 0.012
+    """Deviation of the logarithm of spacings of different paragraphs that are taken for equal."""
+    spacing_alike: float = 0.05
+    margin: float = 0.25
+    """Deviation of a flush end in text heights (side bearings)."""
+    aspect_warning: float = 0.03
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlatObservations:
+    """Observed text lines in centred unit coordinates of the photo, with their groups."""
+
+    starts: Points
+    ends: Points
+    slope_deviations: Vector
+    relative_heights: Vector
+    """Character height over the line's length."""
+    paragraphs: list[Paragraph]
+    margins: list[tuple[NDArray[np.intp], str]]
+    alike: list[NDArray[np.intp]]
+    """Groups of paragraph numbers with nearly the same spacing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefinedPlane:
+    """The refined page plane with the deviations that its observations leave.
+
+    `log_focal_deviation` is without the prior; `log_aspect_deviation` that of the flat view's aspect ratio.
+    `cost` is half the sum of the softened squared residuals, `cost_before` that of the start.
+    """
+
+    plane: PagePlane
+    log_focal_deviation: float
+    log_aspect_deviation: float
+    slant_rad: float
+    cost: float
+    cost_before: float
+    lines: int
+
+
+def observe_lines(lines: TextLines, H_centred_flat: Homography, parameters: RefinementParameters) -> FlatObservations:
+    """Text lines of a flat view as observations in the photo."""
+    p = parameters
+    paragraphs = group_paragraphs(lines)
+    length = np.maximum(lines.ends[:, 0] - lines.starts[:, 0], 1e-9)
+    slope = np.maximum(np.sqrt(2) * lines.deviations / length, p.baseline_floor_rad)
+    margins = [(g, "left") for g in find_margins(lines, "left")] + [(g, "right") for g in find_margins(lines, "right")]
+    y = 0.5 * (lines.starts[:, 1] + lines.ends[:, 1])
+    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
+    return FlatObservations(
+        transform_points(H_centred_flat, lines.starts),
+        transform_points(H_centred_flat, lines.ends),
+        slope,
+        lines.heights / length,
+        paragraphs,
+        margins,
+        _alike(spacings, p.spacing_alike),
+    )
+
+
+def _alike(values: Vector, tolerance: float) -> list[NDArray[np.intp]]:
+    """Groups of at least two numbers of values that differ from the group's least by `tolerance` at most."""
+    groups, order, start = [], np.argsort(values), 0
+    for k in range(1, len(order) + 1):
+        if k == len(order) or values[order[k]] > (1 + tolerance) * values[order[start]]:
+            if k - start >= 2:
+                groups.append(order[start:k])
+            start = k
+    return groups
+
+
+def _line_residuals(H: Homography, o: FlatObservations, p: RefinementParameters) -> list[Vector]:
+    """Baselines horizontal, spacing equal, margins vertical, in the flat view of `H` (plane <- centred)."""
+    a, b = transform_points(H, o.starts), transform_points(H, o.ends)
+    delta = b - a
+    residuals = [np.arctan2(delta[:, 1], np.abs(delta[:, 0])) / o.slope_deviations]
+    y = 0.5 * (a[:, 1] + b[:, 1])
+    spacing = np.ones(len(o.paragraphs))
+    for k, paragraph in enumerate(o.paragraphs):
+        t = paragraph.order - paragraph.order.mean()
+        value = y[paragraph.lines]
+        spacing[k] = t @ value / (t @ t)
+        rest = value - value.mean() - spacing[k] * t
+        residuals.append(rest / (abs(spacing[k]) * p.spacing))
+    for group in o.alike:
+        log = np.log(np.maximum(spacing[group], 1e-9))
+        weight = np.array([len(o.paragraphs[k].lines) for k in group], float)
+        # A short paragraph knows its spacing less well: its own deviation is added to the common one.
+        own = p.spacing * np.sqrt(12.0) / weight**1.5
+        residuals.append((log - np.average(log, weights=weight)) / np.hypot(p.spacing_between, own))
+    text_height = float(np.median(o.relative_heights * np.linalg.norm(delta, axis=1))) if len(delta) else 1.0
+    for members, side in o.margins:
+        x = (a if side == "left" else b)[members, 0]
+        residuals.append((x - np.median(x)) / (p.margin * text_height))
+    return residuals
+
+
+def refine_plane(
+    start: PagePlane,
+    prior: FocalPrior,
+    major: FlowSamples,
+    minor: FlowSamples,
+    observations: FlatObservations,
+    parameters: RefinementParameters | None = None,
+) -> RefinedPlane:
+    """Least squares over rotation (3), log focal length and slant, all in centred unit coordinates."""
+    p = parameters or RefinementParameters()
+    major_deviation = np.sqrt(p.flow_overlap / np.maximum(major.weights, 0.05)) * p.flow_floor_rad
+    minor_deviation = np.sqrt(p.stroke_overlap / np.maximum(minor.weights, 0.05)) * p.stroke_floor_rad
+    major_tangent = np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1)
+    minor_tangent = np.stack([np.cos(minor.angles), np.sin(minor.angles)], axis=1)
+
+    def plane_of(x: Vector) -> PagePlane:
+        focal = float(np.clip(np.exp(x[3]), MIN_FOCAL, MAX_FOCAL))
+        return PagePlane(start.rotation @ rotation_from_vector(x[:3]), focal)
+
+    def residuals(x: Vector) -> Vector:
+        H = np.linalg.inv(plane_of(x).H_centred_plane)
+        t = np.einsum("nij,nj->ni", jacobians(H, major.points), major_tangent)
+        along = np.arctan(t[:, 1] / np.where(t[:, 0] == 0, 1e-12, t[:, 0]))
+        s = np.einsum("nij,nj->ni", jacobians(H, minor.points), minor_tangent)
+        across = np.arctan(s[:, 0] / np.where(s[:, 1] == 0, 1e-12, s[:, 1]))
+        return np.concatenate(
+            [
+                along / major_deviation,
+                (across - x[4]) / minor_deviation,
+                *_line_residuals(H, observations, p),
+                [(x[3] - prior.log_focal) / prior.deviation, x[4] / p.slant_rad],
+            ]
+        )
+
+    x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), 0.0])
+    fit = least_squares(residuals, x0, loss="soft_l1", x_scale=[0.01, 0.01, 0.01, 0.05, 0.01], max_nfev=60)
+    before = float(np.sum(np.sqrt(1 + residuals(x0) ** 2) - 1))
+    information = fit.jac.T @ fit.jac
+    refined = plane_of(fit.x)
+    return RefinedPlane(
+        refined,
+        _focal_deviation(information, prior),
+        _aspect_deviation(information, fit.x, plane_of, major.points.mean(axis=0)),
+        float(fit.x[4]),
+        float(fit.cost),
+        before,
+        len(observations.starts),
+    )
+
+
+def _focal_deviation(information: NDArray[np.float64], prior: FocalPrior) -> float:
+    """Deviation of log f from the observations alone: the prior's information is taken out again."""
+    without = information.copy()
+    without[3, 3] -= 1 / prior.deviation**2
+    without += 1e-9 * np.trace(information) * np.eye(len(without))
+    variance = float(np.linalg.inv(without)[3, 3])
+    return float(np.sqrt(variance)) if variance > 0 else float("inf")
+
+
+def _aspect_deviation(
+    information: NDArray[np.float64], x: Vector, plane_of: Callable[[Vector], PagePlane], at: Points
+) -> float:
+    """Deviation of the logarithm of the flat view's x-to-y ratio at the photo point `at` (2,)."""
+    start = jacobians(plane_of(x).H_centred_plane, transform_points(np.linalg.inv(plane_of(x).H_centred_plane), at[None]))[0]
+
+    def log_ratio(y: Vector) -> float:
+        J = jacobians(np.linalg.inv(plane_of(y).H_centred_plane), at[None])[0]
+        along, across = J @ start[:, 0], J @ start[:, 1]
+        return float(np.log(np.linalg.norm(along) / np.linalg.norm(across)))
+
+    step = 1e-4
+    gradient = np.array([(log_ratio(x + step * e) - log_ratio(x - step * e)) / (2 * step) for e in np.eye(len(x))])
+    covariance = np.linalg.inv(information + 1e-12 * np.trace(information) * np.eye(len(x)))
+    return float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))

@@ -1,0 +1,210 @@
+"""Text lines of a nearly flat view: baselines, paragraphs of equal spacing, flush margins."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from services.arrays import Mask, Points, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class TextLineParameters:
+    """Lengths are multiples of the text height."""
+
+    reach: float = 2.2
+    """A character's right neighbour begins nearer than this (a wide word space)."""
+    drift: float = 0.45
+    """Bottoms of neighbours differ by less, unless one has a descender."""
+    size_ratio: float = 3.0
+    min_characters: int = 6
+    min_length: float = 6.0
+    baseline_scale: float = 0.08
+    """Scale of Cauchy's loss of the baseline fit; descenders are outliers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TextLines:
+    """Baselines in the flat view's frame, one row each, from top to bottom.
+
+    `starts`, `ends` (L, 2) are the baseline at the left- and rightmost character, `heights` (L,) the median
+    character height, `deviations` (L,) the standard deviation in pixels of either end of the baseline.
+    """
+
+    starts: Points
+    ends: Points
+    heights: Vector
+    deviations: Vector
+
+    def __len__(self) -> int:
+        return len(self.heights)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Paragraph:
+    """Lines of one spacing: `lines` (n,) are row numbers of `TextLines`, `order` (n,) their line numbers."""
+
+    lines: NDArray[np.intp]
+    order: NDArray[np.intp]
+
+
+def detect_text_lines(ink: Mask, parameters: TextLineParameters | None = None) -> TextLines:
+    """Text lines of `ink` (H, W) in a view whose lines are horizontal within about a degree."""
+    p = parameters or TextLineParameters()
+    _, _, stats, _ = cv2.connectedComponentsWithStats(ink.astype(np.uint8), connectivity=8)
+    stats = stats[1:]
+    box = stats[:, :4].astype(np.float64)
+    x0, y0, width, height = box.T
+    unit = float(np.median(height[height > 3])) if (height > 3).any() else 0.0
+    usable = (height > 0.5 * unit) & (height < 4 * unit) & (width < 40 * unit)
+    if unit == 0.0 or usable.sum() < p.min_characters:
+        return _no_lines()
+    x0, y0, width, height = x0[usable], y0[usable], width[usable], height[usable]
+    x1, bottom = x0 + width, y0 + height
+    source, target = _right_neighbours(x0, x1, bottom, height, p)
+    n = len(x0)
+    graph = coo_array((np.ones(len(source)), (source, target)), shape=(n, n))
+    _, label = connected_components(graph, directed=False)
+    order = np.argsort(label, kind="stable")
+    rows = []
+    for members in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
+        if len(members) >= p.min_characters:
+            row = _fit_baseline(x0[members], x1[members], bottom[members], height[members], p)
+            if row is not None and row[2] - row[0] >= p.min_length * row[4]:
+                rows.append(row)
+    if not rows:
+        return _no_lines()
+    table = np.array(rows)
+    table = table[np.argsort(table[:, 1] + table[:, 3])]
+    return TextLines(table[:, 0:2], table[:, 2:4], table[:, 4], table[:, 5])
+
+
+def _no_lines() -> TextLines:
+    return TextLines(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+
+
+def _right_neighbours(
+    x0: Vector, x1: Vector, bottom: Vector, height: Vector, p: TextLineParameters
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Pairs (character, its neighbour to the right on the same line)."""
+    unit = float(np.median(height))
+    # Neighbours are looked for in a frame stretched across the lines, from right end to left end.
+    tree = cKDTree(np.stack([x0, 2.5 * bottom], axis=1))
+    k = min(10, len(x0))
+    distance, index = tree.query(np.stack([x1, 2.5 * bottom], axis=1), k=k, distance_upper_bound=p.reach * unit * 2)
+    found = np.isfinite(distance)
+    index = np.where(found, index, 0)
+    gap = x0[index] - x1[:, None]
+    taller = np.maximum(height[index], height[:, None])
+    smaller = np.minimum(height[index], height[:, None])
+    rise = np.abs(bottom[index] - bottom[:, None])
+    fits = (
+        found
+        & (gap > -0.6 * unit)
+        & (x0[index] > x0[:, None])
+        & (gap < p.reach * np.maximum(smaller, unit))
+        & (rise < p.drift * taller)
+        & (taller < p.size_ratio * smaller)
+    )
+    cost = np.where(fits, np.maximum(gap, 0) + 2.5 * rise, np.inf)
+    best = np.argmin(cost, axis=1)
+    source = np.flatnonzero(np.isfinite(cost[np.arange(len(x0)), best]))
+    return source, index[source, best[source]]
+
+
+def _fit_baseline(
+    x0: Vector, x1: Vector, bottom: Vector, height: Vector, p: TextLineParameters
+) -> tuple[float, float, float, float, float, float] | None:
+    """(x, y) of both ends, character height and end deviation of the line through the bottoms."""
+    x = 0.5 * (x0 + x1)
+    unit = float(np.median(height))
+    middle, spread = x.mean(), max(float(x.std()), 1e-6)
+    t = (x - middle) / spread
+    slope, level = np.polyfit(t, bottom, 1)
+    scale = 0.35 * unit
+    w = np.ones_like(t)
+    for _ in range(10):
+        r = bottom - (level + slope * t)
+        w = 1 / (1 + (r / scale) ** 2) ** 2
+        total, wt = w.sum(), (w * t).sum()
+        det = total * (w * t * t).sum() - wt**2
+        if det <= 1e-9 * total:
+            return None
+        sb, sbt = (w * bottom).sum(), (w * bottom * t).sum()
+        level = ((w * t * t).sum() * sb - wt * sbt) / det
+        slope = (total * sbt - wt * sb) / det
+        scale = max(scale * 0.6, p.baseline_scale * unit)
+    near = np.abs(bottom - (level + slope * t)) < 3 * scale
+    if near.sum() < 0.4 * len(x) or near.sum() < 4:
+        return None
+    r = bottom - (level + slope * t)
+    rms = max(float(np.sqrt(np.mean(r[near] ** 2))), 0.25)
+    left, right = float(x0.min()), float(x1.max())
+    reach = max(abs(left - middle), abs(right - middle)) / spread
+    deviation = rms * np.sqrt((1 + reach**2) / near.sum())
+    at = (np.array([left, right]) - middle) / spread
+    y = level + slope * at
+    return left, float(y[0]), right, float(y[1]), unit, float(deviation)
+
+
+def group_paragraphs(lines: TextLines, tolerance: float = 0.12, min_lines: int = 3) -> list[Paragraph]:
+    """Runs of lines below one another at a constant spacing.
+
+    The next line of a run overlaps the last in x, is of like height, and lies the run's spacing (within
+    `tolerance`) below; an exact multiple of it counts as blank lines in between.
+    """
+    if len(lines) == 0:
+        return []
+    y = 0.5 * (lines.starts[:, 1] + lines.ends[:, 1])
+    left, right = lines.starts[:, 0], lines.ends[:, 0]
+    following = np.full(len(y), -1)
+    gap = np.full(len(y), np.inf)
+    for i in range(len(y)):
+        overlap = np.minimum(right, right[i]) - np.maximum(left, left[i])
+        shorter = np.minimum(right - left, right[i] - left[i])
+        below = (y > y[i] + 0.8 * lines.heights[i]) & (overlap > 0.5 * shorter)
+        if below.any():
+            j = int(np.argmin(np.where(below, y, np.inf)))
+            ratio = lines.heights[j] / lines.heights[i]
+            if 0.75 < ratio < 1.33:
+                following[i], gap[i] = j, y[j] - y[i]
+    paragraphs, used = [], np.zeros(len(y), bool)
+    for i in range(len(y)):
+        if used[i]:
+            continue
+        run, spacing, current = [i], 0.0, i
+        while following[current] >= 0 and not used[following[current]]:
+            step = gap[current]
+            if spacing and abs(step - spacing) > tolerance * spacing:
+                break
+            spacing = step if not spacing else 0.7 * spacing + 0.3 * step
+            current = int(following[current])
+            run.append(current)
+        if len(run) >= min_lines:
+            used[run[:-1]] = True
+            members = np.array(run)
+            paragraphs.append(Paragraph(members, np.arange(len(run))))
+    return paragraphs
+
+
+def find_margins(
+    lines: TextLines, side: str, width: float = 1.0, min_lines: int = 5
+) -> list[NDArray[np.intp]]:
+    """Groups of line numbers whose left (or right) ends are flush: the fullest windows of `width` text heights."""
+    if len(lines) == 0:
+        return []
+    x = lines.starts[:, 0] if side == "left" else lines.ends[:, 0]
+    reach = width * float(np.median(lines.heights))
+    groups, free = [], np.argsort(x)
+    while len(free) >= min_lines:
+        count = np.searchsorted(x[free], x[free] + reach, side="right") - np.arange(len(free))
+        first = int(np.argmax(count))
+        if count[first] < min_lines:
+            break
+        groups.append(free[first : first + count[first]])
+        free = np.delete(free, np.arange(first, first + count[first]))
+    return groups
