@@ -1,11 +1,60 @@
 """The steps of `rectify`, in their order."""
 
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
 import numpy as np
 
-from services.arrays import RgbImage
+from services.arrays import GrayImage, RgbImage
+from services.errors import InvalidOption, NoText
+from services.geometry.camera import field_of_view
+from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
+from services.rectify.analysis import PageAnalysis, analyse_photo
+from services.rectify.framing import FlatFrame, find_paper, frame_page, mesh_of, resize_frame, turn_frame
+from services.rectify.orientation import estimate_orientation
 from services.rectify.parameters import RectifyParameters
-from services.rectify.results import CameraEstimate, Evidence, Orientation, PlaneSurface, RectifyResult
+from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
+from services.rectify.planar import FlowVanishingPoints
+from services.rectify.pose import PagePose, choose_pose
+from services.rectify.results import (
+    CameraEstimate,
+    Evidence,
+    Notice,
+    Orientation,
+    PlaneSurface,
+    RectifyResult,
+)
+from services.rectify.surface_test import discriminate_surface
+from services.texture_flow.field import FlowSamples
+
+
+class StageClock:
+    """CPU milliseconds of each stage, in the order they ran."""
+
+    def __init__(self) -> None:
+        self.timings_ms: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the CPU time of the block to stage `name`."""
+        start = time.process_time()
+        yield
+        self.timings_ms[name] = self.timings_ms.get(name, 0.0) + 1000 * (time.process_time() - start)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlatPage:
+    """What is known of the page before anything is drawn."""
+
+    analysis: PageAnalysis
+    vanishing_points: FlowVanishingPoints
+    kind: Literal["planar", "curved"]
+    pose: PagePose
 
 
 def rectify(
@@ -21,16 +70,147 @@ def rectify(
     NoText
         When the photo shows too little printed text to see the page's shape.
     InvalidOption
-        When `parameters` cannot be met (for example a region outside of the photo).
+        When `parameters` cannot be met (a region or focal length that the photo cannot have).
     """
-    height, width = photo.shape[:2]
-    grid = np.stack(np.meshgrid(np.linspace(0, width - 1, 3), np.linspace(0, height - 1, 3)), axis=-1)
+    check_parameters(photo, parameters)
+    clock = StageClock()
+    page = estimate_page(photo, parameters, exif_focal_length_px, clock)
+    notices = list(page.pose.notices)
+    if page.kind == "curved":
+        notices.insert(0, Notice("curved-page", "the page is curved; this is its best planar view."))
+    with clock.stage("framing"):
+        frame = frame_photo(photo, page)
+    orientation = Orientation(0, False, None)
+    if parameters.upright:
+        with clock.stage("orientation"):
+            orientation, notice = orient_page(page.analysis, frame, ocr)
+        notices += [notice] if notice else []
+    frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
+    with clock.stage("remap"):
+        flat = draw_flat_view(photo, frame)
+    if parameters.illumination == "normalize":
+        with clock.stage("illumination"):
+            flat = normalize_illumination(flat)
     return RectifyResult(
-        photo,
-        "planar",
-        Evidence(None, None, 0.0),
-        CameraEstimate(None, None, "unknown"),
-        PlaneSurface(None),
-        Orientation(0, False, None),
-        grid,
+        flat,
+        page.kind,
+        describe_evidence(page),
+        describe_camera(photo, page.pose),
+        PlaneSurface(page.pose.normal),
+        orientation,
+        mesh_of(frame),
+        tuple(notices),
+        clock.timings_ms,
     )
+
+
+def check_parameters(photo: RgbImage, parameters: RectifyParameters) -> None:
+    """Options that only the photo can judge."""
+    height, width = photo.shape[:2]
+    diagonal = float(np.hypot(width, height))
+    if parameters.focal_length_px is not None and not 0.15 < parameters.focal_length_px / diagonal < 15.0:
+        raise InvalidOption(
+            f"focal_length_px: {parameters.focal_length_px:g} is not believable for a photo of {width} x {height} "
+            f"pixels; expected {0.15 * diagonal:.0f} to {15 * diagonal:.0f}."
+        )
+    if parameters.region is not None:
+        corners = np.array(parameters.region)
+        beside = (corners.max(axis=0) < 0).any() or (corners.min(axis=0) > [width - 1, height - 1]).any()
+        if beside:
+            raise InvalidOption("region: the polygon lies outside of the photo.")
+
+
+def estimate_page(
+    photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
+) -> FlatPage:
+    """Text, flows, kind and pose of the page in `photo`."""
+    with clock.stage("texture_flow"):
+        analysis = analyse_photo(photo, parameters.region)
+    with clock.stage("shape"):
+        view = PhotoFrame(photo.shape[1], photo.shape[0])
+        prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+        major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
+        points = estimate_vanishing_points(major, minor)
+        kind = discriminate_surface(points) if parameters.kind == "auto" else parameters.kind
+        pose = choose_pose(analysis, view, prior, major, minor, points)
+    return FlatPage(analysis, points, kind, pose)
+
+
+def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamples:
+    """Minor samples in centred coordinates; where no strokes were seen, weak ones across the major flow."""
+    if analysis.minor is not None and len(analysis.minor) >= 4:
+        return view.to_centred(analysis.minor)
+    major = view.to_centred(analysis.major)
+    return FlowSamples(major.points, major.angles + np.pi / 2, 0.05 * major.weights)
+
+
+def frame_photo(photo: RgbImage, page: FlatPage) -> FlatFrame:
+    """The part of the flat plane that is shown."""
+    points = (page.analysis.text.components.centres + 0.5) / page.analysis.factor - 0.5
+    paper = find_paper(photo, points)
+    shape = (photo.shape[0], photo.shape[1])
+    return frame_page(page.pose.H_photo_plane, shape, points, page.analysis.text_height_px, paper)
+
+
+def orient_page(
+    analysis: PageAnalysis, frame: FlatFrame, ocr: OcrEngine | None
+) -> tuple[Orientation, Notice | None]:
+    """Which way up the flat view reads, and a notice when nobody can tell."""
+    if ocr is None:
+        return Orientation(0, False, None), Notice(
+            "ocr-unavailable", "no OCR engine is installed, so the page may be upside down; text lines are horizontal."
+        )
+    small = resize_frame(frame, min(1.0, analysis.strokes_factor))
+    orientation = estimate_orientation(draw_gray_view(analysis, small), ocr)
+    if (orientation.confidence or 0.0) < 0.5:
+        return orientation, Notice(
+            "orientation-unknown", "too little could be read to tell which way up the page is; it was not turned."
+        )
+    return orientation, None
+
+
+def draw_gray_view(analysis: PageAnalysis, frame: FlatFrame) -> GrayImage:
+    """The view in gray, flat-fielded, drawn from the reduced photo."""
+    s = analysis.strokes_factor
+    H_strokes_photo = np.array([[s, 0.0, 0.5 * s - 0.5], [0.0, s, 0.5 * s - 0.5], [0.0, 0.0, 1.0]])
+    return np.asarray(
+        cv2.warpPerspective(
+            analysis.strokes_image,
+            H_strokes_photo @ frame.H_photo_flat,
+            (frame.width, frame.height),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderValue=255.0,
+        ),
+        np.uint8,
+    )
+
+
+def draw_flat_view(photo: RgbImage, frame: FlatFrame) -> RgbImage:
+    """The one remap of the full-resolution photo; white where the photo ends."""
+    return np.asarray(
+        cv2.warpPerspective(
+            photo,
+            frame.H_photo_flat,
+            (frame.width, frame.height),
+            flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
+            borderValue=(255.0, 255.0, 255.0),
+        ),
+        np.uint8,
+    )
+
+
+def describe_evidence(page: FlatPage) -> Evidence:
+    """Convergence of both flows and the share of text."""
+    minor = page.vanishing_points.vertical.convergence if page.analysis.minor is not None else None
+    return Evidence(page.vanishing_points.horizontal.convergence, minor, page.analysis.text.area_fraction)
+
+
+def describe_camera(photo: RgbImage, pose: PagePose) -> CameraEstimate:
+    """Focal length in photo pixels, and how it is known."""
+    height, width = photo.shape[:2]
+    return CameraEstimate(
+        pose.focal_length_px, field_of_view(pose.focal_length_px, width, height), pose.focal_source
+    )
+
+
+__all__ = ["FocalPrior", "NoText", "rectify"]

@@ -17,7 +17,7 @@ from services.arrays import Homography, Points, Vector
 from services.geometry.camera import rotation_from_vector
 from services.geometry.homographies import jacobians, transform_points
 from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FocalPrior, PagePlane
-from services.rectify.text_lines import Paragraph, TextLines, find_margins, group_paragraphs
+from services.rectify.baselines import Paragraph, Baselines, find_margins, group_paragraphs
 from services.texture_flow.field import FlowSamples
 
 
@@ -75,7 +75,7 @@ class RefinedPlane:
     lines: int
 
 
-def observe_lines(lines: TextLines, H_centred_flat: Homography, parameters: RefinementParameters) -> FlatObservations:
+def observe_lines(lines: Baselines, H_centred_flat: Homography, parameters: RefinementParameters) -> FlatObservations:
     """Text lines of a flat view as observations in the photo."""
     p = parameters
     paragraphs = group_paragraphs(lines)

@@ -28,11 +28,14 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class CameraEstimate:
-    """Focal length in photo pixels and the diagonal field of view; None where it cannot be known."""
+    """Focal length in photo pixels and the diagonal field of view.
+
+    `source` is "assumed" when nothing tells the focal length and that of a typical camera was taken.
+    """
 
     focal_length_px: float | None
     field_of_view_rad: float | None
-    source: Literal["estimated", "exif", "given", "unknown"]
+    source: Literal["estimated", "exif", "given", "assumed"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Text lines of a nearly flat view: baselines, paragraphs of equal spacing, flush margins."""
+"""Baselines of the text in a nearly flat view, paragraphs of equal spacing, flush margins."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from services.arrays import Mask, Points, Vector
 
 
 @dataclass(frozen=True, slots=True)
-class TextLineParameters:
+class BaselineParameters:
     """Lengths are multiples of the text height."""
 
     reach: float = 2.2
@@ -28,7 +28,7 @@ class TextLineParameters:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TextLines:
+class Baselines:
     """Baselines in the flat view's frame, one row each, from top to bottom.
 
     `starts`, `ends` (L, 2) are the baseline at the left- and rightmost character, `heights` (L,) the median
@@ -46,15 +46,15 @@ class TextLines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Paragraph:
-    """Lines of one spacing: `lines` (n,) are row numbers of `TextLines`, `order` (n,) their line numbers."""
+    """Lines of one spacing: `lines` (n,) are row numbers of `Baselines`, `order` (n,) their line numbers."""
 
     lines: NDArray[np.intp]
     order: NDArray[np.intp]
 
 
-def detect_text_lines(ink: Mask, parameters: TextLineParameters | None = None) -> TextLines:
+def detect_baselines(ink: Mask, parameters: BaselineParameters | None = None) -> Baselines:
     """Text lines of `ink` (H, W) in a view whose lines are horizontal within about a degree."""
-    p = parameters or TextLineParameters()
+    p = parameters or BaselineParameters()
     _, _, stats, _ = cv2.connectedComponentsWithStats(ink.astype(np.uint8), connectivity=8)
     stats = stats[1:]
     box = stats[:, :4].astype(np.float64)
@@ -80,15 +80,15 @@ def detect_text_lines(ink: Mask, parameters: TextLineParameters | None = None) -
         return _no_lines()
     table = np.array(rows)
     table = table[np.argsort(table[:, 1] + table[:, 3])]
-    return TextLines(table[:, 0:2], table[:, 2:4], table[:, 4], table[:, 5])
+    return Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], table[:, 5])
 
 
-def _no_lines() -> TextLines:
-    return TextLines(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+def _no_lines() -> Baselines:
+    return Baselines(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
 
 
 def _right_neighbours(
-    x0: Vector, x1: Vector, bottom: Vector, height: Vector, p: TextLineParameters
+    x0: Vector, x1: Vector, bottom: Vector, height: Vector, p: BaselineParameters
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs (character, its neighbour to the right on the same line)."""
     unit = float(np.median(height))
@@ -117,7 +117,7 @@ def _right_neighbours(
 
 
 def _fit_baseline(
-    x0: Vector, x1: Vector, bottom: Vector, height: Vector, p: TextLineParameters
+    x0: Vector, x1: Vector, bottom: Vector, height: Vector, p: BaselineParameters
 ) -> tuple[float, float, float, float, float, float] | None:
     """(x, y) of both ends, character height and end deviation of the line through the bottoms."""
     x = 0.5 * (x0 + x1)
@@ -151,7 +151,7 @@ def _fit_baseline(
     return left, float(y[0]), right, float(y[1]), unit, float(deviation)
 
 
-def group_paragraphs(lines: TextLines, tolerance: float = 0.12, min_lines: int = 3) -> list[Paragraph]:
+def group_paragraphs(lines: Baselines, tolerance: float = 0.12, min_lines: int = 3) -> list[Paragraph]:
     """Runs of lines below one another at a constant spacing.
 
     The next line of a run overlaps the last in x, is of like height, and lies the run's spacing (within
@@ -192,7 +192,7 @@ def group_paragraphs(lines: TextLines, tolerance: float = 0.12, min_lines: int =
 
 
 def find_margins(
-    lines: TextLines, side: str, width: float = 1.0, min_lines: int = 5
+    lines: Baselines, side: str, width: float = 1.0, min_lines: int = 5
 ) -> list[NDArray[np.intp]]:
     """Groups of line numbers whose left (or right) ends are flush: the fullest windows of `width` text heights."""
     if len(lines) == 0:

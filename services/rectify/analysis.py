@@ -1,0 +1,129 @@
+"""The evidence in one photo: its text and both texture flows, measured on reduced images."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import GrayImage, Mask, RgbImage
+from services.errors import NoText
+from services.imaging.illumination import flatten_illumination
+from services.texture_flow.field import FlowField, FlowSamples, resize_field
+from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
+from services.texture_flow.minor import MinorFlow, estimate_minor_flow
+from services.texture_flow.text_identification import IdentifiedText, identify_text
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisParameters:
+    """Sizes that the analysis works at, and what it needs at least."""
+
+    long_side_px: int = 1600
+    """Text and major flow: text height is then about 8 px on a full page of small print."""
+    stroke_text_height_px: float = 20.0
+    """Minor flow: above this text height, strokes gain nothing from more pixels."""
+    min_components: int = 30
+    min_flow_samples: int = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageAnalysis:
+    """What the photo shows; samples and fields are in the photo's own pixel frame.
+
+    `text` is in the frame of `reduced` (H, W), the flat-fielded photo resized by `factor`; `strokes_image` is
+    the flat-fielded photo resized by `strokes_factor`. `minor` is None where no strokes were found.
+    """
+
+    reduced: GrayImage
+    factor: float
+    strokes_image: GrayImage
+    strokes_factor: float
+    text: IdentifiedText
+    major: FlowSamples
+    major_field: FlowField
+    minor: FlowSamples | None
+    minor_field: FlowField | None
+
+    @property
+    def text_height_px(self) -> float:
+        """Typical character size in photo pixels."""
+        return self.text.text_height_px / self.factor
+
+
+def resize_gray(gray: GrayImage, factor: float) -> GrayImage:
+    """`gray` reduced by `factor` <= 1 by area averages."""
+    if factor >= 1.0:
+        return gray
+    size = (max(round(gray.shape[1] * factor), 1), max(round(gray.shape[0] * factor), 1))
+    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def region_mask(region: tuple[tuple[float, float], ...], shape: tuple[int, int], factor: float) -> Mask:
+    """Inside of the polygon `region` (photo pixels) on an image of `shape` resized by `factor`."""
+    corners = (np.array(region, np.float64) + 0.5) * factor - 0.5
+    mask = np.zeros(shape, np.uint8)
+    # Corners far outside would overflow fillPoly's integers.
+    limit = 4.0 * max(shape)
+    cv2.fillPoly(mask, [np.round(np.clip(corners, -limit, limit)).astype(np.int32)], 1)
+    return mask.astype(bool)
+
+
+def analyse_photo(
+    photo: RgbImage,
+    region: tuple[tuple[float, float], ...] | None = None,
+    parameters: AnalysisParameters | None = None,
+) -> PageAnalysis:
+    """Text, major and minor flow of `photo` (H, W, 3).
+
+    Raises
+    ------
+    NoText
+        When there are too few characters, or their lines show no common direction.
+    """
+    p = parameters or AnalysisParameters()
+    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+    factor = min(1.0, p.long_side_px / max(gray.shape))
+    reduced = flatten_illumination(resize_gray(gray, factor))
+    guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
+    text = identify_text(reduced, guide)
+    if len(text.components.sizes) < p.min_components:
+        raise NoText(
+            f"only {len(text.components.sizes)} printed characters were found; at least {p.min_components} are "
+            "needed. Photograph the page closer, sharper or in better light"
+            + (", or give a larger region." if region is not None else ".")
+        )
+    major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text)
+    if len(major.samples) < p.min_flow_samples:
+        raise NoText("the characters that were found do not form text lines of a common direction.")
+    return PageAnalysis(
+        reduced,
+        factor,
+        strokes_image,
+        strokes_factor,
+        text,
+        _to_photo(major.samples, factor),
+        resize_field(major.field, 1 / factor),
+        None if minor is None else _to_photo(minor.samples, strokes_factor),
+        None if minor is None else resize_field(minor.field, 1 / strokes_factor),
+    )
+
+
+def _measure_flows(
+    gray: GrayImage, factor: float, text: IdentifiedText
+) -> tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float]:
+    """Both flows (each in the frame it was measured in) and the image for strokes with its factor."""
+    major = refine_major_flow(text, detect_coarse_flow(text).major)
+    strokes_factor = min(1.0, 20.0 * factor / text.text_height_px)
+    strokes_image = flatten_illumination(resize_gray(gray, strokes_factor))
+    enlarge = strokes_factor / factor
+    area = cv2.resize(
+        text.area.astype(np.uint8), (strokes_image.shape[1], strokes_image.shape[0]), interpolation=cv2.INTER_NEAREST
+    ).astype(bool)
+    field = resize_field(major.field, enlarge)
+    minor = estimate_minor_flow(strokes_image, area, text.text_height_px * enlarge, field)
+    return major, minor, strokes_image, strokes_factor
+
+
+def _to_photo(samples: FlowSamples, factor: float) -> FlowSamples:
+    return FlowSamples((samples.points + 0.5) / factor - 0.5, samples.angles, samples.weights)

@@ -1,0 +1,158 @@
+"""Which part of the flattened plane is shown, and at what resolution."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Homography, Points, RgbImage
+from services.geometry.homographies import jacobians, resizing, scaling, transform_points, translation
+
+
+@dataclass(frozen=True, slots=True)
+class FramingParameters:
+    """Sizes relative to the photo, the text, or the text height."""
+
+    paper_long_side_px: int = 400
+    paper_tolerance: int = 5
+    """Gray levels between neighbouring pixels of the reduced photo that still belong to one sheet."""
+    paper_opening: float = 1 / 40
+    text_margin: float = 2.5
+    """Text heights that are kept round the text in any case."""
+    paper_margin: float = 0.005
+    """Of the paper's size, so that its edge is not shaved."""
+    detail_percentile: float = 85.0
+    """This share of the text keeps all its pixels; what was nearer to the camera is reduced a little."""
+    max_growth: float = 1.6
+    """Output pixels over photo pixels."""
+    max_reach: float = 1.0
+    """How far, in sizes of the text, the view goes beyond the text when the paper's edge is not seen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlatFrame:
+    """The view: output pixel -> photo pixel, and the output's size."""
+
+    H_photo_flat: Homography
+    width: int
+    height: int
+
+
+def find_paper(photo: RgbImage, text_points: Points, parameters: FramingParameters | None = None) -> Points | None:
+    """Outline (N, 2) in photo pixels of the sheet round the text; None when no edge of it is in view.
+
+    The photo is reduced and freed of print by a closing; the sheet is what can be reached from the text without
+    a step in brightness or colour.
+    """
+    p = parameters or FramingParameters()
+    factor = min(1.0, p.paper_long_side_px / max(photo.shape[:2]))
+    size = (max(round(photo.shape[1] * factor), 8), max(round(photo.shape[0] * factor), 8))
+    small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (13, 13))
+    blank = cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5)
+    at = np.round((text_points + 0.5) * factor - 0.5).astype(int)
+    at = np.clip(at, 0, [size[0] - 1, size[1] - 1])
+    sheet = np.zeros((size[1], size[0]), np.uint8)
+    filled = np.zeros((size[1] + 2, size[0] + 2), np.uint8)
+    tolerance = (p.paper_tolerance,) * 3
+    for x, y in at[:: max(len(at) // 60, 1)]:
+        if not filled[y + 1, x + 1]:
+            cv2.floodFill(blank, filled, (int(x), int(y)), 0, tolerance, tolerance, 4 | cv2.FLOODFILL_MASK_ONLY | (1 << 8))
+    sheet = filled[1:-1, 1:-1]
+    side = max(int(p.paper_opening * max(size)) | 1, 3)
+    opened = cv2.morphologyEx(sheet, cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)))
+    _, labels = cv2.connectedComponents(opened)
+    found = labels[at[:, 1], at[:, 0]]
+    if not (found > 0).any():
+        return None
+    label = int(np.bincount(found[found > 0]).argmax())
+    mask = labels == label
+    if (found == label).mean() < 0.5 or mask.mean() > 0.97:
+        return None
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    outline = max(contours, key=len)[:, 0, :].astype(np.float64)
+    return np.asarray((outline + 0.5) / factor - 0.5)
+
+
+def frame_page(
+    H_photo_plane: Homography,
+    photo_shape: tuple[int, int],
+    text_points: Points,
+    text_height_px: float,
+    paper: Points | None,
+    parameters: FramingParameters | None = None,
+) -> FlatFrame:
+    """View of the plane that shows the whole sheet, or all of the photo that lies near the text.
+
+    `text_points` (N, 2) are centres of characters in photo pixels; `paper` the sheet's outline if it was found.
+    """
+    p = parameters or FramingParameters()
+    H_plane_photo = np.linalg.inv(H_photo_plane)
+    text = transform_points(H_plane_photo, text_points)
+    scale = 1 / np.sqrt(np.abs(np.linalg.det(jacobians(H_plane_photo, text_points))))  # photo px per plane unit
+    resolution = float(np.percentile(scale, p.detail_percentile))
+    low, high = text.min(axis=0), text.max(axis=0)
+    margin = p.text_margin * text_height_px / float(np.median(scale))
+    low, high = low - margin, high + margin
+    reach = p.max_reach * float((high - low).max())
+    visible_low, visible_high = _visible(H_plane_photo, photo_shape, low - reach, high + reach)
+    if paper is None:
+        low, high = np.minimum(low, visible_low), np.maximum(high, visible_high)
+    else:
+        sheet = _in_front(H_plane_photo, paper, text_points)
+        rim = p.paper_margin * float((high - low).max())
+        low = np.maximum(np.minimum(low, sheet.min(axis=0) - rim), visible_low)
+        high = np.minimum(np.maximum(high, sheet.max(axis=0) + rim), visible_high)
+    extent = high - low
+    pixels = p.max_growth * photo_shape[0] * photo_shape[1]
+    resolution = min(resolution, float(np.sqrt(pixels / (extent[0] * extent[1]))), 20000.0 / float(extent.max()))
+    width, height = (max(int(round(v * resolution)), 1) for v in extent)
+    H_plane_flat = translation(float(low[0]), float(low[1])) @ scaling(1 / resolution) @ translation(0.5, 0.5)
+    return FlatFrame(H_photo_plane @ H_plane_flat, width, height)
+
+
+def _in_front(H: Homography, points: Points, reference: Points) -> Points:
+    """`points` mapped by `H`, without those beyond the vanishing line as seen from `reference`."""
+    w = points @ H[2, :2] + H[2, 2]
+    side = np.sign(np.median(reference @ H[2, :2] + H[2, 2]))
+    return transform_points(H, points[w * side > 1e-12])
+
+
+def _visible(
+    H_plane_photo: Homography, photo_shape: tuple[int, int], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Bounds of the photo's part within the box `low`..`high` of the plane."""
+    height, width = photo_shape
+    grid = np.stack(np.meshgrid(np.linspace(0, width - 1, 60), np.linspace(0, height - 1, 60)), axis=-1).reshape(-1, 2)
+    middle = transform_points(np.linalg.inv(H_plane_photo), 0.5 * (low + high)[None])
+    seen = _in_front(H_plane_photo, grid, middle)
+    inside = seen[((seen >= low) & (seen <= high)).all(axis=1)]
+    if len(inside) == 0:
+        return low, high
+    return inside.min(axis=0), inside.max(axis=0)
+
+
+def turn_frame(frame: FlatFrame, rotation_deg: int, mirrored: bool) -> FlatFrame:
+    """The view flipped left to right if `mirrored`, then turned clockwise by a multiple of 90 degrees."""
+    H, width, height = frame.H_photo_flat, frame.width, frame.height
+    if mirrored:
+        H = H @ np.array([[-1.0, 0.0, width - 1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    for _ in range(rotation_deg // 90 % 4):
+        # Output (x, y) of a clockwise quarter turn shows (y, height - 1 - x) of the view before.
+        H = H @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, height - 1], [0.0, 0.0, 1.0]])
+        width, height = height, width
+    return FlatFrame(H, width, height)
+
+
+def resize_frame(frame: FlatFrame, factor: float) -> FlatFrame:
+    """The same view with `factor` times the pixels on a side."""
+    width, height = max(round(frame.width * factor), 1), max(round(frame.height * factor), 1)
+    return FlatFrame(frame.H_photo_flat @ np.linalg.inv(resizing(factor)), width, height)
+
+
+def mesh_of(frame: FlatFrame, columns: int = 49, rows: int = 65) -> NDArray[np.float64]:
+    """Mesh (rows, columns, 2) of photo points over the output, corner to corner."""
+    x, y = np.linspace(0, frame.width - 1, columns), np.linspace(0, frame.height - 1, rows)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    return transform_points(frame.H_photo_flat, grid.reshape(-1, 2)).reshape(rows, columns, 2)

@@ -1,0 +1,171 @@
+"""The pose that is used: refined, closed form, or a mere turn, whichever the evidence supports."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from services.arrays import Homography, Mask, Points
+from services.geometry.homographies import (
+    denominators,
+    jacobians,
+    resizing,
+    scaling,
+    transform_points,
+    translation,
+)
+from services.rectify.analysis import PageAnalysis
+from services.rectify.baselines import detect_baselines
+from services.rectify.planar import (
+    FlowVanishingPoints,
+    FocalLengthSource,
+    FocalPrior,
+    PagePlane,
+    PhotoFrame,
+    estimate_plane,
+)
+from services.rectify.refinement import RefinedPlane, RefinementParameters, observe_lines, refine_plane
+from services.rectify.results import Notice
+from services.texture_flow.field import FlowSamples, angle_difference
+
+
+@dataclass(frozen=True, slots=True)
+class PoseParameters:
+    """When a pose is believed."""
+
+    max_magnification_ratio: float = 6.0
+    """Largest over smallest enlargement over the text; a page at 60 degrees just reaches it."""
+    max_tilt_rad: float = np.deg2rad(65.0)
+    gain: float = 0.9
+    """A stronger change must bring the flows' mean deviation below this share of the gentler one's."""
+    minor_share: float = 0.3
+    """Weight of the minor flow's deviation beside the major flow's."""
+    seen_focal_deviation: float = 0.25
+    """The focal length is called estimated when the page alone fixes its logarithm better than this."""
+    aspect_deviation: float = 0.03
+    """Above this the width-to-height ratio is called uncertain."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PagePose:
+    """The chosen plane in pixels: `H_photo_plane`, `normal` in the camera frame, and what to say about it."""
+
+    H_photo_plane: Homography
+    normal: tuple[float, float, float]
+    focal_length_px: float
+    focal_source: FocalLengthSource
+    notices: tuple[Notice, ...]
+    lines: int
+
+
+def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
+    """The gentlest change: the photo turned by the major flow's mean direction, no tilt."""
+    doubled = np.array([np.cos(2 * major.angles), np.sin(2 * major.angles)]) @ major.weights
+    angle = 0.5 * np.arctan2(doubled[1], doubled[0])
+    c, s = np.cos(angle), np.sin(angle)
+    return PagePlane(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), float(np.exp(prior.log_focal)))
+
+
+def flow_deviation(plane: PagePlane, major: FlowSamples, minor: FlowSamples, minor_share: float) -> float:
+    """Mean deviation (rad) of the flows from horizontal and vertical in the flat view, the worst tenth left out."""
+    H = np.linalg.inv(plane.H_centred_plane)
+
+    def trimmed(samples: FlowSamples, axis: float) -> float:
+        tangent = np.stack([np.cos(samples.angles), np.sin(samples.angles)], axis=1)
+        t = np.einsum("nij,nj->ni", jacobians(H, samples.points), tangent)
+        deviation = np.abs(angle_difference(np.arctan2(t[:, 1], t[:, 0]), axis))
+        return float(np.mean(np.sort(deviation)[: max(int(0.9 * len(deviation)), 1)]))
+
+    return trimmed(major, 0.0) + minor_share * trimmed(minor, np.pi / 2)
+
+
+def is_plausible(plane: PagePlane, text_points: Points, parameters: PoseParameters) -> bool:
+    """No vanishing line through the text, no extreme tilt, no extreme magnification (centred coordinates)."""
+    H = np.linalg.inv(plane.H_centred_plane)
+    w = denominators(H, text_points)
+    if not np.isfinite(H).all() or (np.sign(w) != np.sign(w[0])).any():
+        return False
+    enlargement = np.sqrt(np.abs(np.linalg.det(jacobians(H, text_points))))
+    low, high = np.percentile(enlargement, [1, 99])
+    tilt = float(np.arccos(np.clip(abs(plane.rotation[2, 2]), 0.0, 1.0)))
+    return bool(high < parameters.max_magnification_ratio * low and tilt < parameters.max_tilt_rad)
+
+
+def flatten_ink(analysis: PageAnalysis, view: PhotoFrame, plane: PagePlane) -> tuple[Mask, Homography]:
+    """Ink of the text in the flat view of `plane`, at about the analysis' resolution, and H_centred_flat."""
+    H_reduced_centred = resizing(analysis.factor) @ view.H_photo_centred
+    H_reduced_plane = H_reduced_centred @ plane.H_centred_plane
+    centres = analysis.text.components.centres
+    text = transform_points(np.linalg.inv(H_reduced_plane), centres)
+    density = np.sqrt(np.abs(np.linalg.det(jacobians(H_reduced_plane, text))))
+    margin = 2 * analysis.text.text_height_px / float(np.median(density))
+    low, high = text.min(axis=0) - margin, text.max(axis=0) + margin
+    scale = 1.2 * float(np.median(density))
+    scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded, whatever the plane
+    H_flat_plane = scaling(scale) @ translation(-float(low[0]), -float(low[1]))
+    width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
+    H_reduced_flat = H_reduced_plane @ np.linalg.inv(H_flat_plane)
+    ink = cv2.warpPerspective(
+        analysis.text.ink.astype(np.uint8) * 255,
+        H_reduced_flat,
+        (width, height),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+    )
+    return ink > 127, np.linalg.inv(H_reduced_centred) @ H_reduced_flat
+
+
+def choose_pose(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    major: FlowSamples,
+    minor: FlowSamples,
+    points: FlowVanishingPoints,
+    parameters: PoseParameters | None = None,
+) -> PagePose:
+    """Pose of the page in `view`; flows in centred coordinates. Falls back to a mere turn, with the reason."""
+    p = parameters or PoseParameters()
+    text_points = ((analysis.text.components.centres + 0.5) / analysis.factor - 0.5 - view.centre) / view.unit_px
+    level = level_plane(major, prior)
+    start = estimate_plane(points, prior)
+    if not is_plausible(start, text_points, p):
+        start = level
+    ink, H_centred_flat = flatten_ink(analysis, view, start)
+    refinement = RefinementParameters()
+    observations = observe_lines(detect_baselines(ink), H_centred_flat, refinement)
+    refined = refine_plane(start, prior, major, minor, observations, refinement)
+    plane, notices = refined.plane, []
+    gentle = flow_deviation(level, major, minor, p.minor_share)
+    if not is_plausible(plane, text_points, p):
+        plane = level
+        notices.append(
+            Notice("implausible-pose", "the text's directions fit no plane seen by a camera; the photo was only turned.")
+        )
+    elif flow_deviation(plane, major, minor, p.minor_share) > p.gain * gentle + 1e-4:
+        plane = level
+        notices.append(Notice("already-flat", "no perspective was found that the page's text supports; it was only turned."))
+    source = focal_source(refined, prior, p)
+    if refined.log_aspect_deviation > p.aspect_deviation and prior.source == "assumed" and plane is not level:
+        notices.append(
+            Notice(
+                "aspect-ratio-uncertain",
+                "this pose does not show the focal length, so a typical one was assumed and the width-to-height ratio "
+                f"may be off by about {100 * refined.log_aspect_deviation:.0f} %; send focal_length_px or keep EXIF.",
+            )
+        )
+    N = plane.rotation[:, 2]
+    return PagePose(
+        view.H_photo_centred @ plane.H_centred_plane,
+        (float(N[0]), float(N[1]), float(N[2])),
+        plane.focal * view.unit_px,
+        source if plane is not level else prior.source,
+        tuple(notices),
+        refined.lines,
+    )
+
+
+def focal_source(refined: RefinedPlane, prior: FocalPrior, parameters: PoseParameters) -> FocalLengthSource:
+    """Where the focal length comes from: what was given, else what the page shows, else an assumption."""
+    if prior.source == "assumed" and refined.log_focal_deviation < parameters.seen_focal_deviation:
+        return "estimated"
+    return prior.source
