@@ -13,7 +13,7 @@ class VanishingPoint:
     """A vanishing point, and how well the samples meet in it.
 
     `direction` (3,) is the unit homogeneous point in centred, scaled coordinates (x / unit, y / unit, 1);
-    a zero third coordinate is a point at infinity. `convergence` is S3/S1 of the tangent lines (3.2.2),
+    a zero third coordinate is a point at infinity. `convergence` is S3/S1 of the inliers' tangent lines (3.2.2),
     `residual_rad` the weighted RMS angle between samples and the point, `inliers` (N,) the samples kept.
     """
 
@@ -66,4 +66,4 @@ def estimate_vanishing_point(
     inliers = np.abs(r) < 4 * scale
     kept = w * inliers
     residual = float(np.sqrt(np.sum(kept * r**2) / max(float(kept.sum()), 1e-12)))
-    return VanishingPoint(v, convergence_quality(lines, weights), residual, inliers)
+    return VanishingPoint(v, convergence_quality(lines[inliers], weights[inliers]), residual, inliers)

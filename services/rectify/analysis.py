@@ -6,13 +6,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import GrayImage, Mask, RgbImage
+from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
 from services.imaging.illumination import flatten_illumination
+from services.imaging.paper import Paper, model_paper
 from services.texture_flow.field import FlowField, FlowSamples, resize_field
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
-from services.texture_flow.text_identification import IdentifiedText, identify_text
+from services.texture_flow.text_identification import IdentifiedText, identify_text, keep_characters
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,7 @@ class PageAnalysis:
     the flat-fielded photo resized by `strokes_factor`. `minor` is None where no strokes were found.
     """
 
+    paper: Paper
     reduced: GrayImage
     factor: float
     strokes_image: GrayImage
@@ -46,9 +48,19 @@ class PageAnalysis:
     minor_field: FlowField | None
 
     @property
+    def characters(self) -> Points:
+        """Centres of the characters (N, 2) in photo pixels."""
+        return characters_in_photo(self.text, self.factor)
+
+    @property
     def text_height_px(self) -> float:
         """Typical character size in photo pixels."""
         return self.text.text_height_px / self.factor
+
+
+def characters_in_photo(text: IdentifiedText, factor: float) -> Points:
+    """Centres (N, 2) of the characters of `text`, found in the photo resized by `factor`, in photo pixels."""
+    return np.asarray((text.components.centres + 0.5) / factor - 0.5)
 
 
 def resize_gray(gray: GrayImage, factor: float) -> GrayImage:
@@ -87,7 +99,13 @@ def analyse_photo(
     reduced = flatten_illumination(resize_gray(gray, factor))
     guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
     text = identify_text(reduced, guide)
-    if len(text.components.sizes) < p.min_components:
+    paper = None
+    if len(text.components.sizes) >= p.min_components:
+        paper = model_paper(photo, characters_in_photo(text, factor))
+        on_paper = paper.holds(characters_in_photo(text, factor))
+        # Print on many grounds (posters, boxes) is no clutter: only a minority is ever dropped.
+        text = keep_characters(text, on_paper) if on_paper.mean() > 0.6 else text
+    if paper is None or len(text.components.sizes) < p.min_components:
         raise NoText(
             f"only {len(text.components.sizes)} printed characters were found; at least {p.min_components} are "
             "needed. Photograph the page closer, sharper or in better light"
@@ -97,6 +115,7 @@ def analyse_photo(
     if len(major.samples) < p.min_flow_samples:
         raise NoText("the characters that were found do not form text lines of a common direction.")
     return PageAnalysis(
+        paper,
         reduced,
         factor,
         strokes_image,

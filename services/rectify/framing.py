@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Homography, Points, RgbImage
+from services.arrays import Homography, Points
 from services.geometry.homographies import jacobians, resizing, scaling, transform_points, translation
 
 
@@ -14,13 +13,9 @@ from services.geometry.homographies import jacobians, resizing, scaling, transfo
 class FramingParameters:
     """Sizes relative to the photo, the text, or the text height."""
 
-    paper_long_side_px: int = 400
-    paper_tolerance: int = 5
-    """Gray levels between neighbouring pixels of the reduced photo that still belong to one sheet."""
-    paper_opening: float = 1 / 40
     text_margin: float = 2.5
     """Text heights that are kept round the text in any case."""
-    paper_margin: float = 0.005
+    paper_margin: float = 0.01
     """Of the paper's size, so that its edge is not shaved."""
     detail_percentile: float = 85.0
     """This share of the text keeps all its pixels; what was nearer to the camera is reduced a little."""
@@ -37,42 +32,6 @@ class FlatFrame:
     H_photo_flat: Homography
     width: int
     height: int
-
-
-def find_paper(photo: RgbImage, text_points: Points, parameters: FramingParameters | None = None) -> Points | None:
-    """Outline (N, 2) in photo pixels of the sheet round the text; None when no edge of it is in view.
-
-    The photo is reduced and freed of print by a closing; the sheet is what can be reached from the text without
-    a step in brightness or colour.
-    """
-    p = parameters or FramingParameters()
-    factor = min(1.0, p.paper_long_side_px / max(photo.shape[:2]))
-    size = (max(round(photo.shape[1] * factor), 8), max(round(photo.shape[0] * factor), 8))
-    small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (13, 13))
-    blank = cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5)
-    at = np.round((text_points + 0.5) * factor - 0.5).astype(int)
-    at = np.clip(at, 0, [size[0] - 1, size[1] - 1])
-    sheet = np.zeros((size[1], size[0]), np.uint8)
-    filled = np.zeros((size[1] + 2, size[0] + 2), np.uint8)
-    tolerance = (p.paper_tolerance,) * 3
-    for x, y in at[:: max(len(at) // 60, 1)]:
-        if not filled[y + 1, x + 1]:
-            cv2.floodFill(blank, filled, (int(x), int(y)), 0, tolerance, tolerance, 4 | cv2.FLOODFILL_MASK_ONLY | (1 << 8))
-    sheet = filled[1:-1, 1:-1]
-    side = max(int(p.paper_opening * max(size)) | 1, 3)
-    opened = cv2.morphologyEx(sheet, cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)))
-    _, labels = cv2.connectedComponents(opened)
-    found = labels[at[:, 1], at[:, 0]]
-    if not (found > 0).any():
-        return None
-    label = int(np.bincount(found[found > 0]).argmax())
-    mask = labels == label
-    if (found == label).mean() < 0.5 or mask.mean() > 0.97:
-        return None
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    outline = max(contours, key=len)[:, 0, :].astype(np.float64)
-    return np.asarray((outline + 0.5) / factor - 0.5)
 
 
 def frame_page(

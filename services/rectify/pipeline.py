@@ -15,7 +15,7 @@ from services.geometry.camera import field_of_view
 from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PageAnalysis, analyse_photo
-from services.rectify.framing import FlatFrame, find_paper, frame_page, mesh_of, resize_frame, turn_frame
+from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.orientation import estimate_orientation
 from services.rectify.parameters import RectifyParameters
 from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
@@ -132,7 +132,7 @@ def estimate_page(
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
         kind = discriminate_surface(points) if parameters.kind == "auto" else parameters.kind
-        pose = choose_pose(analysis, view, prior, major, minor, points)
+        pose = choose_pose(analysis, view, prior, major, minor, points, kind)
     return FlatPage(analysis, points, kind, pose)
 
 
@@ -146,8 +146,8 @@ def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamp
 
 def frame_photo(photo: RgbImage, page: FlatPage) -> FlatFrame:
     """The part of the flat plane that is shown."""
-    points = (page.analysis.text.components.centres + 0.5) / page.analysis.factor - 0.5
-    paper = find_paper(photo, points)
+    points = page.analysis.characters
+    paper = page.analysis.paper.outline(points)
     shape = (photo.shape[0], photo.shape[1])
     return frame_page(page.pose.H_photo_plane, shape, points, page.analysis.text_height_px, paper)
 
@@ -213,4 +213,3 @@ def describe_camera(photo: RgbImage, pose: PagePose) -> CameraEstimate:
     )
 
 
-__all__ = ["FocalPrior", "NoText", "rectify"]

@@ -118,6 +118,7 @@ def estimate_plane(points: FlowVanishingPoints, prior: FocalPrior) -> PagePlane:
     focal = float(np.exp(prior.log_focal))
     if prior.source == "assumed":
         solved = focal_length_from_vanishing_points(v_h, v_v)
-        if solved is not None and MIN_FOCAL < solved < MAX_FOCAL:
-            focal = solved
+        if solved is not None:
+            reach = np.exp(2 * prior.deviation)
+            focal = float(np.clip(solved, focal / reach, focal * reach))
     return PagePlane(rotation_from_flows(v_h, v_v, focal), focal)

@@ -1,6 +1,7 @@
 """The pose that is used: refined, closed form, or a mere turn, whichever the evidence supports."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -37,7 +38,9 @@ class PoseParameters:
     """Largest over smallest enlargement over the text; a page at 60 degrees just reaches it."""
     max_tilt_rad: float = np.deg2rad(65.0)
     gain: float = 0.9
-    """A stronger change must bring the flows' mean deviation below this share of the gentler one's."""
+    curved_gain: float = 0.6
+    """A tilt must bring the flows' mean deviation below this share of a mere turn's; more so on a curved page,
+    whose vanishing points mean little."""
     minor_share: float = 0.3
     """Weight of the minor flow's deviation beside the major flow's."""
     seen_focal_deviation: float = 0.25
@@ -121,11 +124,12 @@ def choose_pose(
     major: FlowSamples,
     minor: FlowSamples,
     points: FlowVanishingPoints,
+    kind: Literal["planar", "curved"],
     parameters: PoseParameters | None = None,
 ) -> PagePose:
     """Pose of the page in `view`; flows in centred coordinates. Falls back to a mere turn, with the reason."""
     p = parameters or PoseParameters()
-    text_points = ((analysis.text.components.centres + 0.5) / analysis.factor - 0.5 - view.centre) / view.unit_px
+    text_points = (analysis.characters - view.centre) / view.unit_px
     level = level_plane(major, prior)
     start = estimate_plane(points, prior)
     if not is_plausible(start, text_points, p):
@@ -133,15 +137,16 @@ def choose_pose(
     ink, H_centred_flat = flatten_ink(analysis, view, start)
     refinement = RefinementParameters()
     observations = observe_lines(detect_baselines(ink), H_centred_flat, refinement)
-    refined = refine_plane(start, prior, major, minor, observations, refinement)
+    refined = refine_plane(start, prior, major, minor, points, observations, refinement)
     plane, notices = refined.plane, []
+    gain = p.curved_gain if kind == "curved" else p.gain
     gentle = flow_deviation(level, major, minor, p.minor_share)
     if not is_plausible(plane, text_points, p):
         plane = level
         notices.append(
             Notice("implausible-pose", "the text's directions fit no plane seen by a camera; the photo was only turned.")
         )
-    elif flow_deviation(plane, major, minor, p.minor_share) > p.gain * gentle + 1e-4:
+    elif flow_deviation(plane, major, minor, p.minor_share) > gain * gentle + 1e-4:
         plane = level
         notices.append(Notice("already-flat", "no perspective was found that the page's text supports; it was only turned."))
     source = focal_source(refined, prior, p)

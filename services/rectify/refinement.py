@@ -7,7 +7,7 @@ them together, with a soft loss and a prior on the focal length that decides onl
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from services.arrays import Homography, Points, Vector
 from services.geometry.camera import rotation_from_vector
 from services.geometry.homographies import jacobians, transform_points
-from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FocalPrior, PagePlane
+from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FlowVanishingPoints, FocalPrior, PagePlane
 from services.rectify.baselines import Paragraph, Baselines, find_margins, group_paragraphs
 from services.texture_flow.field import FlowSamples
 
@@ -30,7 +30,7 @@ class RefinementParameters:
     flow_floor_rad: float = np.deg2rad(0.1)
     stroke_overlap: float = 4.0
     stroke_floor_rad: float = np.deg2rad(0.3)
-    slant_rad: float = np.deg2rad(0.4)
+    slant_rad: float = np.deg2rad(0.5)
     """Type leans a little as a whole (serifs, italics): one unknown slant with this prior."""
     baseline_floor_rad: float = np.deg2rad(0.03)
     spacing: float = 0.012
@@ -40,7 +40,12 @@ class RefinementParameters:
     spacing_alike: float = 0.05
     margin: float = 0.25
     """Deviation of a flush end in text heights (side bearings)."""
-    aspect_warning: float = 0.03
+    tilt_rad: float = np.deg2rad(35.0)
+    """People hold a camera more or less over the page; decides only where the page says nothing."""
+    believable_focal: float = 2.0
+    """A focal length further than this many deviations from the typical one comes from a page that is not quite
+    flat, not from a rare lens; then the typical one is held fast."""
+    held_deviation: float = 0.08
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +78,11 @@ class RefinedPlane:
     cost: float
     cost_before: float
     lines: int
+
+
+def soften(r: Vector) -> Vector:
+    """Residuals whose squares are the soft L1 loss 2 (sqrt(1 + r^2) - 1) of `r` (N,)."""
+    return np.asarray(r * np.sqrt(2 / (np.sqrt(1 + r * r) + 1)))
 
 
 def observe_lines(lines: Baselines, H_centred_flat: Homography, parameters: RefinementParameters) -> FlatObservations:
@@ -137,13 +147,20 @@ def refine_plane(
     prior: FocalPrior,
     major: FlowSamples,
     minor: FlowSamples,
+    points: FlowVanishingPoints,
     observations: FlatObservations,
     parameters: RefinementParameters | None = None,
 ) -> RefinedPlane:
-    """Least squares over rotation (3), log focal length and slant, all in centred unit coordinates."""
+    """Least squares over rotation (3), log focal length and slant, all in centred unit coordinates.
+
+    The flows' deviations follow how well each meets in its vanishing point, so that a page that is not quite
+    flat is believed less.
+    """
     p = parameters or RefinementParameters()
-    major_deviation = np.sqrt(p.flow_overlap / np.maximum(major.weights, 0.05)) * p.flow_floor_rad
-    minor_deviation = np.sqrt(p.stroke_overlap / np.maximum(minor.weights, 0.05)) * p.stroke_floor_rad
+    major_spread = float(np.hypot(p.flow_floor_rad, points.horizontal.residual_rad))
+    minor_spread = float(np.hypot(p.stroke_floor_rad, points.vertical.residual_rad))
+    major_deviation = np.sqrt(p.flow_overlap / np.maximum(major.weights, 0.05)) * major_spread
+    minor_deviation = np.sqrt(p.stroke_overlap / np.maximum(minor.weights, 0.05)) * minor_spread
     major_tangent = np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1)
     minor_tangent = np.stack([np.cos(minor.angles), np.sin(minor.angles)], axis=1)
 
@@ -151,24 +168,35 @@ def refine_plane(
         focal = float(np.clip(np.exp(x[3]), MIN_FOCAL, MAX_FOCAL))
         return PagePlane(start.rotation @ rotation_from_vector(x[:3]), focal)
 
+    def tilt(x: Vector) -> Vector:
+        N = (start.rotation @ rotation_from_vector(x[:3]))[:, 2]
+        return np.asarray(N[:2] * np.arccos(np.clip(N[2], -1, 1)) / max(float(np.hypot(N[0], N[1])), 1e-9))
+
     def residuals(x: Vector) -> Vector:
         H = np.linalg.inv(plane_of(x).H_centred_plane)
         t = np.einsum("nij,nj->ni", jacobians(H, major.points), major_tangent)
         along = np.arctan(t[:, 1] / np.where(t[:, 0] == 0, 1e-12, t[:, 0]))
         s = np.einsum("nij,nj->ni", jacobians(H, minor.points), minor_tangent)
         across = np.arctan(s[:, 0] / np.where(s[:, 1] == 0, 1e-12, s[:, 1]))
+        observed = [along / major_deviation, (across - x[4]) / minor_deviation, *_line_residuals(H, observations, p)]
+        # Observations may be outliers and are softened; the priors are meant as they are.
         return np.concatenate(
             [
-                along / major_deviation,
-                (across - x[4]) / minor_deviation,
-                *_line_residuals(H, observations, p),
+                soften(np.concatenate(observed)),
                 [(x[3] - prior.log_focal) / prior.deviation, x[4] / p.slant_rad],
+                tilt(x) / p.tilt_rad,
             ]
         )
 
     x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), 0.0])
-    fit = least_squares(residuals, x0, loss="soft_l1", x_scale=[0.01, 0.01, 0.01, 0.05, 0.01], max_nfev=60)
-    before = float(np.sum(np.sqrt(1 + residuals(x0) ** 2) - 1))
+    fit = least_squares(residuals, x0, x_scale=[0.01, 0.01, 0.01, 0.05, 0.01], max_nfev=60)
+    if prior.source == "assumed" and abs(fit.x[3] - prior.log_focal) > p.believable_focal * prior.deviation:
+        held = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
+        return refine_plane(
+            PagePlane(start.rotation, float(np.exp(prior.log_focal))), held, major, minor, points, observations,
+            replace(p, believable_focal=np.inf),
+        )  # fmt: skip
+    before = 0.5 * float(np.sum(residuals(x0) ** 2))
     information = fit.jac.T @ fit.jac
     refined = plane_of(fit.x)
     return RefinedPlane(

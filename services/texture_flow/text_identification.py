@@ -115,6 +115,21 @@ def binarize_niblack(gray: GrayImage, area: Mask, window_px: float, k: float, co
     return area & (deviation > contrast) & (values < mean + k * deviation)
 
 
+def keep_characters(text: IdentifiedText, kept: NDArray[np.bool_]) -> IdentifiedText:
+    """The text with only those components for which `kept` (N,) is true."""
+    if kept.all() or not kept.any():
+        return text
+    c = text.components
+    chosen = np.zeros(int(text.label_image.max()) + 1, bool)
+    chosen[c.labels[kept]] = True
+    components = TextComponents(c.centres[kept], c.boxes[kept], c.sizes[kept], c.labels[kept])
+    height = float(np.median(components.sizes))
+    ink = chosen[text.label_image]
+    lost = 1.0 - ink.sum() / max(int(text.ink.sum()), 1)
+    rejected = 1.0 - (1.0 - text.rejected_fraction) * (1.0 - lost)
+    return IdentifiedText(ink, find_text_area(ink, 2.5 * height), text.label_image, components, height, float(rejected))
+
+
 def identify_text(
     gray: GrayImage,
     region: Mask | None = None,

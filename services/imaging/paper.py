@@ -1,0 +1,116 @@
+"""The sheet of paper round the text: its brightness and hue, and where it ends."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Mask, Points, RgbImage
+
+
+@dataclass(frozen=True, slots=True)
+class PaperParameters:
+    """Contrasts are differences of the logarithm of brightness; hues are distances in a, b of CIE Lab."""
+
+    long_side_px: int = 400
+    closing: float = 1 / 45
+    """Of the long side: wider than a line of print."""
+    opening: float = 1 / 40
+    """Of the long side: bridges to other bright things are narrower."""
+    contrast: float = 0.35
+    chroma: float = 16.0
+    text_contrast: float = 0.7
+    text_chroma: float = 40.0
+    """Characters whose ground differs from the paper's by more lie on something else."""
+    text_share: float = 0.96
+    """The sheet holds at least this share of the text, or its outline is not believed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Paper:
+    """How far every pixel of the reduced photo is from paper: `contrast` and `chroma` (rows, columns).
+
+    The reduced photo is the photo resized by `factor`.
+    """
+
+    contrast: NDArray[np.float64]
+    chroma: NDArray[np.float64]
+    factor: float
+
+    def _pixels(self, points: Points) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+        at = np.round((points + 0.5) * self.factor - 0.5).astype(int)
+        rows, columns = self.contrast.shape
+        return np.clip(at[:, 1], 0, rows - 1), np.clip(at[:, 0], 0, columns - 1)
+
+    def holds(self, points: Points, parameters: PaperParameters | None = None) -> NDArray[np.bool_]:
+        """Which `points` (N, 2), photo pixels, lie on ground that may be the paper (tinted boxes included)."""
+        p = parameters or PaperParameters()
+        at = self._pixels(points)
+        return np.asarray((np.abs(self.contrast[at]) < p.text_contrast) & (self.chroma[at] < p.text_chroma))
+
+    def outline(self, text_points: Points, parameters: PaperParameters | None = None) -> Points | None:
+        """Outline (N, 2) in photo pixels of the sheet that holds the text; None when its edge cannot be told."""
+        p = parameters or PaperParameters()
+        mask = self._sheet(text_points, p)
+        if mask is None:
+            return None
+        contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        outline = max(contours, key=len)[:, 0, :].astype(np.float64)
+        return np.asarray((outline + 0.5) / self.factor - 0.5)
+
+    def _sheet(self, text_points: Points, p: PaperParameters) -> Mask | None:
+        alike = (np.abs(self.contrast) < p.contrast) & (self.chroma < p.chroma)
+        side = max(int(p.opening * max(alike.shape)) | 1, 3)
+        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+        opened = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, kernel)
+        _, labels = cv2.connectedComponents(opened)
+        found = labels[self._pixels(text_points)]
+        if not (found > 0).any():
+            return None
+        label = int(np.bincount(found[found > 0]).argmax())
+        mask = np.asarray(labels == label)
+        return mask if (found == label).mean() >= p.text_share and mask.mean() < 0.97 else None
+
+
+def model_paper(photo: RgbImage, text_points: Points, parameters: PaperParameters | None = None) -> Paper:
+    """Paper round `text_points` (N, 2) in `photo` (H, W, 3).
+
+    The photo is reduced and freed of print by a closing. The paper's brightness is known at the text and
+    continued from there by a smooth surface, its hue is the text's median.
+    """
+    p = parameters or PaperParameters()
+    factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
+    size = (max(round(photo.shape[1] * factor), 8), max(round(photo.shape[0] * factor), 8))
+    small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
+    side = max(int(p.closing * max(size)) | 1, 3)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    blank = cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5)
+    at = np.clip(np.round((text_points + 0.5) * factor - 0.5).astype(int), 0, [size[0] - 1, size[1] - 1])
+    lab = cv2.cvtColor(blank, cv2.COLOR_RGB2LAB).astype(np.float64)
+    log_brightness = np.log(blank.astype(np.float64).mean(axis=2) + 1.0)
+    hue = np.median(lab[at[:, 1], at[:, 0], 1:], axis=0)
+    chroma = np.asarray(np.linalg.norm(lab[..., 1:] - hue, axis=2))
+    return Paper(log_brightness - continue_smoothly(log_brightness, at), chroma, factor)
+
+
+def continue_smoothly(values: NDArray[np.float64], at: NDArray[np.int_]) -> NDArray[np.float64]:
+    """Quadratic surface over an image (rows, columns) through its values at the pixels `at` (N, 2), robustly."""
+    rows, columns = values.shape
+    unit = max(rows, columns) / 2
+
+    def terms(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        u, v = (x - columns / 2) / unit, (y - rows / 2) / unit
+        return np.stack([np.ones_like(u), u, v, 0.5 * u * u, u * v, 0.5 * v * v], axis=-1)
+
+    design = terms(at[:, 0].astype(np.float64), at[:, 1].astype(np.float64))
+    value = values[at[:, 1], at[:, 0]]
+    # Curvature is damped, since it grows quadratically where there is no text to hold it.
+    damping = np.diag([1e-6, 0.01, 0.01, 0.1, 0.1, 0.1]) * len(at)
+    c, spread = np.array([np.median(value), 0, 0, 0, 0, 0.0]), 0.3
+    for _ in range(8):
+        w = 1 / (1 + ((value - design @ c) / spread) ** 2)
+        c = np.linalg.solve((design * w[:, None]).T @ design + damping, (design * w[:, None]).T @ value)
+        spread = max(0.6 * spread, 0.08)
+    x, y = np.meshgrid(np.arange(columns, dtype=np.float64), np.arange(rows, dtype=np.float64))
+    return np.asarray(terms(x, y) @ c)
