@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 from services.arrays import Points, Vector
 
 
+_REMAP_WIDTH = 4096
+"""Points are looked up as an image of this width: OpenCV's bilinear look-up is ten times numpy's."""
+
+
 def angle_difference(a: Vector, b: Vector | float) -> Vector:
     """Signed difference a - b of two directions modulo pi, in [-pi/2, pi/2)."""
     return np.asarray((a - b + np.pi / 2) % np.pi - np.pi / 2)
@@ -43,16 +47,15 @@ class FlowField:
 
     def at(self, points: Points) -> Vector:
         """Direction at `points` (N, 2), rad in [-pi/2, pi/2), bilinear between nodes, constant beyond them."""
-        where = (np.asarray(points, np.float64) - self.origin) / self.spacing_px
-        rows, columns = self.doubled.shape[:2]
-        x = np.clip(where[:, 0], 0, columns - 1)
-        y = np.clip(where[:, 1], 0, rows - 1)
-        c, r = np.minimum(x.astype(int), max(columns - 2, 0)), np.minimum(y.astype(int), max(rows - 2, 0))
-        c1, r1 = np.minimum(c + 1, columns - 1), np.minimum(r + 1, rows - 1)
-        fx, fy = (x - c)[:, None], (y - r)[:, None]
-        d = self.doubled
-        value = (d[r, c] * (1 - fx) + d[r, c1] * fx) * (1 - fy) + (d[r1, c] * (1 - fx) + d[r1, c1] * fx) * fy
-        return np.asarray(0.5 * np.arctan2(value[:, 1], value[:, 0]))
+        count = len(points)
+        if count == 0:
+            return np.zeros(0)
+        where = ((np.asarray(points) - self.origin) / self.spacing_px).astype(np.float32)
+        width = min(count, _REMAP_WIDTH)
+        where = np.pad(where, ((0, -count % width), (0, 0)), mode="edge").reshape(-1, width, 2)
+        grid = self.doubled.astype(np.float32)
+        value = cv2.remap(grid, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1, 2)[:count]
+        return np.asarray(0.5 * np.arctan2(value[:, 1], value[:, 0]), np.float64)
 
 
 def smooth_samples(

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Points
+from services.arrays import Points, Vector
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference, reject_outliers, smooth_samples
 from services.texture_flow.projection_profiles import parabola_peak, sample_windows, scan_directions, scan_slopes
 from services.texture_flow.relaxation import Candidates, find_peaks, label_by_relaxation
@@ -17,7 +17,7 @@ from services.texture_flow.text_identification import IdentifiedText
 class MajorFlowParameters:
     """Lengths are multiples of the text height."""
 
-    coarse_text_height_px: float = 4.0
+    coarse_text_height_px: float = 3.5
     """The coarse scan works on ink reduced until characters have this size."""
     coarse_block: float = 5.0
     coarse_window: tuple[float, float] = (12.0, 9.0)
@@ -30,9 +30,11 @@ class MajorFlowParameters:
     fine_window: tuple[float, float] = (14.0, 8.0)
     fine_range_rad: float = np.deg2rad(7.0)
     fine_step_rad: float = np.deg2rad(1.0)
+    fine_sampling: float = 9.0
+    """Samples a text height: work does not grow with the size of the print."""
     strips: int = 12
     outlier_rad: float = np.deg2rad(8.0)
-    max_samples: int = 900
+    max_samples: int = 600
     """Bound on the fine samples: the blocks grow until there are no more."""
     smoothing: float = 6.0
 
@@ -125,23 +127,51 @@ def refine_major_flow(
     at = np.round(centres).astype(int)
     centres = centres[text.area[at[:, 1], at[:, 0]]]
     slopes = np.tan(np.arange(-p.fine_range_rad, p.fine_range_rad + 1e-9, p.fine_step_rad))
-    step = max(unit / 12.0, 0.5)  # at most a dozen samples a character, so that work does not grow with its size
+    step = max(unit / p.fine_sampling, 0.5)
     columns = int(p.fine_window[0] * unit / step / p.strips) * p.strips
     margin = int(np.ceil(columns / 2 * abs(slopes[0]))) + 2
     rows = int(p.fine_window[1] * unit / step) + 2 * margin
     ink = text.ink.astype(np.float32)
-    samples = FlowSamples(centres, np.zeros(len(centres)), np.ones(len(centres)))
-    for _ in range(2):  # the second round starts from the first one's field, which brings far peaks into range
-        theta = field.at(centres)
-        along = step * np.stack([np.cos(theta), np.sin(theta)], axis=1)
-        across = step * np.stack([-np.sin(theta), np.cos(theta)], axis=1)
-        energies, amount = scan_slopes(sample_windows(ink, centres, along, across, (rows, columns)), slopes, margin, p.strips)
-        slope, inner = parabola_peak(energies, slopes)
-        top, mean = energies.max(axis=1), energies.mean(axis=1)
-        contrast = (top - energies.min(axis=1)) / np.where(mean > 0, mean, 1.0)
-        weight = np.clip(contrast / 0.6, 0, 1) * np.clip(amount / max(float(np.median(amount)), 1e-9), 0, 1)
-        angle = (theta + np.arctan(slope) + np.pi / 2) % np.pi - np.pi / 2
-        samples = FlowSamples(centres, angle, np.where(inner, weight, 0.0))
-        samples = reject_outliers(samples.select(samples.weights > 0.05), sigma, shape, p.outlier_rad)
-        field = smooth_samples(samples, shape, p.fine_block * unit, sigma)
+    theta = field.at(centres)
+    slope, inner, weight = _measure_slopes(ink, centres, theta, slopes, step, (rows, columns), margin, p.strips)
+    # Where the coarse field was far off, the window is turned by what was found and measured once more.
+    far = np.abs(slope) > 0.5 * slopes[-1]
+    if far.any():
+        samples = _fine_samples(centres, theta, slope, np.where(inner, weight, 0.0))
+        samples = reject_outliers(samples, sigma, shape, p.outlier_rad)
+        if len(samples):
+            theta[far] = smooth_samples(samples, shape, p.fine_block * unit, sigma).at(centres[far])
+            again = _measure_slopes(ink, centres[far], theta[far], slopes, step, (rows, columns), margin, p.strips)
+            slope[far], inner[far], weight[far] = again
+    samples = _fine_samples(centres, theta, slope, np.where(inner, weight, 0.0))
+    samples = reject_outliers(samples, sigma, shape, p.outlier_rad)
+    field = smooth_samples(samples, shape, p.fine_block * unit, sigma)
     return MajorFlow(samples, field)
+
+
+def _fine_samples(centres: Points, theta: Vector, slope: Vector, weight: Vector) -> FlowSamples:
+    """Samples of measured slopes against the windows' directions `theta`, without those that saw nothing."""
+    top = float(np.median(weight[weight > 0])) if (weight > 0).any() else 1.0
+    angle = (theta + np.arctan(slope) + np.pi / 2) % np.pi - np.pi / 2
+    samples = FlowSamples(centres, angle, np.clip(weight / top, 0, 1))
+    return samples.select(samples.weights > 0.05)
+
+
+def _measure_slopes(
+    ink: NDArray[np.float32],
+    centres: Points,
+    theta: Vector,
+    slopes: Vector,
+    step: float,
+    shape: tuple[int, int],
+    margin: int,
+    strips: int,
+) -> tuple[Vector, NDArray[np.bool_], Vector]:
+    """Slope of the profile's peak against `theta`, whether it is an inner peak, and its weight, for every window."""
+    along = step * np.stack([np.cos(theta), np.sin(theta)], axis=1)
+    across = step * np.stack([-np.sin(theta), np.cos(theta)], axis=1)
+    energies, amount = scan_slopes(sample_windows(ink, centres, along, across, shape), slopes, margin, strips)
+    slope, inner = parabola_peak(energies, slopes)
+    mean = energies.mean(axis=1)
+    contrast = (energies.max(axis=1) - energies.min(axis=1)) / np.where(mean > 0, mean, 1.0)
+    return slope, inner, np.clip(contrast / 0.6, 0, 1) * amount

@@ -39,6 +39,8 @@ class MinorFlowParameters:
     outlier_rad: float = np.deg2rad(8.0)
     smoothing: float = 10.0
     min_edges: int = 40
+    max_edges: int = 200_000
+    """More are thinned out evenly: a thousand edge pixels fix a block's direction to 0.1 degree."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,8 +74,10 @@ def detect_stroke_edges(
         empty = np.zeros(0, np.float32)
         return StrokeEdges(np.zeros((0, 2), np.float32), empty, empty)
     threshold = p.edge_share * float(np.percentile(inside[:: max(inside.size // 100_000, 1)], 99))
-    rows, columns = np.nonzero((strength > threshold) & area)
-    x, y = gx[rows, columns].astype(np.float32), gy[rows, columns].astype(np.float32)
+    at = np.flatnonzero(((strength > threshold) & area).ravel())
+    at = at[:: len(at) // p.max_edges + 1]
+    rows, columns = np.divmod(at, gray.shape[1])
+    x, y = gx.ravel()[at].astype(np.float32), gy.ravel()[at].astype(np.float32)
     points = np.stack([columns, rows], axis=1).astype(np.float32)
     angles = np.arctan2(x, -y)  # the tangent is the gradient turned by a right angle
     clear = np.abs(angle_difference(angles, major.at(points))) > p.crossing_rad

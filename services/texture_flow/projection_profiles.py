@@ -54,19 +54,17 @@ def sample_windows(
     `along` and `across` (N, 2) are the steps in pixels.
     """
     rows, columns = shape
-    u = np.arange(columns) - (columns - 1) / 2
-    v = np.arange(rows) - (rows - 1) / 2
+    u = (np.arange(columns) - (columns - 1) / 2).astype(np.float32)
+    v = (np.arange(rows) - (rows - 1) / 2).astype(np.float32)
+    at, du, dv = (np.asarray(a, np.float32) for a in (centres, along, across))
     windows = np.empty((len(centres), rows, columns), np.float32)
-    per_batch = max(1, 30000 // rows)  # cv2.remap takes at most 32767 rows
+    per_batch = max(1, 8000 // rows)  # the maps stay in the cache, and below cv2.remap's 32767 rows
     for start in range(0, len(centres), per_batch):
         part = slice(start, start + per_batch)
-        grid = (
-            centres[part, None, None, :]
-            + v[None, :, None, None] * across[part, None, None, :]
-            + u[None, None, :, None] * along[part, None, None, :]
-        ).astype(np.float32)
-        flat = grid.reshape(-1, columns, 2)
-        windows[part] = cv2.remap(image, flat, None, cv2.INTER_LINEAR).reshape(-1, rows, columns)
+        rims = at[part, None, :] + v[None, :, None] * dv[part, None, :]  # (n, rows, 2)
+        x = (rims[:, :, 0, None] + u * du[part, None, 0, None]).reshape(-1, columns)
+        y = (rims[:, :, 1, None] + u * du[part, None, 1, None]).reshape(-1, columns)
+        windows[part] = cv2.remap(image, x, y, cv2.INTER_LINEAR).reshape(-1, rows, columns)
     return windows
 
 
@@ -81,15 +79,15 @@ def scan_slopes(
     """
     count, rows, columns = windows.shape
     width = columns // strips
-    used = windows[:, :, : width * strips].reshape(count, rows, strips, width).sum(axis=3).astype(np.float64)
+    used = windows[:, :, : width * strips].reshape(count, rows, strips, width).sum(axis=3)
     offset_of = (np.arange(strips) + 0.5) * width - 0.5 - (columns - 1) / 2
     height = rows - 2 * margin
     energies = np.empty((count, len(slopes)))
     for k, slope in enumerate(slopes):
-        profile = np.zeros((count, height))
+        profile = np.zeros((count, height), np.float32)
         for j, offset in enumerate(offset_of * slope):
             whole = int(np.floor(offset))
-            part = offset - whole
+            part = np.float32(offset - whole)
             top = margin + whole
             profile += (1 - part) * used[:, top : top + height, j] + part * used[:, top + 1 : top + 1 + height, j]
         energies[:, k] = profile.std(axis=1)
