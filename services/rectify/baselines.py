@@ -73,7 +73,7 @@ def detect_baselines(ink: Mask, parameters: BaselineParameters | None = None) ->
     rows = []
     for members in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
         if len(members) >= p.min_characters:
-            row = _fit_baseline(x0[members], x1[members], bottom[members], height[members], p)
+            row = _fit_line(x0[members], x1[members], bottom[members] - height[members], bottom[members], p)
             if row is not None and row[2] - row[0] >= p.min_length * row[4]:
                 rows.append(row)
     if not rows:
@@ -116,39 +116,54 @@ def _right_neighbours(
     return source, index[source, best[source]]
 
 
-def _fit_baseline(
-    x0: Vector, x1: Vector, bottom: Vector, height: Vector, p: BaselineParameters
+def _fit_line(
+    x0: Vector, x1: Vector, top: Vector, bottom: Vector, p: BaselineParameters
 ) -> tuple[float, float, float, float, float, float] | None:
-    """(x, y) of both ends, character height and end deviation of the line through the bottoms."""
+    """(x, y) of both ends, character height and end deviation of the baseline of one line of characters.
+
+    Its slope is the mean of baseline and x-height line: a threshold that thickens strokes moves the two apart,
+    more so where characters are small, and the mean is free of that.
+    """
     x = 0.5 * (x0 + x1)
-    unit = float(np.median(height))
-    middle, spread = x.mean(), max(float(x.std()), 1e-6)
+    unit = float(np.median(bottom - top))
+    middle, spread = float(x.mean()), max(float(x.std()), 1e-6)
     t = (x - middle) / spread
-    slope, level = np.polyfit(t, bottom, 1)
-    scale = 0.35 * unit
-    w = np.ones_like(t)
-    for _ in range(10):
-        r = bottom - (level + slope * t)
-        w = 1 / (1 + (r / scale) ** 2) ** 2
-        total, wt = w.sum(), (w * t).sum()
-        det = total * (w * t * t).sum() - wt**2
-        if det <= 1e-9 * total:
-            return None
-        sb, sbt = (w * bottom).sum(), (w * bottom * t).sum()
-        level = ((w * t * t).sum() * sb - wt * sbt) / det
-        slope = (total * sbt - wt * sb) / det
-        scale = max(scale * 0.6, p.baseline_scale * unit)
-    near = np.abs(bottom - (level + slope * t)) < 3 * scale
-    if near.sum() < 0.4 * len(x) or near.sum() < 4:
+    base = _fit_edge(t, bottom, unit, p)
+    if base is None:
         return None
-    r = bottom - (level + slope * t)
-    rms = max(float(np.sqrt(np.mean(r[near] ** 2))), 0.25)
+    level, slope, deviation = base
+    crown = _fit_edge(t, top, unit, p)
+    if crown is not None and abs(crown[1] - slope) < 4 * np.hypot(deviation, crown[2]):
+        slope = 0.5 * (slope + crown[1])
+        deviation = 0.5 * float(np.hypot(deviation, crown[2]))
     left, right = float(x0.min()), float(x1.max())
     reach = max(abs(left - middle), abs(right - middle)) / spread
-    deviation = rms * np.sqrt((1 + reach**2) / near.sum())
     at = (np.array([left, right]) - middle) / spread
     y = level + slope * at
-    return left, float(y[0]), right, float(y[1]), unit, float(deviation)
+    return left, float(y[0]), right, float(y[1]), unit, float(deviation * np.hypot(1.0, reach))
+
+
+def _fit_edge(t: Vector, y: Vector, unit: float, p: BaselineParameters) -> tuple[float, float, float] | None:
+    """Level, slope and deviation of the line that most of the points (t, y) lie on; `t` has unit spread."""
+    slope, level = np.polyfit(t, y, 1)
+    scale = 0.35 * unit
+    for _ in range(10):
+        r = y - (level + slope * t)
+        w = 1 / (1 + (r / scale) ** 2) ** 2
+        total, wt, wtt = w.sum(), (w * t).sum(), (w * t * t).sum()
+        determinant = total * wtt - wt**2
+        if determinant <= 1e-9 * total:
+            return None
+        wy, wyt = (w * y).sum(), (w * y * t).sum()
+        level = (wtt * wy - wt * wyt) / determinant
+        slope = (total * wyt - wt * wy) / determinant
+        scale = max(scale * 0.6, p.baseline_scale * unit)
+    r = y - (level + slope * t)
+    near = np.abs(r) < 3 * scale
+    if near.sum() < max(0.4 * len(t), 4):
+        return None
+    rms = max(float(np.sqrt(np.mean(r[near] ** 2))), 0.25)
+    return float(level), float(slope), rms / float(np.sqrt(near.sum()))
 
 
 def group_paragraphs(lines: Baselines, tolerance: float = 0.12, min_lines: int = 3) -> list[Paragraph]:

@@ -36,6 +36,7 @@ class MajorFlowParameters:
     """Samples a text height, so that work does not grow with the size of the print. Along the lines few are
     enough; across them fewer than about 15 draw the peak towards the window's own direction."""
     strips: int = 12
+    remeasure_slope: float = 0.012
     outlier_rad: float = np.deg2rad(8.0)
     max_samples: int = 600
     """Bound on the fine samples: the blocks grow until there are no more."""
@@ -149,8 +150,9 @@ def refine_major_flow(
     ink = text.ink.astype(np.float32)
     theta = field.at(centres)
     slope, inner, weight = _measure_slopes(ink, centres, theta, slopes, window)
-    # Where the coarse field was far off, the window is turned by what was found and measured once more.
-    far = np.abs(slope) > 0.5 * slopes[-1]
+    # Where the coarse field was off, the window is turned by what was found and measured once more: a window
+    # along the lines is free of bias, one 3 degrees off is not (0.08 degrees).
+    far = np.abs(slope) > p.remeasure_slope
     if far.any():
         samples = _fine_samples(centres, theta, slope, np.where(inner, weight, 0.0))
         samples = reject_outliers(samples, sigma, shape, p.outlier_rad)
