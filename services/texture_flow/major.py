@@ -29,14 +29,12 @@ class MajorFlowParameters:
     fine_block: float = 3.0
     fine_window: tuple[float, float] = (14.0, 8.0)
     fine_range_rad: float = np.deg2rad(6.0)
-    fine_step_rad: float = np.deg2rad(0.4)
-    """Coarser steps lock the parabola to them: 0.2 degrees of bias at 1 degree, 0.02 at 0.4."""
+    fine_step_rad: float = np.deg2rad(0.75)
     along_sampling: float = 5.0
-    across_sampling: float = 18.0
-    """Samples a text height, so that work does not grow with the size of the print. Along the lines few are
-    enough; across them fewer than about 15 draw the peak towards the window's own direction."""
+    across_sampling: float = 12.0
+    """Samples a text height, so that work does not grow with the size of the print; along the lines few are enough."""
     strips: int = 12
-    remeasure_slope: float = 0.012
+    remeasure_slope: float = np.tan(np.deg2rad(3.0))
     outlier_rad: float = np.deg2rad(8.0)
     max_samples: int = 600
     """Bound on the fine samples: the blocks grow until there are no more."""
@@ -145,13 +143,12 @@ def refine_major_flow(
     along, across = unit / p.along_sampling, unit / p.across_sampling
     columns = int(p.fine_window[0] * unit / along / p.strips) * p.strips
     slopes = np.tan(np.arange(-p.fine_range_rad, p.fine_range_rad + 1e-9, p.fine_step_rad))
-    margin = int(np.ceil(columns / 2 * abs(slopes[0]) * along / across)) + 2
+    margin = int(np.ceil(columns / 2 * abs(slopes[0]) * along / across)) + 4
     window = _Window(along, across, int(p.fine_window[1] * unit / across) + 2 * margin, columns, margin, p.strips)
     ink = text.ink.astype(np.float32)
     theta = field.at(centres)
     slope, inner, weight = _measure_slopes(ink, centres, theta, slopes, window)
-    # Where the coarse field was off, the window is turned by what was found and measured once more: a window
-    # along the lines is free of bias, one 3 degrees off is not (0.08 degrees).
+    # Where the coarse field was off, the window is turned by what was found and measured once more.
     far = np.abs(slope) > p.remeasure_slope
     if far.any():
         samples = _fine_samples(centres, theta, slope, np.where(inner, weight, 0.0))

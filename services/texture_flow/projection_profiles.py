@@ -73,16 +73,15 @@ def scan_slopes(
 ) -> tuple[Energies, NDArray[np.float64]]:
     """Energies (N, S) of `windows` (N, rows, columns) projected along rows of slope `slopes` (S,).
 
-    A window is first summed to `strips` column sums; a slope then only shifts these against one another,
-    by linear interpolation. `margin` rows above and below are reserve for the shifts. Also returns the
-    ink (N,) of the central rows.
+    A window is first summed to `strips` column sums; a slope then only shifts these against one another, by
+    cubic interpolation (a linear one blurs at half rows and not at whole ones, and so draws the peak to slope 0:
+    0.15 degrees, measured). `margin` rows above and below are reserve for the shifts. Also returns the ink (N,)
+    of the central rows.
     """
     count, rows, columns = windows.shape
     width = columns // strips
     used = windows[:, :, : width * strips].reshape(count, rows, strips, width).sum(axis=3)
-    # Interpolation at half a row smooths more than at a whole one, which would favour slope 0; ink that is
-    # smooth already looks the same at both.
-    for _ in range(2):
+    for _ in range(2):  # ink is binary; without its steps the peak is round enough for a parabola
         used[:, 1:-1] = 0.25 * used[:, :-2] + 0.5 * used[:, 1:-1] + 0.25 * used[:, 2:]
     offset_of = (np.arange(strips) + 0.5) * width - 0.5 - (columns - 1) / 2
     height = rows - 2 * margin
@@ -91,11 +90,24 @@ def scan_slopes(
         profile = np.zeros((count, height), np.float32)
         for j, offset in enumerate(offset_of * slope):
             whole = int(np.floor(offset))
-            part = np.float32(offset - whole)
-            top = margin + whole
-            profile += (1 - part) * used[:, top : top + height, j] + part * used[:, top + 1 : top + 1 + height, j]
+            top = margin + whole - 1
+            for i, weight in enumerate(catmull_rom(offset - whole)):
+                profile += weight * used[:, top + i : top + i + height, j]
         energies[:, k] = profile.std(axis=1)
     return energies, used[:, margin : margin + height].sum(axis=(1, 2))
+
+
+def catmull_rom(t: float) -> NDArray[np.float32]:
+    """Weights (4,) of the samples at -1, 0, 1, 2 for the value at 0 <= t < 1."""
+    return np.array(
+        [
+            -0.5 * t + t**2 - 0.5 * t**3,
+            1 - 2.5 * t**2 + 1.5 * t**3,
+            0.5 * t + 2 * t**2 - 1.5 * t**3,
+            -0.5 * t**2 + 0.5 * t**3,
+        ],
+        np.float32,
+    )
 
 
 def parabola_peak(energies: Energies, positions: Vector) -> tuple[Vector, NDArray[np.bool_]]:
