@@ -1,5 +1,7 @@
 """Array aliases; shapes and frames are told in `docs/conventions.md`."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,9 +11,11 @@ GrayImage = NDArray[np.uint8]
 """(H, W) uint8."""
 Mask = NDArray[np.bool_]
 """(H, W) bool."""
-Points = NDArray[np.float64]
+Points = NDArray[np.floating[Any]]
 """(N, 2) float64, (x, y) pixels, origin at the centre of the top-left pixel."""
-Vector = NDArray[np.float64]
+Vector = NDArray[np.floating[Any]]
 """(N,) float64."""
-Homography = NDArray[np.float64]
+Homography = NDArray[np.floating[Any]]
 """(3, 3) float64; `H_dst_src` maps homogeneous source points to destination points."""
+Floats = NDArray[np.floating[Any]]
+"""Any shape, float64 unless told."""

@@ -1,9 +1,8 @@
 """The pin-hole camera: focal length, directions of vanishing points, plane to image (3.2.3, 3.2.4)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.arrays import Homography
+from services.arrays import Floats, Homography
 
 FULL_FRAME_DIAGONAL_MM = 43.2666
 """Diagonal of the 36 x 24 mm frame that EXIF's 35 mm equivalent refers to."""
@@ -17,7 +16,7 @@ def field_of_view(focal_length_px: float, width: int, height: int) -> float:
     return float(2 * np.arctan(0.5 * np.hypot(width, height) / focal_length_px))
 
 
-def focal_length_from_vanishing_points(v_h: NDArray[np.float64], v_v: NDArray[np.float64]) -> float | None:
+def focal_length_from_vanishing_points(v_h: Floats, v_v: Floats) -> float | None:
     """f = sqrt(-v_h . v_v) for the vanishing points of two orthogonal directions (3.2.3).
 
     The points are homogeneous (3,), relative to the principal point. None where f cannot be solved for:
@@ -30,7 +29,7 @@ def focal_length_from_vanishing_points(v_h: NDArray[np.float64], v_v: NDArray[np
     return float(np.sqrt(square)) if square > 0 else None
 
 
-def rotation_from_vector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+def rotation_from_vector(vector: Floats) -> Floats:
     """Rotation matrix (3, 3) of an axis-angle vector (3,), by Rodrigues' formula."""
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
@@ -40,9 +39,7 @@ def rotation_from_vector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K))
 
 
-def rotation_from_flows(
-    v_h: NDArray[np.float64], v_v: NDArray[np.float64], focal_length: float
-) -> NDArray[np.float64]:
+def rotation_from_flows(v_h: Floats, v_v: Floats, focal_length: float) -> Floats:
     """Rotation (3, 3) with columns V_h, V_v, N: the page's axes in the camera frame (Equation 3.1).
 
     Noise leaves V_h and V_v not quite orthogonal; the nearest rotation shares the error between the two.
@@ -61,11 +58,11 @@ def rotation_from_flows(
     return np.stack([V_h, V_v, np.cross(V_h, V_v)], axis=1)
 
 
-def plane_to_image(R: NDArray[np.float64], focal_length: float) -> Homography:
+def plane_to_image(R: Floats, focal_length: float) -> Homography:
     """H_image_plane (3, 3) of a plane with axes R[:, 0], R[:, 1], through the point (0, 0, f) (Equation 3.4).
 
     Coordinates on both sides are relative to the principal point and in the same unit; the plane's
     unit is the image's at the principal point.
     """
     H = np.column_stack([R[:, 0], R[:, 1], [0.0, 0.0, focal_length]])
-    return np.diag([focal_length, focal_length, 1.0]) @ H / focal_length
+    return np.asarray(np.diag([focal_length, focal_length, 1.0]) @ H / focal_length)

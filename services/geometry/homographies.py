@@ -1,9 +1,8 @@
 """Homographies, named `H_dst_src`, on points (N, 2)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.arrays import Homography, Points, Vector
+from services.arrays import Floats, Homography, Points, Vector
 
 
 def transform_points(H: Homography, points: Points) -> Points:
@@ -16,7 +15,7 @@ def transform_points(H: Homography, points: Points) -> Points:
     return np.stack([x, y], axis=1)
 
 
-def jacobians(H: Homography, points: Points) -> NDArray[np.float64]:
+def jacobians(H: Homography, points: Points) -> Floats:
     """Derivatives (N, 2, 2) of the map at `points` (N, 2): d destination / d source."""
     p = np.asarray(points, np.float64)
     w = p[:, 0] * H[2, 0] + p[:, 1] * H[2, 1] + H[2, 2]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Points, Vector
+from services.arrays import Floats, Points, Vector
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,25 +17,25 @@ class VanishingPoint:
     `residual_rad` the weighted RMS angle between samples and the point, `inliers` (N,) the samples kept.
     """
 
-    direction: NDArray[np.float64]
+    direction: Floats
     convergence: float
     residual_rad: float
     inliers: NDArray[np.bool_]
 
 
-def tangent_lines(points: Points, angles: Vector) -> NDArray[np.float64]:
+def tangent_lines(points: Points, angles: Vector) -> Floats:
     """Flow tangent lines l_i = (x_i, y_i, 1) x (cos a_i, sin a_i, 0), as rows (N, 3) (3.2.2)."""
     c, s = np.cos(angles), np.sin(angles)
     return np.stack([-s, c, points[:, 0] * s - points[:, 1] * c], axis=1)
 
 
-def convergence_quality(lines: NDArray[np.float64], weights: Vector) -> float:
+def convergence_quality(lines: Floats, weights: Vector) -> float:
     """S3/S1 of L = (l_1 ... l_N): zero when all lines meet in one point."""
     singular = np.linalg.svd(lines * np.sqrt(weights / weights.sum())[:, None], compute_uv=False)
     return float(singular[2] / singular[0]) if singular[0] > 0 else 0.0
 
 
-def angular_residuals(direction: NDArray[np.float64], points: Points, angles: Vector) -> Vector:
+def angular_residuals(direction: Floats, points: Points, angles: Vector) -> Vector:
     """Signed sine of the angle (N,) between each sample and the direction from its point to the vanishing point."""
     dx = direction[0] - points[:, 0] * direction[2]
     dy = direction[1] - points[:, 1] * direction[2]

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Mask, Points, RgbImage
+from services.arrays import Floats, Mask, Points, RgbImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +34,8 @@ class Paper:
     The reduced photo is the photo resized by `factor`.
     """
 
-    contrast: NDArray[np.float64]
-    chroma: NDArray[np.float64]
+    contrast: Floats
+    chroma: Floats
     factor: float
 
     def _pixels(self, points: Points) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
@@ -94,12 +94,12 @@ def model_paper(photo: RgbImage, text_points: Points, parameters: PaperParameter
     return Paper(log_brightness - continue_smoothly(log_brightness, at), chroma, factor)
 
 
-def continue_smoothly(values: NDArray[np.float64], at: NDArray[np.int_]) -> NDArray[np.float64]:
+def continue_smoothly(values: Floats, at: NDArray[np.int_]) -> Floats:
     """Quadratic surface over an image (rows, columns) through its values at the pixels `at` (N, 2), robustly."""
     rows, columns = values.shape
     unit = max(rows, columns) / 2
 
-    def terms(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def terms(x: Floats, y: Floats) -> Floats:
         u, v = (x - columns / 2) / unit, (y - rows / 2) / unit
         return np.stack([np.ones_like(u), u, v, 0.5 * u * u, u * v, 0.5 * v * v], axis=-1)
 

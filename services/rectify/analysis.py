@@ -137,7 +137,9 @@ def _measure_flows(
     strokes_image = flatten_illumination(resize_gray(gray, strokes_factor))
     enlarge = strokes_factor / factor
     area = cv2.resize(
-        text.area.astype(np.uint8), (strokes_image.shape[1], strokes_image.shape[0]), interpolation=cv2.INTER_NEAREST
+        text.area.astype(np.uint8),
+        (strokes_image.shape[1], strokes_image.shape[0]),
+        interpolation=cv2.INTER_NEAREST,
     ).astype(bool)
     field = resize_field(major.field, enlarge)
     minor = estimate_minor_flow(strokes_image, area, text.text_height_px * enlarge, field)

@@ -95,7 +95,9 @@ def _right_neighbours(
     # Neighbours are looked for in a frame stretched across the lines, from right end to left end.
     tree = cKDTree(np.stack([x0, 2.5 * bottom], axis=1))
     k = min(10, len(x0))
-    distance, index = tree.query(np.stack([x1, 2.5 * bottom], axis=1), k=k, distance_upper_bound=p.reach * unit * 2)
+    distance, index = tree.query(
+        np.stack([x1, 2.5 * bottom], axis=1), k=k, distance_upper_bound=p.reach * unit * 2
+    )
     found = np.isfinite(distance)
     index = np.where(found, index, 0)
     gap = x0[index] - x1[:, None]

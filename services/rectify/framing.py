@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.arrays import Homography, Points
+from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import jacobians, resizing, scaling, transform_points, translation
 
 
@@ -49,7 +48,9 @@ def frame_page(
     p = parameters or FramingParameters()
     H_plane_photo = np.linalg.inv(H_photo_plane)
     text = transform_points(H_plane_photo, text_points)
-    scale = 1 / np.sqrt(np.abs(np.linalg.det(jacobians(H_plane_photo, text_points))))  # photo px per plane unit
+    scale = 1 / np.sqrt(
+        np.abs(np.linalg.det(jacobians(H_plane_photo, text_points)))
+    )  # photo px per plane unit
     resolution = float(np.percentile(scale, p.detail_percentile))
     low, high = text.min(axis=0), text.max(axis=0)
     margin = p.text_margin * text_height_px / float(np.median(scale))
@@ -65,8 +66,10 @@ def frame_page(
         high = np.minimum(np.maximum(high, sheet.max(axis=0) + rim), visible_high)
     extent = high - low
     pixels = p.max_growth * photo_shape[0] * photo_shape[1]
-    resolution = min(resolution, float(np.sqrt(pixels / (extent[0] * extent[1]))), 20000.0 / float(extent.max()))
-    width, height = (max(int(round(v * resolution)), 1) for v in extent)
+    resolution = min(
+        resolution, float(np.sqrt(pixels / (extent[0] * extent[1]))), 20000.0 / float(extent.max())
+    )
+    width, height = (max(round(v * resolution), 1) for v in extent)
     H_plane_flat = translation(float(low[0]), float(low[1])) @ scaling(1 / resolution) @ translation(0.5, 0.5)
     return FlatFrame(H_photo_plane @ H_plane_flat, width, height)
 
@@ -79,11 +82,16 @@ def _in_front(H: Homography, points: Points, reference: Points) -> Points:
 
 
 def _visible(
-    H_plane_photo: Homography, photo_shape: tuple[int, int], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    H_plane_photo: Homography,
+    photo_shape: tuple[int, int],
+    low: Floats,
+    high: Floats,
+) -> tuple[Floats, Floats]:
     """Bounds of the photo's part within the box `low`..`high` of the plane."""
     height, width = photo_shape
-    grid = np.stack(np.meshgrid(np.linspace(0, width - 1, 60), np.linspace(0, height - 1, 60)), axis=-1).reshape(-1, 2)
+    grid = np.stack(
+        np.meshgrid(np.linspace(0, width - 1, 60), np.linspace(0, height - 1, 60)), axis=-1
+    ).reshape(-1, 2)
     middle = transform_points(np.linalg.inv(H_plane_photo), 0.5 * (low + high)[None])
     seen = _in_front(H_plane_photo, grid, middle)
     inside = seen[((seen >= low) & (seen <= high)).all(axis=1)]
@@ -110,7 +118,7 @@ def resize_frame(frame: FlatFrame, factor: float) -> FlatFrame:
     return FlatFrame(frame.H_photo_flat @ np.linalg.inv(resizing(factor)), width, height)
 
 
-def mesh_of(frame: FlatFrame, columns: int = 49, rows: int = 65) -> NDArray[np.float64]:
+def mesh_of(frame: FlatFrame, columns: int = 49, rows: int = 65) -> Floats:
     """Mesh (rows, columns, 2) of photo points over the output, corner to corner."""
     x, y = np.linspace(0, frame.width - 1, columns), np.linspace(0, frame.height - 1, rows)
     grid = np.stack(np.meshgrid(x, y), axis=-1)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage, RgbImage
-from services.errors import InvalidOption, NoText
+from services.errors import InvalidOption
 from services.geometry.camera import field_of_view
 from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
@@ -18,8 +18,12 @@ from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.orientation import estimate_orientation
 from services.rectify.parameters import RectifyParameters
-from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
-from services.rectify.planar import FlowVanishingPoints
+from services.rectify.planar import (
+    FlowVanishingPoints,
+    PhotoFrame,
+    estimate_vanishing_points,
+    focal_prior,
+)
 from services.rectify.pose import PagePose, choose_pose
 from services.rectify.results import (
     CameraEstimate,
@@ -98,7 +102,7 @@ def rectify(
         describe_camera(photo, page.pose),
         PlaneSurface(page.pose.normal),
         orientation,
-        mesh_of(frame),
+        np.asarray(mesh_of(frame), np.float64),
         tuple(notices),
         clock.timings_ms,
     )
@@ -158,13 +162,15 @@ def orient_page(
     """Which way up the flat view reads, and a notice when nobody can tell."""
     if ocr is None:
         return Orientation(0, False, None), Notice(
-            "ocr-unavailable", "no OCR engine is installed, so the page may be upside down; text lines are horizontal."
+            "ocr-unavailable",
+            "no OCR engine is installed, so the page may be upside down; text lines are horizontal.",
         )
     small = resize_frame(frame, min(1.0, analysis.strokes_factor))
     orientation = estimate_orientation(draw_gray_view(analysis, small), ocr)
     if (orientation.confidence or 0.0) < 0.5:
         return orientation, Notice(
-            "orientation-unknown", "too little could be read to tell which way up the page is; it was not turned."
+            "orientation-unknown",
+            "too little could be read to tell which way up the page is; it was not turned.",
         )
     return orientation, None
 
@@ -211,5 +217,3 @@ def describe_camera(photo: RgbImage, pose: PagePose) -> CameraEstimate:
     return CameraEstimate(
         pose.focal_length_px, field_of_view(pose.focal_length_px, width, height), pose.focal_source
     )
-
-

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.arrays import Homography
+from services.arrays import Floats, Homography
 from services.geometry.camera import (
     TYPICAL_FOCAL_LENGTH,
     focal_length_from_vanishing_points,
@@ -79,7 +78,7 @@ class PagePlane:
     `rotation` (3, 3) has columns V_h, V_v, N in the camera frame; `focal` is the focal length over the unit.
     """
 
-    rotation: NDArray[np.float64]
+    rotation: Floats
     focal: float
 
     @property

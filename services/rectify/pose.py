@@ -144,11 +144,18 @@ def choose_pose(
     if not is_plausible(plane, text_points, p):
         plane = level
         notices.append(
-            Notice("implausible-pose", "the text's directions fit no plane seen by a camera; the photo was only turned.")
+            Notice(
+                "implausible-pose",
+                "the text's directions fit no plane seen by a camera; the photo was only turned.",
+            )
         )
     elif flow_deviation(plane, major, minor, p.minor_share) > gain * gentle + 1e-4:
         plane = level
-        notices.append(Notice("already-flat", "no perspective was found that the page's text supports; it was only turned."))
+        notices.append(
+            Notice(
+                "already-flat", "no perspective was found that the page's text supports; it was only turned."
+            )
+        )
     source = focal_source(refined, prior, p)
     if refined.log_aspect_deviation > p.aspect_deviation and prior.source == "assumed" and plane is not level:
         notices.append(

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from services.arrays import Homography, Points, Vector
+from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.camera import rotation_from_vector
 from services.geometry.homographies import jacobians, transform_points
+from services.rectify.baselines import Baselines, Paragraph, find_margins, group_paragraphs
 from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FlowVanishingPoints, FocalPrior, PagePlane
-from services.rectify.baselines import Paragraph, Baselines, find_margins, group_paragraphs
 from services.texture_flow.field import FlowSamples
 
 
@@ -87,13 +87,17 @@ def soften(r: Vector) -> Vector:
     return np.asarray(r * np.sqrt(2 / (np.sqrt(1 + r * r) + 1)))
 
 
-def observe_lines(lines: Baselines, H_centred_flat: Homography, parameters: RefinementParameters) -> FlatObservations:
+def observe_lines(
+    lines: Baselines, H_centred_flat: Homography, parameters: RefinementParameters
+) -> FlatObservations:
     """Text lines of a flat view as observations in the photo."""
     p = parameters
     paragraphs = group_paragraphs(lines)
     length = np.maximum(lines.ends[:, 0] - lines.starts[:, 0], 1e-9)
     slope = np.maximum(np.sqrt(2) * lines.deviations / length, p.baseline_floor_rad)
-    margins = [(g, "left") for g in find_margins(lines, "left")] + [(g, "right") for g in find_margins(lines, "right")]
+    margins = [(g, "left") for g in find_margins(lines, "left")] + [
+        (g, "right") for g in find_margins(lines, "right")
+    ]
     y = 0.5 * (lines.starts[:, 1] + lines.ends[:, 1])
     spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
     return FlatObservations(
@@ -122,7 +126,7 @@ def _line_residuals(H: Homography, o: FlatObservations, p: RefinementParameters)
     """Baselines horizontal, spacing equal, margins vertical, in the flat view of `H` (plane <- centred)."""
     a, b = transform_points(H, o.starts), transform_points(H, o.ends)
     delta = b - a
-    residuals = [np.arctan2(delta[:, 1], np.abs(delta[:, 0])) / o.slope_deviations]
+    residuals: list[Vector] = [np.arctan2(delta[:, 1], np.abs(delta[:, 0])) / o.slope_deviations]
     y = 0.5 * (a[:, 1] + b[:, 1])
     spacing = np.ones(len(o.paragraphs))
     for k, paragraph in enumerate(o.paragraphs):
@@ -180,7 +184,11 @@ def refine_plane(
         along = np.arctan(t[:, 1] / np.where(t[:, 0] == 0, 1e-12, t[:, 0]))
         s = np.einsum("nij,nj->ni", jacobians(H, minor.points), minor_tangent)
         across = np.arctan(s[:, 0] / np.where(s[:, 1] == 0, 1e-12, s[:, 1]))
-        observed = [along / major_deviation, (across - x[4]) / minor_deviation, *_line_residuals(H, observations, p)]
+        observed = [
+            along / major_deviation,
+            (across - x[4]) / minor_deviation,
+            *_line_residuals(H, observations, p),
+        ]
         # Observations may be outliers and are softened; the priors are meant as they are.
         return np.concatenate(
             [
@@ -212,7 +220,7 @@ def refine_plane(
     )
 
 
-def _focal_deviation(information: NDArray[np.float64], prior: FocalPrior) -> float:
+def _focal_deviation(information: Floats, prior: FocalPrior) -> float:
     """Deviation of log f from the observations alone: the prior's information is taken out again."""
     without = information.copy()
     without[3, 3] -= 1 / prior.deviation**2
@@ -222,10 +230,12 @@ def _focal_deviation(information: NDArray[np.float64], prior: FocalPrior) -> flo
 
 
 def _aspect_deviation(
-    information: NDArray[np.float64], x: Vector, plane_of: Callable[[Vector], PagePlane], at: Points
+    information: Floats, x: Vector, plane_of: Callable[[Vector], PagePlane], at: Points
 ) -> float:
     """Deviation of the logarithm of the flat view's x-to-y ratio at the photo point `at` (2,)."""
-    start = jacobians(plane_of(x).H_centred_plane, transform_points(np.linalg.inv(plane_of(x).H_centred_plane), at[None]))[0]
+    start = jacobians(
+        plane_of(x).H_centred_plane, transform_points(np.linalg.inv(plane_of(x).H_centred_plane), at[None])
+    )[0]
 
     def log_ratio(y: Vector) -> float:
         J = jacobians(np.linalg.inv(plane_of(y).H_centred_plane), at[None])[0]
@@ -233,6 +243,8 @@ def _aspect_deviation(
         return float(np.log(np.linalg.norm(along) / np.linalg.norm(across)))
 
     step = 1e-4
-    gradient = np.array([(log_ratio(x + step * e) - log_ratio(x - step * e)) / (2 * step) for e in np.eye(len(x))])
+    gradient = np.array(
+        [(log_ratio(x + step * e) - log_ratio(x - step * e)) / (2 * step) for e in np.eye(len(x))]
+    )
     covariance = np.linalg.inv(information + 1e-12 * np.trace(information) * np.eye(len(x)))
     return float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))

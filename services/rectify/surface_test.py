@@ -17,9 +17,7 @@ class SurfaceTestParameters:
 def discriminate_surface(
     points: FlowVanishingPoints, parameters: SurfaceTestParameters | None = None
 ) -> Literal["planar", "curved"]:
-    """"curved" when either flow's tangent lines have full rank, else "planar"."""
+    """ "curved" when either flow's tangent lines have full rank, else "planar"."""
     p = parameters or SurfaceTestParameters()
-    full_rank = (
-        points.horizontal.convergence > p.major_limit or points.vertical.convergence > p.minor_limit
-    )
+    full_rank = points.horizontal.convergence > p.major_limit or points.vertical.convergence > p.minor_limit
     return "curved" if full_rank else "planar"

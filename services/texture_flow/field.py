@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Points, Vector
-
+from services.arrays import Floats, Points, Vector
 
 _REMAP_WIDTH = 4096
 """Points are looked up as an image of this width: OpenCV's bilinear look-up is ten times numpy's."""
@@ -41,7 +40,7 @@ class FlowField:
     `doubled` (rows, columns, 2) holds (cos 2a, sin 2a); node (r, c) lies at `origin` + `spacing_px` (c, r).
     """
 
-    doubled: NDArray[np.float64]
+    doubled: Floats
     origin: tuple[float, float]
     spacing_px: float
 
@@ -54,7 +53,9 @@ class FlowField:
         width = min(count, _REMAP_WIDTH)
         where = np.pad(where, ((0, -count % width), (0, 0)), mode="edge").reshape(-1, width, 2)
         grid = self.doubled.astype(np.float32)
-        value = cv2.remap(grid, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1, 2)[:count]
+        value = cv2.remap(
+            grid, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        ).reshape(-1, 2)[:count]
         return np.asarray(0.5 * np.arctan2(value[:, 1], value[:, 0]), np.float64)
 
 
@@ -79,7 +80,7 @@ def smooth_samples(
     dy = (axis_y[:, None] - samples.points[:, 1]) / sigma_px
     w = samples.weights
 
-    def moment(fx: NDArray[np.float64], fy: NDArray[np.float64], v: Vector) -> NDArray[np.float64]:
+    def moment(fx: Floats, fy: Floats, v: Vector) -> Floats:
         return np.asarray((fy * v) @ fx.T)
 
     near = [moment(gx, gy, w), moment(gx * dx, gy, w), moment(gx, gy * dy, w)]
@@ -107,7 +108,9 @@ def smooth_samples(
     return FlowField(doubled, (0.0, 0.0), spacing_px)
 
 
-def reject_outliers(samples: FlowSamples, sigma_px: float, shape: tuple[int, int], limit_rad: float) -> FlowSamples:
+def reject_outliers(
+    samples: FlowSamples, sigma_px: float, shape: tuple[int, int], limit_rad: float
+) -> FlowSamples:
     """Coherence check (2.3.2): drop samples that differ from the average of their neighbours by more.
 
     The limit tightens to 4 robust standard deviations where the samples agree better than `limit_rad`.
@@ -132,7 +135,9 @@ def draw_field(image: NDArray[np.uint8], samples: FlowSamples, length_px: float)
     """Picture of the samples as short segments on `image` (H, W, 3), for looking at."""
     canvas = image.copy()
     offset = 0.5 * length_px * np.stack([np.cos(samples.angles), np.sin(samples.angles)], axis=1)
-    for start, end, weight in zip(samples.points - offset, samples.points + offset, samples.weights, strict=True):
+    for start, end, weight in zip(
+        samples.points - offset, samples.points + offset, samples.weights, strict=True
+    ):
         colour = (int(255 * (1 - weight)), int(200 * weight), 0)
         cv2.line(canvas, tuple(map(int, start.round())), tuple(map(int, end.round())), colour, 1, cv2.LINE_AA)
     return canvas

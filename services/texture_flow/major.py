@@ -6,9 +6,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Points, Vector
-from services.texture_flow.field import FlowField, FlowSamples, angle_difference, reject_outliers, smooth_samples
-from services.texture_flow.projection_profiles import parabola_peak, sample_windows, scan_directions, scan_slopes
+from services.arrays import Floats, Points, Vector
+from services.texture_flow.field import (
+    FlowField,
+    FlowSamples,
+    angle_difference,
+    reject_outliers,
+    smooth_samples,
+)
+from services.texture_flow.projection_profiles import (
+    parabola_peak,
+    sample_windows,
+    scan_directions,
+    scan_slopes,
+)
 from services.texture_flow.relaxation import Candidates, find_peaks, label_by_relaxation
 from services.texture_flow.text_identification import IdentifiedText
 
@@ -70,7 +81,9 @@ class MajorFlow:
     field: FlowField
 
 
-def block_centres(area: NDArray[np.bool_], block_px: float, max_count: int | None = None) -> tuple[Points, tuple[int, int]]:
+def block_centres(
+    area: NDArray[np.bool_], block_px: float, max_count: int | None = None
+) -> tuple[Points, tuple[int, int]]:
     """Centres (rows * columns, 2) of blocks that tile the image, row by row, and the grid's (rows, columns)."""
     height, width = area.shape
     while True:
@@ -88,7 +101,10 @@ def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | N
     """Coarse major and minor directions by K candidate peaks and relaxation labelling."""
     p = parameters or MajorFlowParameters()
     scale = min(p.coarse_text_height_px / text.text_height_px, 1.0)
-    ink = cv2.resize(text.ink.astype(np.float32), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    ink = np.asarray(
+        cv2.resize(text.ink.astype(np.float32), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA),
+        np.float32,
+    )
     unit = text.text_height_px
     # Grids of a page-filling headline or of dust alike stay bounded.
     block = max(p.coarse_block * unit, max(text.ink.shape) / 64)
@@ -117,7 +133,7 @@ def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | N
 
 
 def _as_samples(
-    centres: Points, candidates: Candidates, confidence: NDArray[np.float64], best: NDArray[np.intp]
+    centres: Points, candidates: Candidates, confidence: Floats, best: NDArray[np.intp]
 ) -> FlowSamples:
     energy = np.take_along_axis(candidates.energies, best, axis=-1).ravel()
     angle = np.take_along_axis(candidates.angles, best, axis=-1).ravel()
@@ -144,7 +160,9 @@ def refine_major_flow(
     columns = int(p.fine_window[0] * unit / along / p.strips) * p.strips
     slopes = np.tan(np.arange(-p.fine_range_rad, p.fine_range_rad + 1e-9, p.fine_step_rad))
     margin = int(np.ceil(columns / 2 * abs(slopes[0]) * along / across)) + 4
-    window = _Window(along, across, int(p.fine_window[1] * unit / across) + 2 * margin, columns, margin, p.strips)
+    window = _Window(
+        along, across, int(p.fine_window[1] * unit / across) + 2 * margin, columns, margin, p.strips
+    )
     ink = text.ink.astype(np.float32)
     theta = field.at(centres)
     slope, inner, weight = _measure_slopes(ink, centres, theta, slopes, window)

@@ -14,8 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from services.arrays import GrayImage, Mask, Points, Vector
-from services.texture_flow.field import FlowField, FlowSamples, angle_difference, reject_outliers, smooth_samples
+from services.arrays import Floats, GrayImage, Mask, Vector
+from services.texture_flow.field import (
+    FlowField,
+    FlowSamples,
+    angle_difference,
+    reject_outliers,
+    smooth_samples,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +75,10 @@ def detect_stroke_edges(
     smooth = np.exp(-0.5 * (taps / p.derivative_sigma_px) ** 2)
     smooth /= smooth.sum()
     slope = taps * smooth / float((taps**2 * smooth).sum())
-    gx, gy = cv2.sepFilter2D(gray, cv2.CV_32F, slope, smooth), cv2.sepFilter2D(gray, cv2.CV_32F, smooth, slope)
+    gx, gy = (
+        cv2.sepFilter2D(gray, cv2.CV_32F, slope, smooth),
+        cv2.sepFilter2D(gray, cv2.CV_32F, smooth, slope),
+    )
     strength = cv2.magnitude(gx, gy)
     inside = strength[area]
     if inside.size == 0:
@@ -83,27 +92,34 @@ def detect_stroke_edges(
     points = np.stack([columns, rows], axis=1).astype(np.float32)
     angles = np.arctan2(x, -y)  # the tangent is the gradient turned by a right angle
     clear = np.abs(angle_difference(angles, major.at(points))) > p.crossing_rad
-    return StrokeEdges(points[clear], angles[clear].astype(np.float32), strength.ravel()[at][clear])
+    return StrokeEdges(
+        points[clear], angles[clear].astype(np.float32), np.asarray(strength, np.float32).ravel()[at][clear]
+    )
 
 
 def strength_curves(
-    blocks: NDArray[np.intp], count: int, deviations: Vector, strengths: Vector, half_range: float, bin_rad: float
-) -> tuple[NDArray[np.float64], Vector]:
+    blocks: NDArray[np.intp],
+    count: int,
+    deviations: Vector,
+    strengths: Vector,
+    half_range: float,
+    bin_rad: float,
+) -> tuple[Floats, Vector]:
     """Strength S(beta) (count, B) per block over directions (B,), by adding up edge pixels."""
-    bins = int(round(2 * half_range / bin_rad))
+    bins = round(2 * half_range / bin_rad)
     index = np.floor((deviations + half_range) / bin_rad).astype(int)
     ok = (index >= 0) & (index < bins)
     flat = np.bincount(blocks[ok] * bins + index[ok], weights=strengths[ok], minlength=count * bins)
-    return flat.reshape(count, bins), (np.arange(bins) + 0.5) * bin_rad - half_range
+    return np.asarray(flat.reshape(count, bins), np.float64), (np.arange(bins) + 0.5) * bin_rad - half_range
 
 
-def fit_curve_peaks(curves: NDArray[np.float64], directions: Vector, half_width: float) -> Vector:
+def fit_curve_peaks(curves: Floats, directions: Vector, half_width: float) -> Vector:
     """Direction (N,) of the peak of curves (N, B), by a third-order polynomial around the largest value.
 
     The fit's windows are moved inside of the range, so a peak at the very end keeps its largest value.
     """
     step = directions[1] - directions[0]
-    half = max(int(round(half_width / step)), 2)
+    half = max(round(half_width / step), 2)
     top = np.clip(np.argmax(curves, axis=1), half, curves.shape[1] - 1 - half)
     t = np.arange(-half, half + 1) / half
     window = np.take_along_axis(curves, top[:, None] + np.arange(-half, half + 1), axis=1)
@@ -142,7 +158,10 @@ def estimate_minor_flow(
     mass = np.bincount(which, weights=edges.strengths, minlength=count)
     divisor = np.maximum(mass, 1e-9)
     centres = np.stack(
-        [np.bincount(which, weights=edges.points[:, k] * edges.strengths, minlength=count) / divisor for k in (0, 1)],
+        [
+            np.bincount(which, weights=edges.points[:, k] * edges.strengths, minlength=count) / divisor
+            for k in (0, 1)
+        ],
         axis=1,
     )
     alive = population >= p.min_edges
@@ -150,7 +169,9 @@ def estimate_minor_flow(
         return None
     perpendicular = major.at(edges.points) + np.pi / 2
     deviation = angle_difference(edges.angles, perpendicular)
-    curves, directions = strength_curves(which, count, deviation, edges.strengths, np.pi / 2, p.coarse_bin_rad)
+    curves, directions = strength_curves(
+        which, count, deviation, edges.strengths, np.pi / 2, p.coarse_bin_rad
+    )
     shared = _share(curves, (rows, columns), 1.0, p.coarse_sigma_rad / p.coarse_bin_rad)
     coarse = fit_curve_peaks(shared[alive], directions, p.coarse_fit_rad)
     weight = np.clip(population[alive] / float(np.median(population[alive])), 0, 1)
@@ -160,7 +181,9 @@ def estimate_minor_flow(
     field = smooth_samples(samples, shape, block, 1.5 * sigma)
     for _ in range(2):
         deviation = angle_difference(edges.angles, field.at(edges.points))
-        curves, directions = strength_curves(which, count, deviation, edges.strengths, p.fine_range_rad, p.fine_bin_rad)
+        curves, directions = strength_curves(
+            which, count, deviation, edges.strengths, p.fine_range_rad, p.fine_bin_rad
+        )
         shared = _share(curves, (rows, columns), 0.7, p.fine_sigma_rad / p.fine_bin_rad)[alive]
         peaks = fit_curve_peaks(shared, directions, p.fine_fit_rad)
         prominence = shared.max(axis=1) / np.maximum(shared.mean(axis=1), 1e-9)
@@ -171,10 +194,10 @@ def estimate_minor_flow(
     return MinorFlow(samples, field)
 
 
-def _share(
-    curves: NDArray[np.float64], grid: tuple[int, int], sigma_blocks: float, sigma_bins: float
-) -> NDArray[np.float64]:
+def _share(curves: Floats, grid: tuple[int, int], sigma_blocks: float, sigma_bins: float) -> Floats:
     """Curves (rows * columns, B) blurred over neighbouring blocks and along the direction."""
     stacked = curves.reshape(*grid, -1)
-    blurred = gaussian_filter(stacked, (sigma_blocks, sigma_blocks, sigma_bins), mode="constant", truncate=3.0)
+    blurred = gaussian_filter(
+        stacked, (sigma_blocks, sigma_blocks, sigma_bins), mode="constant", truncate=3.0
+    )
     return np.asarray(blurred.reshape(curves.shape))

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Points, Vector
+from services.arrays import Floats, Points, Vector
 
-Energies = NDArray[np.float64]
+Energies = Floats
 
 
 def scan_directions(
@@ -25,7 +25,7 @@ def scan_directions(
     rows, columns = ink.shape
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     side = int(np.ceil(np.hypot(rows, columns))) + 2
-    width, height = (max(int(round(v)) | 1, 3) for v in window)
+    width, height = (max(round(v) | 1, 3) for v in window)
     energies = np.empty((len(centres), len(angles)))
     for k, angle in enumerate(angles):
         c, s = np.cos(angle), np.sin(angle)
@@ -44,8 +44,8 @@ def scan_directions(
 def sample_windows(
     image: NDArray[np.float32],
     centres: Points,
-    along: NDArray[np.float64],
-    across: NDArray[np.float64],
+    along: Floats,
+    across: Floats,
     shape: tuple[int, int],
 ) -> NDArray[np.float32]:
     """Windows (N, rows, columns) of `image`, bilinear, zero outside.
@@ -70,7 +70,7 @@ def sample_windows(
 
 def scan_slopes(
     windows: NDArray[np.float32], slopes: Vector, margin: int, strips: int
-) -> tuple[Energies, NDArray[np.float64]]:
+) -> tuple[Energies, Floats]:
     """Energies (N, S) of `windows` (N, rows, columns) projected along rows of slope `slopes` (S,).
 
     A window is first summed to `strips` column sums; a slope then only shifts these against one another, by

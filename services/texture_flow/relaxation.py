@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from services.arrays import Floats
 
 NEIGHBOURS = [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)]
 
@@ -15,11 +16,11 @@ class Candidates:
     `angles` (rows, columns, K) rad, `energies` (rows, columns, K), zero where there is no candidate.
     """
 
-    angles: NDArray[np.float64]
-    energies: NDArray[np.float64]
+    angles: Floats
+    energies: Floats
 
 
-def find_peaks(energies: NDArray[np.float64], angles: NDArray[np.float64], count: int) -> Candidates:
+def find_peaks(energies: Floats, angles: Floats, count: int) -> Candidates:
     """The `count` highest local maxima of cyclic curves `energies` (rows, columns, A) over `angles` (A,).
 
     Peaks are refined by a parabola through their neighbours; missing ones have energy 0.
@@ -28,18 +29,20 @@ def find_peaks(energies: NDArray[np.float64], angles: NDArray[np.float64], count
     is_peak = (energies >= left) & (energies > right) & (energies > 0)
     order = np.argsort(np.where(is_peak, -energies, np.inf), axis=-1)[..., :count]
 
-    def pick(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def pick(values: Floats) -> Floats:
         return np.asarray(np.take_along_axis(values, order, axis=-1))
 
     curvature = pick(left) - 2 * pick(energies) + pick(right)
-    shift = np.where(curvature < 0, 0.5 * (pick(left) - pick(right)) / np.where(curvature < 0, curvature, -1), 0)
+    shift = np.where(
+        curvature < 0, 0.5 * (pick(left) - pick(right)) / np.where(curvature < 0, curvature, -1), 0
+    )
     step = angles[1] - angles[0]
     refined = (angles[order] + np.clip(shift, -0.5, 0.5) * step) % np.pi
     found = np.take_along_axis(is_peak, order, axis=-1)
     return Candidates(refined, np.where(found, pick(energies), 0.0))
 
 
-def _shifted(values: NDArray[np.float64], down: int, right: int) -> NDArray[np.float64]:
+def _shifted(values: Floats, down: int, right: int) -> Floats:
     """`values` moved by whole nodes, zero where nothing comes in."""
     rows, columns = values.shape[:2]
     moved = np.zeros_like(values)
@@ -51,7 +54,7 @@ def _shifted(values: NDArray[np.float64], down: int, right: int) -> NDArray[np.f
     return moved
 
 
-def label_by_relaxation(candidates: Candidates, iterations: int, step: float) -> NDArray[np.float64]:
+def label_by_relaxation(candidates: Candidates, iterations: int, step: float) -> Floats:
     """Confidence (rows, columns, K) of every candidate after the exchange of support with 8 neighbours.
 
     C_ik(0) = E_ik / max_k E_ik;  r_ij(k1, k2) = cos(Gamma(a_ik1, a_jk2)) = |cos(a_ik1 - a_jk2)|;
@@ -67,7 +70,9 @@ def label_by_relaxation(candidates: Candidates, iterations: int, step: float) ->
         for down, right in NEIGHBOURS:
             other = _shifted(confidence, down, right)
             c, s = _shifted(cos2, down, right), _shifted(sin2, down, right)
-            compatibility = np.abs(cos2[..., :, None] * c[..., None, :] + sin2[..., :, None] * s[..., None, :])
+            compatibility = np.abs(
+                cos2[..., :, None] * c[..., None, :] + sin2[..., :, None] * s[..., None, :]
+            )
             support += np.einsum("rckl,rcl->rck", compatibility, other)
         # The product form of the update keeps the share of a candidate that its energy earned.
         confidence = np.where(present, confidence + step * support * confidence, 0.0)

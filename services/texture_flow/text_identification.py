@@ -127,7 +127,9 @@ def keep_characters(text: IdentifiedText, kept: NDArray[np.bool_]) -> Identified
     ink = chosen[text.label_image]
     lost = 1.0 - ink.sum() / max(int(text.ink.sum()), 1)
     rejected = 1.0 - (1.0 - text.rejected_fraction) * (1.0 - lost)
-    return IdentifiedText(ink, find_text_area(ink, 2.5 * height), text.label_image, components, height, float(rejected))
+    return IdentifiedText(
+        ink, find_text_area(ink, 2.5 * height), text.label_image, components, height, float(rejected)
+    )
 
 
 def identify_text(
@@ -150,8 +152,11 @@ def identify_text(
     if region is not None:
         area &= region
     ink = binarize_niblack(gray, area, p.niblack_window * diagonal, p.niblack_k, p.ink_contrast)
-    count, label_image, stats, centroids = cv2.connectedComponentsWithStats(ink.astype(np.uint8), connectivity=8)
-    kept = _select_characters(ink, stats, centroids, diagonal, p)
+    count, found_labels, found_stats, centroids = cv2.connectedComponentsWithStats(
+        ink.astype(np.uint8), connectivity=8
+    )
+    label_image, stats = np.asarray(found_labels, np.int32), np.asarray(found_stats, np.int32)
+    kept = _select_characters(ink, stats, np.asarray(centroids, np.float64), diagonal, p)
     chosen = np.zeros(count, bool)
     chosen[kept] = True
     text_ink = chosen[label_image]
@@ -172,7 +177,7 @@ def identify_text(
 def _sizes(stats: NDArray[np.int32]) -> Vector:
     """Rotation-tolerant size of components: the geometric mean of box sides, kept from vanishing for i and l."""
     width, height = stats[:, cv2.CC_STAT_WIDTH].astype(float), stats[:, cv2.CC_STAT_HEIGHT].astype(float)
-    return np.maximum(np.sqrt(width * height), 0.7 * np.maximum(width, height))
+    return np.asarray(np.maximum(np.sqrt(width * height), 0.7 * np.maximum(width, height)))
 
 
 def _select_characters(
@@ -205,8 +210,10 @@ def _select_characters(
     solid = (fill > 0.9) & (longest[candidates] < 2 * np.minimum(width, height)[candidates])
     candidates = candidates[~solid]
     for _ in range(2):  # the second pass takes away what leaned on components that fell in the first
-        candidates = candidates[_neighbour_counts(centroids[candidates], size[candidates], p) >= p.min_neighbours]
-    return candidates
+        candidates = candidates[
+            _neighbour_counts(centroids[candidates], size[candidates], p) >= p.min_neighbours
+        ]
+    return np.asarray(candidates)
 
 
 def _neighbour_counts(centres: Points, sizes: Vector, p: TextIdentificationParameters) -> NDArray[np.intp]:
