@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from services.arrays import Floats, Mask, Points, RgbImage
 
@@ -18,9 +19,9 @@ class PaperParameters:
     """Of the long side: wider than a line of print."""
     opening: float = 1 / 40
     """Of the long side: bridges to other bright things are narrower."""
-    contrast: float = 0.35
+    contrast: float = 0.4
     chroma: float = 16.0
-    text_contrast: float = 0.7
+    text_contrast: float = 0.8
     text_chroma: float = 40.0
     """Characters whose ground differs from the paper's by more lie on something else."""
     text_share: float = 0.96
@@ -29,12 +30,15 @@ class PaperParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Paper:
-    """How far every pixel of the reduced photo is from paper: `contrast` and `chroma` (rows, columns).
+    """How far every pixel of the photo, resized by `factor`, is from paper, (rows, columns) each.
 
-    The reduced photo is the photo resized by `factor`.
+    `contrast` compares its brightness with a smooth surface through all the text (which tells text on paper
+    from text on a desk), `near_contrast` with the paper at the nearest text (which follows the edge of a cast
+    shadow), `chroma` is the distance of its hue.
     """
 
     contrast: Floats
+    near_contrast: Floats
     chroma: Floats
     factor: float
 
@@ -60,7 +64,7 @@ class Paper:
         return np.asarray((outline + 0.5) / self.factor - 0.5)
 
     def _sheet(self, text_points: Points, p: PaperParameters) -> Mask | None:
-        alike = (np.abs(self.contrast) < p.contrast) & (self.chroma < p.chroma)
+        alike = (np.abs(self.near_contrast) < p.contrast) & (self.chroma < p.chroma)
         side = max(int(p.opening * max(alike.shape)) | 1, 3)
         kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
         opened = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, kernel)
@@ -77,7 +81,7 @@ def model_paper(photo: RgbImage, text_points: Points, parameters: PaperParameter
     """Paper round `text_points` (N, 2) in `photo` (H, W, 3).
 
     The photo is reduced and freed of print by a closing. The paper's brightness is known at the text and
-    continued from there by a smooth surface, its hue is the text's median.
+    continued from there, its hue is the text's median.
     """
     p = parameters or PaperParameters()
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
@@ -91,7 +95,21 @@ def model_paper(photo: RgbImage, text_points: Points, parameters: PaperParameter
     log_brightness = np.log(blank.astype(np.float64).mean(axis=2) + 1.0)
     hue = np.median(lab[at[:, 1], at[:, 0], 1:], axis=0)
     chroma = np.asarray(np.linalg.norm(lab[..., 1:] - hue, axis=2))
-    return Paper(log_brightness - continue_smoothly(log_brightness, at), chroma, factor)
+    contrast = log_brightness - continue_smoothly(log_brightness, at)
+    on_paper = (np.abs(contrast[at[:, 1], at[:, 0]]) < p.text_contrast) & (
+        chroma[at[:, 1], at[:, 0]] < p.text_chroma
+    )
+    near = log_brightness - continue_nearest(log_brightness, at[on_paper] if on_paper.any() else at)
+    return Paper(contrast, near, chroma, factor)
+
+
+def continue_nearest(values: Floats, at: NDArray[np.int_]) -> Floats:
+    """Image (rows, columns) of the value at the nearest of the pixels `at` (N, 2), a little smoothed."""
+    away = np.ones(values.shape, bool)
+    away[at[:, 1], at[:, 0]] = False
+    rows, columns = distance_transform_edt(away, return_distances=False, return_indices=True)
+    side = max(values.shape) // 40 | 1
+    return np.asarray(cv2.blur(values[rows, columns], (side, side)))
 
 
 def continue_smoothly(values: Floats, at: NDArray[np.int_]) -> Floats:
