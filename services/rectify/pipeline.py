@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage, RgbImage
-from services.errors import InvalidOption
+from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
 from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
@@ -35,6 +35,9 @@ from services.rectify.results import (
 )
 from services.rectify.surface_test import discriminate_surface
 from services.texture_flow.field import FlowSamples
+
+PICTURE_SHARE, FEW_LINES = 0.8, 10
+"""A photo whose ink is picture for the most part, with fewer lines than this, is refused."""
 
 
 class StageClock:
@@ -137,6 +140,11 @@ def estimate_page(
         points = estimate_vanishing_points(major, minor)
         kind = discriminate_surface(points) if parameters.kind == "auto" else parameters.kind
         pose = choose_pose(analysis, view, prior, major, minor, points, kind)
+    if analysis.text.rejected_fraction > PICTURE_SHARE and pose.lines < FEW_LINES:
+        raise NoText(
+            f"most of what is printed is no text, and only {pose.lines} short lines of text were found. "
+            "Send region, a polygon round the text, if there is some."
+        )
     return FlatPage(analysis, points, kind, pose)
 
 

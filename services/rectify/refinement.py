@@ -44,7 +44,7 @@ class RefinementParameters:
     """Deviation of a flush end in text heights (side bearings)."""
     tilt_rad: float = np.deg2rad(35.0)
     """People hold a camera more or less over the page; decides only where the page says nothing."""
-    believable_focal: float = 2.0
+    believable_focal: float = 3.5
     """A focal length further than this many deviations from the typical one comes from a page that is not quite
     flat, not from a rare lens; then the typical one is held fast."""
     held_deviation: float = 0.08
