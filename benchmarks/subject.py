@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from services.rectify.analysis import analyse_photo
 
 from benchmarks.residuals import direction_error_deg
 from services.arrays import RgbImage
 from services.imaging.codec import ImageLimits, decode_image
 from services.ocr.engine import OcrEngine
+from services.rectify.analysis import analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult

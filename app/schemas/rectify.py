@@ -129,7 +129,7 @@ class Camera(_Answer):
 
     focal_length_px: float | None
     field_of_view_deg: float | None = Field(description="Of the diagonal.")
-    source: Literal["estimated", "exif", "given", "unknown"]
+    source: Literal["estimated", "exif", "given", "assumed"]
 
 
 class Plane(_Answer):
