@@ -20,10 +20,11 @@ from benchmarks.places import BASELINE, OUTPUT, data_folder
 from benchmarks.plots import load_picture, make_strip, save_picture, stack_strips
 from benchmarks.reading import Reader, character_error_rate, character_score, make_reader
 from benchmarks.stopwatch import Usage, measured
-from benchmarks.subject import embedded_engine, rectify_file
+from benchmarks.subject import rectify_file
 from benchmarks.workers import run_in_workers
 from services.arrays import RgbImage
 from services.errors import DocumentError
+from services.operations import ocr_engine
 
 SUFFIXES = (".jpg", ".jpeg", ".png")
 METRICS = {
@@ -73,7 +74,7 @@ class Bench:
     def __init__(self, options: Options) -> None:
         cv2.setNumThreads(1)
         self.options = options
-        self.engine = embedded_engine()
+        self.engine = ocr_engine()
         self.reader: Reader = make_reader(options.reader, options.rapidocr_python)
 
 

@@ -30,10 +30,11 @@ from benchmarks.residuals import (
 )
 from benchmarks.simulated_report import METRICS, figures_by_case, report, save_run
 from benchmarks.stopwatch import Usage, measured
-from benchmarks.subject import embedded_engine, measure_flows, rectify_photo
+from benchmarks.subject import measure_flows, rectify_photo
 from benchmarks.workers import run_in_workers
 from services.arrays import RgbImage
 from services.errors import DocumentError
+from services.operations import ocr_engine
 from simulation.flat_page import Page
 from simulation.photo import SimulatedPhoto
 from simulation.truth import Truth
@@ -58,7 +59,7 @@ class Bench:
         cv2.setNumThreads(1)
         self.options = options
         self.pages = {page.name: page for page in load_pages(options.data, options.pages)[0]}
-        self.engine = embedded_engine()
+        self.engine = ocr_engine()
         self.reader: Reader | None = None
         if options.reader:
             self.reader = make_reader(options.reader, options.rapidocr_python)

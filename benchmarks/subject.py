@@ -10,6 +10,7 @@ from benchmarks.residuals import direction_error_deg
 from services.arrays import RgbImage
 from services.imaging.codec import ImageLimits, decode_image
 from services.ocr.engine import OcrEngine
+from services.operations import EncodingOptions, rectify_upload
 from services.rectify.analysis import analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
@@ -27,16 +28,6 @@ class FlowErrors:
     minor_deg: float
 
 
-def embedded_engine() -> OcrEngine | None:
-    """The engine that the service itself would use, None where it is not installed."""
-    from services.ocr.tesseract import EngineUnavailable, TesseractEngine
-
-    try:
-        return TesseractEngine()
-    except EngineUnavailable:
-        return None
-
-
 def rectify_photo(photo: RgbImage, ocr: OcrEngine | None) -> RectifyResult:
     """The rectification as the service calls it, without EXIF (as the dissertation's)."""
     return rectify(photo, RectifyParameters(), None, ocr)
@@ -52,6 +43,14 @@ def rectify_file(path: Path, ocr: OcrEngine | None) -> tuple[RgbImage, Callable[
     """
     decoded = decode_image(path.read_bytes(), ImageLimits())
     return decoded.pixels, lambda: rectify(decoded.pixels, RectifyParameters(), decoded.focal_length_px, ocr)
+
+
+def rectify_bytes(upload: bytes) -> dict[str, float]:
+    """All that a worker does with an upload: decode, rectify, encode. Returns the stages' milliseconds."""
+    reply = rectify_upload(upload, RectifyParameters(), EncodingOptions(), ImageLimits())
+    timings = reply.document["timings_ms"]
+    assert isinstance(timings, dict)
+    return {str(stage): float(spent) for stage, spent in timings.items()}
 
 
 def measure_flows(photo: RgbImage, truth: Truth, rng: np.random.Generator) -> FlowErrors:

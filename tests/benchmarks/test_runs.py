@@ -1,0 +1,177 @@
+"""A case and a photo from end to end, with stand-ins for the rectification and the judge."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks import rectify_photos, rectify_simulated, rectify_speed
+from benchmarks.cases import all_cases
+from benchmarks.reading import Reading
+from benchmarks.rectify_simulated import Bench, Options, flatten_by_truth, run_case
+from benchmarks.stopwatch import Usage
+from benchmarks.subject import FlowErrors, measure_flows
+from services.errors import NoText
+from services.rectify.results import (
+    CameraEstimate,
+    Evidence,
+    Orientation,
+    PlaneSurface,
+    RectifyResult,
+)
+from simulation.flat_page import Page
+from simulation.pages import own_pages
+from simulation.photo import SimulatedPhoto
+from simulation.scenes import PLANE, POSES, photograph
+
+
+class Judge:
+    """Reads every image as the same text."""
+
+    name = "judge"
+
+    def read(self, image: np.ndarray) -> Reading:
+        """See `Reader`."""
+        return Reading("Call me Ishmael. Some years ago", 20)
+
+
+@pytest.fixture(scope="module")
+def page() -> Page:
+    return own_pages(400, 625)[0]
+
+
+@pytest.fixture
+def bench(tmp_path: Path, page: Page) -> Bench:
+    options = Options(tmp_path, (), None, "", None, tmp_path / "pictures")
+    bench = Bench(options)
+    bench.pages = {page.name: page}
+    bench.reader = Judge()
+    return bench
+
+
+def _small_photo(page: Page) -> SimulatedPhoto:
+    return photograph(page, POSES[0], 0.0, PLANE, size=(525, 675))
+
+
+def _perfect(photo: SimulatedPhoto) -> RectifyResult:
+    """What a rectification that knows the truth would answer."""
+    truth = photo.truth
+    x, y = np.meshgrid(np.linspace(0, truth.page.width - 1, 9), np.linspace(0, truth.page.height - 1, 13))
+    mesh = truth.page_to_photo(np.column_stack([x.ravel(), y.ravel()])).reshape(13, 9, 2)
+    normal = truth.normals(truth.sheet_to_photo(np.zeros((1, 2))))[0]
+    return RectifyResult(
+        flatten_by_truth(photo.image, truth),
+        "planar",
+        Evidence(0.0, 0.0, 0.5),
+        CameraEstimate(truth.focal_length_px, None, "estimated"),
+        PlaneSurface((float(normal[0]), float(normal[1]), float(normal[2]))),
+        Orientation(0, False, None),
+        mesh,
+    )
+
+
+def test_a_perfect_rectification_has_no_errors(
+    bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photo = _small_photo(page)
+    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: photo)
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: _perfect(photo))
+    monkeypatch.setattr(rectify_simulated, "measure_flows", lambda image, truth, rng: FlowErrors(0.1, 0.2))
+    case = all_cases((page.name,), degraded=False)[0]
+    figures = run_case(case, bench)
+    assert figures.planar
+    assert figures.upright
+    assert figures.residual_percent < 1e-6
+    assert figures.fov_deg < 1e-6
+    assert figures.normal_deg < 1e-4
+    assert (figures.major_deg, figures.minor_deg) == (0.1, 0.2)
+    assert set(figures.scores) == {"photo", "rectified", "true map", "clean page"}
+    assert 0 < figures.scores["rectified"].characters < 30
+    assert figures.usage["rectify"].peak_mb > 10
+    assert (bench.options.pictures / f"{case.name}.jpg").is_file()
+
+
+def test_a_refusal_reads_as_nothing(bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(image: np.ndarray, ocr: object) -> RectifyResult:
+        raise NoText("blank")
+
+    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: _small_photo(page))
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", refuse)
+    figures = run_case(all_cases((page.name,), degraded=False)[0], bench)
+    assert figures.failure.startswith("no-text")
+    assert not figures.planar
+    assert figures.scores["rectified"].characters == 0
+    assert figures.scores["true map"].characters > 0
+
+
+def test_the_true_map_gives_the_page_back(page: Page) -> None:
+    photo = photograph(page, POSES[0], 0.0, PLANE, size=(1050, 1350))
+    flat = flatten_by_truth(photo.image, photo.truth)[..., 0].astype(float)
+    light = photo.truth.normals(photo.truth.sheet_to_photo(np.zeros((1, 2))))[0, 2]
+    inner = slice(20, -20)
+    error = flat[inner, inner] - page.image[inner, inner] * light
+    assert np.sqrt(np.mean(error**2)) < 12
+
+
+def test_flows_are_compared_with_the_truth(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    photo = _small_photo(page)
+    truth, turn = photo.truth, np.radians(2.0)
+    fields = SimpleNamespace(
+        major_field=SimpleNamespace(at=lambda points: truth.major_flow(points) + turn),
+        minor_field=SimpleNamespace(at=lambda points: truth.minor_flow(points) - 2 * turn),
+    )
+    monkeypatch.setattr("benchmarks.subject.analyse_photo", lambda image: fields)
+    errors = measure_flows(photo.image, truth, np.random.default_rng(0))
+    assert errors.major_deg == pytest.approx(2.0)
+    assert errors.minor_deg == pytest.approx(4.0)
+
+
+def test_a_real_photo_is_read_by_every_method(
+    tmp_path: Path, page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photo = _small_photo(page)
+    path = tmp_path / "leaf.png"
+    cv2.imwrite(str(path), photo.image)
+    path.with_suffix(".txt").write_text("Call me Ishmael. Some years ago")
+    monkeypatch.setattr(
+        rectify_photos, "rectify_file", lambda path, ocr: (photo.image, lambda: _perfect(photo))
+    )
+    monkeypatch.setattr(
+        rectify_photos,
+        "run_page_dewarp",
+        lambda command, image: (None, Usage(1.0, 1.0, 50.0), "exit status 1"),
+    )
+    monkeypatch.setattr(rectify_photos, "make_reader", lambda name, python: Judge())
+    bench = rectify_photos.Bench(rectify_photos.Options("judge", "", "peer", tmp_path / "pictures"))
+    figures = rectify_photos.run_photo(path, bench)
+    assert figures.images["rectified"].error_rate == 0
+    assert figures.images["rectified"].characters == 100
+    assert "page-dewarp" not in figures.images
+    text = rectify_photos.format_photos([figures])
+    assert "exit status 1" in text
+    assert "0.000" in text
+    assert rectify_photos.figures_by_photo([figures])["leaf"]["sure_characters"] == 20
+
+
+def test_no_data_is_said_and_is_no_failure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rectify_photos.main(["--data", str(tmp_path)]) == 0
+    assert "no photos" in capsys.readouterr().err
+
+
+def test_speed_table_has_a_column_a_size() -> None:
+    figures = [
+        rectify_speed.SpeedFigures(3.0, Usage(0.6, 0.6, 300.0), {"decode": 20.0}),
+        rectify_speed.SpeedFigures(12.0, Usage(1.2, 1.2, 500.0), {"decode": 80.0}),
+    ]
+    lines = rectify_speed.format_speed(figures).splitlines()
+    assert lines[1].split() == ["CPU", "s", "0.600", "1.200"]
+    assert lines[2].split()[-2:] == ["0.200", "0.100"]
+    assert lines[-1].split() == ["decode", "ms", "20", "80"]
+
+
+def test_uploads_have_the_asked_size() -> None:
+    picture = cv2.imdecode(np.frombuffer(rectify_speed.make_upload(0.5, degraded=False), np.uint8), 1)
+    assert picture is not None
+    assert picture.shape[0] * picture.shape[1] == pytest.approx(0.5e6, rel=0.01)
