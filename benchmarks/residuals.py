@@ -82,7 +82,7 @@ def normal_error_deg(normal: tuple[float, float, float], truth: Truth) -> float:
     return float(np.degrees(np.arccos(min(cosine, 1.0))))
 
 
-def direction_error_deg(measured: NDArray[np.float64], expected: NDArray[np.float64]) -> float:
+def direction_error_deg(measured: NDArray[np.floating], expected: NDArray[np.floating]) -> float:
     """Mean absolute difference of directions modulo pi."""
     difference = np.abs((measured - expected + np.pi / 2) % np.pi - np.pi / 2)
     return float(np.degrees(difference.mean()))
