@@ -31,13 +31,13 @@ from benchmarks.residuals import (
 from benchmarks.simulated_report import METRICS, figures_by_case, report, save_run
 from benchmarks.stopwatch import Usage, measured
 from benchmarks.subject import measure_flows, rectify_photo
+from benchmarks.true_map import flatten_by_truth, flatten_in_frame
 from benchmarks.workers import run_in_workers
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.operations import ocr_engine
-from simulation.flat_page import Page
+from services.rectify.results import RectifyResult
 from simulation.photo import SimulatedPhoto
-from simulation.truth import Truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ def run_case(case: Case, bench: Bench) -> CaseFigures:
     except DocumentError as error:
         scores, _ = _read_all(bench, case.page, photo, None, usage)
         return CaseFigures(*labels, failure=f"{error.code}: {error}", scores=scores, usage=usage)
-    scores, shown = _read_all(bench, case.page, photo, result.image, usage)
+    scores, shown = _read_all(bench, case.page, photo, result, usage)
     strip = make_strip([photo.image, result.image, *shown.values()], [case.name, "rectified", *shown])
     save_picture(bench.options.pictures / f"{case.name}.jpg", strip)
     focal, normal = result.camera.focal_length_px, result.surface.normal
@@ -108,31 +108,16 @@ def run_case(case: Case, bench: Bench) -> CaseFigures:
     )
 
 
-def flatten_by_truth(photo: RgbImage, truth: Truth) -> RgbImage:
-    """The best that any method could make of the photo: resampled by the simulator's own map."""
-    page: Page = truth.page
-    x, y = np.meshgrid(np.arange(page.width, dtype=float), np.arange(page.height, dtype=float))
-    where = truth.page_to_photo(np.column_stack([x.ravel(), y.ravel()])).astype(np.float32)
-    where = where.reshape(page.height, page.width, 2)
-    paper = (255, 255, 255)
-    flat = cv2.remap(
-        photo,
-        where[..., 0],
-        where[..., 1],
-        cv2.INTER_CUBIC,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=paper,
-    )
-    return np.asarray(flat, np.uint8)
-
-
 def _read_all(
-    bench: Bench, page: str, photo: SimulatedPhoto, rectified: RgbImage | None, usage: dict[str, Usage]
+    bench: Bench, page: str, photo: SimulatedPhoto, result: RectifyResult | None, usage: dict[str, Usage]
 ) -> tuple[dict[str, Score], dict[str, RgbImage | None]]:
     """Scores of every image of the case, and the further images to show."""
     lines = [" ".join(word.text for word in line) for line in photo.truth.visible_lines()]
-    images: dict[str, RgbImage | None] = {"photo": photo.image, "rectified": rectified}
+    images: dict[str, RgbImage | None] = {"photo": photo.image, "rectified": None}
     shown: dict[str, RgbImage | None] = {"true map": flatten_by_truth(photo.image, photo.truth)}
+    if result is not None:
+        images["rectified"] = result.image
+        shown["true map, our frame"] = flatten_in_frame(photo.image, photo.truth, result)
     if bench.options.page_dewarp:
         shown["page-dewarp"], usage["page-dewarp"], _ = run_page_dewarp(
             bench.options.page_dewarp, photo.image

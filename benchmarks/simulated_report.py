@@ -33,7 +33,7 @@ OCR_COLUMNS: dict[str, Pick] = {
     "rectified CRS": score_of("rectified"),
     "rectified WRR": score_of("rectified", "words"),
 }
-IMAGES = ("photo", "rectified", "true map", "clean page", "page-dewarp")
+IMAGES = ("photo", "rectified", "true map, our frame", "true map", "clean page", "page-dewarp")
 
 
 PICKS: dict[str, tuple[Pick, Metric]] = {
@@ -93,14 +93,14 @@ def report(cases: Sequence[CaseFigures]) -> str:
 
 
 def _format_scores(cases: Sequence[CaseFigures]) -> str:
-    lines = [f"{'OCR of':<14}{'CRS mean/std':>16}{'WRR mean/std':>16}{'CRS least':>12}"]
+    lines = [f"{'OCR of':<20}{'CRS mean/std':>16}{'WRR mean/std':>16}{'CRS least':>12}"]
     for image in IMAGES:
         pick = score_of(image)
         values = [value for value in map(pick, cases) if np.isfinite(value)]
         if values:
             (crs, crs_std), (wrr, wrr_std) = mean_std(values), mean_std(map(score_of(image, "words"), cases))
             lines.append(
-                f"{image:<14}{crs:>10.2f}/{crs_std:5.2f}{wrr:>10.2f}/{wrr_std:5.2f}{min(values):>12.2f}"
+                f"{image:<20}{crs:>10.2f}/{crs_std:5.2f}{wrr:>10.2f}/{wrr_std:5.2f}{min(values):>12.2f}"
             )
     return "\n".join(lines)
 

@@ -39,15 +39,15 @@ def mean_over_std(mean: float, std: float) -> str:
 
 def format_usage(cases: Sequence[CaseFigures]) -> str:
     """CPU seconds and peak memory of the benchmark's steps, and CPU of the pipeline's own stages."""
-    lines = [f"{'step':<22}{'CPU s mean':>12}{'CPU s max':>12}{'peak MB max':>13}"]
+    lines = [f"{'step':<26}{'CPU s mean':>12}{'CPU s max':>12}{'peak MB max':>13}"]
     for step in _keys(case.usage for case in cases):
         taken = [case.usage[step] for case in cases if step in case.usage]
         cpu = [usage.cpu_s for usage in taken]
         peak = max(usage.peak_mb for usage in taken)
-        lines.append(f"{step:<22}{sum(cpu) / len(cpu):>12.2f}{max(cpu):>12.2f}{peak:>13.0f}")
+        lines.append(f"{step:<26}{sum(cpu) / len(cpu):>12.2f}{max(cpu):>12.2f}{peak:>13.0f}")
     for stage in _keys(case.stages_ms for case in cases):
         spent = [case.stages_ms[stage] / 1000 for case in cases if stage in case.stages_ms]
-        lines.append(f"{'  rectify: ' + stage:<22}{sum(spent) / len(spent):>12.2f}{max(spent):>12.2f}")
+        lines.append(f"{'  rectify: ' + stage:<26}{sum(spent) / len(spent):>12.2f}{max(spent):>12.2f}")
     return "\n".join(lines)
 
 

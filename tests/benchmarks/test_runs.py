@@ -1,5 +1,6 @@
 """A case and a photo from end to end, with stand-ins for the rectification and the judge."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,9 +11,10 @@ import pytest
 from benchmarks import rectify_photos, rectify_simulated, rectify_speed
 from benchmarks.cases import all_cases
 from benchmarks.reading import Reading
-from benchmarks.rectify_simulated import Bench, Options, flatten_by_truth, run_case
+from benchmarks.rectify_simulated import Bench, Options, run_case
 from benchmarks.stopwatch import Usage
 from benchmarks.subject import FlowErrors, measure_flows
+from benchmarks.true_map import flatten_by_truth, flatten_in_frame
 from services.errors import NoText
 from services.rectify.results import (
     CameraEstimate,
@@ -87,7 +89,7 @@ def test_a_perfect_rectification_has_no_errors(
     assert figures.fov_deg < 1e-6
     assert figures.normal_deg < 1e-4
     assert (figures.major_deg, figures.minor_deg) == (0.1, 0.2)
-    assert set(figures.scores) == {"photo", "rectified", "true map", "clean page"}
+    assert set(figures.scores) == {"photo", "rectified", "true map", "true map, our frame", "clean page"}
     assert 0 < figures.scores["rectified"].characters < 30
     assert figures.usage["rectify"].peak_mb > 10
     assert (bench.options.pictures / f"{case.name}.jpg").is_file()
@@ -113,6 +115,21 @@ def test_the_true_map_gives_the_page_back(page: Page) -> None:
     inner = slice(20, -20)
     error = flat[inner, inner] - page.image[inner, inner] * light
     assert np.sqrt(np.mean(error**2)) < 12
+
+
+def test_the_true_map_in_our_frame_shows_what_we_show(page: Page) -> None:
+    photo = photograph(page, POSES[0], 0.0, PLANE, size=(1050, 1350))
+    result = _perfect(photo)
+    same = flatten_in_frame(photo.image, photo.truth, result)
+    assert same is not None
+    assert np.abs(same.astype(int) - result.image).max() <= 2
+    # A rectification of the wrong shape is shown at its place and size, but in the true shape.
+    bent = result.mesh + 8.0 * np.sin(np.linspace(0, 6, 13))[:, None, None]
+    wrong = flatten_in_frame(photo.image, photo.truth, replace(result, mesh=bent))
+    assert wrong is not None
+    assert wrong.shape == result.image.shape
+    beside = replace(result, mesh=np.full((3, 3, 2), -90.0))
+    assert flatten_in_frame(photo.image, photo.truth, beside) is None
 
 
 def test_flows_are_compared_with_the_truth(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
