@@ -129,15 +129,3 @@ def resize_field(field: FlowField, factor: float) -> FlowField:
     shift = 0.5 * factor - 0.5
     origin = (field.origin[0] * factor + shift, field.origin[1] * factor + shift)
     return FlowField(field.doubled, origin, field.spacing_px * factor)
-
-
-def draw_field(image: NDArray[np.uint8], samples: FlowSamples, length_px: float) -> NDArray[np.uint8]:
-    """Picture of the samples as short segments on `image` (H, W, 3), for looking at."""
-    canvas = image.copy()
-    offset = 0.5 * length_px * np.stack([np.cos(samples.angles), np.sin(samples.angles)], axis=1)
-    for start, end, weight in zip(
-        samples.points - offset, samples.points + offset, samples.weights, strict=True
-    ):
-        colour = (int(255 * (1 - weight)), int(200 * weight), 0)
-        cv2.line(canvas, tuple(map(int, start.round())), tuple(map(int, end.round())), colour, 1, cv2.LINE_AA)
-    return canvas

@@ -1,0 +1,72 @@
+"""The pictures of the README and of docs/, made from a simulated photo of a page that the project sets itself.
+
+python -m benchmarks.readme_pictures [FOLDER]
+"""
+
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.plots import make_strip, save_picture
+from services.arrays import RgbImage
+from services.geometry.vanishing_points import estimate_vanishing_point
+from services.operations import ocr_engine
+from services.rectify.analysis import analyse_photo
+from services.rectify.parameters import RectifyParameters
+from services.rectify.pipeline import rectify
+from services.texture_flow.field import FlowSamples
+from simulation.degradation import PHONE
+from simulation.pages import own_pages
+from simulation.scenes import POSES, photograph
+
+SEED = 7
+
+
+def before_and_after(photo: RgbImage) -> RgbImage:
+    """The photo, its flat view, and the flat view in even light."""
+    engine = ocr_engine()
+    flat = rectify(photo, RectifyParameters(), None, engine).image
+    even = rectify(photo, RectifyParameters(illumination="normalize"), None, engine).image
+    return make_strip([photo, flat, even], ["photo", "POST /rectify", "... illumination=normalize"])
+
+
+def texture_flow(photo: RgbImage) -> RgbImage:
+    """Text, major flow and minor flow drawn on the photo."""
+    analysis = analyse_photo(photo)
+    assert analysis.minor is not None
+    size = (photo.shape[1], photo.shape[0])
+    area = cv2.resize(analysis.text.area.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    tinted = photo.copy()
+    tinted[area] = (0.6 * tinted[area] + 0.4 * np.array([120, 200, 255])).astype(np.uint8)
+    length = 3.0 * analysis.text_height_px
+    major, minor = (draw_flow(photo, samples, length) for samples in (analysis.major, analysis.minor))
+    return make_strip([tinted, major, minor], ["text", "major flow", "minor flow"])
+
+
+def draw_flow(photo: RgbImage, samples: FlowSamples, length_px: float) -> RgbImage:
+    """The samples as short strokes, green where they meet in the vanishing point and red where they do not."""
+    canvas = (0.5 * photo + 127).astype(np.uint8)
+    meets = estimate_vanishing_point(samples.points / 1000, samples.angles, samples.weights).inliers
+    offset = 0.5 * length_px * np.stack([np.cos(samples.angles), np.sin(samples.angles)], axis=1)
+    ends = np.round(np.stack([samples.points - offset, samples.points + offset], axis=1)).astype(int)
+    for (start, end), good in zip(ends, meets, strict=True):
+        colour = (0, 150, 60) if good else (220, 40, 40)
+        cv2.line(canvas, start.tolist(), end.tolist(), colour, max(int(length_px / 12), 2), cv2.LINE_AA)
+    return canvas
+
+
+def main() -> int:
+    """Write the pictures into the folder that is named, else docs/pictures."""
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent.parent / "docs" / "pictures"
+    page = own_pages()[2]
+    photo = photograph(page, POSES[3], 0.0, dirt=PHONE, rng=np.random.default_rng(SEED)).image
+    for name, picture in (("before-after", before_and_after(photo)), ("texture-flow", texture_flow(photo))):
+        save_picture(folder / f"{name}.jpg", picture)
+        print(folder / f"{name}.jpg")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
