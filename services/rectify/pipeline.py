@@ -12,7 +12,7 @@ import numpy as np
 from services.arrays import GrayImage, RgbImage
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
-from services.imaging.illumination import flatten_illumination
+from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
@@ -97,7 +97,7 @@ def rectify(
         flat = draw_flat_view(photo, frame)
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
-            flat = flatten_illumination(flat)
+            flat = normalize_illumination(flat)
     return RectifyResult(
         flat,
         page.kind,
