@@ -24,6 +24,8 @@ class PaperParameters:
     text_contrast: float = 0.8
     text_chroma: float = 40.0
     """Characters whose ground differs from the paper's by more lie on something else."""
+    hull_share: float = 0.96
+    """Of its convex hull, a flat sheet seen whole covers at least this much."""
     text_share: float = 0.96
     """The sheet holds at least this share of the text, or its outline is not believed."""
 
@@ -73,8 +75,22 @@ class Paper:
         if not (found > 0).any():
             return None
         label = int(np.bincount(found[found > 0]).argmax())
-        mask = np.asarray(labels == label)
+        # What the opening took from corners comes back; bridges stay cut.
+        body = cv2.dilate((labels == label).astype(np.uint8), kernel).astype(bool)
+        mask = np.asarray(body & alike)
         return mask if (found == label).mean() >= p.text_share and mask.mean() < 0.97 else None
+
+
+def certain_sheet(outline: Points, parameters: PaperParameters | None = None) -> Points | None:
+    """Convex hull (N, 2) of a sheet's outline when the sheet fills it, so that it is surely one whole sheet.
+
+    None for ragged outlines: a sheet on a ground like itself, an opened book, a torn or folded page.
+    """
+    p = parameters or PaperParameters()
+    points = outline.astype(np.float32)
+    hull = cv2.convexHull(points)
+    filled = cv2.contourArea(points) / max(cv2.contourArea(hull), 1e-9)
+    return np.asarray(hull[:, 0, :], np.float64) if filled >= p.hull_share else None
 
 
 def model_paper(photo: RgbImage, text_points: Points, parameters: PaperParameters | None = None) -> Paper:

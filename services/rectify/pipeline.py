@@ -9,10 +9,12 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from services.arrays import GrayImage, RgbImage
+from services.arrays import GrayImage, Points, RgbImage
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
+from services.geometry.homographies import resizing, transform_points
 from services.imaging.illumination import normalize_illumination
+from services.imaging.paper import certain_sheet
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
@@ -86,7 +88,8 @@ def rectify(
     if page.kind == "curved":
         notices.insert(0, Notice("curved-page", "the page is curved; this is its best planar view."))
     with clock.stage("framing"):
-        frame = frame_photo(photo, page)
+        outline = page.analysis.paper.outline(page.analysis.characters)
+        frame = frame_photo(photo, page, outline)
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):
@@ -94,7 +97,7 @@ def rectify(
         notices += [notice] if notice else []
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
     with clock.stage("remap"):
-        flat = draw_flat_view(photo, frame)
+        flat = draw_flat_view(photo, frame, None if outline is None else certain_sheet(outline))
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
             flat = normalize_illumination(flat)
@@ -138,7 +141,9 @@ def estimate_page(
         prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
-        kind = discriminate_surface(points) if parameters.kind == "auto" else parameters.kind
+        kind = parameters.kind
+        if kind == "auto":
+            kind = discriminate_surface(points, analysis.text_height_px)
         pose = choose_pose(analysis, view, prior, major, minor, points, kind)
     if analysis.text.rejected_fraction > PICTURE_SHARE and pose.lines < FEW_LINES:
         raise NoText(
@@ -156,12 +161,11 @@ def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamp
     return FlowSamples(major.points, major.angles + np.pi / 2, 0.05 * major.weights)
 
 
-def frame_photo(photo: RgbImage, page: FlatPage) -> FlatFrame:
-    """The part of the flat plane that is shown."""
-    points = page.analysis.characters
-    paper = page.analysis.paper.outline(points)
+def frame_photo(photo: RgbImage, page: FlatPage, outline: Points | None) -> FlatFrame:
+    """The part of the flat plane that is shown; `outline` (N, 2) is the sheet's in the photo, if its edge is seen."""
     shape = (photo.shape[0], photo.shape[1])
-    return frame_page(page.pose.H_photo_plane, shape, points, page.analysis.text_height_px, paper)
+    characters, height = page.analysis.characters, page.analysis.text_height_px
+    return frame_page(page.pose.H_photo_plane, shape, characters, height, outline)
 
 
 def orient_page(
@@ -185,8 +189,7 @@ def orient_page(
 
 def draw_gray_view(analysis: PageAnalysis, frame: FlatFrame) -> GrayImage:
     """The view in gray, flat-fielded, drawn from the reduced photo."""
-    s = analysis.strokes_factor
-    H_strokes_photo = np.array([[s, 0.0, 0.5 * s - 0.5], [0.0, s, 0.5 * s - 0.5], [0.0, 0.0, 1.0]])
+    H_strokes_photo = resizing(analysis.strokes_factor)
     return np.asarray(
         cv2.warpPerspective(
             analysis.strokes_image,
@@ -199,18 +202,24 @@ def draw_gray_view(analysis: PageAnalysis, frame: FlatFrame) -> GrayImage:
     )
 
 
-def draw_flat_view(photo: RgbImage, frame: FlatFrame) -> RgbImage:
-    """The one remap of the full-resolution photo; white where the photo ends."""
-    return np.asarray(
-        cv2.warpPerspective(
-            photo,
-            frame.H_photo_flat,
-            (frame.width, frame.height),
-            flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
-            borderValue=(255.0, 255.0, 255.0),
-        ),
-        np.uint8,
+def draw_flat_view(photo: RgbImage, frame: FlatFrame, sheet: Points | None = None) -> RgbImage:
+    """The one remap of the full-resolution photo.
+
+    White where the photo ends and, as on a scanner, outside of the convex `sheet` (N, 2) of the photo.
+    """
+    flat = cv2.warpPerspective(
+        photo,
+        frame.H_photo_flat,
+        (frame.width, frame.height),
+        flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
+        borderValue=(255.0, 255.0, 255.0),
     )
+    if sheet is not None:
+        corners = transform_points(np.linalg.inv(frame.H_photo_flat), sheet)
+        beside = np.full((frame.height, frame.width), 255, np.uint8)
+        cv2.fillConvexPoly(beside, np.round(corners).astype(np.int32), 0)
+        cv2.max(flat, cv2.merge([beside, beside, beside]), dst=flat)
+    return np.asarray(flat, np.uint8)
 
 
 def describe_evidence(page: FlatPage) -> Evidence:

@@ -25,7 +25,7 @@ from services.rectify.planar import (
     PhotoFrame,
     estimate_plane,
 )
-from services.rectify.refinement import RefinedPlane, RefinementParameters, observe_lines, refine_plane
+from services.rectify.refinement import RefinedPlane, for_text, observe_lines, refine_plane, widen
 from services.rectify.results import Notice
 from services.texture_flow.field import FlowSamples, angle_difference
 
@@ -117,6 +117,36 @@ def flatten_ink(analysis: PageAnalysis, view: PhotoFrame, plane: PagePlane) -> t
     return ink > 127, np.linalg.inv(H_reduced_centred) @ H_reduced_flat
 
 
+def refine_pose(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    major: FlowSamples,
+    minor: FlowSamples,
+    points: FlowVanishingPoints,
+    start: PagePlane,
+) -> RefinedPlane:
+    """Two rounds: the text lines are found again, with their margins, in the first round's view.
+
+    The second round also takes the deviations that the first has shown.
+    """
+    parameters = for_text(analysis.text_height_px)
+    ink, H_centred_flat = flatten_ink(analysis, view, start)
+    observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
+    first = refine_plane(start, prior, major, minor, points, observations, parameters)
+    if not is_plausible(first.plane, text_points(analysis, view), PoseParameters()):
+        return first
+    parameters = widen(parameters, first.spreads)
+    ink, H_centred_flat = flatten_ink(analysis, view, first.plane)
+    observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
+    return refine_plane(first.plane, prior, major, minor, points, observations, parameters)
+
+
+def text_points(analysis: PageAnalysis, view: PhotoFrame) -> Points:
+    """Centres of the characters (N, 2) in centred unit coordinates."""
+    return np.asarray((analysis.characters - view.centre) / view.unit_px)
+
+
 def choose_pose(
     analysis: PageAnalysis,
     view: PhotoFrame,
@@ -129,19 +159,16 @@ def choose_pose(
 ) -> PagePose:
     """Pose of the page in `view`; flows in centred coordinates. Falls back to a mere turn, with the reason."""
     p = parameters or PoseParameters()
-    text_points = (analysis.characters - view.centre) / view.unit_px
+    characters = text_points(analysis, view)
     level = level_plane(major, prior)
     start = estimate_plane(points, prior)
-    if not is_plausible(start, text_points, p):
+    if not is_plausible(start, characters, p):
         start = level
-    ink, H_centred_flat = flatten_ink(analysis, view, start)
-    refinement = RefinementParameters()
-    observations = observe_lines(detect_baselines(ink), H_centred_flat, refinement)
-    refined = refine_plane(start, prior, major, minor, points, observations, refinement)
+    refined = refine_pose(analysis, view, prior, major, minor, points, start)
     plane, notices = refined.plane, []
     gain = p.curved_gain if kind == "curved" else p.gain
     gentle = flow_deviation(level, major, minor, p.minor_share)
-    if not is_plausible(plane, text_points, p):
+    if not is_plausible(plane, characters, p):
         plane = level
         notices.append(
             Notice(

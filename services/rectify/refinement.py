@@ -34,7 +34,9 @@ class RefinementParameters:
     slant_rad: float = np.deg2rad(0.15)
     """Flag serifs and round strokes make roman type seem to lean: by 0.14 to 0.18 degrees on ten sharp pages at
     seven angles, 0.25 to 0.4 blurred. One unknown slant with this prior takes it (and a little of italics)."""
+    sharp_text_height_px: float = 18.0
     baseline_floor_rad: float = np.deg2rad(0.03)
+    baseline_factor: float = 1.0
     spacing: float = 0.012
     """Deviation of a line's place over the spacing."""
     spacing_between: float = 0.012
@@ -80,6 +82,8 @@ class RefinedPlane:
     cost: float
     cost_before: float
     lines: int
+    spreads: tuple[float, float]
+    """Of the baselines and of the spacings, in units of the deviations that were assumed."""
 
 
 def soften(r: Vector) -> Vector:
@@ -87,17 +91,44 @@ def soften(r: Vector) -> Vector:
     return np.asarray(r * np.sqrt(2 / (np.sqrt(1 + r * r) + 1)))
 
 
+def soften_hard(r: Vector) -> Vector:
+    """Residuals whose squares are Cauchy's loss log(1 + r^2) of `r` (N,): groups that may be wholly wrong."""
+    magnitude = np.sqrt(np.log1p(r * r))
+    return np.asarray(np.sign(r) * magnitude)
+
+
+def for_text(text_height_px: float) -> RefinementParameters:
+    """Parameters for characters of this size in the photo: the seeming lean of small, blurred type varies more."""
+    p = RefinementParameters()
+    blurred = max(1.0, (p.sharp_text_height_px / text_height_px) ** 2)
+    return replace(p, slant_rad=p.slant_rad * blurred)
+
+
+def widen(parameters: RefinementParameters, spreads: tuple[float, float]) -> RefinementParameters:
+    """Parameters whose deviations are those that a first fit has shown, where they are larger."""
+    baseline, spacing = (max(1.0, spread) for spread in spreads)
+    return replace(
+        parameters,
+        baseline_factor=parameters.baseline_factor * baseline,
+        spacing=parameters.spacing * spacing,
+        spacing_between=parameters.spacing_between * spacing,
+    )
+
+
 def observe_lines(
-    lines: Baselines, H_centred_flat: Homography, parameters: RefinementParameters
+    lines: Baselines, H_centred_flat: Homography, parameters: RefinementParameters, with_margins: bool = True
 ) -> FlatObservations:
-    """Text lines of a flat view as observations in the photo."""
+    """Text lines of a flat view as observations in the photo.
+
+    Margins are told only in a view whose verticals are vertical already: lines whose ends run obliquely would
+    else fall into groups that are flush by chance.
+    """
     p = parameters
     paragraphs = group_paragraphs(lines)
     length = np.maximum(lines.ends[:, 0] - lines.starts[:, 0], 1e-9)
-    slope = np.maximum(np.sqrt(2) * lines.deviations / length, p.baseline_floor_rad)
-    margins = [(g, "left") for g in find_margins(lines, "left")] + [
-        (g, "right") for g in find_margins(lines, "right")
-    ]
+    slope = p.baseline_factor * np.maximum(np.sqrt(2) * lines.deviations / length, p.baseline_floor_rad)
+    sides = ("left", "right") if with_margins else ()
+    margins = [(group, side) for side in sides for group in find_margins(lines, side)]
     y = 0.5 * (lines.starts[:, 1] + lines.ends[:, 1])
     spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
     return FlatObservations(
@@ -122,30 +153,52 @@ def _alike(values: Vector, tolerance: float) -> list[NDArray[np.intp]]:
     return groups
 
 
-def _line_residuals(H: Homography, o: FlatObservations, p: RefinementParameters) -> list[Vector]:
+@dataclass(frozen=True, slots=True, eq=False)
+class LineResiduals:
+    """What the text lines say of a plane, in units of their deviations: (N,) each."""
+
+    baselines: Vector
+    spacings: Vector
+    margins: Vector
+
+    def spreads(self) -> tuple[float, float]:
+        """Robust deviation of the baselines' and the spacings' residuals; 1 when the deviations were right."""
+        return _spread(self.baselines), _spread(self.spacings)
+
+
+def _spread(r: Vector) -> float:
+    return 1.4826 * float(np.median(np.abs(r))) if len(r) else 1.0
+
+
+def _joined(parts: list[Vector]) -> Vector:
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def line_residuals(H: Homography, o: FlatObservations, p: RefinementParameters) -> LineResiduals:
     """Baselines horizontal, spacing equal, margins vertical, in the flat view of `H` (plane <- centred)."""
     a, b = transform_points(H, o.starts), transform_points(H, o.ends)
     delta = b - a
-    residuals: list[Vector] = [np.arctan2(delta[:, 1], np.abs(delta[:, 0])) / o.slope_deviations]
     y = 0.5 * (a[:, 1] + b[:, 1])
     spacing = np.ones(len(o.paragraphs))
+    spacings, margins = [], []
     for k, paragraph in enumerate(o.paragraphs):
         t = paragraph.order - paragraph.order.mean()
         value = y[paragraph.lines]
         spacing[k] = t @ value / (t @ t)
         rest = value - value.mean() - spacing[k] * t
-        residuals.append(rest / (abs(spacing[k]) * p.spacing))
+        spacings.append(rest / (abs(spacing[k]) * p.spacing))
     for group in o.alike:
         log = np.log(np.maximum(spacing[group], 1e-9))
         weight = np.array([len(o.paragraphs[k].lines) for k in group], float)
         # A short paragraph knows its spacing less well: its own deviation is added to the common one.
         own = p.spacing * np.sqrt(12.0) / weight**1.5
-        residuals.append((log - np.average(log, weights=weight)) / np.hypot(p.spacing_between, own))
+        spacings.append((log - np.average(log, weights=weight)) / np.hypot(p.spacing_between, own))
     text_height = float(np.median(o.relative_heights * np.linalg.norm(delta, axis=1))) if len(delta) else 1.0
     for members, side in o.margins:
         x = (a if side == "left" else b)[members, 0]
-        residuals.append((x - np.median(x)) / (p.margin * text_height))
-    return residuals
+        margins.append((x - np.median(x)) / (p.margin * text_height))
+    slopes = np.arctan2(delta[:, 1], np.abs(delta[:, 0])) / o.slope_deviations
+    return LineResiduals(slopes, _joined(spacings), _joined(margins))
 
 
 def refine_plane(
@@ -184,15 +237,18 @@ def refine_plane(
         along = np.arctan(t[:, 1] / np.where(t[:, 0] == 0, 1e-12, t[:, 0]))
         s = np.einsum("nij,nj->ni", jacobians(H, minor.points), minor_tangent)
         across = np.arctan(s[:, 0] / np.where(s[:, 1] == 0, 1e-12, s[:, 1]))
+        lines = line_residuals(H, observations, p)
         observed = [
             along / major_deviation,
             (across - x[4]) / minor_deviation,
-            *_line_residuals(H, observations, p),
+            lines.baselines,
+            lines.spacings,
         ]
         # Observations may be outliers and are softened; the priors are meant as they are.
         return np.concatenate(
             [
                 soften(np.concatenate(observed)),
+                soften_hard(lines.margins),
                 [(x[3] - prior.log_focal) / prior.deviation, (x[4] - p.slant_mean_rad) / p.slant_rad],
                 tilt(x) / p.tilt_rad,
             ]
@@ -217,6 +273,7 @@ def refine_plane(
         float(fit.cost),
         before,
         len(observations.starts),
+        line_residuals(np.linalg.inv(refined.H_centred_plane), observations, p).spreads(),
     )
 
 

@@ -12,12 +12,18 @@ class SurfaceTestParameters:
 
     major_limit: float = 0.010
     minor_limit: float = 0.040
+    sharp_text_height_px: float = 22.0
+    """Below this size of characters in the photo, stroke directions are rougher, with the square."""
 
 
 def discriminate_surface(
-    points: FlowVanishingPoints, parameters: SurfaceTestParameters | None = None
+    points: FlowVanishingPoints, text_height_px: float, parameters: SurfaceTestParameters | None = None
 ) -> Literal["planar", "curved"]:
-    """ "curved" when either flow's tangent lines have full rank, else "planar"."""
+    """Curved when either flow's tangent lines have full rank, else planar.
+
+    `text_height_px` is the size of characters in the photo, which the minor flow's roughness depends on.
+    """
     p = parameters or SurfaceTestParameters()
-    full_rank = points.horizontal.convergence > p.major_limit or points.vertical.convergence > p.minor_limit
-    return "curved" if full_rank else "planar"
+    minor_limit = p.minor_limit * max(1.0, (p.sharp_text_height_px / text_height_px) ** 2)
+    converges = points.horizontal.convergence <= p.major_limit and points.vertical.convergence <= minor_limit
+    return "planar" if converges else "curved"
