@@ -1,0 +1,186 @@
+"""The whole rectification on simulated photos: errors bounded from above, and from below where noise went in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.errors import InvalidOption, NoText
+from services.ocr.engine import OcrEngine, Word
+from services.rectify.parameters import RectifyParameters
+from services.rectify.pipeline import rectify
+from services.rectify.results import RectifyResult
+from simulation.degradation import PHONE
+from simulation.pages import own_pages
+from simulation.photo import SimulatedPhoto
+from simulation.scenes import BOOK, POSES, photograph
+
+SIZE = (1260, 1620)
+AS_IT_LIES = RectifyParameters(upright=False)
+
+
+@pytest.fixture(scope="module")
+def photo() -> SimulatedPhoto:
+    return photograph(own_pages()[0], POSES[3], 0.0, size=SIZE)
+
+
+@pytest.fixture(scope="module")
+def result(photo: SimulatedPhoto) -> RectifyResult:
+    return rectify(photo.image, AS_IT_LIES)
+
+
+def mesh_residual(result: RectifyResult, photo: SimulatedPhoto) -> float:
+    """RMS distance from the true page after the best similarity, over the page's width."""
+    rows, columns = result.mesh.shape[:2]
+    height, width = result.image.shape[:2]
+    x, y = np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows))
+    page = photo.truth.photo_to_page(result.mesh.reshape(-1, 2))
+    on_page = photo.truth.on_page(result.mesh.reshape(-1, 2)) & np.isfinite(page).all(axis=1)
+    a = page[on_page] @ [1, 1j]
+    b = np.column_stack([x.ravel(), y.ravel()])[on_page] @ [1, 1j]
+    a, b = a - a.mean(), b - b.mean()
+    scale = np.vdot(b, a) / np.vdot(b, b)
+    return float(np.sqrt(np.mean(np.abs(a - scale * b) ** 2)) / photo.truth.page.width)
+
+
+def test_a_planar_page_comes_out_flat(result: RectifyResult, photo: SimulatedPhoto) -> None:
+    assert result.kind == "planar"
+    assert 1e-6 < mesh_residual(result, photo) < 0.003
+    assert not result.warnings
+
+
+def test_camera_and_plane_are_near_the_truth(result: RectifyResult, photo: SimulatedPhoto) -> None:
+    assert result.camera.source == "estimated"
+    assert result.camera.focal_length_px is not None
+    assert 1e-5 < abs(result.camera.focal_length_px / photo.truth.focal_length_px - 1) < 0.05
+    normal = np.array(result.surface.normal)
+    true = photo.truth.normals(photo.truth.page_to_photo(np.array([[800.0, 1250.0]])))[0]
+    angle = np.degrees(np.arccos(abs(normal @ true)))
+    assert np.isclose(np.linalg.norm(normal), 1)
+    assert normal[2] > 0
+    assert 1e-4 < angle < 1.5
+
+
+def test_the_picture_is_what_the_mesh_says(result: RectifyResult, photo: SimulatedPhoto) -> None:
+    height, width = result.image.shape[:2]
+    rows, columns = result.mesh.shape[:2]
+    differences = []
+    for r in range(4, rows - 4, 7):
+        for c in range(4, columns - 4, 5):
+            x, y = (round(v) for v in result.mesh[r, c])
+            u, v = round(c * (width - 1) / (columns - 1)), round(r * (height - 1) / (rows - 1))
+            if 2 <= x < SIZE[0] - 2 and 2 <= y < SIZE[1] - 2:
+                shown = result.image[v - 1 : v + 2, u - 1 : u + 2].mean()
+                differences.append(abs(shown - photo.image[y - 1 : y + 2, x - 1 : x + 2].mean()))
+    assert len(differences) > 30
+    assert np.median(differences) < 12
+
+
+def test_all_text_is_in_view(result: RectifyResult, photo: SimulatedPhoto) -> None:
+    low, high = result.mesh.reshape(-1, 2).min(axis=0), result.mesh.reshape(-1, 2).max(axis=0)
+    words = np.array([word.box for line in photo.truth.visible_lines() for word in line])
+    corners = photo.truth.page_to_photo(words[:, :2])
+    assert ((corners > low) & (corners < high)).all()
+
+
+def test_background_shadow_and_noise_change_little() -> None:
+    rng = np.random.default_rng(3)
+    photo = photograph(own_pages()[3], POSES[0], 0.0, dirt=PHONE, rng=rng, size=SIZE)
+    result = rectify(photo.image, AS_IT_LIES)
+    assert result.kind == "planar"
+    assert 1e-6 < mesh_residual(result, photo) < 0.01
+
+
+def test_a_curved_page_is_told_and_shown_all_the_same() -> None:
+    photo = photograph(own_pages()[0], POSES[0], 0.0, BOOK, size=SIZE)
+    result = rectify(photo.image, AS_IT_LIES)
+    assert result.kind == "curved"
+    assert "curved-page" in [notice.code for notice in result.warnings]
+    assert min(result.image.shape[:2]) > 300
+
+
+def test_a_frontal_page_is_left_as_it_is() -> None:
+    page = own_pages(1000, 1400)[1]
+    photo = np.repeat(page.image[..., None], 3, axis=2) if page.image.ndim == 2 else page.image
+    result = rectify(photo, AS_IT_LIES)
+    corners = result.mesh[[0, 0, -1, -1], [0, -1, 0, -1]]
+    x, y = corners[1] - corners[0], corners[2] - corners[0]
+    assert abs(np.degrees(np.arctan2(x[1], x[0]))) < 0.3
+    assert abs(np.degrees(np.arctan2(-y[0], y[1]))) < 0.3
+    height, width = result.image.shape[:2]
+    assert abs(np.linalg.norm(x) / (width - 1) / (np.linalg.norm(y) / (height - 1)) - 1) < 0.01
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_turning_the_photo_turns_the_view(turns: int, photo: SimulatedPhoto, result: RectifyResult) -> None:
+    turned = rectify(np.ascontiguousarray(np.rot90(photo.image, turns)), AS_IT_LIES)
+    assert turned.camera.focal_length_px is not None
+    assert result.camera.focal_length_px is not None
+    assert abs(turned.camera.focal_length_px / result.camera.focal_length_px - 1) < 0.05
+    assert abs(turned.image.size / result.image.size - 1) < 0.1
+
+
+def test_a_given_focal_length_is_taken(photo: SimulatedPhoto) -> None:
+    true = photo.truth.focal_length_px
+    given = rectify(photo.image, replace(AS_IT_LIES, focal_length_px=true))
+    assert given.camera.source == "given"
+    assert given.camera.focal_length_px is not None
+    assert abs(given.camera.focal_length_px / true - 1) < 0.02
+    exif = rectify(photo.image, AS_IT_LIES, true)
+    assert exif.camera.source == "exif"
+
+
+def test_a_region_guides(photo: SimulatedPhoto) -> None:
+    upper = ((0.0, 0.0), (SIZE[0], 0.0), (SIZE[0], SIZE[1] / 2), (0.0, SIZE[1] / 2))
+    guided = rectify(photo.image, replace(AS_IT_LIES, region=upper))
+    whole = rectify(photo.image, AS_IT_LIES)
+    assert 0.2 < guided.evidence.text_area_fraction / whole.evidence.text_area_fraction < 0.8
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"focal_length_px": 1.0}, {"focal_length_px": 1e9}, {"region": ((-9.0, -9.0), (-5, -9), (-5, -5))}],
+)
+def test_options_that_the_photo_cannot_have_are_refused(wrong: dict, photo: SimulatedPhoto) -> None:
+    with pytest.raises(InvalidOption, match=next(iter(wrong))):
+        rectify(photo.image, replace(AS_IT_LIES, **wrong))
+
+
+def blanks() -> list[np.ndarray]:
+    grid = np.full((800, 800, 3), 250, np.uint8)
+    grid[::20], grid[:, ::20] = 0, 0
+    return [
+        np.full((1, 1, 3), 255, np.uint8),
+        np.full((5, 2000, 3), 0, np.uint8),
+        np.full((700, 500, 3), 128, np.uint8),
+        np.random.default_rng(0).integers(0, 256, (600, 800, 3), np.uint8),
+        grid,
+    ]
+
+
+@pytest.mark.parametrize("photo", blanks(), ids=["pixel", "line", "gray", "noise", "grid"])
+def test_photos_without_text_are_refused(photo: np.ndarray) -> None:
+    with pytest.raises(NoText):
+        rectify(photo, RectifyParameters())
+
+
+class Scripted:
+    """An engine that reads lines well when they are as they were set."""
+
+    name = "scripted"
+
+    def read_page(self, image: np.ndarray) -> list[Word]:
+        raise AssertionError("orientation needs lines only")
+
+    def read_line(self, image: np.ndarray) -> tuple[str, float]:
+        return "nothing", 0.0
+
+
+def test_who_cannot_read_says_so(photo: SimulatedPhoto) -> None:
+    engine: OcrEngine = Scripted()
+    unread = rectify(photo.image, RectifyParameters(), None, engine)
+    assert "orientation-unknown" in [notice.code for notice in unread.warnings]
+    assert unread.orientation.rotation_deg == 0
+    without = rectify(photo.image, RectifyParameters())
+    assert "ocr-unavailable" in [notice.code for notice in without.warnings]
+    assert without.orientation.confidence is None
