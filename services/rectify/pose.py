@@ -62,11 +62,19 @@ class PagePose:
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
-    """The gentlest change: the photo turned by the major flow's mean direction, no tilt."""
-    doubled = np.array([np.cos(2 * major.angles), np.sin(2 * major.angles)]) @ major.weights
-    angle = 0.5 * np.arctan2(doubled[1], doubled[0])
+    """The gentlest change: the photo turned so that most of its text lines are level, no tilt."""
+    angle = most_common_direction(major)
     c, s = np.cos(angle), np.sin(angle)
     return PagePlane(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), float(np.exp(prior.log_focal)))
+
+
+def most_common_direction(samples: FlowSamples, width_rad: float = np.deg2rad(2.0)) -> float:
+    """Mode of the directions, rad in [-pi/2, pi/2): unlike the mean it is not drawn by a facing page."""
+    near = np.exp(-0.5 * (angle_difference(samples.angles[:, None], samples.angles[None]) / width_rad) ** 2)
+    top = samples.angles[int(np.argmax(near @ samples.weights))]
+    deviation = angle_difference(samples.angles, float(top))
+    weight = samples.weights * (np.abs(deviation) < 2 * width_rad)
+    return float(angle_difference(np.array([top + np.average(deviation, weights=weight)]), 0.0)[0])
 
 
 def flow_deviation(plane: PagePlane, major: FlowSamples, minor: FlowSamples, minor_share: float) -> float:
