@@ -48,13 +48,15 @@ def estimate_vanishing_point(
 ) -> VanishingPoint:
     """Vanishing point of samples at `points` (N, 2), centred and scaled to about unit size.
 
-    Algebraic least squares by SVD starts; then the angles themselves are minimised by reweighting: each line is
-    divided by its distance to the point (Sampson's weight) and Cauchy's loss, whose scale follows the residuals
-    (never below `floor_rad`), takes the outliers.
+    The point at infinity in the mean direction starts: it stands three tenths of wild directions, where algebraic
+    least squares over all lines are drawn into the middle of the photo, which every line passes closely. Then the
+    angles themselves are minimised by reweighting: each line is divided by its distance to the point (Sampson's
+    weight) and Cauchy's loss, whose scale follows the residuals (never below `floor_rad`), takes the outliers.
     """
     lines = tangent_lines(points, angles)
     w = weights / max(float(weights.sum()), 1e-12)
-    v = np.linalg.svd(lines * np.sqrt(w)[:, None], full_matrices=False)[2][2]
+    mean = 0.5 * np.arctan2(w @ np.sin(2 * angles), w @ np.cos(2 * angles))
+    v = np.array([np.cos(mean), np.sin(mean), 0.0])
     scale = floor_rad
     for _ in range(iterations):
         distance = np.maximum(np.hypot(v[0] - points[:, 0] * v[2], v[1] - points[:, 1] * v[2]), 1e-9)
