@@ -106,7 +106,7 @@ def test_resizing_is_what_area_averages_do(n: int) -> None:
 
 @given(POINTS, st.floats(-9, 9), st.floats(-9, 9), st.floats(0.1, 9))
 def test_shift_and_enlargement(points: Points, x: float, y: float, s: float) -> None:
-    assert np.allclose(transform_points(translation(x, y), points), points + [x, y])
+    assert np.allclose(transform_points(translation(x, y), points), points + np.array([x, y]))
     assert np.allclose(transform_points(scaling(s), points), s * points)
 
 
