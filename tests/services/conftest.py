@@ -1,7 +1,17 @@
-"""Photos and their analyses that several tests look at; each is taken once."""
+"""Pages, photos and their analyses that several tests look at; each is made once."""
 
+import pytest
 from hypothesis import settings
+
+from simulation.flat_page import Page
+from simulation.pages import own_pages
 
 # The time of one example says nothing on a busy machine; the same examples run every time.
 settings.register_profile("laws", deadline=None, derandomize=True)
 settings.load_profile("laws")
+
+
+@pytest.fixture(scope="session")
+def pages() -> tuple[Page, ...]:
+    """The five pages of our own setting, 800 x 1250 px, 21 px to the em."""
+    return own_pages(800, 1250)
