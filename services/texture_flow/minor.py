@@ -32,6 +32,8 @@ class MinorFlowParameters:
     """Gaussian derivatives tell the direction of an edge to 0.05 degrees; Scharr's filter to 0.15, Sobel's to 1."""
     edge_share: float = 0.25
     """Edges count above this share of the strong (99th percentile) gradient."""
+    edge_floor: float = 1.0
+    """... and above this gradient in gray levels a pixel: rounding on plain paper is no edge."""
     crossing_rad: float = np.deg2rad(40.0)
     """Strokes nearer than this to the major flow are removed."""
     block: float = 6.0
@@ -84,7 +86,8 @@ def detect_stroke_edges(
     if inside.size == 0:
         empty = np.zeros(0, np.float32)
         return StrokeEdges(np.zeros((0, 2), np.float32), empty, empty)
-    threshold = p.edge_share * float(np.percentile(inside[:: max(inside.size // 100_000, 1)], 99))
+    strong = float(np.percentile(inside[:: max(inside.size // 100_000, 1)], 99))
+    threshold = max(p.edge_share * strong, p.edge_floor)
     at = np.flatnonzero(((strength > threshold) & area).ravel())
     at = at[:: len(at) // p.max_edges + 1]
     rows, columns = np.divmod(at, gray.shape[1])
@@ -120,7 +123,8 @@ def fit_curve_peaks(curves: Floats, directions: Vector, half_width: float) -> Ve
     """
     step = directions[1] - directions[0]
     half = max(round(half_width / step), 2)
-    top = np.clip(np.argmax(curves, axis=1), half, curves.shape[1] - 1 - half)
+    largest = np.argmax(curves, axis=1)
+    top = np.clip(largest, half, curves.shape[1] - 1 - half)
     t = np.arange(-half, half + 1) / half
     window = np.take_along_axis(curves, top[:, None] + np.arange(-half, half + 1), axis=1)
     design = np.vander(t, 4, increasing=True)
@@ -128,7 +132,8 @@ def fit_curve_peaks(curves: Floats, directions: Vector, half_width: float) -> Ve
     # The maximum of a cubic: c1 + 2 c2 t + 3 c3 t^2 = 0 with negative second derivative, in a stable form.
     root = np.sqrt(np.maximum(c[:, 2] ** 2 - 3 * c[:, 1] * c[:, 3], 0.0))
     denominator = -c[:, 2] + root
-    peak = np.where(denominator > 0, c[:, 1] / np.where(denominator > 0, denominator, 1.0), 0.0)
+    has_peak = denominator > 0
+    peak = np.where(has_peak, c[:, 1] / np.where(has_peak, denominator, 1.0), (largest - top) / half)
     return np.asarray(directions[top] + np.clip(peak, -1, 1) * half * step)
 
 
