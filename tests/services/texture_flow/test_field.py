@@ -10,7 +10,6 @@ from services.texture_flow.field import (
     FlowField,
     FlowSamples,
     angle_difference,
-    draw_field,
     reject_outliers,
     resize_field,
     smooth_samples,
@@ -168,15 +167,3 @@ def test_samples_are_selected_whole() -> None:
     assert chosen.angles.tolist() == [0.0, 3.0]
     assert np.array_equal(chosen.points, samples.points[[0, 3]])
     assert chosen.weights.tolist() == [0.0, 0.6]
-
-
-def test_drawn_samples_are_segments_along_the_direction() -> None:
-    image = np.full((60, 60, 3), 255, np.uint8)
-    sample = FlowSamples(np.array([[30.0, 30.0]]), np.array([np.pi / 4]), np.ones(1))
-    canvas = draw_field(image, sample, 20.0)
-    assert (image == 255).all()
-    dark = canvas.min(axis=2) < 128
-    assert dark[25, 25]
-    assert dark[35, 35]
-    assert not dark[35, 25]
-    assert not dark[45, 45]

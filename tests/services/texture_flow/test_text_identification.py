@@ -15,6 +15,7 @@ from services.texture_flow.text_identification import (
     find_text_area,
     identify_text,
     keep_characters,
+    measure_strokes,
 )
 from simulation.degradation import desk_texture
 from simulation.flat_page import Page
@@ -111,6 +112,11 @@ def draw_row_of_squares(canvas: Gray) -> None:
         cv2.rectangle(canvas, (150 + 25 * k, 1400), (164 + 25 * k, 1414), 0, -1)
 
 
+def draw_row_of_discs(canvas: Gray) -> None:
+    for k in range(30):
+        cv2.circle(canvas, (160 + 25 * k, 1400), 9, 0, -1, cv2.LINE_AA)
+
+
 def draw_discs(canvas: Gray) -> None:
     for k, radius in enumerate((4, 6, 10, 15, 30, 60)):
         cv2.circle(canvas, (170 + 130 * k, 1450), radius, 0, -1, cv2.LINE_AA)
@@ -162,6 +168,7 @@ def text_beside(
         draw_table,
         draw_squares,
         draw_row_of_squares,
+        draw_row_of_discs,
         draw_discs,
         draw_soft_picture,
         draw_wood,
@@ -267,6 +274,17 @@ def test_niblacks_threshold_is_that_of_the_definition() -> None:
         assert ink[y, x] == (gray[y, x] < window.mean() - 0.2 * window.std())
     assert not ink[:, 30:].any()
     assert not binarize_niblack(gray, area, 9, -0.2, 128.0).any()  # no window deviates so much
+
+
+@pytest.mark.parametrize("width", [2, 4, 9, 16])
+def test_stroke_width_of_bars_and_rings(width: int) -> None:
+    ink = np.zeros((200, 300), np.uint8)
+    cv2.rectangle(ink, (20, 20), (20 + width - 1, 180), 1, -1)
+    cv2.circle(ink, (180, 100), 60, 1, width)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(ink)
+    assert count == 3
+    strokes = measure_strokes(ink > 0, np.asarray(labels), stats[:, cv2.CC_STAT_AREA].astype(float))
+    assert (np.abs(strokes[1:] - width) < 1.0 + 0.1 * width).all()
 
 
 def test_closing_fills_gaps_up_to_its_diameter() -> None:
