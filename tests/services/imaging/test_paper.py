@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.arrays import Points
-from services.imaging.paper import continue_nearest, continue_smoothly, model_paper
+from services.imaging.paper import certain_sheet, continue_nearest, continue_smoothly, model_paper
 from simulation.degradation import desk_texture
 from tests.services.scenes import FLAT_SCENES, Album
 
@@ -111,6 +111,26 @@ def test_text_on_a_second_sheet_leaves_no_single_outline() -> None:
     alone = model_paper(photo, print_points()).outline(print_points())
     assert alone is not None
     assert overlap(alone, sheet_mask()) > 0.97
+
+
+def test_one_whole_sheet_is_certain_of_its_hull() -> None:
+    outline = model_paper(draw_sheet((60, 50, 40)), print_points()).outline(print_points())
+    assert outline is not None
+    hull = certain_sheet(outline)
+    assert hull is not None
+    assert overlap(hull, sheet_mask()) > 0.98
+    lean = cv2.transform(outline[None], np.array([[0.9, 0.3, -40.0], [-0.2, 0.8, 150.0]]))[0]
+    assert certain_sheet(lean) is not None
+
+
+def test_a_torn_sheet_is_not_certain() -> None:
+    whole = np.array([[0.0, 0.0], [500.0, 0.0], [500.0, 700.0], [0.0, 700.0]])
+    assert certain_sheet(whole) is not None
+    torn = np.array([[0.0, 0.0], [500.0, 0.0], [500.0, 700.0], [250.0, 550.0], [0.0, 700.0]])
+    assert certain_sheet(torn) is None
+    # An opened book: two sheets that meet in a gutter.
+    book = np.array([[0.0, 0.0], [400.0, 60.0], [800.0, 0.0], [800.0, 500.0], [400.0, 440.0], [0.0, 500.0]])
+    assert certain_sheet(book) is None
 
 
 def test_tinted_boxes_are_paper() -> None:

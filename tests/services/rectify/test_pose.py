@@ -24,6 +24,7 @@ from services.rectify.pose import (
     focal_source,
     is_plausible,
     level_plane,
+    most_common_direction,
 )
 from services.rectify.refinement import RefinedPlane
 from services.rectify.surface_test import discriminate_surface
@@ -43,7 +44,7 @@ def pose_of(shot: Shot, prior: FocalPrior | None = None) -> PagePose:
         shot.major,
         shot.minor,
         points,
-        discriminate_surface(points),
+        discriminate_surface(points, shot.analysis.text_height_px),
     )
 
 
@@ -127,18 +128,31 @@ def deviation_by_differences(H_centred_plane: np.ndarray, shot: Shot) -> float:
     return total
 
 
-@pytest.mark.parametrize("angle_deg", [-40.0, 0.0, 10.0, 85.0])
-def test_level_plane_turns_by_the_mean_direction(angle_deg: float) -> None:
+def directions(parts: list[tuple[float, int]]) -> FlowSamples:
+    """Samples about each direction (degrees), that many each, with a deviation of 0.6 degrees."""
     rng = np.random.default_rng(0)
-    angles = np.radians(angle_deg) + rng.normal(0, 0.05, 500) + np.pi * rng.integers(0, 2, 500)
-    plane = level_plane(
-        FlowSamples(np.zeros((500, 2)), angles, np.ones(500)), FocalPrior(0.3, 0.1, "assumed")
-    )
-    assert np.degrees(np.arctan2(plane.rotation[1, 0], plane.rotation[0, 0])) == pytest.approx(
-        angle_deg, abs=0.5
-    )
+    angles = np.concatenate([np.radians(angle) + rng.normal(0, np.radians(0.6), n) for angle, n in parts])
+    angles += np.pi * rng.integers(0, 2, len(angles))
+    return FlowSamples(np.zeros((len(angles), 2)), angles, np.ones(len(angles)))
+
+
+@pytest.mark.parametrize("angle_deg", [-89.9, -40.0, 0.0, 10.0, 85.0])
+def test_level_plane_turns_by_the_direction_of_the_lines(angle_deg: float) -> None:
+    plane = level_plane(directions([(angle_deg, 400)]), FocalPrior(0.3, 0.1, "assumed"))
+    turn = np.degrees(np.arctan2(plane.rotation[1, 0], plane.rotation[0, 0]))
+    assert abs((turn - angle_deg + 90) % 180 - 90) < 0.15
+    assert np.allclose(plane.rotation.T @ plane.rotation, np.eye(3))
     assert plane.rotation[:, 2].tolist() == [0.0, 0.0, 1.0]
     assert plane.focal == pytest.approx(np.exp(0.3))
+
+
+def test_a_facing_page_does_not_draw_the_common_direction() -> None:
+    found = most_common_direction(directions([(3.0, 300), (14.0, 200), (60.0, 30)]))
+    assert np.degrees(found) == pytest.approx(3.0, abs=0.15)
+    # Weights are heeded: the other page is the page.
+    samples = directions([(3.0, 300), (14.0, 200)])
+    heavy = replace(samples, weights=np.where(np.arange(500) < 300, 0.2, 1.0))
+    assert np.degrees(most_common_direction(heavy)) == pytest.approx(14.0, abs=0.15)
 
 
 def test_flow_deviation_is_that_of_finite_differences(album: Album) -> None:
@@ -235,7 +249,7 @@ def test_flows_of_no_plane_leave_the_photo_as_it_is_but_for_a_turn(album: Album)
 
 def test_where_the_focal_length_comes_from() -> None:
     def refined(deviation: float) -> RefinedPlane:
-        return RefinedPlane(PagePlane(np.eye(3), 1.3), deviation, 0.0, 0.0, 1.0, 1.0, 10)
+        return RefinedPlane(PagePlane(np.eye(3), 1.3), deviation, 0.0, 0.0, 1.0, 1.0, 10, (1.0, 1.0))
 
     frame, p = PhotoFrame(1050, 1350), PoseParameters()
     assumed = focal_prior(frame, None, None)

@@ -15,9 +15,12 @@ from services.rectify.refinement import (
     FlatObservations,
     RefinedPlane,
     RefinementParameters,
+    for_text,
     observe_lines,
     refine_plane,
     soften,
+    soften_hard,
+    widen,
 )
 from simulation.scenes import POSES, View
 from tests.services.rectify.observations import SLANT_RAD, PrintedPlane, photograph_plane
@@ -195,6 +198,61 @@ def test_soft_residuals_are_the_soft_l1_loss() -> None:
     assert np.allclose(soften(r) ** 2, 2 * (np.sqrt(1 + r**2) - 1), rtol=1e-6)
     assert (np.sign(soften(r)) == np.sign(r)).all()
     assert np.allclose(soften(r[:2]), r[:2])
+
+
+def test_hard_residuals_are_cauchys_loss() -> None:
+    r = np.array([0.0, 1e-4, -0.5, 3.0, -1e4])
+    assert np.allclose(soften_hard(r) ** 2, np.log1p(r**2))
+    assert (np.sign(soften_hard(r)) == np.sign(r)).all()
+    assert (np.abs(soften_hard(r)) <= np.abs(soften(r)) + 1e-12).all()
+
+
+def test_small_type_may_lean_more() -> None:
+    assert for_text(40.0) == RefinementParameters()
+    assert for_text(9.0).slant_rad == pytest.approx(4 * RefinementParameters().slant_rad)
+
+
+def test_deviations_are_widened_and_never_narrowed() -> None:
+    p = RefinementParameters()
+    assert widen(p, (0.3, 0.9)) == p
+    wide = widen(p, (2.0, 3.0))
+    assert wide.baseline_factor == pytest.approx(2 * p.baseline_factor)
+    assert wide.spacing == pytest.approx(3 * p.spacing)
+    assert wide.spacing_between == pytest.approx(3 * p.spacing_between)
+    assert wide.margin == p.margin
+
+
+@pytest.mark.parametrize("factor", [1.0, 4.0])
+def test_spreads_tell_how_rough_the_lines_are(factor: float) -> None:
+    # Lines set by hand: each turned and moved at random, so much as assumed or four times as much.
+    plane, rng, p = photograph_plane(POSES[2]), np.random.default_rng(5), RefinementParameters()
+    y = 100 + 29.0 * np.arange(36) + rng.normal(0, factor * p.spacing * 29, 36)
+    rise = rng.normal(0, factor * p.baseline_floor_rad * 670, 36)
+    starts, ends = (
+        np.stack([np.full(36, 65.0), y - rise / 2], axis=1),
+        np.stack([np.full(36, 735.0), y + rise / 2], 1),
+    )
+    lines = observe_lines(
+        Baselines(starts, ends, np.full(36, 12.0), np.full(36, 0.01)), plane.H_centred_page, p
+    )
+    found = refine(plane, focal_prior(plane.frame, None, None), 5, noise=0.3, observations=lines)
+    for spread in found.spreads:
+        assert 0.5 * factor < spread < 1.6 * factor
+    assert plane.error_deg(found.plane) < 1.0
+
+
+def test_margins_of_a_wrong_view_are_left_out() -> None:
+    plane = photograph_plane(POSES[0])
+    y = 100 + 29.0 * np.arange(20)
+    starts, ends = np.stack([np.full(20, 65.0), y], axis=1), np.stack([np.full(20, 735.0), y], axis=1)
+    lines = Baselines(starts, ends, np.full(20, 12.0), np.full(20, 0.1))
+    with_margins, without = (
+        observe_lines(lines, plane.H_centred_page, RefinementParameters(), with_margins=flag)
+        for flag in (True, False)
+    )
+    assert len(with_margins.margins) == 2
+    assert without.margins == []
+    assert len(without.paragraphs) == len(with_margins.paragraphs) == 1
 
 
 def test_lines_are_observed_in_the_photo() -> None:

@@ -17,8 +17,8 @@ from tests.services.scenes import CURVED_SCENES, FLAT_SCENES, Album
 
 @pytest.mark.parametrize("name", [*FLAT_SCENES, "frontal"])
 def test_photos_of_flat_pages_are_planar(album: Album, name: str) -> None:
-    points = album[name].vanishing_points
-    assert discriminate_surface(points) == "planar"
+    points, text_height_px = album[name].vanishing_points, album[name].analysis.text_height_px
+    assert discriminate_surface(points, text_height_px) == "planar"
     # Noise leaves some rank, so zero would be the truth itself.
     assert 1e-4 < points.horizontal.convergence < 0.007
     assert 1e-4 < points.vertical.convergence < 0.03
@@ -26,8 +26,8 @@ def test_photos_of_flat_pages_are_planar(album: Album, name: str) -> None:
 
 @pytest.mark.parametrize("name", CURVED_SCENES)
 def test_photos_of_curved_pages_are_curved(album: Album, name: str) -> None:
-    points = album[name].vanishing_points
-    assert discriminate_surface(points) == "curved"
+    points, text_height_px = album[name].vanishing_points, album[name].analysis.text_height_px
+    assert discriminate_surface(points, text_height_px) == "curved"
     assert points.horizontal.convergence > 0.02
 
 
@@ -50,7 +50,7 @@ def test_exact_flows_of_a_plane_have_no_rank_left(view: View) -> None:
     points = exact_flows(PLANE, view)
     assert points.horizontal.convergence < 1e-6
     assert points.vertical.convergence < 1e-6
-    assert discriminate_surface(points) == "planar"
+    assert discriminate_surface(points, 22.0) == "planar"
 
 
 def test_convergence_worsens_with_curvature() -> None:
@@ -70,8 +70,21 @@ def test_either_flow_of_full_rank_tells_a_curved_page(major: float, minor: float
         VanishingPoint(np.array([1.0, 0, 0]), value, 0.0, np.ones(3, bool)) for value in (major, minor)
     )
     p = SurfaceTestParameters(major_limit=0.010, minor_limit=0.040)
-    assert discriminate_surface(FlowVanishingPoints(horizontal, vertical), p) == kind
+    assert discriminate_surface(FlowVanishingPoints(horizontal, vertical), 22.0, p) == kind
     assert SurfaceTestParameters().major_limit < SurfaceTestParameters().minor_limit  # "a tighter threshold"
+
+
+def test_small_print_may_have_rougher_strokes_but_no_rougher_lines() -> None:
+    def kinds(major: float, minor: float) -> list[str]:
+        both = (
+            VanishingPoint(np.array([1.0, 0, 0]), value, 0.0, np.ones(3, bool)) for value in (major, minor)
+        )
+        points = FlowVanishingPoints(*both)
+        return [discriminate_surface(points, height) for height in (40.0, 22.0, 11.0)]
+
+    assert kinds(0.0, 0.1) == ["curved", "curved", "planar"]
+    assert kinds(0.0, 0.17) == ["curved"] * 3
+    assert kinds(0.011, 0.0) == ["curved"] * 3
 
 
 def test_a_curved_page_looked_at_along_its_rulings() -> None:
@@ -82,4 +95,5 @@ def test_a_curved_page_looked_at_along_its_rulings() -> None:
     points = truth.page_to_photo(np.stack([x.ravel(), y.ravel()], axis=1))
     frame = PhotoFrame(1050, 1350)
     samples = [FlowSamples(points, f(points), np.ones(300)) for f in (truth.major_flow, truth.minor_flow)]
-    assert discriminate_surface(estimate_vanishing_points(*map(frame.to_centred, samples))) == "curved"
+    found = estimate_vanishing_points(*map(frame.to_centred, samples))
+    assert discriminate_surface(found, 22.0) == "curved"
