@@ -32,6 +32,7 @@ class AnalysisParameters:
 class PageAnalysis:
     """What the photo shows; samples and fields are in the photo's own pixel frame.
 
+    Light print on dark paper was analysed in the negative, and `reduced` and `strokes_image` show that.
     `text` is in the frame of `reduced` (H, W), the flat-fielded photo resized by `factor`; `strokes_image` is
     the flat-fielded photo resized by `strokes_factor`. `minor` is None where no strokes were found.
     """
@@ -94,6 +95,20 @@ def analyse_photo(
         When there are too few characters, or their lines show no common direction.
     """
     p = parameters or AnalysisParameters()
+    try:
+        return _analyse_dark_print(photo, region, p)
+    except NoText as refusal:
+        try:
+            # Light print on dark paper: the negative shows it as the steps expect it.
+            return _analyse_dark_print(np.asarray(255 - photo, np.uint8), region, p)
+        except NoText:
+            raise refusal from None
+
+
+def _analyse_dark_print(
+    photo: RgbImage, region: tuple[tuple[float, float], ...] | None, p: AnalysisParameters
+) -> PageAnalysis:
+    """`analyse_photo` for dark print on light paper."""
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     factor = min(1.0, p.long_side_px / max(gray.shape))
     reduced = flatten_illumination(resize_gray(gray, factor))
@@ -111,7 +126,7 @@ def analyse_photo(
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )
-    major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text)
+    major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
     if len(major.samples) < p.min_flow_samples:
         raise NoText("the characters that were found do not form text lines of a common direction.")
     return PageAnalysis(
@@ -129,11 +144,11 @@ def analyse_photo(
 
 
 def _measure_flows(
-    gray: GrayImage, factor: float, text: IdentifiedText
+    gray: GrayImage, factor: float, text: IdentifiedText, p: AnalysisParameters
 ) -> tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float]:
     """Both flows (each in the frame it was measured in) and the image for strokes with its factor."""
     major = refine_major_flow(text, detect_coarse_flow(text).major)
-    strokes_factor = min(1.0, 20.0 * factor / text.text_height_px)
+    strokes_factor = min(1.0, p.stroke_text_height_px * factor / text.text_height_px)
     strokes_image = flatten_illumination(resize_gray(gray, strokes_factor))
     enlarge = strokes_factor / factor
     area = cv2.resize(

@@ -91,6 +91,15 @@ def test_background_shadow_and_noise_change_little() -> None:
     assert 1e-6 < mesh_residual(result, photo) < 0.01
 
 
+def test_light_print_on_dark_paper_is_seen() -> None:
+    page = own_pages()[0]
+    negative = replace(page, image=(255 - 0.85 * page.image).astype(np.uint8))
+    photo = photograph(negative, POSES[2], 0.0, dirt=PHONE, rng=np.random.default_rng(5), size=SIZE)
+    result = rectify(photo.image, AS_IT_LIES)
+    assert result.kind == "planar"
+    assert 1e-6 < mesh_residual(result, photo) < 0.01
+
+
 def test_a_curved_page_is_told_and_shown_all_the_same() -> None:
     photo = photograph(own_pages()[0], POSES[0], 0.0, BOOK, size=SIZE)
     result = rectify(photo.image, AS_IT_LIES)
