@@ -24,6 +24,8 @@ class AnalysisParameters:
     """Text and major flow: text height is then about 8 px on a full page of small print."""
     stroke_text_height_px: float = 20.0
     """Minor flow: above this text height, strokes gain nothing from more pixels."""
+    clear_rejected_fraction: float = 0.8
+    """Of the ink that is found on a page of dark print, less is rejected; print in the negative loses 90 % and more."""
     min_components: int = 30
     min_flow_samples: int = 6
 
@@ -95,14 +97,20 @@ def analyse_photo(
         When there are too few characters, or their lines show no common direction.
     """
     p = parameters or AnalysisParameters()
-    try:
-        return _analyse_dark_print(photo, region, p)
-    except NoText as refusal:
+    found: list[PageAnalysis] = []
+    refusals: list[NoText] = []
+    # Light print on dark paper shows in the negative as the steps expect it.
+    for negative in (False, True):
         try:
-            # Light print on dark paper: the negative shows it as the steps expect it.
-            return _analyse_dark_print(np.asarray(255 - photo, np.uint8), region, p)
-        except NoText:
-            raise refusal from None
+            seen = np.asarray(255 - photo, np.uint8) if negative else photo
+            found.append(_analyse_dark_print(seen, region, p))
+        except NoText as refusal:
+            refusals.append(refusal)
+        if found and found[0].text.rejected_fraction <= p.clear_rejected_fraction:
+            return found[0]
+    if not found:
+        raise refusals[0]
+    return min(found, key=lambda analysis: analysis.text.rejected_fraction)
 
 
 def _analyse_dark_print(

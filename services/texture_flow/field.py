@@ -89,7 +89,7 @@ def smooth_samples(
     normal[..., 0, 0], normal[..., 0, 1], normal[..., 0, 2] = near
     normal[..., 1, 1], normal[..., 1, 2], normal[..., 2, 2] = second
     normal[..., 1, 0], normal[..., 2, 0], normal[..., 2, 1] = near[1], near[2], second[1]
-    far_weight = moment(far_x, far_y, w)
+    far_weight = np.maximum(moment(far_x, far_y, w), 1e-12)  # no samples at all: direction 0
     far = np.stack([moment(far_x, far_y, w * value[:, k]) / far_weight for k in (0, 1)], axis=-1)
     right = np.stack(
         [
