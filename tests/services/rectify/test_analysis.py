@@ -61,6 +61,22 @@ def test_a_smaller_analysis_answers_in_photo_pixels_too(album: Album, name: str)
     assert np.abs(extents[0] - extents[1]).max() < 25
 
 
+def test_samples_of_a_photo_with_four_pixels_for_each_are_at_the_same_places(album: Album) -> None:
+    # Reduced by half, the enlarged photo is the photo again; so every place must be the same, to the pixel.
+    shot = album["plain"]
+    large = np.repeat(np.repeat(shot.photo.image, 2, axis=0), 2, axis=1)
+    there = analyse_photo(large, parameters=AnalysisParameters(long_side_px=max(shot.photo.image.shape)))
+    here = shot.analysis
+    assert there.factor == 0.5
+    assert np.array_equal(there.reduced, here.reduced)
+    assert np.allclose((there.major.points + 0.5) / 2 - 0.5, here.major.points)
+    assert np.allclose(there.major.angles, here.major.angles)
+    assert np.allclose((there.characters + 0.5) / 2 - 0.5, here.characters)
+    assert there.text_height_px == pytest.approx(2 * here.text_height_px)
+    points = shot.text_points
+    assert errors_deg(there.major_field.at(2 * points + 0.5), here.major_field.at(points)).max() < 0.02
+
+
 def test_only_the_region_is_looked_at(album: Album) -> None:
     shot = album["plain"]
     region = ((150.0, 300.0), (800.0, 300.0), (800.0, 800.0), (150.0, 800.0))
@@ -120,7 +136,7 @@ def test_region_mask_is_the_polygon_in_the_reduced_photo() -> None:
     assert mask[26:124, 51:149].all()
     assert not mask[:24].any()
     assert not mask[:, 152:].any()
-    whole = region_mask(((-1e7, -1e7), (1e9, -1e7), (1e9, 1e9), (-1e7, 1e9)), (200, 200), 0.5)
+    whole = region_mask(((-1e12, -1e12), (1e12, -1e12), (1e12, 1e12), (-1e12, 1e12)), (200, 200), 0.5)
     assert whole.all()
     beside = region_mask(((1e6, 1e6), (2e6, 1e6), (2e6, 2e6)), (200, 200), 0.5)
     assert not beside.any()

@@ -61,6 +61,16 @@ def test_all_text_is_in_the_frame_with_its_margin(tilt_deg: float, azimuth_deg: 
     assert flat[-1, 1] > flat[0, 1]
 
 
+def test_text_keeps_its_margin_where_the_sheet_ends_before() -> None:
+    H = translation(*CENTRE)
+    text = print_on(H, (150.0, 250.0))
+    frame = frame_page(H, SHAPE, text, 10.0, text)
+    flat = seen_in(frame, text)
+    # Two and a half text heights, and half a pixel from the first pixel's centre to its edge.
+    assert flat.min(axis=0) == pytest.approx([24.5, 24.5])
+    assert [frame.width, frame.height] - flat.max(axis=0) == pytest.approx([25.5, 25.5])
+
+
 def test_a_frontal_photo_is_framed_as_it_is() -> None:
     H = translation(*CENTRE)
     frame = frame_page(H, SHAPE, print_on(H, (500.0, 650.0)), 10.0, None)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.arrays import Points
-from services.geometry.homographies import transform_points
+from services.geometry.homographies import denominators, transform_points
 from services.rectify.baselines import detect_baselines
 from services.rectify.planar import (
     FocalPrior,
@@ -187,14 +187,28 @@ TEXT = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 9), np.linspace(-0.6, 0.6, 9)
         (0.0, 1.3, True),
         (40.0, 1.3, True),
         (60.0, 3.0, True),
-        (70.0, 3.0, False),  # too oblique
-        (60.0, 0.7, False),  # its near side ten times as large as the far one
+        (70.0, 8.0, False),  # too oblique, though a long lens sees it without much perspective
+        (50.0, 0.9, False),  # its near side 25 times as large as the far one
         (64.0, 0.4, False),  # its horizon runs through the text
     ],
 )
 def test_poses_that_can_be_and_that_cannot(tilt_deg: float, focal: float, believed: bool) -> None:
     plane = photograph_plane(View("any", 2300.0, tilt_deg, 90.0, 0.0))
     assert is_plausible(PagePlane(plane.rotation, focal), TEXT, PoseParameters()) == believed
+
+
+def test_text_on_both_sides_of_the_horizon_is_not_believed() -> None:
+    # Each side alone is a small, believable piece of a page; the two are alike, and equally enlarged.
+    plane = PagePlane(photograph_plane(View("foot", 2300.0, 45.0, 90.0, 0.0)).rotation, 0.5)
+    w = denominators(np.linalg.inv(plane.H_centred_plane), np.array([[0.0, 0.0], [0.0, 1.0]]))
+    horizon = w[0] / (w[0] - w[1])
+    block = np.stack(np.meshgrid(np.linspace(-0.1, 0.1, 5), np.linspace(0.3, 0.35, 5)), axis=-1).reshape(
+        -1, 2
+    )
+    below, above = block + np.array([0.0, horizon]), block * [1, -1] + np.array([0.0, horizon])
+    assert is_plausible(plane, below, PoseParameters())
+    assert is_plausible(plane, above, PoseParameters())
+    assert not is_plausible(plane, np.concatenate([below, above]), PoseParameters())
 
 
 def test_a_pose_that_is_no_number_is_not_believed() -> None:

@@ -27,12 +27,13 @@ def test_one_peak_is_found_anywhere_on_the_circle(centre: float, height: float) 
     assert (found.energies[0, 0, 1:] == 0).all()
 
 
-@pytest.mark.parametrize("centre_deg", [0.0, 1.0, 178.0, 179.9])
+@pytest.mark.parametrize("centre_deg", [0.0, 1.0, 177.6, 178.0, 179.9])
 def test_peak_at_the_seam(centre_deg: float) -> None:
     curve = bump(np.radians(centre_deg)) + bump(np.radians(90.0), 0.5)
     found = find_peaks(curve[None, None], ANGLES, 4)
     off = (np.degrees(found.angles[0, 0, 0]) - centre_deg + 90) % 180 - 90
     assert abs(off) < 1e-6
+    assert 0 <= found.angles[0, 0, 0] < np.pi
     assert np.degrees(found.angles[0, 0, 1]) == pytest.approx(90.0)
     assert (found.energies[0, 0] > 0).sum() == 2
 
