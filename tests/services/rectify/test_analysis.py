@@ -77,6 +77,14 @@ def test_samples_of_a_photo_with_four_pixels_for_each_are_at_the_same_places(alb
     assert errors_deg(there.major_field.at(2 * points + 0.5), here.major_field.at(points)).max() < 0.02
 
 
+def test_light_print_on_dark_paper_is_seen_as_its_negative(album: Album) -> None:
+    shot = album["frontal"]
+    negative = analyse_photo(255 - shot.photo.image)
+    points = shot.text_points
+    assert len(negative.characters) > 0.95 * len(shot.analysis.characters)
+    assert errors_deg(negative.major_field.at(points), shot.truth.major_flow(points)).mean() < 0.2
+
+
 def test_only_the_region_is_looked_at(album: Album) -> None:
     shot = album["plain"]
     region = ((150.0, 300.0), (800.0, 300.0), (800.0, 800.0), (150.0, 800.0))

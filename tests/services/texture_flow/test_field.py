@@ -130,6 +130,14 @@ def test_tiny_images_have_fields(shape: tuple[int, int]) -> None:
     assert field.at(np.zeros((1, 2)))[0] == pytest.approx(0.1, abs=1e-3)
 
 
+@pytest.mark.filterwarnings("error")
+def test_no_samples_make_a_level_field() -> None:
+    nothing = FlowSamples(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+    field = smooth_samples(nothing, SHAPE, 30.0, 50.0)
+    assert np.abs(field.at(scatter(20))).max() < 1e-6
+    assert len(reject_outliers(nothing, 50.0, SHAPE, 0.1)) == 0
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_outliers_go_and_the_others_stay(seed: int) -> None:
     rng = np.random.default_rng(seed)
