@@ -10,6 +10,7 @@ from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import Paper, model_paper
+from services.rectify.stage_clock import StageClock
 from services.texture_flow.field import FlowField, FlowSamples, resize_field
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
@@ -88,8 +89,9 @@ def analyse_photo(
     photo: RgbImage,
     region: tuple[tuple[float, float], ...] | None = None,
     parameters: AnalysisParameters | None = None,
+    clock: StageClock | None = None,
 ) -> PageAnalysis:
-    """Text, major and minor flow of `photo` (H, W, 3).
+    """Text, major and minor flow of `photo` (H, W, 3); `clock` gets the stages `text` and `texture_flow`.
 
     Raises
     ------
@@ -97,13 +99,14 @@ def analyse_photo(
         When there are too few characters, or their lines show no common direction.
     """
     p = parameters or AnalysisParameters()
+    clock = clock or StageClock()
     found: list[PageAnalysis] = []
     refusals: list[NoText] = []
     # Light print on dark paper shows in the negative as the steps expect it.
     for negative in (False, True):
         try:
             seen = np.asarray(255 - photo, np.uint8) if negative else photo
-            found.append(_analyse_dark_print(seen, region, p))
+            found.append(_analyse_dark_print(seen, region, p, clock))
         except NoText as refusal:
             refusals.append(refusal)
         if found and found[0].text.rejected_fraction <= p.clear_rejected_fraction:
@@ -114,9 +117,33 @@ def analyse_photo(
 
 
 def _analyse_dark_print(
-    photo: RgbImage, region: tuple[tuple[float, float], ...] | None, p: AnalysisParameters
+    photo: RgbImage, region: tuple[tuple[float, float], ...] | None, p: AnalysisParameters, clock: StageClock
 ) -> PageAnalysis:
     """`analyse_photo` for dark print on light paper."""
+    with clock.stage("text"):
+        gray, factor, reduced, text, paper = _find_text(photo, region, p)
+    with clock.stage("texture_flow"):
+        major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
+    if len(major.samples) < p.min_flow_samples:
+        raise NoText("the characters that were found do not form text lines of a common direction.")
+    return PageAnalysis(
+        paper,
+        reduced,
+        factor,
+        strokes_image,
+        strokes_factor,
+        text,
+        _to_photo(major.samples, factor),
+        resize_field(major.field, 1 / factor),
+        None if minor is None else _to_photo(minor.samples, strokes_factor),
+        None if minor is None else resize_field(minor.field, 1 / strokes_factor),
+    )
+
+
+def _find_text(
+    photo: RgbImage, region: tuple[tuple[float, float], ...] | None, p: AnalysisParameters
+) -> tuple[GrayImage, float, GrayImage, IdentifiedText, Paper]:
+    """Gray photo, the factor of its reduction, the reduced flat-fielded one, its text, and the paper under it."""
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     factor = min(1.0, p.long_side_px / max(gray.shape))
     reduced = flatten_illumination(resize_gray(gray, factor))
@@ -134,21 +161,7 @@ def _analyse_dark_print(
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )
-    major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
-    if len(major.samples) < p.min_flow_samples:
-        raise NoText("the characters that were found do not form text lines of a common direction.")
-    return PageAnalysis(
-        paper,
-        reduced,
-        factor,
-        strokes_image,
-        strokes_factor,
-        text,
-        _to_photo(major.samples, factor),
-        resize_field(major.field, 1 / factor),
-        None if minor is None else _to_photo(minor.samples, strokes_factor),
-        None if minor is None else resize_field(minor.field, 1 / strokes_factor),
-    )
+    return gray, factor, reduced, text, paper
 
 
 def _measure_flows(

@@ -1,8 +1,5 @@
 """The steps of `rectify`, in their order."""
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -35,25 +32,12 @@ from services.rectify.results import (
     PlaneSurface,
     RectifyResult,
 )
+from services.rectify.stage_clock import StageClock
 from services.rectify.surface_test import discriminate_surface
 from services.texture_flow.field import FlowSamples
 
 PICTURE_SHARE, FEW_LINES = 0.8, 10
 """A photo whose ink is picture for the most part, with fewer lines than this, is refused."""
-
-
-class StageClock:
-    """CPU milliseconds of each stage, in the order they ran."""
-
-    def __init__(self) -> None:
-        self.timings_ms: dict[str, float] = {}
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Add the CPU time of the block to stage `name`."""
-        start = time.process_time()
-        yield
-        self.timings_ms[name] = self.timings_ms.get(name, 0.0) + 1000 * (time.process_time() - start)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,8 +118,7 @@ def estimate_page(
     photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
 ) -> FlatPage:
     """Text, flows, kind and pose of the page in `photo`."""
-    with clock.stage("texture_flow"):
-        analysis = analyse_photo(photo, parameters.region)
+    analysis = analyse_photo(photo, parameters.region, clock=clock)
     with clock.stage("shape"):
         view = PhotoFrame(photo.shape[1], photo.shape[0])
         prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
