@@ -172,7 +172,7 @@ def group_paragraphs(lines: Baselines, tolerance: float = 0.12, min_lines: int =
     """Runs of lines below one another at a constant spacing.
 
     The next line of a run overlaps the last in x, is of like height, and lies the run's spacing (within
-    `tolerance`) below; an exact multiple of it counts as blank lines in between.
+    `tolerance`) below; a blank line ends the run.
     """
     if len(lines) == 0:
         return []

@@ -22,6 +22,8 @@ class FramingParameters:
     """Output pixels over photo pixels."""
     max_reach: float = 1.0
     """How far, in sizes of the text, the view goes beyond the text when the paper's edge is not seen."""
+    max_sheet_reach: float = 8.0
+    """The same when it is: a bound for what cannot be a sheet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +57,7 @@ def frame_page(
     low, high = text.min(axis=0), text.max(axis=0)
     margin = p.text_margin * text_height_px / float(np.median(scale))
     low, high = low - margin, high + margin
-    reach = p.max_reach * float((high - low).max())
+    reach = (p.max_reach if paper is None else p.max_sheet_reach) * float((high - low).max())
     visible_low, visible_high = _visible(H_plane_photo, photo_shape, low - reach, high + reach)
     if paper is None:
         low, high = np.minimum(low, visible_low), np.maximum(high, visible_high)

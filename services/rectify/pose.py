@@ -134,10 +134,7 @@ def refine_pose(
     points: FlowVanishingPoints,
     start: PagePlane,
 ) -> RefinedPlane:
-    """Two rounds: the text lines are found again, with their margins, in the first round's view.
-
-    The second round also takes the deviations that the first has shown.
-    """
+    """Two rounds: the text lines are found again in the first round's view, with the deviations it has shown."""
     parameters = for_text(analysis.text_height_px)
     ink, H_centred_flat = flatten_ink(analysis, view, start)
     observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)

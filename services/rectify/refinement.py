@@ -48,7 +48,7 @@ class RefinementParameters:
     """People hold a camera more or less over the page; decides only where the page says nothing."""
     believable_focal: float = 3.5
     """A focal length further than this many deviations from the typical one comes from a page that is not quite
-    flat, not from a rare lens; then the typical one is held fast."""
+    flat, not from a rare lens; then the typical one is held by a tight prior."""
     held_deviation: float = 0.08
 
 
@@ -116,19 +116,14 @@ def widen(parameters: RefinementParameters, spreads: tuple[float, float]) -> Ref
 
 
 def observe_lines(
-    lines: Baselines, H_centred_flat: Homography, parameters: RefinementParameters, with_margins: bool = True
+    lines: Baselines, H_centred_flat: Homography, parameters: RefinementParameters
 ) -> FlatObservations:
-    """Text lines of a flat view as observations in the photo.
-
-    Margins are told only in a view whose verticals are vertical already: lines whose ends run obliquely would
-    else fall into groups that are flush by chance.
-    """
+    """Text lines of a flat view as observations in the photo."""
     p = parameters
     paragraphs = group_paragraphs(lines)
     length = np.maximum(lines.ends[:, 0] - lines.starts[:, 0], 1e-9)
     slope = p.baseline_factor * np.maximum(np.sqrt(2) * lines.deviations / length, p.baseline_floor_rad)
-    sides = ("left", "right") if with_margins else ()
-    margins = [(group, side) for side in sides for group in find_margins(lines, side)]
+    margins = [(group, side) for side in ("left", "right") for group in find_margins(lines, side)]
     y = 0.5 * (lines.starts[:, 1] + lines.ends[:, 1])
     spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
     return FlatObservations(

@@ -102,8 +102,8 @@ def smooth_samples(
     floor = 0.02 * float(np.median(w)) if len(w) else 1.0
     normal[..., 0, 0] += floor
     right[..., 0, :] += floor * far
-    normal[..., 1, 1] += 0.3 * near[0] + floor
-    normal[..., 2, 2] += 0.3 * near[0] + floor
+    normal[..., 1, 1] += 0.03 * near[0] + floor
+    normal[..., 2, 2] += 0.03 * near[0] + floor
     doubled = np.linalg.solve(normal, right)[..., 0, :]
     return FlowField(doubled, (0.0, 0.0), spacing_px)
 

@@ -58,7 +58,10 @@ def label_by_relaxation(candidates: Candidates, iterations: int, step: float) ->
     """Confidence (rows, columns, K) of every candidate after the exchange of support with 8 neighbours.
 
     C_ik(0) = E_ik / max_k E_ik;  r_ij(k1, k2) = cos(Gamma(a_ik1, a_jk2)) = |cos(a_ik1 - a_jk2)|;
-    s_ik = sum_j sum_k2 r_ij(k, k2) C_jk2;  C <- C + step s, normalised to sum 1 over k.
+    s_ik = sum_j sum_k2 r_ij(k, k2) C_jk2;  C <- C (1 + step s), normalised to sum 1 over k.
+
+    The text adds the support itself; times C (Hummel and Zucker's own form) a candidate keeps the share that its
+    energy earned, where many weak candidates would else level out.
     Absent candidates stay at 0 (the product with their presence), so that they give and take no support.
     """
     present = candidates.energies > 0
@@ -74,7 +77,6 @@ def label_by_relaxation(candidates: Candidates, iterations: int, step: float) ->
                 cos2[..., :, None] * c[..., None, :] + sin2[..., :, None] * s[..., None, :]
             )
             support += np.einsum("rckl,rcl->rck", compatibility, other)
-        # The product form of the update keeps the share of a candidate that its energy earned.
         confidence = np.where(present, confidence + step * support * confidence, 0.0)
         total = confidence.sum(axis=-1, keepdims=True)
         confidence = confidence / np.where(total > 0, total, 1.0)

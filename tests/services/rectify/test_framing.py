@@ -97,6 +97,18 @@ def test_the_sheet_is_shown_whole_and_little_beyond(tilt_deg: float) -> None:
     assert (np.ptp(flat, axis=0) > 0.95 * size).all()
 
 
+def test_a_sheet_with_a_few_lines_is_shown_whole() -> None:
+    H_photo_plane = translation(*CENTRE)
+    text, sheet = (
+        print_on(H_photo_plane, (150.0, 30.0)),
+        np.array([[125.0, 100], [925, 100], [925, 1250], [125, 1250]]),
+    )
+    frame = frame_page(H_photo_plane, SHAPE, text, 20.0, sheet)
+    corners = seen_in(frame, sheet)
+    assert (corners > -1).all()
+    assert (corners < [frame.width, frame.height]).all()
+
+
 def test_without_a_sheet_the_view_ends_with_the_photo() -> None:
     H = lean(25.0)
     frame = frame_page(H, SHAPE, print_on(H, (150.0, 150.0)), 10.0, None)

@@ -241,20 +241,6 @@ def test_spreads_tell_how_rough_the_lines_are(factor: float) -> None:
     assert plane.error_deg(found.plane) < 1.0
 
 
-def test_margins_of_a_wrong_view_are_left_out() -> None:
-    plane = photograph_plane(POSES[0])
-    y = 100 + 29.0 * np.arange(20)
-    starts, ends = np.stack([np.full(20, 65.0), y], axis=1), np.stack([np.full(20, 735.0), y], axis=1)
-    lines = Baselines(starts, ends, np.full(20, 12.0), np.full(20, 0.1))
-    with_margins, without = (
-        observe_lines(lines, plane.H_centred_page, RefinementParameters(), with_margins=flag)
-        for flag in (True, False)
-    )
-    assert len(with_margins.margins) == 2
-    assert without.margins == []
-    assert len(without.paragraphs) == len(with_margins.paragraphs) == 1
-
-
 def test_lines_are_observed_in_the_photo() -> None:
     plane = photograph_plane(POSES[0])
     lines = plane.lines(0.0, np.random.default_rng(0))
