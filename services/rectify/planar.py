@@ -68,6 +68,11 @@ def focal_prior(frame: PhotoFrame, given_px: float | None, exif_px: float | None
         return FocalPrior(float(np.log(given_px / frame.unit_px)), GIVEN_DEVIATION, "given")
     if exif_px is not None:
         return FocalPrior(float(np.log(exif_px / frame.unit_px)), EXIF_DEVIATION, "exif")
+    return typical_focal_prior()
+
+
+def typical_focal_prior() -> FocalPrior:
+    """What is known of a camera that is not known."""
     return FocalPrior(float(np.log(2 * TYPICAL_FOCAL_LENGTH)), TYPICAL_DEVIATION, "assumed")
 
 

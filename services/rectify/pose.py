@@ -24,6 +24,7 @@ from services.rectify.planar import (
     PagePlane,
     PhotoFrame,
     estimate_plane,
+    typical_focal_prior,
 )
 from services.rectify.refinement import RefinedPlane, for_text, observe_lines, refine_plane, widen
 from services.rectify.results import Notice
@@ -43,6 +44,8 @@ class PoseParameters:
     whose vanishing points mean little."""
     minor_share: float = 0.3
     """Weight of the minor flow's deviation beside the major flow's."""
+    exif_contradiction: float = 3.0
+    """A page that draws the focal length this many deviations away from EXIF's was cropped or zoomed afterwards."""
     seen_focal_deviation: float = 0.25
     """The focal length is called estimated when the page alone fixes its logarithm better than this."""
     aspect_deviation: float = 0.03
@@ -170,7 +173,19 @@ def choose_pose(
     if not is_plausible(start, characters, p):
         start = level
     refined = refine_pose(analysis, view, prior, major, minor, points, start)
-    plane, notices = refined.plane, []
+    notices: list[Notice] = []
+    drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
+    if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
+        prior = typical_focal_prior()
+        refined = refine_pose(analysis, view, prior, major, minor, points, refined.plane)
+        notices.append(
+            Notice(
+                "exif-contradicted",
+                "the page's perspective does not fit the focal length in the EXIF data (cropped or resized after it "
+                "was taken?), which was left out of account.",
+            )
+        )
+    plane = refined.plane
     gain = p.curved_gain if kind == "curved" else p.gain
     gentle = flow_deviation(level, major, minor, p.minor_share)
     if not is_plausible(plane, characters, p):

@@ -139,6 +139,13 @@ def test_a_given_focal_length_is_taken(photo: SimulatedPhoto) -> None:
     assert exif.camera.source == "exif"
 
 
+def test_exif_that_the_page_contradicts_is_left_out_of_account(photo: SimulatedPhoto) -> None:
+    wrong = rectify(photo.image, AS_IT_LIES, 0.6 * photo.truth.focal_length_px)
+    assert wrong.camera.source == "estimated"
+    assert "exif-contradicted" in [notice.code for notice in wrong.warnings]
+    assert 1e-6 < mesh_residual(wrong, photo) < 0.003
+
+
 def test_a_region_guides(photo: SimulatedPhoto) -> None:
     upper = ((0.0, 0.0), (SIZE[0], 0.0), (SIZE[0], SIZE[1] / 2), (0.0, SIZE[1] / 2))
     guided = rectify(photo.image, replace(AS_IT_LIES, region=upper))
