@@ -39,12 +39,6 @@ def resizing(factor: float) -> Homography:
     return np.array([[factor, 0.0, 0.5 * factor - 0.5], [0.0, factor, 0.5 * factor - 0.5], [0.0, 0.0, 1.0]])
 
 
-def convex_area(polygon: Points) -> float:
-    """Signed area of a polygon (N, 2) by the shoelace formula; positive when it turns from x to y."""
-    x, y = polygon[:, 0], polygon[:, 1]
-    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-
-
 def denominators(H: Homography, points: Points) -> Vector:
     """Third homogeneous coordinate (N,) of the mapped points; its sign tells the side of the vanishing line."""
     return np.asarray(points @ H[2, :2] + H[2, 2])

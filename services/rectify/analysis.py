@@ -168,7 +168,7 @@ def _measure_flows(
     gray: GrayImage, factor: float, text: IdentifiedText, p: AnalysisParameters
 ) -> tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float]:
     """Both flows (each in the frame it was measured in) and the image for strokes with its factor."""
-    major = refine_major_flow(text, detect_coarse_flow(text).major)
+    major = refine_major_flow(text, detect_coarse_flow(text))
     strokes_factor = min(1.0, p.stroke_text_height_px * factor / text.text_height_px)
     strokes_image = flatten_illumination(resize_gray(gray, strokes_factor))
     enlarge = strokes_factor / factor

@@ -9,7 +9,6 @@ from hypothesis.extra.numpy import arrays
 
 from services.arrays import Homography, Points
 from services.geometry.homographies import (
-    convex_area,
     denominators,
     jacobians,
     resizing,
@@ -108,13 +107,3 @@ def test_resizing_is_what_area_averages_do(n: int) -> None:
 def test_shift_and_enlargement(points: Points, x: float, y: float, s: float) -> None:
     assert np.allclose(transform_points(translation(x, y), points), points + np.array([x, y]))
     assert np.allclose(transform_points(scaling(s), points), s * points)
-
-
-@given(st.floats(0.1, 5.0), st.integers(3, 40), st.floats(-3, 3))
-def test_area_of_a_regular_polygon(radius: float, corners: int, x: float) -> None:
-    # x to y is the way that angles grow in the image frame.
-    t = 2 * np.pi * np.arange(corners) / corners
-    polygon = radius * np.stack([np.cos(t) + x, np.sin(t)], axis=1)
-    exact = 0.5 * corners * radius**2 * np.sin(2 * np.pi / corners)
-    assert convex_area(polygon) == pytest.approx(exact)
-    assert convex_area(polygon[::-1]) == pytest.approx(-exact)

@@ -53,30 +53,20 @@ def test_samples_lie_on_text_and_leave_little_of_it_out(album: Album, name: str)
 
 
 @pytest.mark.parametrize("name", ["plain", "ragged", "picture"])
-def test_coarse_flows_tell_lines_from_strokes(album: Album, name: str) -> None:
+def test_the_coarse_flow_finds_the_lines(album: Album, name: str) -> None:
     shot = album[name]
-    text, factor = shot.analysis.text, shot.analysis.factor
-    coarse = detect_coarse_flow(text)
-
-    def in_photo(samples: FlowSamples) -> np.ndarray:
-        return (samples.points + 0.5) / factor - 0.5
-
-    major = errors_deg(coarse.major.angles, shot.truth.major_flow(in_photo(coarse.major)))
-    assert np.median(major) < 1.5
-    assert (major < 6).mean() > 0.95
-    minor = errors_deg(coarse.minor.angles, shot.truth.minor_flow(in_photo(coarse.minor)))
-    assert np.median(minor) < 8
-    # At the same nodes the two cross by more than 45 degrees.
-    places = {tuple(p): a for p, a in zip(coarse.major.points, coarse.major.angles, strict=True)}
-    for point, angle in zip(coarse.minor.points, coarse.minor.angles, strict=True):
-        assert abs(angle_difference(np.array([angle]), places[tuple(point)])[0]) > np.pi / 4 - 1e-9
+    coarse = detect_coarse_flow(shot.analysis.text)
+    points = (coarse.points + 0.5) / shot.analysis.factor - 0.5
+    errors = errors_deg(coarse.angles, shot.truth.major_flow(points))
+    assert 0.01 < np.median(errors) < 1.5
+    assert (errors < 6).mean() > 0.95
 
 
 @pytest.fixture(scope="module")
 def ragged(album: Album) -> tuple[np.ndarray, np.ndarray, FlowField]:
     """Image (H, W), points on its text and its major field."""
     analysis = album["ragged"].analysis
-    field = refine_major_flow(analysis.text, detect_coarse_flow(analysis.text).major).field
+    field = refine_major_flow(analysis.text, detect_coarse_flow(analysis.text)).field
     return analysis.reduced, analysis.text.components.centres[::5], field
 
 
@@ -84,7 +74,7 @@ def ragged(album: Album) -> tuple[np.ndarray, np.ndarray, FlowField]:
 def test_a_turned_photo_has_turned_flow(ragged: tuple[np.ndarray, np.ndarray, FlowField], turns: int) -> None:
     gray, points, field = ragged
     text = identify_text(np.ascontiguousarray(np.rot90(gray, turns)))
-    turned = refine_major_flow(text, detect_coarse_flow(text).major).field
+    turned = refine_major_flow(text, detect_coarse_flow(text)).field
     there, expected = points, field.at(points)
     for k in range(turns):
         # np.rot90 turns counter-clockwise: (x, y) comes to (y, width - 1 - x).
@@ -98,7 +88,7 @@ def test_a_turned_photo_has_turned_flow(ragged: tuple[np.ndarray, np.ndarray, Fl
 def test_a_mirrored_photo_has_mirrored_flow(ragged: tuple[np.ndarray, np.ndarray, FlowField]) -> None:
     gray, points, field = ragged
     text = identify_text(np.ascontiguousarray(gray[:, ::-1]))
-    mirrored = refine_major_flow(text, detect_coarse_flow(text).major).field
+    mirrored = refine_major_flow(text, detect_coarse_flow(text)).field
     there = np.stack([gray.shape[1] - 1 - points[:, 0], points[:, 1]], axis=1)
     errors = errors_deg(mirrored.at(there), -field.at(points))
     assert np.median(errors) < 0.1
@@ -120,7 +110,7 @@ def test_a_wrong_coarse_field_is_measured_anew(pages: tuple[Page, ...], off_deg:
 def test_flow_of_a_straight_page_is_straight(pages: tuple[Page, ...]) -> None:
     for page in pages:
         text = identify_text(page.image)
-        samples = refine_major_flow(text, detect_coarse_flow(text).major).samples
+        samples = refine_major_flow(text, detect_coarse_flow(text)).samples
         angles = np.degrees(angle_difference(samples.angles, 0.0))
         # Ascenders and descenders fall as the words have them, to either side alike.
         assert 0.01 < np.abs(angles).mean() < 0.15, page.name
@@ -159,7 +149,7 @@ def test_little_text_gives_few_samples_and_no_error(pages: tuple[Page, ...]) -> 
     alone = np.full_like(pages[0].image, 255)
     alone[y0 : y1 + 1] = pages[0].image[y0 : y1 + 1]
     text = identify_text(alone)
-    flow = refine_major_flow(text, detect_coarse_flow(text).major)
+    flow = refine_major_flow(text, detect_coarse_flow(text))
     assert 0 < len(flow.samples) < 60
     assert np.isfinite(flow.field.doubled).all()
     # The spacing of lines helps no more.
@@ -169,4 +159,4 @@ def test_little_text_gives_few_samples_and_no_error(pages: tuple[Page, ...]) -> 
 def test_number_of_samples_is_bounded(pages: tuple[Page, ...]) -> None:
     text = identify_text(pages[0].image)
     few = MajorFlowParameters(max_samples=80)
-    assert 20 < len(refine_major_flow(text, detect_coarse_flow(text).major, few).samples) <= 80
+    assert 20 < len(refine_major_flow(text, detect_coarse_flow(text), few).samples) <= 80
