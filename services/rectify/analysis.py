@@ -16,6 +16,10 @@ from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_ma
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
 from services.texture_flow.text_identification import IdentifiedText, identify_text, keep_characters
 
+PICTURE_SHARE = 0.8
+"""Of the ink that is found on a page of dark print, less is rejected as no text; pictures, and print in the
+negative, lose more."""
+
 
 @dataclass(frozen=True, slots=True)
 class AnalysisParameters:
@@ -25,8 +29,7 @@ class AnalysisParameters:
     """Text and major flow: text height is then about 8 px on a full page of small print."""
     stroke_text_height_px: float = 20.0
     """Minor flow: above this text height, strokes gain nothing from more pixels."""
-    clear_rejected_fraction: float = 0.8
-    """Of the ink that is found on a page of dark print, less is rejected; print in the negative loses 90 % and more."""
+    picture_share: float = PICTURE_SHARE
     min_components: int = 30
     min_flow_samples: int = 6
 
@@ -109,7 +112,7 @@ def analyse_photo(
             found.append(_analyse_dark_print(seen, region, p, clock))
         except NoText as refusal:
             refusals.append(refusal)
-        if found and found[0].text.rejected_fraction <= p.clear_rejected_fraction:
+        if found and found[0].text.rejected_fraction <= p.picture_share:
             return found[0]
     if not found:
         raise refusals[0]

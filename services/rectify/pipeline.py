@@ -13,7 +13,7 @@ from services.geometry.homographies import resizing, transform_points
 from services.imaging.illumination import normalize_illumination
 from services.imaging.paper import certain_sheet
 from services.ocr.engine import OcrEngine
-from services.rectify.analysis import PageAnalysis, analyse_photo
+from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.orientation import estimate_orientation
 from services.rectify.parameters import RectifyParameters
@@ -36,7 +36,7 @@ from services.rectify.stage_clock import StageClock
 from services.rectify.surface_test import discriminate_surface
 from services.texture_flow.field import FlowSamples
 
-PICTURE_SHARE, FEW_LINES = 0.8, 10
+FEW_LINES = 10
 """A photo whose ink is picture for the most part, with fewer lines than this, is refused."""
 
 

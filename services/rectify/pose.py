@@ -136,13 +136,14 @@ def refine_pose(
     minor: FlowSamples,
     points: FlowVanishingPoints,
     start: PagePlane,
+    p: PoseParameters,
 ) -> RefinedPlane:
     """Two rounds: the text lines are found again in the first round's view, with the deviations it has shown."""
     parameters = for_text(analysis.text_height_px)
     ink, H_centred_flat = flatten_ink(analysis, view, start)
     observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
     first = refine_plane(start, prior, major, minor, points, observations, parameters)
-    if not is_plausible(first.plane, text_points(analysis, view), PoseParameters()):
+    if not is_plausible(first.plane, text_points(analysis, view), p):
         return first
     parameters = widen(parameters, first.spreads)
     ink, H_centred_flat = flatten_ink(analysis, view, first.plane)
@@ -172,12 +173,12 @@ def choose_pose(
     start = estimate_plane(points, prior)
     if not is_plausible(start, characters, p):
         start = level
-    refined = refine_pose(analysis, view, prior, major, minor, points, start)
+    refined = refine_pose(analysis, view, prior, major, minor, points, start, p)
     notices: list[Notice] = []
     drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
     if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
         prior = typical_focal_prior()
-        refined = refine_pose(analysis, view, prior, major, minor, points, refined.plane)
+        refined = refine_pose(analysis, view, prior, major, minor, points, refined.plane, p)
         notices.append(
             Notice(
                 "exif-contradicted",
