@@ -36,7 +36,7 @@ from benchmarks.workers import run_in_workers
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.operations import ocr_engine
-from services.rectify.results import RectifyResult
+from services.rectify.results import PlaneSurface, RectifyResult
 from simulation.photo import SimulatedPhoto
 
 
@@ -88,7 +88,8 @@ def run_case(case: Case, bench: Bench) -> CaseFigures:
     scores, shown = _read_all(bench, case.page, photo, result, usage)
     strip = make_strip([photo.image, result.image, *shown.values()], [case.name, "rectified", *shown])
     save_picture(bench.options.pictures / f"{case.name}.jpg", strip)
-    focal, normal = result.camera.focal_length_px, result.surface.normal
+    focal = result.camera.focal_length_px
+    normal = result.surface.normal if isinstance(result.surface, PlaneSurface) else None
     height, width = result.image.shape[:2]
     nan = float("nan")
     return CaseFigures(

@@ -14,14 +14,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from services.arrays import RgbImage
+from services.arrays import RgbImage, Vector
 from services.errors import DocumentError
 from services.imaging.codec import DecodedImage, ImageLimits, OutputFormat, decode_image, encode_image
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
-from services.rectify.results import PlaneSurface, RectifyResult
+from services.rectify.results import PlaneSurface, RectifyResult, StripsSurface
 
 MEDIA_TYPES = {
     "jpeg": "image/jpeg",
@@ -138,8 +138,30 @@ def describe_rectification(
     return ready
 
 
-def _describe_surface(surface: PlaneSurface) -> dict[str, object]:
-    return {"type": "plane", "normal": surface.normal}
+def _describe_surface(surface: PlaneSurface | StripsSurface) -> dict[str, object]:
+    if isinstance(surface, PlaneSurface):
+        return {"type": "plane", "normal": surface.normal}
+    rulings = zip(surface.points, surface.angles_rad, surface.vanishing_points, strict=True)
+    return {
+        "type": "strips",
+        "normals": np.round(surface.normals, 6).tolist(),
+        "rulings": [
+            {
+                "point": np.round(point, 3).tolist(),
+                "angle_deg": round(float(np.degrees(angle)), 4),
+                "vanishing_point": _finite_point(vanishing_point),
+            }
+            for point, angle, vanishing_point in rulings
+        ],
+    }
+
+
+def _finite_point(homogeneous: Vector, limit_px: float = 1e7) -> list[float] | None:
+    """(x, y) of a homogeneous point (3,); None for one at infinity, or so far away that it may as well be."""
+    point, third = homogeneous[:2], float(homogeneous[2])
+    if float(np.abs(point).max()) >= limit_px * abs(third):
+        return None
+    return np.round(point / third, 3).tolist()
 
 
 def to_json_ready(value: Any) -> Any:

@@ -45,6 +45,21 @@ class PlaneSurface:
     normal: tuple[float, float, float] | None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class StripsSurface:
+    """A developable page as planar strips between its rulings, in order across the page.
+
+    `normals` (L, 3) are unit normals of the strips in the camera frame (z away from the viewer), `points`
+    (L + 1, 2) a point of every ruling in photo pixels, `angles_rad` (L + 1,) its direction in [0, pi), and
+    `vanishing_points` (L + 1, 3) its homogeneous vanishing point in photo pixels.
+    """
+
+    normals: NDArray[np.float64]
+    points: NDArray[np.float64]
+    angles_rad: NDArray[np.float64]
+    vanishing_points: NDArray[np.float64]
+
+
 @dataclass(frozen=True, slots=True)
 class Orientation:
     """Clockwise turn that was applied to the flat view so that it reads.
@@ -70,7 +85,7 @@ class RectifyResult:
     kind: Literal["planar", "curved"]
     evidence: Evidence
     camera: CameraEstimate
-    surface: PlaneSurface
+    surface: PlaneSurface | StripsSurface
     orientation: Orientation
     mesh: NDArray[np.float64]
     warnings: tuple[Notice, ...] = ()
