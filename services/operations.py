@@ -161,7 +161,8 @@ def _finite_point(homogeneous: Vector, limit_px: float = 1e7) -> list[float] | N
     point, third = homogeneous[:2], float(homogeneous[2])
     if float(np.abs(point).max()) >= limit_px * abs(third):
         return None
-    return np.round(point / third, 3).tolist()
+    x, y = point / third
+    return [round(float(x), 3), round(float(y), 3)]
 
 
 def to_json_ready(value: Any) -> Any:
