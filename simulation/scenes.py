@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulation.camera import Camera, Pose
+from simulation.cone import Cone
 from simulation.degradation import Degradation, degrade, desk_texture
 from simulation.flat_page import Page
 from simulation.photo import SimulatedPhoto, simulate_photo
@@ -74,6 +75,10 @@ CURVED_SHAPES = (BOOK, WAVE)
 
 CURVATURE_SERIES = tuple(Cylinder((0.0, 0.0, 0.06 * (i + 1), 0.0, 0.01 * (i + 1))) for i in range(7))
 """Seven shapes alike, each more curved than the last (Figure 3.18); they bulge towards the viewer."""
+
+CONE = Cone((0.8, -4.0), float(np.radians(40.0)))
+"""A sheet whose rulings meet above its head and to the right: the head is bent by 47 degrees from side to
+side, the foot by 24. The dissertation photographed cylinders only."""
 
 PLANE = Plane()
 

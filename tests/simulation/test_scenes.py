@@ -6,6 +6,7 @@ import pytest
 from simulation.degradation import PHONE
 from simulation.flat_page import Page
 from simulation.scenes import (
+    CONE,
     CURVATURE_SERIES,
     CURVED_SHAPES,
     PAGE_SIZE,
@@ -28,7 +29,7 @@ def _truth(view: View, shape: Shape, skew_rad: float = 0.0) -> Truth:
     return Truth(PAGE, shape, skew_rad, view.pose(PAGE, shape, camera), camera)
 
 
-@pytest.mark.parametrize("shape", [PLANE, *CURVED_SHAPES])
+@pytest.mark.parametrize("shape", [PLANE, *CURVED_SHAPES, CONE])
 @pytest.mark.parametrize("view", POSES, ids=lambda view: view.name)
 def test_the_page_is_seen_whole_and_fills_the_photo(view: View, shape: Shape) -> None:
     truth = _truth(view, shape)
