@@ -52,9 +52,9 @@ help:
 	@echo 'make check            lint and test'
 	@echo 'make format           format the code'
 	@echo 'make lock             pin the dependencies anew'
-	@echo 'make bench-rectify    the experiment on simulated photos, clean and degraded (BENCH_OPTIONS=...)'
+	@echo 'make bench-rectify    the experiments on simulated photos, clean and degraded (BENCH_OPTIONS=...)'
 	@echo 'make bench-photos     the real photos, peers side by side (BENCH_OPTIONS=...)'
-	@echo 'make bench-speed      time and memory of an upload against its size'
+	@echo 'make bench-speed      time and memory of an upload against its size, page-dewarp beside it'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
 	@echo 'make clean            remove what these targets made'
@@ -77,14 +77,13 @@ format: venv-dev
 check: lint test
 
 bench-rectify: venv-dev venv-bench
-	@$(BIN)/python -m benchmarks.rectify_simulated --peers $(PEERS) $(BENCH_OPTIONS)
-	@$(BIN)/python -m benchmarks.rectify_simulated --peers --degraded $(PEERS) $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks.rectify_simulated --experiment all --both --peers $(PEERS) $(BENCH_OPTIONS)
 
 bench-photos: venv-dev venv-bench
 	@$(BIN)/python -m benchmarks.rectify_photos $(PEERS) $(BENCH_OPTIONS)
 
-bench-speed: venv-dev
-	@$(BIN)/python -m benchmarks.rectify_speed $(BENCH_OPTIONS)
+bench-speed: venv-dev venv-bench
+	@$(BIN)/python -m benchmarks.rectify_speed --page-dewarp $(BENCH_VENV)/bin/page-dewarp $(BENCH_OPTIONS)
 
 # Debian's packages: Tesseract's language data, and python3-venv where this Python cannot make environments
 # without it. Whoever may not install them is told, and gets a service without OCR.

@@ -30,20 +30,30 @@ class CaseFigures:
     scores: by image: "photo", "rectified", "true map", "clean page" and a peer's name.
     usage: CPU and memory by step of the benchmark; stages_ms: by stage of the pipeline itself.
     failure: why the photo was refused, else empty.
+    classified: whether planar and curved were told apart rightly.
+    ruling_2d_deg, ruling_3d_deg, fov_deg, normal_deg: of the answer; first_...: of the estimate that the
+        optimisation starts from.
     """
 
     name: str
     page_number: int
+    shape_number: int
     pose_number: int
     skew_deg: int
     failure: str = ""
-    planar: bool = False
+    classified: bool = False
     upright: bool = False
     focal_source: str = ""
     major_deg: float = NAN
     minor_deg: float = NAN
+    ruling_2d_deg: float = NAN
+    ruling_3d_deg: float = NAN
     fov_deg: float = NAN
     normal_deg: float = NAN
+    first_ruling_2d_deg: float = NAN
+    first_ruling_3d_deg: float = NAN
+    first_fov_deg: float = NAN
+    first_normal_deg: float = NAN
     residual_percent: float = NAN
     warnings: tuple[str, ...] = ()
     scores: dict[str, Score] = field(default_factory=dict)
@@ -65,14 +75,26 @@ def mean_std(values: Iterable[float]) -> tuple[float, float]:
     return (float(finite.mean()), float(finite.std())) if len(finite) else (NAN, NAN)
 
 
-def groups(cases: Sequence[CaseFigures]) -> dict[str, list[CaseFigures]]:
-    """All, by page, by pose, by skew: the rows of the dissertation's tables that have cases."""
+GROUPS = ("page", "shape", "pose", "skew")
+"""What photos can be grouped by."""
+
+
+def groups(cases: Sequence[CaseFigures], by: Sequence[str] = GROUPS) -> dict[str, list[CaseFigures]]:
+    """All, and by page, shape, pose and skew as asked for: the tables' rows, as far as they have cases.
+
+    Where all are of one shape, there are no rows of shapes.
+    """
     rows: dict[str, list[CaseFigures]] = {"All": list(cases)}
-    for case in sorted(cases, key=lambda case: case.page_number):
-        rows.setdefault(f"Page {case.page_number}", []).append(case)
-    for case in sorted(cases, key=lambda case: case.pose_number):
-        rows.setdefault(f"Pose no.{case.pose_number}", []).append(case)
-    for skew in (0, 15, -15):
+    numbers: dict[str, tuple[str, Callable[[CaseFigures], int]]] = {
+        "page": ("Page ", lambda case: case.page_number),
+        "shape": ("Shape no.", lambda case: case.shape_number),
+        "pose": ("Pose no.", lambda case: case.pose_number),
+    }
+    for kind, (label, number) in numbers.items():
+        if kind in by and not (kind == "shape" and len({number(case) for case in cases}) < 2):
+            for case in sorted(cases, key=number):
+                rows.setdefault(f"{label}{number(case)}", []).append(case)
+    for skew in (0, 15, -15) if "skew" in by else ():
         chosen = [case for case in cases if case.skew_deg == skew]
         if chosen:
             rows[f"{skew}° skew"] = chosen

@@ -19,5 +19,6 @@ def make_parser(module: str, description: str | None) -> argparse.ArgumentParser
     add("--rapidocr-python", default=sys.executable, help="a Python that has rapidocr and onnxruntime")
     add("--page-dewarp", default=None, help="page-dewarp's command (default: PAGE_DEWARP, else the PATH)")
     add("--workers", type=int, default=MOST_WORKERS, help="processes, 1 or 2")
+    add("--fresh", action="store_true", help="keep nothing of earlier runs (see benchmarks/memory.py)")
     add("--update-baseline", action="store_true", help="adopt these figures as the baseline")
     return parser

@@ -25,11 +25,18 @@ def find_page_dewarp(given: str | None) -> str | None:
     return given or os.environ.get("PAGE_DEWARP") or shutil.which("page-dewarp")
 
 
-def run_page_dewarp(command: str, photo: RgbImage) -> tuple[RgbImage | None, Usage, str]:
-    """Its page (None when it failed), what it took, and why it failed."""
+def run_page_dewarp(command: str, photo: RgbImage | bytes) -> tuple[RgbImage | None, Usage, str]:
+    """Its page (None when it failed), what it took, and why it failed.
+
+    `photo` is an image, or the bytes of a JPEG.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        source = Path(folder) / "photo.png"
-        cv2.imwrite(str(source), photo[..., ::-1])
+        if isinstance(photo, bytes):
+            source = Path(folder) / "photo.jpg"
+            source.write_bytes(photo)
+        else:
+            source = Path(folder) / "photo.png"
+            cv2.imwrite(str(source), photo[..., ::-1])
         trouble, usage = _run_limited([command, "-o", folder, str(source)], folder)
         pages = [path for path in Path(folder).glob("*.png") if path != source]
         if trouble or not pages:
@@ -40,12 +47,25 @@ def run_page_dewarp(command: str, photo: RgbImage) -> tuple[RgbImage | None, Usa
         return np.ascontiguousarray(np.asarray(page, np.uint8)[..., ::-1]), usage, ""
 
 
+def start_of_page_dewarp(command: str) -> Usage:
+    """What its process takes before it sees a photo: the interpreter and its imports."""
+    with tempfile.TemporaryDirectory() as folder:
+        return _run_limited([command, "--help"], folder)[1]
+
+
 def _run_limited(command: list[str], folder: str) -> tuple[str, Usage]:
     """Run to the end or to the limits; the reason of a failure, and the child's own use."""
     started = time.perf_counter()
     child = subprocess.Popen(
         command,
         cwd=folder,
+        # One thread, like ours: threads that spin would count as its work.
+        env={
+            **os.environ,
+            "OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+            "OPENCV_FOR_THREADS_NUM": "1",
+        },
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,

@@ -5,6 +5,7 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 OUTPUT = REPOSITORY / "benchmarks" / "output"
+MEMORY = OUTPUT / "memory"
 BASELINE = REPOSITORY / "benchmarks" / "baseline"
 
 

@@ -7,9 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.figures import CaseFigures, Pick
+from benchmarks.figures import CaseFigures, Pick, mean_std
 from services.arrays import RgbImage
 
+SHEET_WIDTH_PX = 3000
+"""Contact sheets are no wider."""
 _TILE_HEIGHT_PX = 420
 _PAPER = 245
 
@@ -43,31 +45,104 @@ def draw_distributions(
     pyplot.close(figure)
 
 
-def make_strip(images: Sequence[RgbImage | None], captions: Sequence[str]) -> RgbImage:
-    """Images side by side, one height, each under its caption; None leaves a gray gap."""
+def draw_series(
+    path: Path,
+    columns: Mapping[str, Pick],
+    rows: Mapping[str, Sequence[CaseFigures]],
+    printed: Mapping[str, Sequence[tuple[float, float]]],
+    axis_label: str,
+) -> None:
+    """One curve a column over the rows, with its spread; the dissertation's as a second curve.
+
+    `printed` holds (mean, standard deviation) by column, one for each of the rows.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(2, math.ceil(len(columns) / 2), figsize=(13, 7), squeeze=False)
+    for axis in axes.flat[len(columns) :]:
+        axis.set_axis_off()
+    places = np.arange(1, len(rows) + 1)
+    for axis, (name, pick) in zip(axes.flat, columns.items(), strict=False):
+        ours = [mean_std(map(pick, members)) for members in rows.values()]
+        curves = {"ours": ours, "dissertation": printed.get(name, ())}
+        for (label, curve), colour in zip(curves.items(), ("#4878a8", "#c03030"), strict=True):
+            if len(curve) and any(math.isfinite(mean) for mean, _ in curve):
+                means, spreads = np.array(curve).T
+                axis.errorbar(places, means, spreads, label=label, color=colour, capsize=3, marker="o")
+        axis.set_title(name, fontsize=10)
+        axis.set_xlabel(axis_label)
+        axis.set_xticks(places, [label.rpartition(".")[2] for label in rows])
+        axis.set_ylim(bottom=0)
+        if axis.has_data():
+            axis.legend(fontsize=8)
+    figure.tight_layout()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=100)
+    pyplot.close(figure)
+
+
+def make_strip(
+    images: Sequence[RgbImage | None],
+    captions: Sequence[str],
+    *,
+    title: str = "",
+    height: int = _TILE_HEIGHT_PX,
+) -> RgbImage:
+    """Images side by side, `height` px high, each under its caption; None leaves a gray gap."""
     tiles = []
     for image, caption in zip(images, captions, strict=True):
         if image is None:
-            tile = np.full((_TILE_HEIGHT_PX, 300, 3), 200, np.uint8)
+            tile = np.full((height, height * 5 // 7, 3), 200, np.uint8)
         else:
-            width = max(1, round(image.shape[1] * _TILE_HEIGHT_PX / image.shape[0]))
-            size = (min(width, 4 * _TILE_HEIGHT_PX), _TILE_HEIGHT_PX)
+            width = max(1, round(image.shape[1] * height / image.shape[0]))
+            size = (min(width, 4 * height), height)
             tile = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-        framed = np.full((_TILE_HEIGHT_PX + 34, tile.shape[1] + 10, 3), _PAPER, np.uint8)
-        framed[26 : 26 + _TILE_HEIGHT_PX, 5:-5] = tile
-        cv2.putText(framed, caption, (5, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
+        framed = np.full((height + 34, tile.shape[1] + 10, 3), _PAPER, np.uint8)
+        framed[26 : 26 + height, 5:-5] = tile
+        _write(framed, caption)
         tiles.append(framed)
-    return np.hstack(tiles)
+    strip = np.hstack(tiles)
+    if title:
+        strip = np.pad(strip, ((20, 0), (0, 0), (0, 0)), constant_values=_PAPER)
+        _write(strip, title)
+    return strip
 
 
-def stack_strips(strips: Sequence[RgbImage], columns: int = 1) -> RgbImage:
-    """A contact sheet: strips down the page, in `columns` columns."""
-    rows = []
-    for start in range(0, len(strips), columns):
-        row = list(strips[start : start + columns])
-        rows.append(np.hstack([_padded(strip, max(s.shape[1] for s in strips)) for strip in row]))
-    width = max(row.shape[1] for row in rows)
-    return np.vstack([_padded(row, width) for row in rows])
+def contact_sheet(strips: Sequence[RgbImage], most_px: int = SHEET_WIDTH_PX) -> RgbImage:
+    """Strips in their order, as many beside each other as fit into `most_px`; a wider one is reduced."""
+    rows: list[list[RgbImage]] = []
+    used = 0
+    for strip in strips:
+        if strip.shape[1] > most_px:
+            size = (most_px, max(1, round(strip.shape[0] * most_px / strip.shape[1])))
+            fitting = np.asarray(cv2.resize(strip, size, interpolation=cv2.INTER_AREA), np.uint8)
+        else:
+            fitting = strip
+        if not rows or used + fitting.shape[1] > most_px:
+            rows.append([])
+            used = 0
+        rows[-1].append(fitting)
+        used += fitting.shape[1]
+    width = max(sum(strip.shape[1] for strip in row) for row in rows)
+    return np.vstack([_padded(_row(row), width) for row in rows])
+
+
+def _row(strips: Sequence[RgbImage]) -> RgbImage:
+    """Side by side, the lower ones padded at their foot."""
+    tallest = max(strip.shape[0] for strip in strips)
+    return np.hstack(
+        [
+            np.pad(strip, ((0, tallest - strip.shape[0]), (0, 0), (0, 0)), constant_values=_PAPER)
+            for strip in strips
+        ]
+    )
+
+
+def _write(image: RgbImage, text: str) -> None:
+    cv2.putText(image, text, (5, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
 
 
 def save_picture(path: Path, image: RgbImage) -> None:

@@ -1,6 +1,6 @@
 """Real photos, ours and page-dewarp side by side, with the character error rate where the text is known.
 
-python -m benchmarks.rectify_photos [--only NAME,...] [--no-peers] [--reader tesseract|rapidocr]
+python -m benchmarks.rectify_photos [--only NAME,...] [--no-peers] [--reader tesseract|rapidocr] [--fresh]
 """
 
 import argparse
@@ -14,18 +14,20 @@ import numpy as np
 
 from benchmarks.baseline import Figures, Metric, judge
 from benchmarks.figures import NAN, plain_values, write_json
+from benchmarks.memory import Memory
 from benchmarks.options import make_parser
-from benchmarks.peers import find_page_dewarp, run_page_dewarp
-from benchmarks.places import BASELINE, OUTPUT, data_folder
-from benchmarks.plots import load_picture, make_strip, save_picture, stack_strips
-from benchmarks.reading import Reader, character_error_rate, character_score, make_reader
+from benchmarks.peers import find_page_dewarp
+from benchmarks.places import BASELINE, MEMORY, OUTPUT, data_folder
+from benchmarks.plots import contact_sheet, load_picture, make_strip, save_picture
+from benchmarks.reading import Reader, Reading, character_error_rate, character_score, make_reader
 from benchmarks.stopwatch import Usage, measured
 from benchmarks.subject import rectify_file
-from benchmarks.workers import run_in_workers
+from benchmarks.workers import Progress, run_in_workers
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.operations import ocr_engine
 
+_SHEET_STRIP_HEIGHT_PX = 360
 SUFFIXES = (".jpg", ".jpeg", ".png")
 METRICS = {
     "error_rate": Metric(0.01),
@@ -65,6 +67,7 @@ class Options:
     reader: str
     rapidocr_python: str
     page_dewarp: str | None
+    memory: Path | None
     pictures: Path
 
 
@@ -75,6 +78,7 @@ class Bench:
         cv2.setNumThreads(1)
         self.options = options
         self.engine = ocr_engine()
+        self.memory = Memory(options.memory)
         self.reader: Reader = make_reader(options.reader, options.rapidocr_python)
 
 
@@ -99,18 +103,25 @@ def run_photo(path: Path, bench: Bench) -> PhotoFigures:
         shown["rectified"] = result.image
     peer_answer = ""
     if bench.options.page_dewarp:
-        shown["page-dewarp"], usage["page-dewarp"], peer_answer = run_page_dewarp(
+        shown["page-dewarp"], usage["page-dewarp"], peer_answer = bench.memory.page_dewarp(
             bench.options.page_dewarp, photo
         )
-    images = {name: _read(bench.reader, image, truth) for name, image in shown.items() if image is not None}
+    images: dict[str, ImageFigures] = {}
+    for name, image in shown.items():
+        if image is not None:
+            kept = name != "rectified"
+            reading = bench.memory.read(bench.reader, image) if kept else bench.reader.read(image)
+            images[name] = _judge(image, reading, truth)
     captions = [f"{name} {_caption(images.get(name))}" for name in shown]
-    captions[0] = f"{path.stem} {captions[0]}"
-    save_picture(bench.options.pictures / f"{path.stem}.jpg", make_strip(list(shown.values()), captions))
+    strip = make_strip(list(shown.values()), captions, title=f"{path.stem}: {answer}")
+    save_picture(bench.options.pictures / f"{path.stem}.jpg", strip)
+    captions = [_caption(images.get(name)) for name in shown]
+    strip = make_strip(list(shown.values()), captions, title=path.stem, height=_SHEET_STRIP_HEIGHT_PX)
+    save_picture(bench.options.pictures / "small" / f"{path.stem}.jpg", strip)
     return PhotoFigures(path.stem, answer, warnings, peer_answer, images, usage, stages)
 
 
-def _read(reader: Reader, image: RgbImage, truth: str) -> ImageFigures:
-    reading = reader.read(image)
+def _judge(image: RgbImage, reading: Reading, truth: str) -> ImageFigures:
     error_rate = character_error_rate(truth, reading.text) if truth else NAN
     characters = 100 * character_score(truth.splitlines(), reading.text)
     return ImageFigures(image.shape[1], image.shape[0], error_rate, characters, reading.sure_characters)
@@ -187,16 +198,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if peer is None and not options.no_peers:
         print("page-dewarp is not installed: see --page-dewarp", file=sys.stderr)
     pictures = OUTPUT / "rectify_photos"
-    sent = Options(options.reader, options.rapidocr_python, peer, pictures)
+    memory = None if options.fresh else MEMORY
+    sent = Options(options.reader, options.rapidocr_python, peer, memory, pictures)
     done: list[PhotoFigures] = []
+    progress = Progress(len(paths))
     for figures in run_in_workers(_work, paths, _start_worker, sent, options.workers):
         done.append(figures)
-        print(f"[{len(done)}/{len(paths)}] {figures.name}: {figures.answer}", file=sys.stderr, flush=True)
+        progress.tell(f"{figures.name}: {figures.answer}")
     done.sort(key=lambda photo: photo.name)
     print(format_photos(done))
     write_json(OUTPUT / "rectify_photos.json", [plain_values(asdict(photo)) for photo in done])
-    strips = [load_picture(pictures / f"{photo.name}.jpg") for photo in done]
-    save_picture(OUTPUT / "rectify_photos.png", stack_strips(strips))
+    strips = [load_picture(pictures / "small" / f"{photo.name}.jpg") for photo in done]
+    save_picture(OUTPUT / "rectify_photos.png", contact_sheet(strips))
     current = figures_by_photo(done)
     verdict, good = judge(BASELINE / "rectify_photos.json", current, METRICS, update=options.update_baseline)
     print(f"\n{verdict}\nfigures and pictures: {OUTPUT}")

@@ -1,43 +1,52 @@
-"""The dissertation's experiment on 60 simulated planar photos: Tables 2.1, 3.1 and 3.8 beside its figures.
+"""The dissertation's experiments on simulated photos, its figures beside ours.
 
-python -m benchmarks.rectify_simulated [--limit N] [--degraded] [--peers] [--reader tesseract|rapidocr]
+python -m benchmarks.rectify_simulated [--experiment planar|curved|curvature|tilt|cone|all] [--degraded|--both]
+                                       [--limit N] [--peers] [--reader tesseract|rapidocr] [--fresh]
 """
 
 import argparse
 import sys
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from benchmarks.baseline import judge
-from benchmarks.cases import CHOSEN_PAGES, Case, all_cases, load_pages, photograph_case
-from benchmarks.figures import CaseFigures, Score, score_of
+from benchmarks.cases import CHOSEN_PAGES, EXPERIMENTS, Case, all_cases, load_pages, photograph_case
+from benchmarks.figures import NAN, CaseFigures, Score, score_of
+from benchmarks.memory import Memory
 from benchmarks.options import make_parser
-from benchmarks.peers import find_page_dewarp, run_page_dewarp
-from benchmarks.places import BASELINE, OUTPUT, data_folder
-from benchmarks.plots import make_strip, save_picture
+from benchmarks.peers import find_page_dewarp
+from benchmarks.places import BASELINE, MEMORY, OUTPUT, data_folder
 from benchmarks.reading import Reader, character_score, make_reader, word_rate
 from benchmarks.residuals import (
+    RulingErrors,
     field_of_view_error_deg,
     is_upright,
     mesh_residual_percent,
     normal_error_deg,
+    normals_at,
+    ruling_errors,
 )
-from benchmarks.simulated_report import METRICS, figures_by_case, report, save_run
+from benchmarks.simulated_pictures import save_case, save_run
+from benchmarks.simulated_report import METRICS, figures_by_case, report, summary
 from benchmarks.stopwatch import Usage, measured
-from benchmarks.subject import measure_flows, rectify_photo
+from benchmarks.subject import FlowErrors, measure_flows, rectify_photo
 from benchmarks.true_map import flatten_by_truth, flatten_in_frame
-from benchmarks.workers import run_in_workers
+from benchmarks.workers import Progress, run_in_workers
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.operations import ocr_engine
-from services.rectify.results import PlaneSurface, RectifyResult
+from services.rectify.results import RectifyResult, StripsSurface
+from simulation.flat_page import Points
 from simulation.photo import SimulatedPhoto
+from simulation.truth import Truth
+
+_SAMPLE_POINTS = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +58,8 @@ class Options:
     reader: str | None
     rapidocr_python: str
     page_dewarp: str | None
+    peer_limit: int | None
+    memory: Path | None
     pictures: Path
 
 
@@ -60,6 +71,7 @@ class Bench:
         self.options = options
         self.pages = {page.name: page for page in load_pages(options.data, options.pages)[0]}
         self.engine = ocr_engine()
+        self.memory = Memory(options.memory)
         self.reader: Reader | None = None
         if options.reader:
             self.reader = make_reader(options.reader, options.rapidocr_python)
@@ -67,7 +79,7 @@ class Bench:
 
     def _read_clean(self, name: str) -> str:
         assert self.reader is not None
-        return self.reader.read(self.pages[name].image).text
+        return self.memory.read(self.reader, self.pages[name].image).text
 
 
 def run_case(case: Case, bench: Bench) -> CaseFigures:
@@ -76,64 +88,82 @@ def run_case(case: Case, bench: Bench) -> CaseFigures:
     usage: dict[str, Usage] = {}
     with measured() as usage["simulate"]:
         photo = photograph_case(case, page)
-    truth = photo.truth
-    labels = (case.name, case.page_number, case.pose + 1, case.skew_deg)
+    points = photo.truth.text_points(np.random.default_rng(case.number), _SAMPLE_POINTS)
+    result: RectifyResult | None = None
+    flows, failure = FlowErrors(NAN, NAN), ""
     try:
         with measured() as usage["rectify"]:
             result = rectify_photo(photo.image, bench.engine)
-        flows = measure_flows(photo.image, truth, np.random.default_rng(case.number))
+        flows = measure_flows(photo.image, photo.truth, points)
     except DocumentError as error:
-        scores, _ = _read_all(bench, case.page, photo, None, usage)
-        return CaseFigures(*labels, failure=f"{error.code}: {error}", scores=scores, usage=usage)
-    scores, shown = _read_all(bench, case.page, photo, result, usage)
-    strip = make_strip([photo.image, result.image, *shown.values()], [case.name, "rectified", *shown])
-    save_picture(bench.options.pictures / f"{case.name}.jpg", strip)
-    focal = result.camera.focal_length_px
-    normal = result.surface.normal if isinstance(result.surface, PlaneSurface) else None
-    height, width = result.image.shape[:2]
-    nan = float("nan")
-    return CaseFigures(
-        *labels,
-        planar=result.kind == "planar",
-        upright=is_upright(result.mesh, width, height, truth),
-        focal_source=result.camera.source,
+        failure = f"{error.code}: {error}"
+    scores, shown = _read_all(bench, case, photo, result, usage)
+    figures = CaseFigures(
+        case.name,
+        case.page_number,
+        case.shape + 1,
+        case.pose + 1,
+        case.skew_deg,
+        failure,
         major_deg=flows.major_deg,
         minor_deg=flows.minor_deg,
-        fov_deg=nan if focal is None else field_of_view_error_deg(focal, truth),
-        normal_deg=nan if normal is None else normal_error_deg(normal, truth),
-        residual_percent=mesh_residual_percent(result.mesh, width, height, truth),
-        warnings=tuple(notice.code for notice in result.warnings),
         scores=scores,
         usage=usage,
-        stages_ms=dict(result.timings_ms),
     )
+    if result is not None:
+        figures = replace(figures, **_errors(result, photo.truth, points), stages_ms=dict(result.timings_ms))
+    folder = bench.options.pictures / case.experiment.file_name(degraded=case.degraded)
+    save_case(folder, figures, photo.image, None if result is None else result.image, shown)
+    return figures
+
+
+def _errors(result: RectifyResult, truth: Truth, points: Points) -> dict[str, Any]:
+    """Fields of `CaseFigures` that the answer has."""
+    focal, surface = result.camera.focal_length_px, result.surface
+    normals = normals_at(surface, points)
+    rulings = ruling_errors(surface, truth) if isinstance(surface, StripsSurface) else RulingErrors(NAN, NAN)
+    height, width = result.image.shape[:2]
+    return {
+        "classified": (result.kind == "planar") == truth.is_planar,
+        "upright": is_upright(result.mesh, width, height, truth),
+        "focal_source": result.camera.source,
+        "ruling_2d_deg": rulings.photo_deg,
+        "ruling_3d_deg": rulings.space_deg,
+        "fov_deg": NAN if focal is None else field_of_view_error_deg(focal, truth),
+        "normal_deg": NAN if normals is None else normal_error_deg(normals, truth, points),
+        "residual_percent": mesh_residual_percent(result.mesh, width, height, truth),
+        "warnings": tuple(notice.code for notice in result.warnings),
+    }
 
 
 def _read_all(
-    bench: Bench, page: str, photo: SimulatedPhoto, result: RectifyResult | None, usage: dict[str, Usage]
+    bench: Bench, case: Case, photo: SimulatedPhoto, result: RectifyResult | None, usage: dict[str, Usage]
 ) -> tuple[dict[str, Score], dict[str, RgbImage | None]]:
     """Scores of every image of the case, and the further images to show."""
     lines = [" ".join(word.text for word in line) for line in photo.truth.visible_lines()]
-    images: dict[str, RgbImage | None] = {"photo": photo.image, "rectified": None}
+    ours = None if result is None else result.image
     shown: dict[str, RgbImage | None] = {"true map": flatten_by_truth(photo.image, photo.truth)}
     if result is not None:
-        images["rectified"] = result.image
         shown["true map, our frame"] = flatten_in_frame(photo.image, photo.truth, result)
-    if bench.options.page_dewarp:
-        shown["page-dewarp"], usage["page-dewarp"], _ = run_page_dewarp(
+    peer_limit = bench.options.peer_limit
+    if bench.options.page_dewarp and (peer_limit is None or case.rank < peer_limit):
+        shown["page-dewarp"], usage["page-dewarp"], _ = bench.memory.page_dewarp(
             bench.options.page_dewarp, photo.image
         )
     scores: dict[str, Score] = {}
     if bench.reader is None:
         return scores, shown
-    for name, image in {**images, **shown}.items():
+    images: dict[str, RgbImage | None] = {"photo": photo.image, "rectified": ours, **shown}
+    for name, image in images.items():
         text = ""
         if image is not None:
             with measured() as usage[f"read {name}"]:
-                text = bench.reader.read(image).text
+                # What our own code has a part in is another image every time: not worth keeping.
+                kept = name not in ("rectified", "true map, our frame")
+                text = (bench.memory.read(bench.reader, image) if kept else bench.reader.read(image)).text
         # What could not be made reads as nothing: a method does not gain by giving up.
         scores[name] = Score(100 * character_score(lines, text), 100 * word_rate(lines, text))
-    clean = bench.read_clean(page)
+    clean = bench.read_clean(case.page)
     scores["clean page"] = Score(100 * character_score(lines, clean), 100 * word_rate(lines, clean))
     return scores, shown
 
@@ -160,46 +190,67 @@ def main(arguments: Sequence[str] | None = None) -> int:
     peer = find_page_dewarp(options.page_dewarp) if options.peers else None
     if options.peers and peer is None:
         print("page-dewarp is not installed: see --page-dewarp", file=sys.stderr)
-    name = "rectify_simulated" + ("_degraded" if options.degraded else "")
-    pictures = OUTPUT / name
     sent = Options(
-        data, chosen, None if options.no_reading else options.reader, options.rapidocr_python, peer, pictures
+        data,
+        chosen,
+        None if options.no_reading else options.reader,
+        options.rapidocr_python,
+        peer,
+        options.peer_limit,
+        None if options.fresh else MEMORY,
+        OUTPUT,
     )
-    cases = all_cases(tuple(page.name for page in pages), degraded=options.degraded)[: options.limit]
-    done, start = [], time.perf_counter()
-    for figures in run_in_workers(_work, cases, _start_worker, sent, options.workers):
-        done.append(figures)
-        print(
-            _progress(len(done), len(cases), time.perf_counter() - start, figures),
-            file=sys.stderr,
-            flush=True,
+    experiments = (
+        list(EXPERIMENTS.values()) if options.experiment == "all" else [EXPERIMENTS[options.experiment]]
+    )
+    names = tuple(page.name for page in pages)
+    runs = [
+        (experiment, degraded, all_cases(experiment, names, degraded=degraded)[: options.limit])
+        for experiment in experiments
+        for degraded in ((False, True) if options.both else (options.degraded,))
+    ]
+    progress = Progress(sum(len(cases) for _, _, cases in runs))
+    measured_runs: dict[str, list[CaseFigures]] = {}
+    all_good = True
+    for experiment, degraded, cases in runs:
+        name = experiment.file_name(degraded=degraded)
+        done = []
+        for figures in run_in_workers(_work, cases, _start_worker, sent, options.workers):
+            done.append(figures)
+            progress.tell(f"{experiment.name} {_progress(figures)}")
+        done.sort(key=lambda case: case.name)
+        print(f"===== {name}: {len(done)} photos =====\n\n{report(done, experiment.name)}")
+        save_run(experiment, done, OUTPUT / name, degraded=degraded)
+        verdict, good = judge(
+            BASELINE / f"{name}.json", figures_by_case(done), METRICS, update=options.update_baseline
         )
-    done.sort(key=lambda case: case.name)
-    print(report(done))
-    save_run(name, done, pictures)
-    verdict, good = judge(
-        BASELINE / f"{name}.json", figures_by_case(done), METRICS, update=options.update_baseline
-    )
-    print(f"\n{verdict}\nfigures and pictures: {OUTPUT}")
-    return 0 if good else 1
+        print(f"\n{verdict}\n", flush=True)
+        all_good &= good
+        measured_runs[name.removeprefix("rectify_")] = done
+    print(f"{summary(measured_runs)}\n\nfigures and pictures: {OUTPUT}")
+    return 0 if all_good else 1
 
 
-def _progress(number: int, total: int, elapsed_s: float, case: CaseFigures) -> str:
-    crs = score_of("rectified")(case)
+def _progress(case: CaseFigures) -> str:
     return (
-        f"[{number}/{total} {elapsed_s:5.0f}s] {case.name:<30} residual {case.residual_percent:6.3f} %  "
-        f"fov {case.fov_deg:5.2f}  normal {case.normal_deg:5.2f}  major {case.major_deg:4.2f}  "
-        f"minor {case.minor_deg:4.2f}  CRS {crs:5.1f} {case.failure}"
+        f"{case.name:<34} mesh {case.residual_percent:6.3f} %  fov {case.fov_deg:5.2f}  "
+        f"normal {case.normal_deg:5.2f}  rulings {case.ruling_2d_deg:5.2f}  major {case.major_deg:4.2f}  "
+        f"minor {case.minor_deg:4.2f}  CRS {score_of('rectified')(case):5.1f} {case.failure}"
     )
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = make_parser("rectify_simulated", __doc__)
-    parser.add_argument("--limit", type=int, default=None, help="only the first N photos (a varied choice)")
-    parser.add_argument("--degraded", action="store_true", help="desk, shadow, vignetting, blur, noise, JPEG")
-    parser.add_argument("--pages", default="", help="comma-separated names of other flat pages of the data")
-    parser.add_argument("--peers", action="store_true", help="page-dewarp too")
-    parser.add_argument("--no-reading", action="store_true", help="no OCR scores: much faster")
+    add = parser.add_argument
+    add("--experiment", choices=(*EXPERIMENTS, "all"), default="planar", help="which photos")
+    add("--limit", type=int, default=None, help="only the first N photos of each (a varied choice)")
+    dirt = parser.add_mutually_exclusive_group()
+    dirt.add_argument("--degraded", action="store_true", help="desk, shadow, vignetting, blur, noise, JPEG")
+    dirt.add_argument("--both", action="store_true", help="clean, then degraded")
+    add("--pages", default="", help="comma-separated names of other flat pages of the data")
+    add("--peers", action="store_true", help="page-dewarp too (slow; its pages are kept for the next time)")
+    add("--peer-limit", type=int, default=None, help="page-dewarp on the first N photos of each only")
+    add("--no-reading", action="store_true", help="no OCR scores: much faster")
     return parser
 
 

@@ -1,13 +1,26 @@
 """Errors of what was estimated, against the simulator's truth."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from services.rectify.results import PlaneSurface, StripsSurface
 from simulation.camera import half_field_of_view
 from simulation.flat_page import Points
 from simulation.truth import Truth
 
 _FEWEST_NODES = 12
+_RULING_STEPS = 400
+"""Points along each ruling, over twice the photo's diagonal; those in the text count."""
+
+
+@dataclass(frozen=True, slots=True)
+class RulingErrors:
+    """Mean direction errors of the rulings (3.4.1), degrees: in the photo (2D) and in space (3D)."""
+
+    photo_deg: float
+    space_deg: float
 
 
 def fit_similarity(source: Points, target: Points) -> tuple[complex, complex]:
@@ -74,12 +87,73 @@ def field_of_view_error_deg(focal_length_px: float, truth: Truth) -> float:
     return abs(float(np.degrees(estimated - camera.half_field_of_view_rad)))
 
 
-def normal_error_deg(normal: tuple[float, float, float], truth: Truth) -> float:
-    """Angle between the estimated normal (of either sign) and a planar page's."""
-    centre = truth.sheet_to_photo(np.zeros((1, 2)))
-    expected = truth.normals(centre)[0]
-    cosine = abs(float(np.dot(normal, expected))) / float(np.linalg.norm(normal))
-    return float(np.degrees(np.arccos(min(cosine, 1.0))))
+def normal_error_deg(normals: NDArray[np.float64], truth: Truth, points: Points) -> float:
+    """Mean angle between normals (N, 3), of either sign and any length, and the true ones at photo points."""
+    if not len(points):
+        return float("nan")
+    return float(np.degrees(_angles_between(normals, truth.normals(points)).mean()))
+
+
+def normals_at(surface: PlaneSurface | StripsSurface, points: Points) -> NDArray[np.float64] | None:
+    """The estimated normal (N, 3) at photo points (N, 2); None where the shape is not known."""
+    if isinstance(surface, StripsSurface):
+        return surface.normals[strip_of(surface, points)]
+    if surface.normal is None:
+        return None
+    return np.broadcast_to(np.array(surface.normal), (len(points), 3))
+
+
+def strip_of(surface: StripsSurface, points: Points) -> NDArray[np.intp]:
+    """Which strip (N,) each photo point lies in: the number of rulings passed, the first not counted.
+
+    What lies before the first ruling or beyond the last belongs to the outermost strips.
+    """
+    across = np.column_stack([-np.sin(surface.angles_rad), np.cos(surface.angles_rad)])
+    # A ruling has no direction: its normal is turned to where the strips go on.
+    across *= np.where(across @ (surface.points[-1] - surface.points[0]) < 0, -1.0, 1.0)[:, None]
+    passed = points @ across.T > np.einsum("ij,ij->i", across, surface.points)
+    return np.asarray(np.clip(passed.sum(axis=1) - 1, 0, len(surface.normals) - 1), np.intp)
+
+
+def ruling_errors(surface: StripsSurface, truth: Truth) -> RulingErrors:
+    """Rulings against the true ones at those of their points that lie in the text; NaN where none does.
+
+    In space the ray to a vanishing point stands for its ruling, the optical centre being given by the true
+    focal length (3.4.1).
+    """
+    points, which = _points_in_text(surface, truth)
+    if not len(points):
+        return RulingErrors(float("nan"), float("nan"))
+    x, y, w = surface.vanishing_points.T
+    (cx, cy), f = truth.camera.principal_point, truth.camera.focal_length_px
+    rays = np.column_stack([x - cx * w, y - cy * w, f * w])
+    space = _angles_between(rays[which], truth.rulings_3d(points))
+    photo = direction_error_deg(surface.angles_rad[which], truth.rulings(points))
+    return RulingErrors(photo, float(np.degrees(space.mean())))
+
+
+def _points_in_text(surface: StripsSurface, truth: Truth) -> tuple[Points, NDArray[np.intp]]:
+    """Evenly spaced photo points (N, 2) of the rulings within the text area, and whose (N,) they are."""
+    words = [word.box for line in truth.visible_lines() for word in line]
+    if not words:
+        return np.zeros((0, 2)), np.zeros(0, np.intp)
+    boxes = np.array(words)
+    size = np.array([truth.camera.width, truth.camera.height])
+    reach = float(np.hypot(*size)) * np.linspace(-1, 1, _RULING_STEPS)
+    along = np.column_stack([np.cos(surface.angles_rad), np.sin(surface.angles_rad)])
+    points = (surface.points[:, None] + reach[:, None] * along[:, None]).reshape(-1, 2)
+    which = np.repeat(np.arange(len(along)), _RULING_STEPS)
+    seen = np.all((points >= 0) & (points <= size - 1), axis=1)
+    points, which = points[seen], which[seen]
+    page = truth.photo_to_page(points)
+    inside = np.all((page >= boxes[:, :2].min(axis=0)) & (page <= boxes[:, 2:].max(axis=0)), axis=1)
+    return points[inside], which[inside]
+
+
+def _angles_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angle (N,) in 0..pi/2 between 3D directions of either sign."""
+    sine = np.linalg.norm(np.cross(a, b), axis=1)
+    return np.asarray(np.arctan2(sine, np.abs(np.einsum("ij,ij->i", a, b))))
 
 
 def direction_error_deg(measured: NDArray[np.floating], expected: NDArray[np.floating]) -> float:

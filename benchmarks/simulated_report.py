@@ -1,31 +1,35 @@
-"""What a run on simulated photos prints and saves."""
+"""What an experiment on simulated photos prints, and what the baseline holds of it."""
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks import dissertation
 from benchmarks.baseline import Figures, Metric
-from benchmarks.figures import CaseFigures, Pick, mean_std, score_of, to_json, write_json
-from benchmarks.places import OUTPUT
-from benchmarks.plots import draw_distributions, load_picture, save_picture, stack_strips
+from benchmarks.dissertation import Row
+from benchmarks.figures import GROUPS, CaseFigures, Pick, mean_std, score_of
 from benchmarks.tables import format_table, format_usage
 
-WANTED = {
-    "major flow": 0.25,
-    "minor flow": 0.90,
-    "field of view": 2.0,
-    "plane normal": 1.5,
-    "residual %": 0.3,
-}
 FLOW_COLUMNS: dict[str, Pick] = {
     "major flow": lambda case: case.major_deg,
     "minor flow": lambda case: case.minor_deg,
 }
+RULING_COLUMNS: dict[str, Pick] = {
+    "2D ruling": lambda case: case.ruling_2d_deg,
+    "3D ruling": lambda case: case.ruling_3d_deg,
+}
+FIRST_RULING_COLUMNS: dict[str, Pick] = {
+    "first 2D": lambda case: case.first_ruling_2d_deg,
+    "first 3D": lambda case: case.first_ruling_3d_deg,
+}
 SHAPE_COLUMNS: dict[str, Pick] = {
     "field of view": lambda case: case.fov_deg,
-    "plane normal": lambda case: case.normal_deg,
+    "normal": lambda case: case.normal_deg,
+}
+FIRST_SHAPE_COLUMNS: dict[str, Pick] = {
+    "first f. of v.": lambda case: case.first_fov_deg,
+    "first normal": lambda case: case.first_normal_deg,
 }
 OCR_COLUMNS: dict[str, Pick] = {
     "photo CRS": score_of("photo"),
@@ -34,13 +38,79 @@ OCR_COLUMNS: dict[str, Pick] = {
     "rectified WRR": score_of("rectified", "words"),
 }
 IMAGES = ("photo", "rectified", "true map, our frame", "true map", "clean page", "page-dewarp")
+FAR_BELOW_POINTS = 5.0
+"""No page may read this much worse than the same photo flattened by the true map."""
 
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Columns of ours, and the dissertation's for the first of them where it has printed some."""
+
+    title: str
+    columns: Mapping[str, Pick]
+    printed: Mapping[str, Row] | None = None
+
+
+_OURS: tuple[Table, ...] = (
+    Table("texture flow and rulings, degrees", FLOW_COLUMNS | RULING_COLUMNS | FIRST_RULING_COLUMNS),
+    Table("shape, degrees", FIRST_SHAPE_COLUMNS | SHAPE_COLUMNS),
+    Table("OCR, percent", OCR_COLUMNS),
+)
+
+
+def _series(flows: int, flow: Mapping[str, Row], shape: Mapping[str, Row]) -> tuple[Table, ...]:
+    """Tables 3.(flows) and 3.(flows + 1) of a series, and its OCR, of which the dissertation has none."""
+    columns = FLOW_COLUMNS | RULING_COLUMNS | FIRST_RULING_COLUMNS
+    return (
+        Table(f"Table 3.{flows}  texture flow and rulings, degrees", columns, flow),
+        Table(f"Table 3.{flows + 1}  shape, degrees", FIRST_SHAPE_COLUMNS | SHAPE_COLUMNS, shape),
+        _OURS[2],
+    )
+
+
+TABLES: Mapping[str, tuple[Table, ...]] = {
+    "planar": (
+        Table("Table 2.1  texture flow, degrees", FLOW_COLUMNS, dissertation.TABLE_2_1),
+        Table("Table 3.1  shape, degrees", SHAPE_COLUMNS, dissertation.TABLE_3_1),
+        Table("Table 3.8  OCR, percent", OCR_COLUMNS, dissertation.TABLE_3_8),
+    ),
+    "curved": (
+        Table("Table 2.2  texture flow, degrees", FLOW_COLUMNS, dissertation.TABLE_2_2),
+        Table("Table 3.2  rulings, degrees", RULING_COLUMNS | FIRST_RULING_COLUMNS, dissertation.TABLE_3_2),
+        Table("Table 3.3  shape, degrees", FIRST_SHAPE_COLUMNS | SHAPE_COLUMNS, dissertation.TABLE_3_3),
+        Table("Table 3.9  OCR, percent", OCR_COLUMNS, dissertation.TABLE_3_9),
+    ),
+    "curvature": _series(4, dissertation.TABLE_3_4, dissertation.TABLE_3_5),
+    "tilt": _series(6, dissertation.TABLE_3_6, dissertation.TABLE_3_7),
+    "cone": _OURS,
+}
+GROUPED_BY: Mapping[str, Sequence[str]] = {"curvature": ("shape",), "tilt": ("pose",)}
+"""The rows of an experiment's tables; those of all others are by page, shape, pose and skew."""
+
+WANTED_PLANAR = {
+    "major flow": 0.25,
+    "minor flow": 0.9,
+    "field of view": 2.0,
+    "normal": 1.5,
+    "residual %": 0.3,
+}
+WANTED_CURVED = {
+    "major flow": 0.4,
+    "minor flow": 1.12,
+    "2D ruling": 1.82,
+    "3D ruling": 2.91,
+    "field of view": 2.0,
+    "normal": 1.5,
+    "residual %": 0.3,
+}
 
 PICKS: dict[str, tuple[Pick, Metric]] = {
-    "planar": (lambda case: float(case.planar), Metric(0.0, True)),
+    "classified": (lambda case: float(case.classified), Metric(0.0, True)),
     "upright": (lambda case: float(case.upright), Metric(0.0, True)),
     "major_deg": (lambda case: case.major_deg, Metric(0.01)),
     "minor_deg": (lambda case: case.minor_deg, Metric(0.03)),
+    "ruling_2d_deg": (lambda case: case.ruling_2d_deg, Metric(0.1)),
+    "ruling_3d_deg": (lambda case: case.ruling_3d_deg, Metric(0.1)),
     "fov_deg": (lambda case: case.fov_deg, Metric(0.1)),
     "normal_deg": (lambda case: case.normal_deg, Metric(0.1)),
     "residual_percent": (lambda case: case.residual_percent, Metric(0.02)),
@@ -61,20 +131,22 @@ def figures_by_case(cases: Sequence[CaseFigures]) -> Figures:
     }
 
 
-def report(cases: Sequence[CaseFigures]) -> str:
-    """All tables and totals."""
+def report(cases: Sequence[CaseFigures], experiment: str) -> str:
+    """All tables and totals of an experiment."""
+    by = GROUPED_BY.get(experiment, GROUPS)
+    read = any(case.scores for case in cases)
     parts = [
-        format_table("Table 2.1  texture flow, degrees", FLOW_COLUMNS, cases, dissertation.TABLE_2_1),
-        format_table(
-            "Table 3.1  shape, degrees (field of view: error of the half angle, axis to image corner)",
-            SHAPE_COLUMNS,
-            cases,
-            dissertation.TABLE_3_1,
-        ),
+        format_table(table.title, table.columns, cases, table.printed, by)
+        for table in TABLES[experiment]
+        if read or table.columns is not OCR_COLUMNS
     ]
-    if any(case.scores for case in cases):
-        parts.append(format_table("Table 3.8  OCR, percent", OCR_COLUMNS, cases, dissertation.TABLE_3_8))
+    if read:
         parts.append(_format_scores(cases))
+        below = sorted(far_below(cases), key=lambda case: case.name)
+        parts.append(
+            f"more than {FAR_BELOW_POINTS:g} points below the true map: {len(below)}"
+            + "".join(f"\n  {case.name} {_gap(case):.1f}" for case in below)
+        )
     residuals = [case.residual_percent for case in cases if np.isfinite(case.residual_percent)]
     if residuals:
         middle, high = np.percentile(residuals, [50, 95])
@@ -83,13 +155,24 @@ def report(cases: Sequence[CaseFigures]) -> str:
             f"median {middle:.3f}, 95th percentile {high:.3f} ({len(residuals)} photos)"
         )
     refused = [f"  {case.name}: {case.failure}" for case in cases if case.failure]
+    wrong = [f"  {case.name}: the other kind" for case in cases if not case.classified and not case.failure]
     parts.append(
-        f"classified planar {sum(case.planar for case in cases)}/{len(cases)}, "
+        f"classified {sum(case.classified for case in cases)}/{len(cases)}, "
         f"upright {sum(case.upright for case in cases)}/{len(cases)}, refused {len(refused)}"
     )
-    parts += refused
+    if refused or wrong:
+        parts.append("\n".join(refused + wrong))
     parts.append(format_usage(cases))
     return "\n\n".join(parts)
+
+
+def far_below(cases: Sequence[CaseFigures]) -> list[CaseFigures]:
+    """Those that read more than `FAR_BELOW_POINTS` worse than the same photo flattened by the true map."""
+    return [case for case in cases if _gap(case) > FAR_BELOW_POINTS]
+
+
+def _gap(case: CaseFigures) -> float:
+    return score_of("true map")(case) - score_of("rectified")(case)
 
 
 def _format_scores(cases: Sequence[CaseFigures]) -> str:
@@ -105,19 +188,28 @@ def _format_scores(cases: Sequence[CaseFigures]) -> str:
     return "\n".join(lines)
 
 
-def save_run(name: str, cases: Sequence[CaseFigures], pictures: Path) -> None:
-    """Figures as JSON, distributions and contact sheet as PNG, in the output folder."""
-    write_json(OUTPUT / f"{name}.json", to_json(cases))
-    columns: dict[str, Pick] = {
-        **FLOW_COLUMNS,
-        **SHAPE_COLUMNS,
-        "residual %": lambda case: case.residual_percent,
-        "rectified CRS": score_of("rectified"),
-    }
-    draw_distributions(OUTPUT / f"{name}.png", columns, cases, WANTED)
-    # The worst first: that is what one wants to look at.
-    ranked = sorted(cases, key=lambda case: -np.nan_to_num(case.residual_percent, nan=1e9))
-    files = [pictures / f"{case.name}.jpg" for case in ranked[:16]]
-    strips = [load_picture(file) for file in files if file.is_file()]
-    if strips:
-        save_picture(OUTPUT / f"{name}-worst.png", stack_strips(strips, columns=2))
+def summary(runs: Mapping[str, Sequence[CaseFigures]]) -> str:
+    """One line an experiment: means of errors (degrees), the mesh (% of the page's width), OCR (CRS, %)."""
+    head = (
+        f"{'':<22}{'classified':>11}{'major':>7}{'minor':>7}{'2D rul.':>8}{'3D rul.':>8}{'f. of v.':>9}"
+        f"{'normal':>7}{'mesh 50%':>10}{'95%':>8}  |{'photo':>8}{'rectified':>10}{'true map':>10}"
+        f"{'page-dewarp':>12}{f'>{FAR_BELOW_POINTS:g} below':>10}"
+    )
+    return "\n".join([head, *(_summary_line(name, cases) for name, cases in runs.items())])
+
+
+def _summary_line(name: str, cases: Sequence[CaseFigures]) -> str:
+    columns = [*(FLOW_COLUMNS | RULING_COLUMNS | SHAPE_COLUMNS).values()]
+    line = f"{name:<22}{f'{sum(case.classified for case in cases)}/{len(cases)}':>11}"
+    for pick, width in zip(columns, (7, 7, 8, 8, 9, 7), strict=True):
+        line += _number(mean_std(map(pick, cases))[0], width, 2)
+    residuals = [case.residual_percent for case in cases if np.isfinite(case.residual_percent)]
+    middle, high = np.percentile(residuals, [50, 95]) if residuals else (np.nan, np.nan)
+    line += _number(middle, 10, 3) + _number(high, 8, 3) + "  |"
+    for image, width in (("photo", 8), ("rectified", 10), ("true map", 10), ("page-dewarp", 12)):
+        line += _number(mean_std(map(score_of(image), cases))[0], width, 2)
+    return line + (f"{len(far_below(cases)):>10}" if any(case.scores for case in cases) else f"{'-':>10}")
+
+
+def _number(value: float, width: int, digits: int) -> str:
+    return f"{value:>{width}.{digits}f}" if np.isfinite(value) else f"{'-':>{width}}"

@@ -4,8 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from benchmarks.residuals import direction_error_deg
 from services.arrays import RgbImage
 from services.imaging.codec import ImageLimits, decode_image
@@ -15,9 +13,8 @@ from services.rectify.analysis import analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
+from simulation.flat_page import Points
 from simulation.truth import Truth
-
-_SAMPLE_POINTS = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +50,9 @@ def rectify_bytes(upload: bytes) -> dict[str, float]:
     return {str(stage): float(spent) for stage, spent in timings.items()}
 
 
-def measure_flows(photo: RgbImage, truth: Truth, rng: np.random.Generator) -> FlowErrors:
-    """Both texture flows as measured, before any shape is fitted to them, at sample points in the text."""
+def measure_flows(photo: RgbImage, truth: Truth, points: Points) -> FlowErrors:
+    """Both texture flows as measured, before any shape is fitted to them, at photo points in the text."""
     analysis = analyse_photo(photo)
-    points = truth.text_points(rng, _SAMPLE_POINTS)
     if not len(points):
         return FlowErrors(float("nan"), float("nan"))
     major = direction_error_deg(analysis.major_field.at(points), truth.major_flow(points))

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from benchmarks.dissertation import Row
-from benchmarks.figures import CaseFigures, Pick, groups, mean_std
+from benchmarks.figures import GROUPS, CaseFigures, Pick, groups, mean_std
 
 _WIDTH = 15
 
@@ -14,14 +14,16 @@ def format_table(
     columns: Mapping[str, Pick],
     cases: Sequence[CaseFigures],
     printed: Mapping[str, Row] | None = None,
+    by: Sequence[str] = GROUPS,
 ) -> str:
-    """Rows All, Page n, Pose no.n and skews of mean/std; `printed` (the dissertation's) to the right."""
+    """Rows of mean/std of all and `by` group; `printed` (the dissertation's, of the first columns) to the right."""
     names = list(columns)
     head = f"{'(mean/std)':<12}" + "".join(f"{name:>{_WIDTH}}" for name in names)
     if printed:
-        head += "  |" + "".join(f"{name:>{_WIDTH}}" for name in names) + "  (dissertation)"
+        known = names[: max(map(len, printed.values()))]
+        head += "  |" + "".join(f"{name:>{_WIDTH}}" for name in known) + "  (dissertation)"
     lines = [title, head]
-    for label, members in groups(cases).items():
+    for label, members in groups(cases, by).items():
         line = f"{label:<12}"
         for pick in columns.values():
             line += f"{mean_over_std(*mean_std(pick(case) for case in members)):>{_WIDTH}}"

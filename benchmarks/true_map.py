@@ -2,19 +2,19 @@
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.residuals import fit_similarity, mesh_on_page
 from services.arrays import RgbImage
 from services.rectify.results import RectifyResult
-from simulation.flat_page import Points
-from simulation.truth import Truth
+from simulation.truth import Lattice, Truth
 
 _WHITE = (255, 255, 255)
 
 
 def flatten_by_truth(photo: RgbImage, truth: Truth) -> RgbImage:
     """The page's own frame and pixels, nothing beside it."""
-    return _resample(photo, truth, _grid(truth.page.width, truth.page.height), truth.page.width)
+    return _resample(photo, truth, (truth.page.width, truth.page.height))
 
 
 def flatten_in_frame(photo: RgbImage, truth: Truth, result: RectifyResult) -> RgbImage | None:
@@ -27,19 +27,21 @@ def flatten_in_frame(photo: RgbImage, truth: Truth, result: RectifyResult) -> Rg
     output, page = mesh_on_page(result.mesh, width, height, truth)
     if len(output) < 3:
         return None
-    turn, shift = fit_similarity(output, page)
-    placed = turn * (_grid(width, height) @ np.array([1, 1j])) + shift
-    return _resample(photo, truth, np.column_stack([placed.real, placed.imag]), width)
+    return _resample(photo, truth, (width, height), *fit_similarity(output, page))
 
 
-def _grid(width: int, height: int) -> Points:
-    x, y = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
-    return np.column_stack([x.ravel(), y.ravel()])
+def _resample(
+    photo: RgbImage, truth: Truth, size: tuple[int, int], turn: complex = 1.0, shift: complex = 0.0
+) -> RgbImage:
+    """The photo as an image of (width, height); its pixels z, as complex numbers, show page points turn z + shift.
 
-
-def _resample(photo: RgbImage, truth: Truth, page: Points, width: int) -> RgbImage:
-    """The photo at page points (N, 2), as an image `width` across; white where it shows nothing."""
-    where = np.nan_to_num(truth.page_to_photo(page), nan=-1e4).astype(np.float32).reshape(-1, width, 2)
+    White where the photo shows nothing. The map is exact at every 8th pixel and interpolated between.
+    """
+    width, height = size
+    x, y = _nodes(width), _nodes(height)
+    page = turn * (x + 1j * y[:, None]).ravel() + shift
+    exact = truth.page_to_photo(np.column_stack([page.real, page.imag])).reshape(len(y), len(x), 2)
+    where = np.nan_to_num(Lattice(exact, width).upsampled(0, height), nan=-1e4)
     flat = cv2.remap(
         photo,
         where[..., 0],
@@ -49,3 +51,8 @@ def _resample(photo: RgbImage, truth: Truth, page: Points, width: int) -> RgbIma
         borderValue=_WHITE,
     )
     return np.asarray(flat, np.uint8)
+
+
+def _nodes(length: int) -> NDArray[np.float64]:
+    """Where a `Lattice` has its values: two beyond each border."""
+    return np.asarray((np.arange(-2, -(-length // 8) + 2) + 0.5) * 8.0 - 0.5, np.float64)

@@ -1,6 +1,8 @@
 """A few processes of one thread each, so that measured CPU time is one core's."""
 
 import os
+import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -12,6 +14,29 @@ MOST_WORKERS = 2
 Item = TypeVar("Item")
 Options = TypeVar("Options")
 Figures = TypeVar("Figures")
+
+
+class Progress:
+    """Lines on stderr that number what is done, with an estimate of the time that is left."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._done = total, 0
+        self._start = time.perf_counter()
+
+    def tell(self, text: str) -> None:
+        """One more is done."""
+        self._done += 1
+        elapsed_s = time.perf_counter() - self._start
+        left_s = elapsed_s / self._done * (self._total - self._done)
+        print(
+            f"[{self._done}/{self._total} {elapsed_s:.0f}s, {_duration(left_s)} left] {text}",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f}s" if seconds < 120 else f"{seconds / 60:.0f}min"
 
 
 def run_in_workers(

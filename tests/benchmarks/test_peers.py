@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -28,6 +29,35 @@ def test_the_page_comes_back(tmp_path: Path) -> None:
     assert page is not None
     assert np.array_equal(page, PHOTO)
     assert usage.cpu_s > 0
+
+
+def test_it_is_given_the_bytes_of_a_jpeg_as_they_are(tmp_path: Path) -> None:
+    jpeg = cv2.imencode(".jpg", PHOTO)[1].tobytes()
+    command = _command(
+        tmp_path,
+        "import pathlib\n"
+        "assert photo.endswith('.jpg')\n"
+        f"assert len(pathlib.Path(photo).read_bytes()) == {len(jpeg)}\n"
+        f"shutil.copy({str(_png(tmp_path))!r}, folder + '/page.png')",
+    )
+    page, _, trouble = peers.run_page_dewarp(command, jpeg)
+    assert trouble == ""
+    assert page is not None
+
+
+def _png(folder: Path) -> Path:
+    path = folder / "given.png"
+    cv2.imwrite(str(path), PHOTO)
+    return path
+
+
+def test_its_start_is_measured_without_a_photo(tmp_path: Path) -> None:
+    script = tmp_path / "peer"
+    script.write_text(
+        f"#!{sys.executable}\nimport sys\nassert sys.argv[1:] == ['--help']\nsum(range(10**6))\n"
+    )
+    script.chmod(0o755)
+    assert peers.start_of_page_dewarp(str(script)).cpu_s > 0
 
 
 def test_a_failure_has_a_reason(tmp_path: Path) -> None:

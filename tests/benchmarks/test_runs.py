@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks import rectify_photos, rectify_simulated, rectify_speed
-from benchmarks.cases import all_cases
+from benchmarks.cases import EXPERIMENTS, Case, all_cases
 from benchmarks.reading import Reading
 from benchmarks.rectify_simulated import Bench, Options, run_case
 from benchmarks.stopwatch import Usage
@@ -22,11 +22,13 @@ from services.rectify.results import (
     Orientation,
     PlaneSurface,
     RectifyResult,
+    StripsSurface,
 )
 from simulation.flat_page import Page
 from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
-from simulation.scenes import PLANE, POSES, photograph
+from simulation.scenes import BOOK, PLANE, POSES, photograph
+from simulation.surfaces import Shape
 
 
 class Judge:
@@ -46,15 +48,19 @@ def page() -> Page:
 
 @pytest.fixture
 def bench(tmp_path: Path, page: Page) -> Bench:
-    options = Options(tmp_path, (), None, "", None, tmp_path / "pictures")
+    options = Options(tmp_path, (), None, "", None, None, tmp_path / "memory", tmp_path / "pictures")
     bench = Bench(options)
     bench.pages = {page.name: page}
     bench.reader = Judge()
     return bench
 
 
-def _small_photo(page: Page) -> SimulatedPhoto:
-    return photograph(page, POSES[0], 0.0, PLANE, size=(525, 675))
+def _small_photo(page: Page, shape: Shape = PLANE) -> SimulatedPhoto:
+    return photograph(page, POSES[0], 0.0, shape, size=(525, 675))
+
+
+def _case(page: Page, experiment: str = "planar") -> Case:
+    return all_cases(EXPERIMENTS[experiment], (page.name,), degraded=False)[0]
 
 
 def _perfect(photo: SimulatedPhoto) -> RectifyResult:
@@ -62,13 +68,27 @@ def _perfect(photo: SimulatedPhoto) -> RectifyResult:
     truth = photo.truth
     x, y = np.meshgrid(np.linspace(0, truth.page.width - 1, 9), np.linspace(0, truth.page.height - 1, 13))
     mesh = truth.page_to_photo(np.column_stack([x.ravel(), y.ravel()])).reshape(13, 9, 2)
-    normal = truth.normals(truth.sheet_to_photo(np.zeros((1, 2))))[0]
+    surface: PlaneSurface | StripsSurface
+    if truth.is_planar:
+        normal = truth.normals(truth.sheet_to_photo(np.zeros((1, 2))))[0]
+        surface = PlaneSurface((float(normal[0]), float(normal[1]), float(normal[2])))
+    else:
+        edges, middles = (
+            np.column_stack([at, 0 * at]) for at in (np.linspace(-1, 1, 41), np.arange(-0.975, 1, 0.05))
+        )
+        points = truth.sheet_to_photo(edges)
+        surface = StripsSurface(
+            truth.normals_on_sheet(middles),
+            points,
+            truth.rulings(points),
+            truth.ruling_vanishing_points(points),
+        )
     return RectifyResult(
         flatten_by_truth(photo.image, truth),
-        "planar",
+        "planar" if truth.is_planar else "curved",
         Evidence(0.0, 0.0, 0.5),
         CameraEstimate(truth.focal_length_px, None, "estimated"),
-        PlaneSurface((float(normal[0]), float(normal[1]), float(normal[2]))),
+        surface,
         Orientation(0, False, None),
         mesh,
     )
@@ -80,10 +100,10 @@ def test_a_perfect_rectification_has_no_errors(
     photo = _small_photo(page)
     monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: photo)
     monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: _perfect(photo))
-    monkeypatch.setattr(rectify_simulated, "measure_flows", lambda image, truth, rng: FlowErrors(0.1, 0.2))
-    case = all_cases((page.name,), degraded=False)[0]
+    monkeypatch.setattr(rectify_simulated, "measure_flows", lambda image, truth, points: FlowErrors(0.1, 0.2))
+    case = _case(page)
     figures = run_case(case, bench)
-    assert figures.planar
+    assert figures.classified
     assert figures.upright
     assert figures.residual_percent < 1e-6
     assert figures.fov_deg < 1e-6
@@ -92,7 +112,33 @@ def test_a_perfect_rectification_has_no_errors(
     assert set(figures.scores) == {"photo", "rectified", "true map", "true map, our frame", "clean page"}
     assert 0 < figures.scores["rectified"].characters < 30
     assert figures.usage["rectify"].peak_mb > 10
-    assert (bench.options.pictures / f"{case.name}.jpg").is_file()
+    folder = bench.options.pictures / "rectify_planar"
+    assert (folder / f"{case.name}.jpg").is_file()
+    assert (folder / "pairs" / f"{case.name}.jpg").is_file()
+
+
+def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
+    bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photo = _small_photo(page, BOOK)
+    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: photo)
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: _perfect(photo))
+    monkeypatch.setattr(rectify_simulated, "measure_flows", lambda image, truth, points: FlowErrors(0.1, 0.2))
+    case = _case(page, "curved")
+    figures = run_case(case, bench)
+    assert figures.classified
+    assert figures.upright
+    assert figures.residual_percent < 1e-6
+    assert figures.ruling_2d_deg < 1e-5
+    assert figures.ruling_3d_deg < 1e-5
+    assert figures.normal_deg < 0.5
+    # The best planar view of it is a poor answer, and of the wrong kind.
+    flat = replace(_perfect(photo), kind="planar", surface=PlaneSurface((0.0, 0.0, 1.0)))
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: flat)
+    worse = run_case(case, bench)
+    assert not worse.classified
+    assert np.isnan(worse.ruling_2d_deg)
+    assert worse.normal_deg > 10
 
 
 def test_a_refusal_reads_as_nothing(bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,9 +147,9 @@ def test_a_refusal_reads_as_nothing(bench: Bench, page: Page, monkeypatch: pytes
 
     monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: _small_photo(page))
     monkeypatch.setattr(rectify_simulated, "rectify_photo", refuse)
-    figures = run_case(all_cases((page.name,), degraded=False)[0], bench)
+    figures = run_case(_case(page), bench)
     assert figures.failure.startswith("no-text")
-    assert not figures.planar
+    assert not figures.classified
     assert figures.scores["rectified"].characters == 0
     assert figures.scores["true map"].characters > 0
 
@@ -140,7 +186,7 @@ def test_flows_are_compared_with_the_truth(page: Page, monkeypatch: pytest.Monke
         minor_field=SimpleNamespace(at=lambda points: truth.minor_flow(points) - 2 * turn),
     )
     monkeypatch.setattr("benchmarks.subject.analyse_photo", lambda image: fields)
-    errors = measure_flows(photo.image, truth, np.random.default_rng(0))
+    errors = measure_flows(photo.image, truth, truth.text_points(np.random.default_rng(0)))
     assert errors.major_deg == pytest.approx(2.0)
     assert errors.minor_deg == pytest.approx(4.0)
 
@@ -156,12 +202,11 @@ def test_a_real_photo_is_read_by_every_method(
         rectify_photos, "rectify_file", lambda path, ocr: (photo.image, lambda: _perfect(photo))
     )
     monkeypatch.setattr(
-        rectify_photos,
-        "run_page_dewarp",
+        "benchmarks.memory.run_page_dewarp",
         lambda command, image: (None, Usage(1.0, 1.0, 50.0), "exit status 1"),
     )
     monkeypatch.setattr(rectify_photos, "make_reader", lambda name, python: Judge())
-    bench = rectify_photos.Bench(rectify_photos.Options("judge", "", "peer", tmp_path / "pictures"))
+    bench = rectify_photos.Bench(rectify_photos.Options("judge", "", "peer", None, tmp_path / "pictures"))
     figures = rectify_photos.run_photo(path, bench)
     assert figures.images["rectified"].error_rate == 0
     assert figures.images["rectified"].characters == 100
@@ -177,18 +222,41 @@ def test_no_data_is_said_and_is_no_failure(tmp_path: Path, capsys: pytest.Captur
     assert "no photos" in capsys.readouterr().err
 
 
-def test_speed_table_has_a_column_a_size() -> None:
+def test_speed_table_has_a_column_a_photo() -> None:
     figures = [
         rectify_speed.SpeedFigures(3.0, Usage(0.6, 0.6, 300.0), {"decode": 20.0}),
-        rectify_speed.SpeedFigures(12.0, Usage(1.2, 1.2, 500.0), {"decode": 80.0}),
+        rectify_speed.SpeedFigures(12.0, Usage(2.4, 2.4, 800.0), {"decode": 80.0}, curved=True),
     ]
     lines = rectify_speed.format_speed(figures).splitlines()
-    assert lines[1].split() == ["CPU", "s", "0.600", "1.200"]
-    assert lines[2].split()[-2:] == ["0.200", "0.100"]
+    assert lines[0].split() == ["megapixels", "3.0", "12.0", "curved"]
+    assert lines[1].split() == ["CPU", "s", "0.600", "2.400"]
+    assert lines[2].split()[-2:] == ["0.200", "0.200"]
     assert lines[-1].split() == ["decode", "ms", "20", "80"]
 
 
-def test_uploads_have_the_asked_size() -> None:
-    picture = cv2.imdecode(np.frombuffer(rectify_speed.make_upload(0.5, degraded=False), np.uint8), 1)
+def test_what_is_wanted_of_time_and_memory() -> None:
+    def figures(cpu_s: float, peak_mb: float, megapixels: float = 12.0, *, curved: bool) -> bool:
+        usage = Usage(cpu_s, cpu_s, peak_mb)
+        return rectify_speed.SpeedFigures(megapixels, usage, curved=curved).is_wanted
+
+    assert figures(1.1, 600.0, curved=False)
+    assert not figures(1.3, 600.0, curved=False)
+    assert figures(2.9, 890.0, curved=True)
+    assert not figures(3.1, 890.0, curved=True)
+    assert not figures(2.9, 910.0, curved=True)
+    assert figures(9.0, 2000.0, 24.0, curved=False)
+
+
+def test_the_peers_start_is_not_held_against_it() -> None:
+    peer = rectify_speed.PeerSpeed(Usage(13.0, 13.0, 200.0), Usage(1.0, 1.0, 90.0), "")
+    ours = Usage(2.0, 2.0, 300.0)
+    assert peer.ratio(ours) == pytest.approx(6.0)
+    assert "6.0 times ours (6.5 with its start)" in rectify_speed.format_peer(peer, ours)
+
+
+@pytest.mark.parametrize("curved", [False, True])
+def test_uploads_have_the_asked_size(curved: bool) -> None:
+    upload = rectify_speed.make_upload(0.5, degraded=False, curved=curved)
+    picture = cv2.imdecode(np.frombuffer(upload, np.uint8), 1)
     assert picture is not None
     assert picture.shape[0] * picture.shape[1] == pytest.approx(0.5e6, rel=0.01)

@@ -1,0 +1,57 @@
+"""What is kept between runs is found again by the picture itself, and failures are not kept."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.memory import Memory
+from benchmarks.reading import Reading
+from benchmarks.stopwatch import Usage
+
+IMAGE = np.full((40, 30, 3), 200, np.uint8)
+IMAGE[10:12, 5:25] = 20
+
+
+class Counting:
+    """Reads how often it was asked."""
+
+    def __init__(self, name: str = "counting") -> None:
+        self.name = name
+        self.asked = 0
+
+    def read(self, image: np.ndarray) -> Reading:
+        """See `Reader`."""
+        self.asked += 1
+        return Reading(f"“{self.asked}”", self.asked)
+
+
+def test_an_image_is_read_once(tmp_path: Path) -> None:
+    reader = Counting()
+    assert Memory(tmp_path).read(reader, IMAGE) == Reading("“1”", 1)
+    assert Memory(tmp_path).read(reader, IMAGE) == Reading("“1”", 1)
+    assert Memory(tmp_path).read(reader, IMAGE[::-1]).sure_characters == 2
+    assert Memory(tmp_path).read(Counting("other"), IMAGE).sure_characters == 1
+    assert reader.asked == 2
+    assert {file.suffix for file in tmp_path.iterdir()} == {".json"}
+
+
+def test_without_a_folder_nothing_is_kept() -> None:
+    reader, memory = Counting(), Memory(None)
+    assert [memory.read(reader, IMAGE).sure_characters for _ in range(2)] == [1, 2]
+
+
+def test_the_peers_pages_are_kept_and_its_failures_are_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = [(None, Usage(1.0, 1.0, 5.0), "exit status 1"), (IMAGE, Usage(2.0, 3.0, 4.0), "")]
+    monkeypatch.setattr("benchmarks.memory.run_page_dewarp", lambda command, photo: answers.pop(0))
+    memory = Memory(tmp_path)
+    assert memory.page_dewarp("peer", IMAGE)[2] == "exit status 1"
+    for _ in range(2):
+        page, usage, trouble = memory.page_dewarp("peer", IMAGE)
+        assert page is not None
+        assert np.array_equal(page, IMAGE)
+        assert usage == Usage(2.0, 3.0, 4.0)
+        assert trouble == ""
+    assert not answers
