@@ -52,8 +52,22 @@ class Paragraph:
     order: NDArray[np.intp]
 
 
-def detect_baselines(ink: Mask, parameters: BaselineParameters | None = None) -> Baselines:
-    """Text lines of `ink` (H, W) in a view whose lines are horizontal within about a degree."""
+@dataclass(frozen=True, slots=True, eq=False)
+class CharacterRows:
+    """Characters of a nearly flat view, and which of them form text lines.
+
+    `left`, `right`, `top`, `bottom` (N,) are the sides of their boxes in pixels, `rows` the members of each line.
+    """
+
+    left: Vector
+    right: Vector
+    top: Vector
+    bottom: Vector
+    rows: list[NDArray[np.intp]]
+
+
+def chain_characters(ink: Mask, parameters: BaselineParameters | None = None) -> CharacterRows:
+    """Characters of `ink` (H, W), chained from left to right into text lines."""
     p = parameters or BaselineParameters()
     _, _, stats, _ = cv2.connectedComponentsWithStats(ink.astype(np.uint8), connectivity=8)
     stats = stats[1:]
@@ -62,7 +76,7 @@ def detect_baselines(ink: Mask, parameters: BaselineParameters | None = None) ->
     unit = float(np.median(height[height > 3])) if (height > 3).any() else 0.0
     usable = (height > 0.5 * unit) & (height < 4 * unit) & (width < 40 * unit)
     if unit == 0.0 or usable.sum() < p.min_characters:
-        return _no_lines()
+        return CharacterRows(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0), [])
     x0, y0, width, height = x0[usable], y0[usable], width[usable], height[usable]
     x1, bottom = x0 + width, y0 + height
     source, target = _right_neighbours(x0, x1, bottom, height, p)
@@ -70,12 +84,20 @@ def detect_baselines(ink: Mask, parameters: BaselineParameters | None = None) ->
     graph = coo_array((np.ones(len(source)), (source, target)), shape=(n, n))
     _, label = connected_components(graph, directed=False)
     order = np.argsort(label, kind="stable")
+    chains = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+    rows = [members for members in chains if len(members) >= p.min_characters]
+    return CharacterRows(x0, x1, y0, bottom, rows)
+
+
+def detect_baselines(ink: Mask, parameters: BaselineParameters | None = None) -> Baselines:
+    """Text lines of `ink` (H, W) in a view whose lines are horizontal within about a degree."""
+    p = parameters or BaselineParameters()
+    found = chain_characters(ink, p)
     rows = []
-    for members in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
-        if len(members) >= p.min_characters:
-            row = _fit_line(x0[members], x1[members], bottom[members] - height[members], bottom[members], p)
-            if row is not None and row[2] - row[0] >= p.min_length * row[4]:
-                rows.append(row)
+    for m in found.rows:
+        row = _fit_line(found.left[m], found.right[m], found.top[m], found.bottom[m], p)
+        if row is not None and row[2] - row[0] >= p.min_length * row[4]:
+            rows.append(row)
     if not rows:
         return _no_lines()
     table = np.array(rows)

@@ -1,0 +1,57 @@
+"""What a photo shows of the page's shape: flows, traced text lines, line spacing, margins."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Points, Vector
+from services.texture_flow.field import FlowSamples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """Lines of equal spacing: `lines` (n,) are line numbers, `order` (n,) their places in the paragraph."""
+
+    lines: NDArray[np.intp]
+    order: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineObservations:
+    """Traced text lines in centred coordinates.
+
+    `points` (M, 2) lie on lines `index` (M,), with `deviations` (M,) across the line in centred units. `runs` are
+    lines of equal spacing, `alike` groups of run numbers with nearly the same spacing, `margins` the points (n, 2) of
+    ends that are flush. `text_height` is in centred units.
+    """
+
+    points: Points
+    index: NDArray[np.intp]
+    deviations: Vector
+    runs: list[Run]
+    alike: list[NDArray[np.intp]]
+    margins: list[Points]
+    text_height: float
+
+    @property
+    def count(self) -> int:
+        """Number of lines."""
+        return int(self.index.max()) + 1 if len(self.index) else 0
+
+
+NO_LINES = LineObservations(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0), [], [], [], 0.01)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageObservations:
+    """All that a surface is fitted to, in centred unit coordinates.
+
+    `log_focal` and `focal_deviation` say what is known of the focal length beforehand.
+    """
+
+    major: FlowSamples
+    minor: FlowSamples
+    lines: LineObservations
+    log_focal: float
+    focal_deviation: float

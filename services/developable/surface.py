@@ -1,0 +1,272 @@
+"""A sheet bent along its rulings, seen by a pin-hole camera: exactly isometric, with few parameters.
+
+On the flat sheet, (a, b) are coordinates whose a-axis runs across the rulings. The ruling through (s, 0) consists
+of the points (a, b) = (s + t w(s), t), with the slope w(s) = w_1 s + w_2 s^2: parallel rulings (w = 0) make a
+cylinder, w = w_1 s a cone (all rulings meet in b = -1/w_1), anything else a general developable. Rolling the sheet
+along the a-axis turns its frame F(s) = (A, B, N) about the ruling at the rate k(s),
+
+    F' = F [k (w, 1, 0)]_x,    P' = F (1, 0, 0),    X(s, t) = P(s) + t R(s),    R(s) = F (w, 1, 0),
+
+so that dX = A (1 + t w') ds + R dt: the metric is that of the flat sheet, whatever k and w. The text's axes (u, v)
+are turned against (a, b) by the skew. All lengths are in centred unit coordinates (half the photo's diagonal); the
+sheet's origin is seen at the `anchor`, at the depth where the page's unit is the photo's.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from services.arrays import Floats, Points, Vector
+
+NODES = 160
+"""Nodes along the a-axis; the trapezoidal rule is then good to 1e-5 of the page at any bend that a page takes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BendBasis:
+    """Cubic B-splines of the bend k over a in [low, high]; the sheet goes on straight beyond.
+
+    `nodes` (n,) are the a at which the surface is tabulated, `values` (n, K) the splines there, and `midpoints`
+    (n - 1, K) half-way between.
+    """
+
+    nodes: Vector
+    values: Floats
+    midpoints: Floats
+    low: float
+    high: float
+
+
+def bend_basis(low: float, high: float, count: int, reach: float) -> BendBasis:
+    """`count` >= 4 splines on [low, high], tabulated to `reach` times that length beyond either end."""
+    length = high - low
+    inner = np.linspace(low, high, count - 2)
+    knots = np.concatenate([np.full(3, low), inner, np.full(3, high)])
+    nodes = np.linspace(low - reach * length, high + reach * length, NODES)
+
+    def at(a: Vector) -> Floats:
+        inside = (a >= low) & (a <= high)
+        values = np.zeros((len(a), count))
+        values[inside] = BSpline.design_matrix(np.clip(a[inside], low, high), knots, 3).toarray()
+        return values
+
+    return BendBasis(nodes, at(nodes), at(0.5 * (nodes[1:] + nodes[:-1])), low, high)
+
+
+def rotations(vectors: Floats) -> Floats:
+    """Rotation matrices (N, 3, 3) of axis-angle vectors (N, 3), by Rodrigues' formula."""
+    angle = np.maximum(np.linalg.norm(vectors, axis=1), 1e-12)[:, None, None]
+    x, y, z = vectors.T
+    K = np.zeros((len(vectors), 3, 3))
+    K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -z, y, -x
+    K[:, 1, 0], K[:, 2, 0], K[:, 2, 1] = z, -y, x
+    return np.asarray(np.eye(3) + np.sin(angle) / angle * K + (1 - np.cos(angle)) / angle**2 * (K @ K))
+
+
+def running_products(factors: Floats) -> Floats:
+    """Products (N, 3, 3) of the first 1, 2, ... N of `factors` (N, 3, 3), by doubling."""
+    products, step = factors.copy(), 1
+    while step < len(products):
+        products[step:] = products[:-step] @ products[step:]
+        step *= 2
+    return products
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DevelopableSurface:
+    """A developable page as a `PageMap`.
+
+    `rotation` (3, 3) has columns A, B, N in the camera frame at the sheet's origin; `skew_rad` is the angle from the
+    a-axis to the text's direction; `slopes` (w_1, w_2) and `bends` (K,) as in the module's text; `reach` bounds
+    how far b goes beyond the range in which rulings do not cross.
+    """
+
+    rotation: Floats
+    focal: float
+    anchor: tuple[float, float]
+    skew_rad: float
+    slopes: tuple[float, float]
+    bends: Vector
+    basis: BendBasis
+    P: Floats = field(init=False)
+    """Points (n, 3) of the a-axis at the nodes."""
+    A: Floats = field(init=False)
+    """Directions (n, 3) of the a-axis."""
+    N: Floats = field(init=False)
+    """Unit normals (n, 3) along the rulings, away from the viewer."""
+    R: Floats = field(init=False)
+    """Ruling vectors (n, 3), one unit of b long in b."""
+
+    def __post_init__(self) -> None:
+        s = self.basis.nodes
+        step = float(s[1] - s[0])
+        middle = 0.5 * (s[1:] + s[:-1])
+        k = self.basis.midpoints @ self.bends
+        turn = step * np.stack([k * self.slope(middle), k, np.zeros_like(k)], axis=1)
+        frames = np.concatenate([np.eye(3)[None], running_products(rotations(turn))])
+        origin = int(np.argmin(np.abs(s)))
+        # The frame at s = 0 is the given one: from the nearest node by the rest of the way.
+        k0 = float(self.basis.values[origin] @ self.bends)
+        rest = -s[origin] * k0 * np.array([[self.slope(s[origin : origin + 1])[0], 1.0, 0.0]])
+        start = frames[origin] @ rotations(rest)[0]
+        frames = self.rotation @ start.T @ frames
+        A = frames[:, :, 0]
+        P = np.zeros((len(s), 3))
+        P[1:] = np.cumsum(0.5 * step * (A[1:] + A[:-1]), axis=0)
+        at_origin = P[origin] - s[origin] * A[origin]
+        P += np.array([*self.anchor, self.focal]) - at_origin
+        w = self.slope(s)[:, None]
+        object.__setattr__(self, "P", P)
+        object.__setattr__(self, "A", A)
+        object.__setattr__(self, "N", frames[:, :, 2])
+        object.__setattr__(self, "R", w * A + frames[:, :, 1])
+
+    def slope(self, s: Vector) -> Vector:
+        """Slope w(s) of the rulings on the sheet."""
+        return np.asarray(self.slopes[0] * s + self.slopes[1] * s * s)
+
+    def slope_rate(self, s: Vector) -> Vector:
+        """w'(s)."""
+        return np.asarray(self.slopes[0] + 2 * self.slopes[1] * s)
+
+    def to_sheet(self, page: Points) -> Points:
+        """(s, t) of page points (u, v), each (N, 2)."""
+        c, d = np.cos(self.skew_rad), np.sin(self.skew_rad)
+        a, b = c * page[:, 0] - d * page[:, 1], d * page[:, 0] + c * page[:, 1]
+        s = a / _away_from_zero(1 + b * self.slopes[0])
+        if self.slopes[1]:
+            for _ in range(4):
+                s = s - (s + b * self.slope(s) - a) / _away_from_zero(1 + b * self.slope_rate(s))
+        return np.stack([s, b], axis=1)
+
+    def from_sheet(self, sheet: Points) -> Points:
+        """(u, v) of sheet points (s, t), each (N, 2)."""
+        c, d = np.cos(self.skew_rad), np.sin(self.skew_rad)
+        a, b = sheet[:, 0] + sheet[:, 1] * self.slope(sheet[:, 0]), sheet[:, 1]
+        return np.stack([c * a + d * b, c * b - d * a], axis=1)
+
+    def in_space(self, page: Points) -> Floats:
+        """Points (N, 3) in the camera frame of page points (N, 2)."""
+        sheet = self.to_sheet(page)
+        P, R = self._line_at(sheet[:, 0])
+        return np.asarray(P + sheet[:, 1:] * R)
+
+    def to_photo(self, page: Points) -> Points:
+        """See `PageMap`."""
+        X = self.in_space(page)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            seen = self.focal * X[:, :2] / X[:, 2:]
+        seen[X[:, 2] <= 1e-6] = np.nan
+        return np.asarray(seen)
+
+    def to_page(self, centred: Points) -> Points:
+        """See `PageMap`."""
+        return self.unroll(centred).page
+
+    def jacobians(self, centred: Points) -> Floats:
+        """See `PageMap`."""
+        return self.unroll(centred).jacobians
+
+    def unroll(self, centred: Points) -> "Unrolled":
+        """The page at photo points (N, 2).
+
+        The ruling through a photo point is the root in s of det(d, P(s), R(s)) = 0, d being the line of sight: the
+        moment P x R is the projected ruling. The root is bracketed among the nodes for all points at once, then
+        found by Newton's method on the Hermite cubic between two nodes.
+        """
+        d = np.column_stack([centred, np.full(len(centred), self.focal)])
+        nodes = self.basis.nodes
+        step = float(nodes[1] - nodes[0])
+        moment = np.cross(self.P, self.R)
+        rate = np.cross(self.A, self.R) + np.cross(self.P, self.slope_rate(nodes)[:, None] * self.A)
+        # Not `@`: BLAS is twenty times slower on an inner dimension of 3.
+        side = np.einsum("ij,jk->ik", d, np.ascontiguousarray(moment.T))
+        left = np.clip((side * np.sign(rate @ d.mean(axis=0)).mean() < 0).sum(axis=1) - 1, 0, len(nodes) - 2)
+        n = np.arange(len(d))
+        y0, y1 = side[n, left], side[n, left + 1]
+        m0, m1 = step * np.einsum("ij,ij->i", d, rate[left]), step * np.einsum("ij,ij->i", d, rate[left + 1])
+        x = y0 / _away_from_zero(y0 - y1)
+        c2, c3 = 3 * (y1 - y0) - 2 * m0 - m1, 2 * (y0 - y1) + m0 + m1
+        for _ in range(3):
+            value = y0 + x * (m0 + x * (c2 + x * c3))
+            x = x - value / _away_from_zero(m0 + x * (2 * c2 + 3 * x * c3))
+        # Beyond the table the last span goes on; the surface is straight there.
+        s = nodes[left] + step * np.clip(x, -50.0, 50.0)
+        P, R = self._line_at(s)
+        dR, dP = np.cross(d, R), np.cross(d, P)
+        t = -np.einsum("ij,ij->i", dR, dP) / np.maximum(np.einsum("ij,ij->i", dR, dR), 1e-300)
+        X = P + t[:, None] * R
+        grow = 1 + t * self.slope_rate(s)
+        A = self._direction_at(s)
+        # d photo / d (s, t) = (f I | -x) (X_s X_t) / Z.
+        along, down = (
+            (self.focal * v[:, :2] - centred * v[:, 2:]) / X[:, 2:] for v in (grow[:, None] * A, R)
+        )
+        det = _away_from_zero(along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0])
+        # d (a, b) = ((1 + t w', w), (0, 1)) d (s, t), then the turn by the skew.
+        w = self.slope(s)
+        c, e = np.cos(self.skew_rad), np.sin(self.skew_rad)
+        u_s, u_t = c * grow / det, (c * w + e) / det
+        v_s, v_t = -e * grow / det, (c - e * w) / det
+        J = np.empty((len(s), 2, 2))
+        J[:, 0, 0] = u_s * down[:, 1] - u_t * along[:, 1]
+        J[:, 0, 1] = u_t * along[:, 0] - u_s * down[:, 0]
+        J[:, 1, 0] = v_s * down[:, 1] - v_t * along[:, 1]
+        J[:, 1, 1] = v_t * along[:, 0] - v_s * down[:, 0]
+        sheet = np.stack([s, t], axis=1)
+        return Unrolled(centred, sheet, self.from_sheet(sheet), J, X, A, R)
+
+    def normals(self, centred: Points) -> Floats:
+        """Unit normals (N, 3) at photo points (N, 2), camera frame, away from the viewer."""
+        s = self.to_sheet(self.to_page(centred))[:, 0]
+        N = np.stack([np.interp(s, self.basis.nodes, self.N[:, k]) for k in range(3)], axis=1)
+        return np.asarray(N / np.linalg.norm(N, axis=1, keepdims=True))
+
+    def _span(self, s: Vector) -> tuple[Vector, Vector, float]:
+        nodes = self.basis.nodes
+        step = float(nodes[1] - nodes[0])
+        left = np.clip(((s - nodes[0]) / step).astype(int), 0, len(nodes) - 2)
+        return left, (s - nodes[left]) / step, step
+
+    def _line_at(self, s: Vector) -> tuple[Floats, Floats]:
+        """P and R (N, 3 each) by Hermite's cubics: their derivatives are A and w' A."""
+        left, x, step = self._span(s)
+        rate = self.slope_rate(self.basis.nodes)[:, None] * self.A
+        x = x[:, None]
+        h1 = x * x * (3 - 2 * x)
+        h2, h3 = step * x * (1 - x) ** 2, step * x * x * (x - 1)
+        inside = (x >= 0) & (x <= 1)
+
+        def between(value: Floats, slope: Floats) -> Floats:
+            a, b, m, n = value[left], value[left + 1], slope[left], slope[left + 1]
+            beyond = np.where(x < 0, a + x * step * m, b + (x - 1) * step * n)
+            return np.where(inside, a + h1 * (b - a) + h2 * m + h3 * n, beyond)
+
+        return between(self.P, self.A), between(self.R, rate)
+
+    def _direction_at(self, s: Vector) -> Floats:
+        left, x, _ = self._span(s)
+        x = np.clip(x, 0.0, 1.0)[:, None]
+        return np.asarray((1 - x) * self.A[left] + x * self.A[left + 1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unrolled:
+    """The page at photo points `centred` (N, 2).
+
+    `sheet` (N, 2) holds (s, t), `page` (N, 2) (u, v), `jacobians` (N, 2, 2) d page / d photo; `X`, `A`, `R` (N, 3)
+    are the point in space, the direction of the a-axis, and the ruling there.
+    """
+
+    centred: Points
+    sheet: Points
+    page: Points
+    jacobians: Floats
+    X: Floats
+    A: Floats
+    R: Floats
+
+
+def _away_from_zero(value: Vector, least: float = 1e-9) -> Vector:
+    return np.where(np.abs(value) < least, np.where(value < 0, -least, least), value)
