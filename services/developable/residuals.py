@@ -37,7 +37,7 @@ class FittingParameters:
     slant_mean_rad: float = np.deg2rad(0.2)
     slant_rad: float = np.deg2rad(0.15)
     skew_rad: float = np.deg2rad(12.0)
-    """Sheets bend across their text lines more often than not."""
+    """Sheets bend across or along their text lines more often than aslant: of sin(2 skew) / 2."""
     slope: float = 0.15
     """Of the rulings, per unit: books and bent sheets are nearly cylinders."""
     tilt_rad: float = np.deg2rad(35.0)
@@ -221,7 +221,8 @@ class PageResiduals:
         tilt, dtilt = self._tilt(x)
         value = [
             [(x[3] - self.observed.log_focal) / self.observed.focal_deviation],
-            x[4:7] / [p.skew_rad, p.slope, p.slope],
+            [0.5 * np.sin(2 * x[4]) / p.skew_rad],
+            x[5:7] / p.slope,
             [(x[SLANT] - p.slant_mean_rad) / p.slant_rad],
             tilt / p.tilt_rad,
             np.diff(k) / p.bend_difference,
@@ -230,7 +231,8 @@ class PageResiduals:
         ]
         slope = [
             eye[3:4] / self.observed.focal_deviation,
-            eye[4:7] / np.array([[p.skew_rad], [p.slope], [p.slope]]),
+            np.cos(2 * x[4]) * eye[4:5] / p.skew_rad,
+            eye[5:7] / p.slope,
             eye[SLANT : SLANT + 1] / p.slant_rad,
             dtilt / p.tilt_rad,
             first / p.bend_difference,

@@ -89,7 +89,7 @@ class DevelopableSurface:
     slopes: tuple[float, float]
     bends: Vector
     basis: BendBasis
-    P: Floats = field(init=False)
+    P: Floats = field(init=False, repr=False)
     """Points (n, 3) of the a-axis at the nodes."""
     A: Floats = field(init=False)
     """Directions (n, 3) of the a-axis."""

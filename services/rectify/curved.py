@@ -1,0 +1,240 @@
+"""The shape of a curved page: the global developable surface, from its start to the last decimals."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from services.arrays import Floats, Points, Vector
+from services.developable.fitting import FittedSurface, SurfaceStart, fit_surface, widen
+from services.developable.observations import NO_LINES, LineObservations, PageObservations
+from services.developable.residuals import BENDS, FittingParameters
+from services.developable.surface import BendBasis, DevelopableSurface, bend_basis
+from services.geometry.homographies import resizing
+from services.geometry.page_map import PageMap
+from services.rectify.analysis import PageAnalysis
+from services.rectify.line_tracing import flatten_ink, trace_lines
+from services.rectify.planar import (
+    FlowVanishingPoints,
+    FocalLengthSource,
+    FocalPrior,
+    PhotoFrame,
+    estimate_plane,
+    typical_focal_prior,
+)
+from services.rectify.results import Notice
+from services.rectify.smooth_residual import MorphedPage, morph_to_lines
+from services.texture_flow.field import FlowSamples, angle_difference
+
+
+@dataclass(frozen=True, slots=True)
+class CurvedParameters:
+    """How the surface is started and when it is believed."""
+
+    bends: int = 12
+    margin: float = 0.25
+    """The bend goes on beyond the text by this share of its width."""
+    reach: float = 0.4
+    """The surface is tabulated, straight, further by this share."""
+    start_skews_rad: tuple[float, ...] = (0.0, 0.35, -0.35, np.pi / 2)
+    start_samples: int = 200
+    start_focal_deviation: float = 0.05
+    focal_held: float = 3.5
+    """A focal length further than this many deviations from what was assumed comes from a page that is no sheet."""
+    held_deviation: float = 0.08
+    exif_contradiction: float = 3.0
+    seen_focal_deviation: float = 0.25
+    max_magnification_ratio: float = 10.0
+    max_tilt_rad: float = np.deg2rad(80.0)
+    min_visible: float = 0.97
+    """Share of the characters that the surface must place."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurvedPage:
+    """The page's surface, the map that flattens it (with the small residual), and what to say about it."""
+
+    surface: DevelopableSurface
+    page_map: PageMap
+    focal_source: FocalLengthSource
+    lines: LineObservations
+    line_deviation: float
+    notices: tuple[Notice, ...]
+
+
+def start_surface(
+    points: FlowVanishingPoints, prior: FocalPrior, characters: Points, skew_rad: float, p: CurvedParameters
+) -> SurfaceStart:
+    """A flat sheet in the mean pose of the flows, whose rulings are turned by `skew_rad` against the strokes."""
+    held = FocalPrior(prior.log_focal, 0.01, "given")
+    plane = estimate_plane(points, held)
+    anchor = (float(np.median(characters[:, 0])), float(np.median(characters[:, 1])))
+    flat = DevelopableSurface(
+        plane.rotation, plane.focal, anchor, 0.0, (0.0, 0.0), np.zeros(4), bend_basis(-1.0, 1.0, 4, 0.5)
+    )
+    page = flat.to_page(characters)
+    across = np.cos(skew_rad) * page[:, 0] - np.sin(skew_rad) * page[:, 1]
+    slant = FittingParameters().slant_mean_rad
+    parameters = np.concatenate([[prior.log_focal, skew_rad, 0.0, 0.0, slant], np.zeros(p.bends)])
+    return SurfaceStart(plane.rotation, anchor, _basis_over(across, p), parameters)
+
+
+def _basis_over(across: Vector, p: CurvedParameters) -> BendBasis:
+    low, high = (float(v) for v in np.percentile(across, [0.5, 99.5]))
+    margin = p.margin * (high - low)
+    return bend_basis(low - margin, high + margin, p.bends, p.reach)
+
+
+def recentre(fitted: FittedSurface, characters: Points, p: CurvedParameters) -> SurfaceStart:
+    """The fitted surface as a start whose bends span the characters as they lie on the sheet now."""
+    old = fitted.surface
+    sheet = old.to_sheet(old.to_page(characters))
+    basis = _basis_over(sheet[np.isfinite(sheet).all(axis=1), 0], p)
+    k = np.interp(basis.nodes, old.basis.nodes, old.basis.values @ old.bends, left=0.0, right=0.0)
+    bends = np.linalg.lstsq(basis.values, k * (np.abs(basis.values).sum(axis=1) > 0), rcond=None)[0]
+    parameters = np.concatenate([fitted.start.parameters[: BENDS - 3], bends])
+    return replace(fitted.start, basis=basis, parameters=parameters)
+
+
+def thin(samples: FlowSamples, count: int) -> FlowSamples:
+    """At most `count` of the samples, spread evenly, with weights that keep their sum."""
+    if len(samples) <= count:
+        return samples
+    chosen = np.unique(np.linspace(0, len(samples) - 1, count).astype(int))
+    share = len(samples) / len(chosen)
+    return FlowSamples(
+        samples.points[chosen], samples.angles[chosen], np.minimum(samples.weights[chosen] * share, 4.0)
+    )
+
+
+def estimate_curved_page(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    major: FlowSamples,
+    minor: FlowSamples,
+    points: FlowVanishingPoints,
+    parameters: CurvedParameters | None = None,
+) -> CurvedPage | None:
+    """Developable surface through the page's text, in `view`; None when none is plausible.
+
+    Flows alone start it, from a flat sheet and several directions of the rulings; then the text lines are traced in
+    its flat view and everything is fitted together, twice; last, what is left of the lines' waves is taken out by a
+    small smooth residual.
+    """
+    p = parameters or CurvedParameters()
+    characters = np.asarray((analysis.characters - view.centre) / view.unit_px)
+    fitted = _fit_flows(prior, major, minor, points, characters, p)
+    if not is_plausible(fitted.surface, characters, p):
+        return None
+    fitted, lines = _fit_lines(analysis, view, prior, major, minor, fitted, characters, p)
+    notices: list[Notice] = []
+    drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
+    if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
+        prior = typical_focal_prior()
+        fitted, lines = _fit_lines(analysis, view, prior, major, minor, fitted, characters, p)
+        notices.append(
+            Notice(
+                "exif-contradicted",
+                "the page's perspective does not fit the focal length in the EXIF data (cropped or resized after it "
+                "was taken?), which was left out of account.",
+            )
+        )
+    drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
+    if prior.source == "assumed" and drawn > p.focal_held * prior.deviation:
+        prior = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
+        fitted, lines = _fit_lines(analysis, view, prior, major, minor, fitted, characters, p)
+    if not is_plausible(fitted.surface, characters, p):
+        return None
+    seen = prior.source == "assumed" and fitted.log_focal_deviation < p.seen_focal_deviation
+    page_map = morph_to_lines(fitted.surface, lines)
+    return CurvedPage(
+        fitted.surface,
+        page_map,
+        "estimated" if seen else prior.source,
+        lines,
+        line_deviation(page_map, lines),
+        tuple(notices),
+    )
+
+
+def _fit_flows(
+    prior: FocalPrior,
+    major: FlowSamples,
+    minor: FlowSamples,
+    points: FlowVanishingPoints,
+    characters: Points,
+    p: CurvedParameters,
+) -> FittedSurface:
+    """The best of several starts on the flows alone, the focal length being held at first."""
+    held = min(prior.deviation, p.start_focal_deviation)
+    few = PageObservations(
+        thin(major, p.start_samples), thin(minor, p.start_samples), NO_LINES, prior.log_focal, held
+    )
+    coarse = FittingParameters(max_evaluations=12)
+    fits = [
+        fit_surface(start_surface(points, prior, characters, skew, p), few, coarse)
+        for skew in p.start_skews_rad
+    ]
+    best = min(fits, key=lambda fit: fit.cost)
+    observed = PageObservations(major, minor, NO_LINES, prior.log_focal, prior.deviation)
+    return fit_surface(recentre(best, characters, p), observed, FittingParameters(max_evaluations=20))
+
+
+def _fit_lines(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    major: FlowSamples,
+    minor: FlowSamples,
+    fitted: FittedSurface,
+    characters: Points,
+    p: CurvedParameters,
+) -> tuple[FittedSurface, LineObservations]:
+    """Two rounds: the lines are traced again in the first round's view, with the deviations it has shown."""
+    H_reduced_centred = resizing(analysis.factor) @ view.H_photo_centred
+    text_height = analysis.text_height_px / view.unit_px
+    parameters = FittingParameters()
+    lines = NO_LINES
+    for _ in range(2):
+        flat = flatten_ink(analysis.text.ink, H_reduced_centred, fitted.surface, characters, text_height)
+        lines = trace_lines(flat, fitted.surface)
+        observed = PageObservations(major, minor, lines, prior.log_focal, prior.deviation)
+        fitted = fit_surface(recentre(fitted, characters, p), observed, parameters)
+        if not is_plausible(fitted.surface, characters, p):
+            break
+        parameters = widen(parameters, fitted)
+    return fitted, lines
+
+
+def is_plausible(surface: DevelopableSurface, characters: Points, p: CurvedParameters) -> bool:
+    """Whether a camera could see this surface under these characters (N, 2), centred.
+
+    Nearly every character has its place, before the camera, on the front, where rulings do not cross, and at a
+    believable magnification.
+    """
+    at = surface.unroll(characters)
+    det = np.linalg.det(at.jacobians)
+    growth = 1 + at.sheet[:, 1] * surface.slope_rate(at.sheet[:, 0])
+    with np.errstate(invalid="ignore"):
+        good = np.isfinite(at.page).all(axis=1) & (at.X[:, 2] > 1e-3) & (det > 0) & (growth > 0.05)
+    if good.mean() < p.min_visible:
+        return False
+    low, high = np.percentile(np.sqrt(det[good]), [1, 99])
+    sight = at.X[good] / np.linalg.norm(at.X[good], axis=1, keepdims=True)
+    N = surface.normals(characters[good])
+    tilt = np.arccos(np.clip(np.einsum("ij,ij->i", N, sight), -1, 1))
+    return bool(high < p.max_magnification_ratio * low and np.percentile(tilt, 97) < p.max_tilt_rad)
+
+
+def line_deviation(page_map: PageMap, lines: LineObservations) -> float:
+    """RMS distance of the lines' points from their own lines on the flat page, in text heights, the worst tenth left out."""
+    if not lines.count:
+        return float("inf")
+    v = page_map.to_page(lines.points)[:, 1]
+    J = page_map.jacobians(lines.points)
+    number = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)
+    level = np.bincount(lines.index, v, minlength=lines.count) / number
+    height = lines.text_height * float(np.median(np.linalg.norm(J[:, 1], axis=1)))
+    rest = np.sort(np.abs(v - level[lines.index]) / height)
+    return float(np.sqrt(np.mean(rest[: max(int(0.9 * len(rest)), 1)] ** 2)))
