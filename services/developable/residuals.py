@@ -117,7 +117,9 @@ class PageResiduals:
         self.rotation, self.anchor, self.basis, self.p = rotation, anchor, basis, parameters
         self.observed, self.lines = observed, observed.lines
         p, lines = parameters, observed.lines
-        self.major_deviation = np.sqrt(p.flow_overlap / np.maximum(observed.major.weights, 0.05)) * p.major_rad
+        self.major_deviation = (
+            np.sqrt(p.flow_overlap / np.maximum(observed.major.weights, 0.05)) * p.major_rad
+        )
         self.minor_deviation = (
             np.sqrt(p.stroke_overlap / np.maximum(observed.minor.weights, 0.05)) * p.minor_rad
         )
@@ -220,10 +222,10 @@ class PageResiduals:
         first, second = np.diff(eye[BENDS:], axis=0), np.diff(eye[BENDS:], 2, axis=0)
         tilt, dtilt = self._tilt(x)
         value = [
-            [(x[3] - self.observed.log_focal) / self.observed.focal_deviation],
-            [0.5 * np.sin(2 * x[4]) / p.skew_rad],
+            (x[3:4] - self.observed.log_focal) / self.observed.focal_deviation,
+            0.5 * np.sin(2 * x[4:5]) / p.skew_rad,
             x[5:7] / p.slope,
-            [(x[SLANT] - p.slant_mean_rad) / p.slant_rad],
+            (x[SLANT : SLANT + 1] - p.slant_mean_rad) / p.slant_rad,
             tilt / p.tilt_rad,
             np.diff(k) / p.bend_difference,
             np.diff(k, 2) / p.bend_change,

@@ -149,7 +149,7 @@ class DevelopableSurface:
     def in_space(self, page: Points) -> Floats:
         """Points (N, 3) in the camera frame of page points (N, 2)."""
         sheet = self.to_sheet(page)
-        P, R = self._line_at(sheet[:, 0])
+        P, R = self.line_at(sheet[:, 0])
         return np.asarray(P + sheet[:, 1:] * R)
 
     def to_photo(self, page: Points) -> Points:
@@ -193,7 +193,7 @@ class DevelopableSurface:
             x = x - value / _away_from_zero(m0 + x * (2 * c2 + 3 * x * c3))
         # Beyond the table the last span goes on; the surface is straight there.
         s = nodes[left] + step * np.clip(x, -50.0, 50.0)
-        P, R = self._line_at(s)
+        P, R = self.line_at(s)
         dR, dP = np.cross(d, R), np.cross(d, P)
         t = -np.einsum("ij,ij->i", dR, dP) / np.maximum(np.einsum("ij,ij->i", dR, dR), 1e-300)
         X = P + t[:, None] * R
@@ -219,7 +219,10 @@ class DevelopableSurface:
 
     def normals(self, centred: Points) -> Floats:
         """Unit normals (N, 3) at photo points (N, 2), camera frame, away from the viewer."""
-        s = self.to_sheet(self.to_page(centred))[:, 0]
+        return self.normals_at(self.to_sheet(self.to_page(centred))[:, 0])
+
+    def normals_at(self, s: Vector) -> Floats:
+        """Unit normals (N, 3) along the rulings at `s` (N,)."""
         N = np.stack([np.interp(s, self.basis.nodes, self.N[:, k]) for k in range(3)], axis=1)
         return np.asarray(N / np.linalg.norm(N, axis=1, keepdims=True))
 
@@ -229,8 +232,8 @@ class DevelopableSurface:
         left = np.clip(((s - nodes[0]) / step).astype(int), 0, len(nodes) - 2)
         return left, (s - nodes[left]) / step, step
 
-    def _line_at(self, s: Vector) -> tuple[Floats, Floats]:
-        """P and R (N, 3 each) by Hermite's cubics: their derivatives are A and w' A."""
+    def line_at(self, s: Vector) -> tuple[Floats, Floats]:
+        """P and R (N, 3 each) of the rulings at s, by Hermite's cubics: their derivatives are A and w' A."""
         left, x, step = self._span(s)
         rate = self.slope_rate(self.basis.nodes)[:, None] * self.A
         x = x[:, None]
@@ -241,7 +244,7 @@ class DevelopableSurface:
         def between(value: Floats, slope: Floats) -> Floats:
             a, b, m, n = value[left], value[left + 1], slope[left], slope[left + 1]
             beyond = np.where(x < 0, a + x * step * m, b + (x - 1) * step * n)
-            return np.where(inside, a + h1 * (b - a) + h2 * m + h3 * n, beyond)
+            return np.asarray(np.where(inside, a + h1 * (b - a) + h2 * m + h3 * n, beyond))
 
         return between(self.P, self.A), between(self.R, rate)
 

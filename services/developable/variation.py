@@ -29,11 +29,12 @@ def vary_page(surface: DevelopableSurface, at: Unrolled) -> Floats:
     dX[3] = [0.0, 0.0, surface.focal]
     origin = int(np.argmin(np.abs(surface.basis.nodes)))
     dX[4] = np.cross(-surface.N[origin], arm)
-    slopes, turns, shifts = _tables(surface, origin)
+    turns, shifts = _tables(surface, origin)
+    slopes = (s, s * s)
     dphi, dP = _at(surface, s, turns), _at(surface, s, shifts)
     dX[5:] = dP + t[:, None] * _cross(dphi, at.R)
     for j in (0, 1):
-        dX[5 + j] += (t * slopes[j](s))[:, None] * at.A
+        dX[5 + j] += (t * slopes[j])[:, None] * at.A
     dx = (surface.focal * dX[..., :2] - at.centred * dX[..., 2:]) / at.X[:, 2:]
     dx[3] += at.centred
     moved = -np.einsum("nij,mnj->nim", at.jacobians, dx)
@@ -42,22 +43,21 @@ def vary_page(surface: DevelopableSurface, at: Unrolled) -> Floats:
     moved[:, 1, 4] -= u
     c, d = np.cos(surface.skew_rad), np.sin(surface.skew_rad)
     for j in (0, 1):
-        moved[:, 0, 5 + j] += c * t * slopes[j](s)
-        moved[:, 1, 5 + j] -= d * t * slopes[j](s)
+        moved[:, 0, 5 + j] += c * t * slopes[j]
+        moved[:, 1, 5 + j] -= d * t * slopes[j]
     return np.asarray(moved)
 
 
-def _tables(surface: DevelopableSurface, origin: int):  # type: ignore[no-untyped-def]
+def _tables(surface: DevelopableSurface, origin: int) -> tuple[Floats, Floats]:
     """d phi and dP (2 + K, n, 3) at the nodes for the slopes and bends, zero at s = 0."""
     basis = surface.basis
     s = basis.nodes
     k = basis.values @ surface.bends
-    slopes = (lambda a: a, lambda a: a * a)
-    rates = [surface.A * (k * w(s))[:, None] for w in slopes]
+    rates = [surface.A * (k * w)[:, None] for w in (s, s * s)]
     rates += [surface.R * value[:, None] for value in basis.values.T]
     turns = _integrate(np.stack(rates), s, origin)
     shifts = _integrate(_cross(turns, surface.A), s, origin)
-    return slopes, turns, shifts
+    return turns, shifts
 
 
 def _integrate(rates: Floats, s: Vector, origin: int) -> Floats:

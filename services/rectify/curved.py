@@ -1,11 +1,10 @@
 """The shape of a curved page: the global developable surface, from its start to the last decimals."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
-from services.arrays import Floats, Points, Vector
+from services.arrays import Points, Vector
 from services.developable.fitting import FittedSurface, SurfaceStart, fit_surface, widen
 from services.developable.observations import NO_LINES, LineObservations, PageObservations
 from services.developable.residuals import BENDS, FittingParameters
@@ -22,9 +21,10 @@ from services.rectify.planar import (
     estimate_plane,
     typical_focal_prior,
 )
-from services.rectify.results import Notice
-from services.rectify.smooth_residual import MorphedPage, morph_to_lines
-from services.texture_flow.field import FlowSamples, angle_difference
+from services.rectify.pose import trimmed_deviation
+from services.rectify.results import Notice, StripsSurface
+from services.rectify.smooth_residual import morph_to_lines
+from services.texture_flow.field import FlowSamples
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +58,27 @@ class CurvedPage:
     page_map: PageMap
     focal_source: FocalLengthSource
     lines: LineObservations
-    line_deviation: float
+    line_count: int
+    deviation: float
+    """Mean deviation (rad) of the flows from horizontal and vertical in the flat view."""
     notices: tuple[Notice, ...]
+
+    def strips(self, view: PhotoFrame, characters: Points, count: int = 24) -> StripsSurface:
+        """The surface as `count` planar strips between rulings that cover the `characters` (N, 2), photo pixels."""
+        surface = self.surface
+        sheet = surface.to_sheet(surface.to_page((characters - view.centre) / view.unit_px))
+        low, high = np.nanpercentile(sheet[:, 0], [0.5, 99.5])
+        middle = float(np.nanmedian(sheet[:, 1]))
+        s = np.linspace(low, high, count + 1)
+        P, R = surface.line_at(s)
+        X = P + middle * R
+        # A direction R is seen at K R, the ruling's way in the photo at the derivative of the projection.
+        way = X[:, 2:] * R[:, :2] - X[:, :2] * R[:, 2:]
+        focal_px = surface.focal * view.unit_px
+        points = focal_px * X[:, :2] / X[:, 2:] + view.centre
+        vanishing = np.column_stack([focal_px * R[:, :2] + np.array(view.centre) * R[:, 2:], R[:, 2]])
+        normals = surface.normals_at(0.5 * (s[1:] + s[:-1])).astype(np.float64)
+        return StripsSurface(normals, points, np.arctan2(way[:, 1], way[:, 0]) % np.pi, vanishing)
 
 
 def start_surface(
@@ -153,7 +172,8 @@ def estimate_curved_page(
         page_map,
         "estimated" if seen else prior.source,
         lines,
-        line_deviation(page_map, lines),
+        lines.count // 2,
+        flow_deviation(page_map, major, minor),
         tuple(notices),
     )
 
@@ -227,14 +247,9 @@ def is_plausible(surface: DevelopableSurface, characters: Points, p: CurvedParam
     return bool(high < p.max_magnification_ratio * low and np.percentile(tilt, 97) < p.max_tilt_rad)
 
 
-def line_deviation(page_map: PageMap, lines: LineObservations) -> float:
-    """RMS distance of the lines' points from their own lines on the flat page, in text heights, the worst tenth left out."""
-    if not lines.count:
-        return float("inf")
-    v = page_map.to_page(lines.points)[:, 1]
-    J = page_map.jacobians(lines.points)
-    number = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)
-    level = np.bincount(lines.index, v, minlength=lines.count) / number
-    height = lines.text_height * float(np.median(np.linalg.norm(J[:, 1], axis=1)))
-    rest = np.sort(np.abs(v - level[lines.index]) / height)
-    return float(np.sqrt(np.mean(rest[: max(int(0.9 * len(rest)), 1)] ** 2)))
+def flow_deviation(
+    page_map: PageMap, major: FlowSamples, minor: FlowSamples, minor_share: float = 0.3
+) -> float:
+    """Mean deviation (rad) of the flows from horizontal and vertical on the flat page, the worst tenth left out."""
+    along = trimmed_deviation(page_map.jacobians(major.points), major, 0.0)
+    return along + minor_share * trimmed_deviation(page_map.jacobians(minor.points), minor, np.pi / 2)

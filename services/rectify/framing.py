@@ -1,6 +1,7 @@
 """Which part of the flattened plane is shown, and at what resolution."""
 
 from dataclasses import dataclass
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -26,13 +27,46 @@ class FramingParameters:
     """The same when it is: a bound for what cannot be a sheet."""
 
 
+class Frame(Protocol):
+    """A view of the flat page: the output's size, and where in the photo each of its pixels is."""
+
+    @property
+    def width(self) -> int:
+        """Output columns."""
+        ...
+
+    @property
+    def height(self) -> int:
+        """Output rows."""
+        ...
+
+    def to_photo(self, pixels: Points) -> Points:
+        """Photo pixels (N, 2) of output pixels (N, 2)."""
+        ...
+
+    def through(self, H_old_new: Homography, width: int, height: int) -> Self:
+        """The same page in other pixels: the view whose pixel p shows what pixel `H_old_new` p showed."""
+        ...
+
+
+AnyFrame = TypeVar("AnyFrame", bound=Frame)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FlatFrame:
-    """The view: output pixel -> photo pixel, and the output's size."""
+    """View of a planar page: output pixel -> photo pixel is a homography."""
 
     H_photo_flat: Homography
     width: int
     height: int
+
+    def to_photo(self, pixels: Points) -> Points:
+        """See `Frame`."""
+        return transform_points(self.H_photo_flat, pixels)
+
+    def through(self, H_old_new: Homography, width: int, height: int) -> "FlatFrame":
+        """See `Frame`."""
+        return FlatFrame(self.H_photo_flat @ H_old_new, width, height)
 
 
 def frame_page(
@@ -102,26 +136,26 @@ def _visible(
     return inside.min(axis=0), inside.max(axis=0)
 
 
-def turn_frame(frame: FlatFrame, rotation_deg: int, mirrored: bool) -> FlatFrame:
+def turn_frame(frame: AnyFrame, rotation_deg: int, mirrored: bool) -> AnyFrame:
     """The view flipped left to right if `mirrored`, then turned clockwise by a multiple of 90 degrees."""
-    H, width, height = frame.H_photo_flat, frame.width, frame.height
+    turn, width, height = np.eye(3), frame.width, frame.height
     if mirrored:
-        H = H @ np.array([[-1.0, 0.0, width - 1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        turn = turn @ np.array([[-1.0, 0.0, width - 1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     for _ in range(rotation_deg // 90 % 4):
         # Output (x, y) of a clockwise quarter turn shows (y, height - 1 - x) of the view before.
-        H = H @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, height - 1], [0.0, 0.0, 1.0]])
+        turn = turn @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, height - 1], [0.0, 0.0, 1.0]])
         width, height = height, width
-    return FlatFrame(H, width, height)
+    return frame.through(turn, width, height)
 
 
-def resize_frame(frame: FlatFrame, factor: float) -> FlatFrame:
+def resize_frame(frame: AnyFrame, factor: float) -> AnyFrame:
     """The same view with `factor` times the pixels on a side."""
     width, height = max(round(frame.width * factor), 1), max(round(frame.height * factor), 1)
-    return FlatFrame(frame.H_photo_flat @ np.linalg.inv(resizing(factor)), width, height)
+    return frame.through(np.linalg.inv(resizing(factor)), width, height)
 
 
-def mesh_of(frame: FlatFrame, columns: int = 49, rows: int = 65) -> Floats:
+def mesh_of(frame: Frame, columns: int = 49, rows: int = 65) -> Floats:
     """Mesh (rows, columns, 2) of photo points over the output, corner to corner."""
     x, y = np.linspace(0, frame.width - 1, columns), np.linspace(0, frame.height - 1, rows)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
-    return transform_points(frame.H_photo_flat, grid.reshape(-1, 2)).reshape(rows, columns, 2)
+    return frame.to_photo(grid.reshape(-1, 2)).reshape(rows, columns, 2)

@@ -205,9 +205,7 @@ def _follow(
     return c, near
 
 
-def _pieces(
-    x: Vector, y: Vector, inliers: NDArray[np.bool_], unit: float, p: TracingParameters
-) -> Floats:
+def _pieces(x: Vector, y: Vector, inliers: NDArray[np.bool_], unit: float, p: TracingParameters) -> Floats:
     """Mean places (n, 3) of the inliers of every piece: x, y and the deviation of y in pixels."""
     x, y = x[inliers], y[inliers]
     low, high = float(x.min()), float(x.max())

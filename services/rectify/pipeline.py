@@ -3,22 +3,23 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numpy as np
 
-from services.arrays import GrayImage, Points, RgbImage
+from services.arrays import Points, RgbImage
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
-from services.geometry.homographies import resizing, transform_points
 from services.imaging.illumination import normalize_illumination
-from services.imaging.paper import certain_sheet
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
+from services.rectify.curved import CurvedPage, estimate_curved_page
+from services.rectify.curved_framing import CurvedFrame, frame_curved_page
+from services.rectify.drawing import draw_flat_view, draw_gray_view
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.orientation import estimate_orientation
 from services.rectify.parameters import RectifyParameters
 from services.rectify.planar import (
     FlowVanishingPoints,
+    FocalPrior,
     PhotoFrame,
     estimate_vanishing_points,
     focal_prior,
@@ -31,6 +32,7 @@ from services.rectify.results import (
     Orientation,
     PlaneSurface,
     RectifyResult,
+    StripsSurface,
 )
 from services.rectify.stage_clock import StageClock
 from services.rectify.surface_test import discriminate_surface
@@ -38,6 +40,10 @@ from services.texture_flow.field import FlowSamples
 
 FEW_LINES = 10
 """A photo whose ink is picture for the most part, with fewer lines than this, is refused."""
+BELIEVED_DEVIATION_RAD = np.deg2rad(1.0)
+"""Flows that a surface explains as well need no comparison with a plane."""
+CURVED_GAIN = 0.7
+"""Otherwise a bent sheet must bring the flows' mean deviation below this share of the plane's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,9 +51,15 @@ class FlatPage:
     """What is known of the page before anything is drawn."""
 
     analysis: PageAnalysis
+    view: PhotoFrame
     vanishing_points: FlowVanishingPoints
-    kind: Literal["planar", "curved"]
-    pose: PagePose
+    shape: PagePose | CurvedPage
+    notices: tuple[Notice, ...]
+
+    @property
+    def kind(self) -> Literal["planar", "curved"]:
+        """As it is flattened."""
+        return "curved" if isinstance(self.shape, CurvedPage) else "planar"
 
 
 def rectify(
@@ -68,9 +80,7 @@ def rectify(
     check_parameters(photo, parameters)
     clock = StageClock()
     page = estimate_page(photo, parameters, exif_focal_length_px, clock)
-    notices = list(page.pose.notices)
-    if page.kind == "curved":
-        notices.insert(0, Notice("curved-page", "the page is curved; this is its best planar view."))
+    notices = list(page.notices)
     with clock.stage("framing"):
         outline = page.analysis.paper.outline(page.analysis.characters)
         frame = frame_photo(photo, page, outline)
@@ -81,7 +91,7 @@ def rectify(
         notices += [notice] if notice else []
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
     with clock.stage("remap"):
-        flat = draw_flat_view(photo, frame, None if outline is None else certain_sheet(outline))
+        flat = draw_flat_view(photo, frame, outline)
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
             flat = normalize_illumination(flat)
@@ -89,8 +99,8 @@ def rectify(
         flat,
         page.kind,
         describe_evidence(page),
-        describe_camera(photo, page.pose),
-        PlaneSurface(page.pose.normal),
+        describe_camera(page),
+        describe_surface(page),
         orientation,
         np.asarray(mesh_of(frame), np.float64),
         tuple(notices),
@@ -127,13 +137,41 @@ def estimate_page(
         kind = parameters.kind
         if kind == "auto":
             kind = discriminate_surface(points, analysis.text_height_px)
-        pose = choose_pose(analysis, view, prior, major, minor, points, kind)
-    if analysis.text.rejected_fraction > PICTURE_SHARE and pose.lines < FEW_LINES:
+        shape, notices = choose_shape(analysis, view, prior, major, minor, points, kind)
+    if analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES:
         raise NoText(
-            f"most of what is printed is no text, and only {pose.lines} short lines of text were found. "
+            f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
             "Send region, a polygon round the text, if there is some."
         )
-    return FlatPage(analysis, points, kind, pose)
+    return FlatPage(analysis, view, points, shape, notices)
+
+
+def choose_shape(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    major: FlowSamples,
+    minor: FlowSamples,
+    points: FlowVanishingPoints,
+    kind: Literal["planar", "curved"],
+) -> tuple[PagePose | CurvedPage, tuple[Notice, ...]]:
+    """The surface through a curved page where it explains the flows better than a plane does, else the plane."""
+    if kind == "planar":
+        pose = choose_pose(analysis, view, prior, major, minor, points, "planar")
+        return pose, pose.notices
+    curved = estimate_curved_page(analysis, view, prior, major, minor, points)
+    if curved is not None and curved.deviation < BELIEVED_DEVIATION_RAD:
+        return curved, curved.notices
+    pose = choose_pose(analysis, view, prior, major, minor, points, "curved")
+    if curved is not None and curved.deviation < CURVED_GAIN * pose.deviation:
+        return curved, curved.notices
+    reason = (
+        "no bent sheet of paper fits what its text shows"
+        if curved is None
+        else "a bent sheet does not explain its text better"
+    )
+    notice = Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
+    return pose, (notice, *pose.notices)
 
 
 def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamples:
@@ -144,15 +182,16 @@ def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamp
     return FlowSamples(major.points, major.angles + np.pi / 2, 0.05 * major.weights)
 
 
-def frame_photo(photo: RgbImage, page: FlatPage, outline: Points | None) -> FlatFrame:
-    """The part of the flat plane that is shown; `outline` (N, 2) is the sheet's in the photo, if its edge is seen."""
-    shape = (photo.shape[0], photo.shape[1])
+def frame_photo(photo: RgbImage, page: FlatPage, outline: Points | None) -> FlatFrame | CurvedFrame:
+    """The part of the flat page that is shown; `outline` (N, 2) is the sheet's in the photo, if its edge is seen."""
     characters, height = page.analysis.characters, page.analysis.text_height_px
-    return frame_page(page.pose.H_photo_plane, shape, characters, height, outline)
+    if isinstance(page.shape, CurvedPage):
+        return frame_curved_page(page.shape.page_map, page.view, characters, height, outline)
+    return frame_page(page.shape.H_photo_plane, (photo.shape[0], photo.shape[1]), characters, height, outline)
 
 
 def orient_page(
-    analysis: PageAnalysis, frame: FlatFrame, ocr: OcrEngine | None
+    analysis: PageAnalysis, frame: FlatFrame | CurvedFrame, ocr: OcrEngine | None
 ) -> tuple[Orientation, Notice | None]:
     """Which way up the flat view reads, and a notice when nobody can tell."""
     if ocr is None:
@@ -170,50 +209,24 @@ def orient_page(
     return orientation, None
 
 
-def draw_gray_view(analysis: PageAnalysis, frame: FlatFrame) -> GrayImage:
-    """The view in gray, flat-fielded, drawn from the reduced photo."""
-    H_strokes_photo = resizing(analysis.strokes_factor)
-    return np.asarray(
-        cv2.warpPerspective(
-            analysis.strokes_image,
-            H_strokes_photo @ frame.H_photo_flat,
-            (frame.width, frame.height),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderValue=255.0,
-        ),
-        np.uint8,
-    )
-
-
-def draw_flat_view(photo: RgbImage, frame: FlatFrame, sheet: Points | None = None) -> RgbImage:
-    """The one remap of the full-resolution photo.
-
-    White where the photo ends and, as on a scanner, outside of the convex `sheet` (N, 2) of the photo.
-    """
-    flat = cv2.warpPerspective(
-        photo,
-        frame.H_photo_flat,
-        (frame.width, frame.height),
-        flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
-        borderValue=(255.0, 255.0, 255.0),
-    )
-    if sheet is not None:
-        corners = transform_points(np.linalg.inv(frame.H_photo_flat), sheet)
-        beside = np.full((frame.height, frame.width), 255, np.uint8)
-        cv2.fillConvexPoly(beside, np.round(corners).astype(np.int32), 0)
-        cv2.max(flat, cv2.merge([beside, beside, beside]), dst=flat)
-    return np.asarray(flat, np.uint8)
-
-
 def describe_evidence(page: FlatPage) -> Evidence:
     """Convergence of both flows and the share of text."""
     minor = page.vanishing_points.vertical.convergence if page.analysis.minor is not None else None
     return Evidence(page.vanishing_points.horizontal.convergence, minor, page.analysis.text.area_fraction)
 
 
-def describe_camera(photo: RgbImage, pose: PagePose) -> CameraEstimate:
+def describe_camera(page: FlatPage) -> CameraEstimate:
     """Focal length in photo pixels, and how it is known."""
-    height, width = photo.shape[:2]
-    return CameraEstimate(
-        pose.focal_length_px, field_of_view(pose.focal_length_px, width, height), pose.focal_source
-    )
+    shape, view = page.shape, page.view
+    if isinstance(shape, CurvedPage):
+        focal_px, source = shape.surface.focal * view.unit_px, shape.focal_source
+    else:
+        focal_px, source = shape.focal_length_px, shape.focal_source
+    return CameraEstimate(focal_px, field_of_view(focal_px, view.width, view.height), source)
+
+
+def describe_surface(page: FlatPage) -> PlaneSurface | StripsSurface:
+    """The plane's normal, or the curved page's strips."""
+    if isinstance(page.shape, CurvedPage):
+        return page.shape.strips(page.view, page.analysis.characters)
+    return PlaneSurface(page.shape.normal)

@@ -6,7 +6,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from services.arrays import Homography, Mask, Points
+from services.arrays import Floats, Homography, Mask, Points
 from services.geometry.homographies import (
     denominators,
     jacobians,
@@ -61,7 +61,9 @@ class PagePose:
     focal_length_px: float
     focal_source: FocalLengthSource
     notices: tuple[Notice, ...]
-    lines: int
+    line_count: int
+    deviation: float
+    """Mean deviation (rad) of the flows from horizontal and vertical in the flat view."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
@@ -83,14 +85,17 @@ def most_common_direction(samples: FlowSamples, width_rad: float = np.deg2rad(2.
 def flow_deviation(plane: PagePlane, major: FlowSamples, minor: FlowSamples, minor_share: float) -> float:
     """Mean deviation (rad) of the flows from horizontal and vertical in the flat view, the worst tenth left out."""
     H = np.linalg.inv(plane.H_centred_plane)
+    return trimmed_deviation(jacobians(H, major.points), major, 0.0) + minor_share * trimmed_deviation(
+        jacobians(H, minor.points), minor, np.pi / 2
+    )
 
-    def trimmed(samples: FlowSamples, axis: float) -> float:
-        tangent = np.stack([np.cos(samples.angles), np.sin(samples.angles)], axis=1)
-        t = np.einsum("nij,nj->ni", jacobians(H, samples.points), tangent)
-        deviation = np.abs(angle_difference(np.arctan2(t[:, 1], t[:, 0]), axis))
-        return float(np.mean(np.sort(deviation)[: max(int(0.9 * len(deviation)), 1)]))
 
-    return trimmed(major, 0.0) + minor_share * trimmed(minor, np.pi / 2)
+def trimmed_deviation(J: Floats, samples: FlowSamples, axis: float) -> float:
+    """Mean angle (rad) between `samples`, mapped by `J` (N, 2, 2), and `axis`, the worst tenth left out."""
+    tangent = np.stack([np.cos(samples.angles), np.sin(samples.angles)], axis=1)
+    t = np.einsum("nij,nj->ni", J, tangent)
+    deviation = np.abs(angle_difference(np.arctan2(t[:, 1], t[:, 0]), axis))
+    return float(np.mean(np.sort(deviation)[: max(int(0.9 * len(deviation)), 1)]))
 
 
 def is_plausible(plane: PagePlane, text_points: Points, parameters: PoseParameters) -> bool:
@@ -221,6 +226,7 @@ def choose_pose(
         source if plane is not level else prior.source,
         tuple(notices),
         refined.lines,
+        flow_deviation(plane, major, minor, p.minor_share),
     )
 
 

@@ -125,6 +125,4 @@ def _penalty(p: ResidualParameters) -> Floats:
     """Second differences of the coefficients along both axes, squared."""
     along = np.diff(np.eye(p.columns), 2, axis=0)
     down = np.diff(np.eye(p.rows), 2, axis=0)
-    return np.asarray(
-        np.kron(np.eye(p.rows), along.T @ along) + np.kron(down.T @ down, np.eye(p.columns))
-    )
+    return np.asarray(np.kron(np.eye(p.rows), along.T @ along) + np.kron(down.T @ down, np.eye(p.columns)))

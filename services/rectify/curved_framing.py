@@ -1,0 +1,143 @@
+"""Which part of an unrolled page is shown, and at what resolution."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.arrays import Floats, Homography, Points
+from services.geometry.homographies import scaling, transform_points, translation
+from services.geometry.page_map import PageMap
+from services.rectify.framing import FramingParameters
+from services.rectify.planar import PhotoFrame
+
+
+@dataclass(frozen=True, slots=True)
+class CurvedFramingParameters:
+    """How far the view goes beyond the text, where the surface is only a continuation."""
+
+    reach: float = 0.3
+    """In widths of the text, when the paper's edge is not seen."""
+    sheet_reach: float = 0.6
+    """The same when it is."""
+    max_stretch: float = 4.0
+    """Enlargement in the margins over that of the text, up or down; what is stretched more is left out."""
+    steps: int = 12
+    """In which the view shrinks back to the text where the margins are not believable."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurvedFrame:
+    """View of a curved page: output pixel -> page point (affine), page point -> photo by the page's map."""
+
+    page_map: PageMap
+    view: PhotoFrame
+    H_page_flat: Homography
+    width: int
+    height: int
+
+    def to_photo(self, pixels: Points) -> Points:
+        """See `Frame`."""
+        seen = self.page_map.to_photo(transform_points(self.H_page_flat, pixels))
+        return np.asarray(seen * self.view.unit_px + self.view.centre)
+
+    def to_flat(self, photo: Points) -> Points:
+        """Output pixels (N, 2) of photo pixels (N, 2)."""
+        page = self.page_map.to_page((photo - self.view.centre) / self.view.unit_px)
+        return transform_points(np.linalg.inv(self.H_page_flat), page)
+
+    def through(self, H_old_new: Homography, width: int, height: int) -> "CurvedFrame":
+        """See `Frame`."""
+        return CurvedFrame(self.page_map, self.view, self.H_page_flat @ H_old_new, width, height)
+
+
+def frame_curved_page(
+    page_map: PageMap,
+    view: PhotoFrame,
+    text_points: Points,
+    text_height_px: float,
+    paper: Points | None,
+    framing: FramingParameters | None = None,
+    parameters: CurvedFramingParameters | None = None,
+) -> CurvedFrame:
+    """View that shows the whole sheet, or all of the photo that lies near the text.
+
+    `text_points` (N, 2) are centres of characters in photo pixels; `paper` the sheet's outline if it was found.
+    """
+    f, p = framing or FramingParameters(), parameters or CurvedFramingParameters()
+    characters = (text_points - view.centre) / view.unit_px
+    text = page_map.to_page(characters)
+    # Photo pixels per page unit at the text.
+    scale = view.unit_px / np.sqrt(np.abs(np.linalg.det(page_map.jacobians(characters))))
+    good = np.isfinite(text).all(axis=1) & np.isfinite(scale)
+    text, scale = text[good], scale[good]
+    resolution, usual = float(np.percentile(scale, f.detail_percentile)), float(np.median(scale))
+    margin = f.text_margin * text_height_px / usual
+    core = np.stack([text.min(axis=0) - margin, text.max(axis=0) + margin])
+    reach = (p.reach if paper is None else p.sheet_reach) * float((core[1] - core[0]).max())
+    outer = np.stack([core[0] - reach, core[1] + reach])
+    seen = _visible(page_map, view, outer)
+    if paper is not None:
+        sheet = page_map.to_page((paper - view.centre) / view.unit_px)
+        inside = ((sheet >= outer[0]) & (sheet <= outer[1])).all(axis=1)
+        if inside.any():
+            rim = f.paper_margin * float((core[1] - core[0]).max())
+            seen[0] = np.maximum(seen[0], sheet[inside].min(axis=0) - rim)
+            seen[1] = np.minimum(seen[1], sheet[inside].max(axis=0) + rim)
+    box = np.stack([np.minimum(core[0], seen[0]), np.maximum(core[1], seen[1])])
+    box = _believable(page_map, view, core, box, usual, p)
+    extent = box[1] - box[0]
+    pixels = f.max_growth * view.width * view.height
+    resolution = min(
+        resolution, float(np.sqrt(pixels / (extent[0] * extent[1]))), 20000.0 / float(extent.max())
+    )
+    width, height = (max(round(v * resolution), 1) for v in extent)
+    low = (float(box[0, 0]), float(box[0, 1]))
+    H_page_flat = translation(*low) @ scaling(1 / resolution) @ translation(0.5, 0.5)
+    return CurvedFrame(page_map, view, H_page_flat, width, height)
+
+
+def _visible(page_map: PageMap, view: PhotoFrame, outer: Floats) -> Floats:
+    """Bounds (2, 2) of the page's part within `outer` that the photo shows."""
+    grid = _grid(outer, 60)
+    seen = page_map.to_photo(grid)
+    limit = np.array([view.width, view.height]) / (2 * view.unit_px)
+    with np.errstate(invalid="ignore"):
+        inside = (np.abs(seen) <= limit).all(axis=1)
+    if not inside.any():
+        return outer.copy()
+    step = (outer[1] - outer[0]) / 59
+    shown = grid[inside]
+    return np.stack([shown.min(axis=0) - step, shown.max(axis=0) + step])
+
+
+def _grid(box: Floats, count: int) -> Points:
+    x, y = np.linspace(box[0, 0], box[1, 0], count), np.linspace(box[0, 1], box[1, 1], count)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _believable(
+    page_map: PageMap, view: PhotoFrame, core: Floats, box: Floats, usual: float, p: CurvedFramingParameters
+) -> Floats:
+    """The greatest box between `core` and `box` whose rim neither folds nor stretches.
+
+    Each side shrinks on its own, to where the map from page to photo keeps its orientation and its scale within
+    `max_stretch` of the text's.
+    """
+    box = box.copy()
+    for side in (0, 1):
+        for axis in (0, 1):
+            for step in range(p.steps + 1):
+                share = 1 - step / p.steps
+                at = core[side, axis] + share * (box[side, axis] - core[side, axis])
+                along = np.linspace(core[0, 1 - axis], core[1, 1 - axis], 40)
+                rim = np.empty((40, 2))
+                rim[:, axis], rim[:, 1 - axis] = at, along
+                d = 1e-3 * float((core[1] - core[0]).max())
+                seen = [page_map.to_photo(rim + offset) for offset in ([0.0, 0.0], [d, 0.0], [0.0, d])]
+                du, dv = (seen[1] - seen[0]) / d, (seen[2] - seen[0]) / d
+                det = du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]
+                scale = view.unit_px * np.sqrt(np.maximum(det, 0.0)) / usual
+                if (np.isfinite(det) & (scale > 1 / p.max_stretch) & (scale < p.max_stretch)).all():
+                    break
+            box[side, axis] = at
+    return box
