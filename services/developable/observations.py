@@ -47,11 +47,13 @@ NO_LINES = LineObservations(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0),
 class PageObservations:
     """All that a surface is fitted to, in centred unit coordinates.
 
-    `log_focal` and `focal_deviation` say what is known of the focal length beforehand.
+    `hull` (H, 2) surrounds the text, where rulings must not cross; `log_focal` and `focal_deviation` say what is
+    known of the focal length beforehand.
     """
 
     major: FlowSamples
     minor: FlowSamples
     lines: LineObservations
+    hull: Points
     log_focal: float
     focal_deviation: float

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 
 from services.arrays import Floats, Points, Vector
 from services.developable.observations import PageObservations
-from services.developable.surface import BendBasis, DevelopableSurface
+from services.developable.surface import BendBasis, DevelopableSurface, Unrolled
 from services.developable.variation import GLOBAL, vary_page
 from services.geometry.camera import rotation_from_vector
 from services.texture_flow.field import FlowSamples
@@ -51,6 +51,9 @@ class FittingParameters:
     spacing_between: float = 0.012
     margin: float = 0.25
     """Of a flush end in text heights."""
+    growth: float = 0.35
+    growth_deviation: float = 0.05
+    """Neighbouring rulings may approach one another under the text to this share of their distance, or little more."""
     max_evaluations: int = 40
 
 
@@ -125,7 +128,15 @@ class PageResiduals:
         )
         margins = np.concatenate(lines.margins) if lines.margins else np.zeros((0, 2))
         ahead = [_ahead(flow) for flow in (observed.major, observed.minor)]
-        parts = [observed.major.points, ahead[0], observed.minor.points, ahead[1], lines.points, margins]
+        parts = [
+            observed.major.points,
+            ahead[0],
+            observed.minor.points,
+            ahead[1],
+            lines.points,
+            margins,
+            observed.hull,
+        ]
         self.points = np.concatenate(parts)
         self.ends = np.cumsum([len(part) for part in parts])
         weight = 1 / np.maximum(lines.deviations, 1e-12) ** 2
@@ -148,8 +159,8 @@ class PageResiduals:
         """Surface of the parameters `x`."""
         return surface_of(x, self.rotation, self.anchor, self.basis)
 
-    def page(self, x: Vector) -> tuple[Points, Floats]:
-        """Page points (N, 2) of all observed points, and derivatives (N, 2, M) by all parameters."""
+    def page(self, x: Vector) -> tuple[Unrolled, Floats]:
+        """All observed points unrolled, and derivatives (N, 2, M) of the page points by all parameters."""
         surface = self.surface(x)
         at = surface.unroll(self.points)
         moved = vary_page(surface, at)
@@ -157,12 +168,12 @@ class PageResiduals:
             self.rotation @ rotation_from_vector(x[:3]) @ _right_jacobian(x[:3])
         )
         moved = np.insert(moved, SLANT, 0.0, axis=2)
-        return at.page, moved
+        return at, moved
 
     def parts(self, x: Vector) -> dict[str, Residual]:
-        """Residuals of `major`, `minor`, `straight`, `spacing`, `margins` before any loss."""
-        q, dq = self.page(x)
-        e = self.ends
+        """Residuals of `major`, `minor`, `straight`, `spacing`, `margins`, `crossing` before any loss."""
+        at, dq = self.page(x)
+        q, e = at.page, self.ends
         major = _direction(q, dq, slice(0, e[0]), slice(e[0], e[1]), 1)
         minor = _direction(q, dq, slice(e[1], e[2]), slice(e[2], e[3]), 0)
         minor.value[:] -= x[SLANT]
@@ -179,7 +190,20 @@ class PageResiduals:
             "straight": straight,
             "spacing": self._spacings(level, dlevel),
             "margins": self._margins(q[e[4] : e[5], 0], dq[e[4] : e[5], 0]),
+            "crossing": self._crossing(at.sheet[e[5] :], x),
         }
+
+    def _crossing(self, sheet: Points, x: Vector) -> Residual:
+        """Rulings keep apart under the text: 1 + t w'(s) stays above a least growth."""
+        s, t = sheet.T
+        short = self.p.growth - (1 + t * (x[5] + 2 * x[6] * s))
+        slope = np.zeros((len(s), len(x)))
+        slope[:, 5], slope[:, 6] = -t, -2 * s * t
+        near = short > 0
+        return Residual(
+            np.where(near, short, 0.0) / self.p.growth_deviation,
+            slope * near[:, None] / self.p.growth_deviation,
+        )
 
     def _spacings(self, level: Vector, dlevel: Floats) -> Residual:
         """Lines of a run lie at equal steps; runs that are alike have equal steps."""
@@ -261,9 +285,9 @@ class PageResiduals:
         """Softened residuals (n,) with the priors, and their derivatives (n, M)."""
         if self._last is None or self._last[0] != x.tobytes():
             parts = self.parts(x)
-            margins = soften_hard(parts.pop("margins"))
+            margins, crossing = soften_hard(parts.pop("margins")), parts.pop("crossing")
             # Observations may be outliers and are softened; the priors are meant as they are.
-            all_ = [*(soften(part) for part in parts.values()), margins, self._priors(x)]
+            all_ = [*(soften(part) for part in parts.values()), margins, crossing, self._priors(x)]
             value = np.concatenate([r.value for r in all_])
             self._last = (x.tobytes(), value, np.concatenate([r.slope for r in all_]))
         return self._last[1], self._last[2]

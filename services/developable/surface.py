@@ -22,6 +22,9 @@ from services.arrays import Floats, Points, Vector
 NODES = 160
 """Nodes along the a-axis; the trapezoidal rule is then good to 1e-5 of the page at any bend that a page takes."""
 
+MIN_GROWTH = 0.1
+"""Rulings nearer to one another than this share of their distance on the a-axis are taken to cross."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BendBasis:
@@ -153,11 +156,16 @@ class DevelopableSurface:
         return np.asarray(P + sheet[:, 1:] * R)
 
     def to_photo(self, page: Points) -> Points:
-        """See `PageMap`."""
-        X = self.in_space(page)
+        """See `PageMap`. The sheet ends where its rulings cross, where it turns away, and behind the camera."""
+        sheet = self.to_sheet(page)
+        s, t = sheet.T
+        P, R = self.line_at(s)
+        X = P + t[:, None] * R
         with np.errstate(divide="ignore", invalid="ignore"):
             seen = self.focal * X[:, :2] / X[:, 2:]
-        seen[X[:, 2] <= 1e-6] = np.nan
+        facing = np.einsum("ij,ij->i", np.cross(self._direction_at(s), R), X)
+        growth = 1 + t * self.slope_rate(s)
+        seen[(X[:, 2] <= 1e-6) | (growth < MIN_GROWTH) | (facing <= 0)] = np.nan
         return np.asarray(seen)
 
     def to_page(self, centred: Points) -> Points:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from services.arrays import Points, Vector
@@ -115,6 +116,11 @@ def recentre(fitted: FittedSurface, characters: Points, p: CurvedParameters) -> 
     return replace(fitted.start, basis=basis, parameters=parameters)
 
 
+def text_hull(characters: Points) -> Points:
+    """Convex hull (H, 2) of the characters (N, 2)."""
+    return np.asarray(cv2.convexHull(characters.astype(np.float32))[:, 0], np.float64)
+
+
 def thin(samples: FlowSamples, count: int) -> FlowSamples:
     """At most `count` of the samples, spread evenly, with weights that keep their sum."""
     if len(samples) <= count:
@@ -188,8 +194,9 @@ def _fit_flows(
 ) -> FittedSurface:
     """The best of several starts on the flows alone, the focal length being held at first."""
     held = min(prior.deviation, p.start_focal_deviation)
+    hull = text_hull(characters)
     few = PageObservations(
-        thin(major, p.start_samples), thin(minor, p.start_samples), NO_LINES, prior.log_focal, held
+        thin(major, p.start_samples), thin(minor, p.start_samples), NO_LINES, hull, prior.log_focal, held
     )
     coarse = FittingParameters(max_evaluations=12)
     fits = [
@@ -197,7 +204,7 @@ def _fit_flows(
         for skew in p.start_skews_rad
     ]
     best = min(fits, key=lambda fit: fit.cost)
-    observed = PageObservations(major, minor, NO_LINES, prior.log_focal, prior.deviation)
+    observed = PageObservations(major, minor, NO_LINES, hull, prior.log_focal, prior.deviation)
     return fit_surface(recentre(best, characters, p), observed, FittingParameters(max_evaluations=20))
 
 
@@ -219,7 +226,9 @@ def _fit_lines(
     for _ in range(2):
         flat = flatten_ink(analysis.text.ink, H_reduced_centred, fitted.surface, characters, text_height)
         lines = trace_lines(flat, fitted.surface)
-        observed = PageObservations(major, minor, lines, prior.log_focal, prior.deviation)
+        observed = PageObservations(
+            major, minor, lines, text_hull(characters), prior.log_focal, prior.deviation
+        )
         fitted = fit_surface(recentre(fitted, characters, p), observed, parameters)
         if not is_plausible(fitted.surface, characters, p):
             break
