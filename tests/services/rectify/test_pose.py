@@ -74,7 +74,7 @@ def test_flat_pages_are_flattened(album: Album, name: str) -> None:
     assert 1e-4 < off < 1.5
     assert 1e-5 < abs(np.log(pose.focal_length_px / shot.truth.focal_length_px)) < 0.06
     assert 1e-3 < residual_percent(shot, pose) < 0.4
-    assert abs(pose.lines - len(shot.truth.visible_lines())) < 0.2 * len(shot.truth.visible_lines())
+    assert abs(pose.line_count - len(shot.truth.visible_lines())) < 0.2 * len(shot.truth.visible_lines())
 
 
 @pytest.mark.parametrize("name", FLAT_SCENES)
