@@ -1,0 +1,49 @@
+"""Dense flow from samples: exact for slow flows, true to bends, finite everywhere."""
+
+import numpy as np
+import pytest
+
+from services.rulings.flow_regression import regress_flow
+from services.texture_flow.field import FlowSamples, angle_difference, smooth_samples
+
+
+def samples_of(flow, count=500, noise_rad=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-0.7, 0.7, (count, 2))
+    return FlowSamples(points, flow(points) + rng.normal(0.0, noise_rad, count), np.ones(count))
+
+
+def test_a_bend_keeps_its_size():
+    def flow(points):
+        return 0.5 * np.sin(4 * points[:, 0])
+
+    samples = samples_of(flow)
+    at = np.random.default_rng(1).uniform(-0.6, 0.6, (300, 2))
+    error = np.abs(angle_difference(regress_flow(samples, 0.12)(at), flow(at))).mean()
+    in_px = FlowSamples(samples.points * 500 + 500, samples.angles, samples.weights)
+    plane = smooth_samples(in_px, (1000, 1000), 30.0, 0.12 * 500).at(at * 500 + 500)
+    assert error < 0.5 * np.abs(angle_difference(plane, flow(at))).mean()
+    assert np.degrees(error) < 0.4
+
+
+def test_noise_is_averaged():
+    samples = samples_of(lambda p: 0.2 + 0.1 * p[:, 0], noise_rad=0.02)
+    at = np.random.default_rng(1).uniform(-0.5, 0.5, (300, 2))
+    error = angle_difference(regress_flow(samples, 0.2)(at), 0.2 + 0.1 * at[:, 0])
+    assert 0.001 < np.sqrt(np.mean(error**2)) < 0.01
+
+
+def test_directions_are_modulo_half_a_turn():
+    samples = samples_of(lambda p: np.pi / 2 - 0.02 + 0.1 * p[:, 1])
+    at = np.array([[0.0, 0.4], [0.1, -0.4], [0.0, 0.0]])
+    error = angle_difference(regress_flow(samples, 0.2)(at), np.pi / 2 - 0.02 + 0.1 * at[:, 1])
+    assert np.abs(error).max() < 1e-3
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_few_samples_and_far_points_give_finite_directions(count):
+    flow = regress_flow(samples_of(lambda p: np.full(len(p), 0.3), count), 0.1)
+    found = flow(np.array([[0.0, 0.0], [100.0, -50.0]]))
+    assert np.all(np.isfinite(found))
+    if count:
+        np.testing.assert_allclose(found, 0.3, atol=1e-6)
