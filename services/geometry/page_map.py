@@ -1,8 +1,12 @@
 """What every model of the page's shape offers: the way between the flat page and the photo."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
-from services.arrays import Floats, Points
+import numpy as np
+
+from services.arrays import Floats, Homography, Points
+from services.geometry.homographies import jacobians, transform_points
 
 
 class PageMap(Protocol):
@@ -23,3 +27,22 @@ class PageMap(Protocol):
     def jacobians(self, centred: Points) -> Floats:
         """Derivatives (N, 2, 2) d page / d photo at photo points (N, 2)."""
         ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaneMap:
+    """The map of a planar page, a homography."""
+
+    H_centred_page: Homography
+
+    def to_photo(self, page: Points) -> Points:
+        """See `PageMap`."""
+        return transform_points(self.H_centred_page, page)
+
+    def to_page(self, centred: Points) -> Points:
+        """See `PageMap`."""
+        return transform_points(np.linalg.inv(self.H_centred_page), centred)
+
+    def jacobians(self, centred: Points) -> Floats:
+        """See `PageMap`."""
+        return jacobians(np.linalg.inv(self.H_centred_page), centred)

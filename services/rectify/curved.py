@@ -13,7 +13,7 @@ from services.developable.surface import BendBasis, DevelopableSurface, bend_bas
 from services.geometry.homographies import resizing
 from services.geometry.page_map import PageMap
 from services.rectify.analysis import PageAnalysis
-from services.rectify.line_tracing import flatten_ink, trace_lines
+from services.rectify.line_tracing import flatten_ink, line_deviation, trace_lines
 from services.rectify.planar import (
     FlowVanishingPoints,
     FocalLengthSource,
@@ -62,6 +62,8 @@ class CurvedPage:
     line_count: int
     deviation: float
     """Mean deviation (rad) of the flows from horizontal and vertical in the flat view."""
+    waviness: float
+    """RMS deviation, in text heights, of the text lines from straight ones on the surface, without the residual."""
     notices: tuple[Notice, ...]
 
     def strips(self, view: PhotoFrame, characters: Points, count: int = 24) -> StripsSurface:
@@ -180,6 +182,7 @@ def estimate_curved_page(
         lines,
         lines.count // 2,
         flow_deviation(page_map, major, minor),
+        line_deviation(fitted.surface, lines),
         tuple(notices),
     )
 
@@ -208,6 +211,16 @@ def _fit_flows(
     return fit_surface(recentre(best, characters, p), observed, FittingParameters(max_evaluations=20))
 
 
+def trace_page(analysis: PageAnalysis, view: PhotoFrame, page_map: PageMap) -> LineObservations:
+    """The page's text lines, traced in the flat view of `page_map`, in centred coordinates of the photo."""
+    H_reduced_centred = resizing(analysis.factor) @ view.H_photo_centred
+    characters = np.asarray((analysis.characters - view.centre) / view.unit_px)
+    text_height = analysis.text_height_px / view.unit_px
+    return trace_lines(
+        flatten_ink(analysis.text.ink, H_reduced_centred, page_map, characters, text_height), page_map
+    )
+
+
 def _fit_lines(
     analysis: PageAnalysis,
     view: PhotoFrame,
@@ -219,13 +232,10 @@ def _fit_lines(
     p: CurvedParameters,
 ) -> tuple[FittedSurface, LineObservations]:
     """Two rounds: the lines are traced again in the first round's view, with the deviations it has shown."""
-    H_reduced_centred = resizing(analysis.factor) @ view.H_photo_centred
-    text_height = analysis.text_height_px / view.unit_px
     parameters = FittingParameters()
     lines = NO_LINES
     for _ in range(2):
-        flat = flatten_ink(analysis.text.ink, H_reduced_centred, fitted.surface, characters, text_height)
-        lines = trace_lines(flat, fitted.surface)
+        lines = trace_page(analysis, view, fitted.surface)
         observed = PageObservations(
             major, minor, lines, text_hull(characters), prior.log_focal, prior.deviation
         )

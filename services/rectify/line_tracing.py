@@ -218,3 +218,16 @@ def _pieces(x: Vector, y: Vector, inliers: NDArray[np.bool_], unit: float, p: Tr
     spread = np.sqrt(np.maximum(np.bincount(piece, y * y, count) / n - mean_y**2, 0.0) + 0.25**2)
     deviation = np.hypot(spread / np.sqrt(n), p.deviation_floor * unit)
     return np.stack([mean_x, mean_y, deviation], axis=1)[kept]
+
+
+def line_deviation(page_map: PageMap, lines: LineObservations) -> float:
+    """RMS distance of the points from their lines on the flat page, in text heights, the worst tenth left out."""
+    if not lines.count:
+        return 0.0
+    v = page_map.to_page(lines.points)[:, 1]
+    J = page_map.jacobians(lines.points)
+    number = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)
+    level = np.bincount(lines.index, v, minlength=lines.count) / number
+    height = lines.text_height * float(np.median(np.linalg.norm(J[:, 1], axis=1)))
+    rest = np.sort(np.abs(v - level[lines.index]) / height)
+    return float(np.sqrt(np.mean(rest[: max(int(0.9 * len(rest)), 1)] ** 2)))

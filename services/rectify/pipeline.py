@@ -8,15 +8,17 @@ import numpy as np
 from services.arrays import Points, RgbImage
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
+from services.geometry.page_map import PlaneMap
 from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
-from services.rectify.curved import CurvedPage, estimate_curved_page
+from services.rectify.curved import CurvedPage, estimate_curved_page, trace_page
 from services.rectify.curved_framing import CurvedFrame, frame_curved_page
 from services.rectify.drawing import draw_flat_view, draw_gray_view
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
+from services.rectify.line_tracing import line_deviation
 from services.rectify.orientation import estimate_orientation
-from services.rectify.parameters import RectifyParameters
+from services.rectify.parameters import PageKind, RectifyParameters
 from services.rectify.planar import (
     FlowVanishingPoints,
     FocalPrior,
@@ -40,10 +42,10 @@ from services.texture_flow.field import FlowSamples
 
 FEW_LINES = 10
 """A photo whose ink is picture for the most part, with fewer lines than this, is refused."""
-BELIEVED_DEVIATION_RAD = np.deg2rad(1.0)
-"""Flows that a surface explains as well need no comparison with a plane."""
+STRAIGHT = 0.06
+"""RMS waviness of text lines, in text heights, that nobody sees: flat pages show up to 0.04, bent ones 0.1 and more."""
 CURVED_GAIN = 0.7
-"""Otherwise a bent sheet must bring the flows' mean deviation below this share of the plane's."""
+"""A bent sheet must bring the waviness below this share of the plane's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,10 +136,7 @@ def estimate_page(
         prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
-        kind = parameters.kind
-        if kind == "auto":
-            kind = discriminate_surface(points, analysis.text_height_px)
-        shape, notices = choose_shape(analysis, view, prior, major, minor, points, kind)
+        shape, notices = choose_shape(analysis, view, prior, major, minor, points, parameters.kind)
     if analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES:
         raise NoText(
             f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
@@ -153,25 +152,48 @@ def choose_shape(
     major: FlowSamples,
     minor: FlowSamples,
     points: FlowVanishingPoints,
-    kind: Literal["planar", "curved"],
+    kind: PageKind,
 ) -> tuple[PagePose | CurvedPage, tuple[Notice, ...]]:
-    """The surface through a curved page where it explains the flows better than a plane does, else the plane."""
-    if kind == "planar":
-        pose = choose_pose(analysis, view, prior, major, minor, points, "planar")
-        return pose, pose.notices
-    curved = estimate_curved_page(analysis, view, prior, major, minor, points)
-    if curved is not None and curved.deviation < BELIEVED_DEVIATION_RAD:
-        return curved, curved.notices
-    pose = choose_pose(analysis, view, prior, major, minor, points, "curved")
-    if curved is not None and curved.deviation < CURVED_GAIN * pose.deviation:
-        return curved, curved.notices
-    reason = (
-        "no bent sheet of paper fits what its text shows"
-        if curved is None
-        else "a bent sheet does not explain its text better"
+    """The gentlest shape that the evidence supports: a plane, unless a bent sheet explains more.
+
+    A bent sheet is tried when the flows do not converge (3.2.2) or the plane leaves the text lines wavy, and taken
+    when it leaves them clearly straighter.
+    """
+    if kind == "curved":
+        curved = estimate_curved_page(analysis, view, prior, major, minor, points)
+        if curved is not None:
+            return curved, curved.notices
+    seems: Literal["planar", "curved"] = (
+        discriminate_surface(points, analysis.text_height_px) if kind == "auto" else kind
     )
+    pose = choose_pose(analysis, view, prior, major, minor, points, seems)
+    if kind == "planar":
+        return pose, pose.notices
+    reason = "no bent sheet of paper fits what its text shows"
+    if kind == "auto":
+        plane = PlaneMap(np.linalg.inv(view.H_photo_centred) @ pose.H_photo_plane)
+        waviness = line_deviation(plane, trace_page(analysis, view, plane))
+        if seems == "planar" and waviness < STRAIGHT:
+            return pose, pose.notices
+        curved = estimate_curved_page(analysis, view, prior, major, minor, points)
+        if curved is not None and explains_more(curved, pose, waviness):
+            return curved, curved.notices
+        if curved is not None:
+            reason = "a bent sheet does not explain its text better"
+    if seems == "planar":
+        return pose, pose.notices
     notice = Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
     return pose, (notice, *pose.notices)
+
+
+def explains_more(curved: CurvedPage, pose: PagePose, waviness: float) -> bool:
+    """Whether the bent sheet leaves clearly straighter lines than the plane, which leaves `waviness`.
+
+    With too few lines to tell, the flows decide.
+    """
+    if curved.line_count < FEW_LINES // 2:
+        return curved.deviation < CURVED_GAIN * pose.deviation
+    return curved.waviness < CURVED_GAIN * waviness and curved.deviation < pose.deviation
 
 
 def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamples:
