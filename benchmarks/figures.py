@@ -23,6 +23,21 @@ class Score:
 
 
 @dataclass(frozen=True, slots=True)
+class StripErrors:
+    """Errors of the dissertation's steps (3.3.3 to 3.3.5), degrees; NaN where a step found nothing.
+
+    Of the detected rulings, their vanishing points, the first estimate of the shape and the optimised one.
+    """
+
+    ruling_2d_deg: float = NAN
+    ruling_3d_deg: float = NAN
+    first_fov_deg: float = NAN
+    first_normal_deg: float = NAN
+    fov_deg: float = NAN
+    normal_deg: float = NAN
+
+
+@dataclass(frozen=True, slots=True)
 class CaseFigures:
     """What was measured on one photo. Errors are degrees, NaN where nothing was estimated.
 
@@ -31,8 +46,8 @@ class CaseFigures:
     usage: CPU and memory by step of the benchmark; stages_ms: by stage of the pipeline itself.
     failure: why the photo was refused, else empty.
     classified: whether planar and curved were told apart rightly.
-    ruling_2d_deg, ruling_3d_deg, fov_deg, normal_deg: of the answer; first_...: of the estimate that the
-        optimisation starts from.
+    ruling_2d_deg, ruling_3d_deg, fov_deg, normal_deg: of the answer; `strips` has them for the dissertation's
+        own way to it.
     """
 
     name: str
@@ -50,10 +65,7 @@ class CaseFigures:
     ruling_3d_deg: float = NAN
     fov_deg: float = NAN
     normal_deg: float = NAN
-    first_ruling_2d_deg: float = NAN
-    first_ruling_3d_deg: float = NAN
-    first_fov_deg: float = NAN
-    first_normal_deg: float = NAN
+    strips: StripErrors = StripErrors()
     residual_percent: float = NAN
     warnings: tuple[str, ...] = ()
     scores: dict[str, Score] = field(default_factory=dict)

@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.baseline import judge
 from benchmarks.cases import CHOSEN_PAGES, EXPERIMENTS, Case, all_cases, load_pages, photograph_case
-from benchmarks.figures import NAN, CaseFigures, Score, score_of
+from benchmarks.figures import NAN, CaseFigures, Score, StripErrors, score_of
 from benchmarks.memory import Memory
 from benchmarks.options import make_parser
 from benchmarks.peers import find_page_dewarp
@@ -35,7 +35,7 @@ from benchmarks.residuals import (
 from benchmarks.simulated_pictures import save_case, save_run
 from benchmarks.simulated_report import METRICS, figures_by_case, report, summary
 from benchmarks.stopwatch import Usage, measured
-from benchmarks.subject import FlowErrors, measure_flows, rectify_photo
+from benchmarks.subject import FlowErrors, measure_steps, rectify_photo
 from benchmarks.true_map import flatten_by_truth, flatten_in_frame
 from benchmarks.workers import Progress, run_in_workers
 from services.arrays import RgbImage
@@ -90,11 +90,12 @@ def run_case(case: Case, bench: Bench) -> CaseFigures:
         photo = photograph_case(case, page)
     points = photo.truth.text_points(np.random.default_rng(case.number), _SAMPLE_POINTS)
     result: RectifyResult | None = None
-    flows, failure = FlowErrors(NAN, NAN), ""
+    flows, strips, failure = FlowErrors(NAN, NAN), StripErrors(), ""
     try:
         with measured() as usage["rectify"]:
             result = rectify_photo(photo.image, bench.engine)
-        flows = measure_flows(photo.image, photo.truth, points)
+        with measured() as usage["steps"]:
+            flows, strips = measure_steps(photo.image, photo.truth, points, curved=result.kind == "curved")
     except DocumentError as error:
         failure = f"{error.code}: {error}"
     scores, shown = _read_all(bench, case, photo, result, usage)
@@ -107,6 +108,7 @@ def run_case(case: Case, bench: Bench) -> CaseFigures:
         failure,
         major_deg=flows.major_deg,
         minor_deg=flows.minor_deg,
+        strips=strips,
         scores=scores,
         usage=usage,
     )
@@ -121,7 +123,9 @@ def _errors(result: RectifyResult, truth: Truth, points: Points) -> dict[str, An
     """Fields of `CaseFigures` that the answer has."""
     focal, surface = result.camera.focal_length_px, result.surface
     normals = normals_at(surface, points)
-    rulings = ruling_errors(surface, truth) if isinstance(surface, StripsSurface) else RulingErrors(NAN, NAN)
+    rulings = RulingErrors(NAN, NAN)
+    if isinstance(surface, StripsSurface):
+        rulings = ruling_errors(surface.points, surface.angles_rad, truth, surface.vanishing_points)
     height, width = result.image.shape[:2]
     return {
         "classified": (result.kind == "planar") == truth.is_planar,

@@ -115,39 +115,50 @@ def strip_of(surface: StripsSurface, points: Points) -> NDArray[np.intp]:
     return np.asarray(np.clip(passed.sum(axis=1) - 1, 0, len(surface.normals) - 1), np.intp)
 
 
-def ruling_errors(surface: StripsSurface, truth: Truth) -> RulingErrors:
-    """Rulings against the true ones at those of their points that lie in the text; NaN where none does.
+def ruling_errors(
+    points: Points,
+    angles_rad: NDArray[np.float64],
+    truth: Truth,
+    vanishing_points: NDArray[np.float64] | None = None,
+) -> RulingErrors:
+    """Rulings through photo points (N, 2) against the true ones, wherever in the text they pass.
 
-    In space the ray to a vanishing point stands for its ruling, the optical centre being given by the true
-    focal length (3.4.1).
+    In space the ray to a homogeneous vanishing point (N, 3), photo pixels, stands for its ruling, the optical
+    centre being given by the true focal length (3.4.1); rulings with a NaN there are left out. NaN where no
+    ruling passes the text, and in space without vanishing points.
     """
-    points, which = _points_in_text(surface, truth)
-    if not len(points):
+    places, which = _places_in_text(points, angles_rad, truth)
+    if not len(places):
         return RulingErrors(float("nan"), float("nan"))
-    x, y, w = surface.vanishing_points.T
+    photo_deg = direction_error_deg(angles_rad[which], truth.rulings(places))
+    if vanishing_points is None:
+        return RulingErrors(photo_deg, float("nan"))
+    x, y, w = vanishing_points.T
     (cx, cy), f = truth.camera.principal_point, truth.camera.focal_length_px
     rays = np.column_stack([x - cx * w, y - cy * w, f * w])
-    space = _angles_between(rays[which], truth.rulings_3d(points))
-    photo = direction_error_deg(surface.angles_rad[which], truth.rulings(points))
-    return RulingErrors(photo, float(np.degrees(space.mean())))
+    space = _angles_between(rays[which], truth.rulings_3d(places))
+    space = space[np.isfinite(space)]
+    return RulingErrors(photo_deg, float(np.degrees(space.mean())) if len(space) else float("nan"))
 
 
-def _points_in_text(surface: StripsSurface, truth: Truth) -> tuple[Points, NDArray[np.intp]]:
-    """Evenly spaced photo points (N, 2) of the rulings within the text area, and whose (N,) they are."""
+def _places_in_text(
+    points: Points, angles_rad: NDArray[np.float64], truth: Truth
+) -> tuple[Points, NDArray[np.intp]]:
+    """Evenly spaced photo points (M, 2) of the rulings within the text area, and whose (M,) they are."""
     words = [word.box for line in truth.visible_lines() for word in line]
     if not words:
         return np.zeros((0, 2)), np.zeros(0, np.intp)
     boxes = np.array(words)
     size = np.array([truth.camera.width, truth.camera.height])
     reach = float(np.hypot(*size)) * np.linspace(-1, 1, _RULING_STEPS)
-    along = np.column_stack([np.cos(surface.angles_rad), np.sin(surface.angles_rad)])
-    points = (surface.points[:, None] + reach[:, None] * along[:, None]).reshape(-1, 2)
+    along = np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])
+    places = (points[:, None] + reach[:, None] * along[:, None]).reshape(-1, 2)
     which = np.repeat(np.arange(len(along)), _RULING_STEPS)
-    seen = np.all((points >= 0) & (points <= size - 1), axis=1)
-    points, which = points[seen], which[seen]
-    page = truth.photo_to_page(points)
+    seen = np.all((places >= 0) & (places <= size - 1), axis=1)
+    places, which = places[seen], which[seen]
+    page = truth.photo_to_page(places)
     inside = np.all((page >= boxes[:, :2].min(axis=0)) & (page <= boxes[:, 2:].max(axis=0)), axis=1)
-    return points[inside], which[inside]
+    return places[inside], which[inside]
 
 
 def _angles_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,17 +4,27 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.residuals import direction_error_deg
-from services.arrays import RgbImage
+import numpy as np
+
+from benchmarks.figures import StripErrors
+from benchmarks.residuals import direction_error_deg, ruling_errors
+from services.arrays import RgbImage, Vector
 from services.imaging.codec import ImageLimits, decode_image
 from services.ocr.engine import OcrEngine
 from services.operations import EncodingOptions, rectify_upload
-from services.rectify.analysis import analyse_photo
+from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
+from services.rectify.planar import PhotoFrame
 from services.rectify.results import RectifyResult
+from services.rulings.flow_regression import regress_flow
+from services.rulings.projected import detect_projected_rulings
+from services.texture_flow.field import FlowSamples
 from simulation.flat_page import Points
 from simulation.truth import Truth
+
+_MAJOR_TEXT_HEIGHTS, _MINOR_TEXT_HEIGHTS = 4.0, 6.0
+"""Reach of the local regression of the flows of curved pages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +60,72 @@ def rectify_bytes(upload: bytes) -> dict[str, float]:
     return {str(stage): float(spent) for stage, spent in timings.items()}
 
 
-def measure_flows(photo: RgbImage, truth: Truth, points: Points) -> FlowErrors:
-    """Both texture flows as measured, before any shape is fitted to them, at photo points in the text."""
+def measure_steps(
+    photo: RgbImage, truth: Truth, points: Points, *, curved: bool
+) -> tuple[FlowErrors, StripErrors]:
+    """The steps before the answer: both flows at photo points (N, 2) in the text and, of a curved page, strips.
+
+    Raises
+    ------
+    DocumentError
+        When the photo shows no text.
+    """
     analysis = analyse_photo(photo)
+    view = PhotoFrame(photo.shape[1], photo.shape[0])
+    flows = curved_flows(analysis, view) if curved else flat_flows(analysis)
+    return measure_flows(flows, truth, points), measure_strips(
+        analysis, view, truth
+    ) if curved else StripErrors()
+
+
+@dataclass(frozen=True, slots=True)
+class Flows:
+    """Directions (N,) of both flows at photo points (N, 2); no minor flow where no strokes were found."""
+
+    major: Callable[[Points], Vector]
+    minor: Callable[[Points], Vector] | None
+
+
+def flat_flows(analysis: PageAnalysis) -> Flows:
+    """The dense fields of the analysis (2.3)."""
+    return Flows(analysis.major_field.at, analysis.minor_field.at if analysis.minor_field else None)
+
+
+def curved_flows(analysis: PageAnalysis, view: PhotoFrame) -> Flows:
+    """The flows that rulings are seen by: the dense fields would flatten the page's bends."""
+    height = analysis.text_height_px / view.unit_px
+
+    def in_photo(samples: FlowSamples, text_heights: float) -> Callable[[Points], Vector]:
+        flow = regress_flow(view.to_centred(samples), text_heights * height)
+        return lambda points: flow((points - view.centre) / view.unit_px)
+
+    return Flows(
+        in_photo(analysis.major, _MAJOR_TEXT_HEIGHTS),
+        in_photo(analysis.minor, _MINOR_TEXT_HEIGHTS) if analysis.minor else None,
+    )
+
+
+def measure_flows(flows: Flows, truth: Truth, points: Points) -> FlowErrors:
+    """Both texture flows as measured, before any shape is fitted to them, at photo points in the text."""
     if not len(points):
         return FlowErrors(float("nan"), float("nan"))
-    major = direction_error_deg(analysis.major_field.at(points), truth.major_flow(points))
-    if analysis.minor_field is None:
+    major = direction_error_deg(flows.major(points), truth.major_flow(points))
+    if flows.minor is None:
         return FlowErrors(major, float("nan"))
-    return FlowErrors(major, direction_error_deg(analysis.minor_field.at(points), truth.minor_flow(points)))
+    return FlowErrors(major, direction_error_deg(flows.minor(points), truth.minor_flow(points)))
+
+
+def measure_strips(analysis: PageAnalysis, view: PhotoFrame, truth: Truth) -> StripErrors:
+    """The dissertation's way from the flows to rulings (3.3.3)."""
+    height = analysis.text_height_px / view.unit_px
+    major = view.to_centred(analysis.major)
+    minor = None if analysis.minor is None else view.to_centred(analysis.minor)
+    rulings = detect_projected_rulings(
+        regress_flow(major, _MAJOR_TEXT_HEIGHTS * height),
+        (analysis.characters - view.centre) / view.unit_px,
+        None if minor is None else regress_flow(minor, _MINOR_TEXT_HEIGHTS * height),
+        measured_points=major.points,
+    )
+    points = np.asarray(rulings.points * view.unit_px + view.centre, np.float64)
+    found = ruling_errors(points, np.asarray(rulings.angles, np.float64), truth)
+    return StripErrors(ruling_2d_deg=found.photo_deg, ruling_3d_deg=found.space_deg)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.residuals import (
+    RulingErrors,
     direction_error_deg,
     field_of_view_error_deg,
     fit_similarity,
@@ -130,11 +131,15 @@ def _exact_strips(truth: Truth, strips: int = 40) -> StripsSurface:
     )
 
 
+def _ruling_errors(surface: StripsSurface, truth: Truth) -> RulingErrors:
+    return ruling_errors(surface.points, surface.angles_rad, truth, surface.vanishing_points)
+
+
 @pytest.mark.parametrize("shape", [BOOK, CONE])
 def test_exact_strips_of_a_bent_page_have_no_errors(shape: Shape) -> None:
     truth = _curved_truth(shape)
     surface = _exact_strips(truth)
-    errors = ruling_errors(surface, truth)
+    errors = _ruling_errors(surface, truth)
     assert errors.photo_deg < 1e-6
     assert errors.space_deg < 1e-6
     points = truth.text_points(np.random.default_rng(0))
@@ -153,7 +158,7 @@ def test_rulings_turned_by_an_angle_are_wrong_by_it() -> None:
     truth = replace(_curved_truth(BOOK), pose=Pose(translation=(0.0, 0.0, 7.0)))
     exact = _exact_strips(truth)
     turned = replace(exact, angles_rad=exact.angles_rad + np.radians([3.0, -3.0] * 20 + [3.0]))
-    assert ruling_errors(turned, truth).photo_deg == pytest.approx(3.0, abs=1e-6)
+    assert _ruling_errors(turned, truth).photo_deg == pytest.approx(3.0, abs=1e-6)
 
 
 def test_vanishing_points_are_judged_as_rays_of_the_true_camera() -> None:
@@ -167,9 +172,21 @@ def test_vanishing_points_are_judged_as_rays_of_the_true_camera() -> None:
     aside /= np.linalg.norm(aside)
     leaning = np.cos(np.radians(5.0)) * direction + np.sin(np.radians(5.0)) * aside
     vanishing_points = np.tile(-7.0 * calibration @ leaning, (41, 1))
-    errors = ruling_errors(replace(exact, vanishing_points=vanishing_points), truth)
+    errors = _ruling_errors(replace(exact, vanishing_points=vanishing_points), truth)
     assert errors.space_deg == pytest.approx(5.0, abs=1e-6)
     assert errors.photo_deg < 1e-6
+
+
+def test_unknown_vanishing_points_are_left_out() -> None:
+    truth = _curved_truth(BOOK)
+    exact = _exact_strips(truth)
+    some = exact.vanishing_points.copy()
+    some[::2] = np.nan
+    errors = ruling_errors(exact.points, exact.angles_rad, truth, some)
+    assert errors.space_deg < 1e-6
+    none = ruling_errors(exact.points, exact.angles_rad, truth)
+    assert none.photo_deg < 1e-6
+    assert np.isnan(none.space_deg)
 
 
 def test_normals_turned_by_an_angle_are_wrong_by_it() -> None:
@@ -209,8 +226,8 @@ def test_rulings_beside_the_text_are_not_judged() -> None:
     beside = replace(
         exact, points=np.zeros((41, 2)), angles_rad=np.full(41, np.pi / 2), normals=exact.normals
     )
-    assert np.isnan(ruling_errors(beside, truth).photo_deg)
-    assert np.isnan(ruling_errors(exact, TRUTH).space_deg), "a page without words"
+    assert np.isnan(_ruling_errors(beside, truth).photo_deg)
+    assert np.isnan(_ruling_errors(exact, TRUTH).space_deg), "a page without words"
 
 
 def test_direction_error_is_modulo_pi() -> None:

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -10,10 +9,11 @@ import pytest
 
 from benchmarks import rectify_photos, rectify_simulated, rectify_speed
 from benchmarks.cases import EXPERIMENTS, Case, all_cases
+from benchmarks.figures import StripErrors
 from benchmarks.reading import Reading
 from benchmarks.rectify_simulated import Bench, Options, run_case
 from benchmarks.stopwatch import Usage
-from benchmarks.subject import FlowErrors, measure_flows
+from benchmarks.subject import FlowErrors, Flows, measure_flows, measure_steps
 from benchmarks.true_map import flatten_by_truth, flatten_in_frame
 from services.errors import NoText
 from services.rectify.results import (
@@ -59,6 +59,14 @@ def _small_photo(page: Page, shape: Shape = PLANE) -> SimulatedPhoto:
     return photograph(page, POSES[0], 0.0, shape, size=(525, 675))
 
 
+def _fix_flows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        rectify_simulated,
+        "measure_steps",
+        lambda image, truth, points, *, curved: (FlowErrors(0.1, 0.2), StripErrors(ruling_2d_deg=0.3)),
+    )
+
+
 def _case(page: Page, experiment: str = "planar") -> Case:
     return all_cases(EXPERIMENTS[experiment], (page.name,), degraded=False)[0]
 
@@ -100,7 +108,7 @@ def test_a_perfect_rectification_has_no_errors(
     photo = _small_photo(page)
     monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: photo)
     monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: _perfect(photo))
-    monkeypatch.setattr(rectify_simulated, "measure_flows", lambda image, truth, points: FlowErrors(0.1, 0.2))
+    _fix_flows(monkeypatch)
     case = _case(page)
     figures = run_case(case, bench)
     assert figures.classified
@@ -123,7 +131,7 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
     photo = _small_photo(page, BOOK)
     monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: photo)
     monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: _perfect(photo))
-    monkeypatch.setattr(rectify_simulated, "measure_flows", lambda image, truth, points: FlowErrors(0.1, 0.2))
+    _fix_flows(monkeypatch)
     case = _case(page, "curved")
     figures = run_case(case, bench)
     assert figures.classified
@@ -178,17 +186,30 @@ def test_the_true_map_in_our_frame_shows_what_we_show(page: Page) -> None:
     assert flatten_in_frame(photo.image, photo.truth, beside) is None
 
 
-def test_flows_are_compared_with_the_truth(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    photo = _small_photo(page)
-    truth, turn = photo.truth, np.radians(2.0)
-    fields = SimpleNamespace(
-        major_field=SimpleNamespace(at=lambda points: truth.major_flow(points) + turn),
-        minor_field=SimpleNamespace(at=lambda points: truth.minor_flow(points) - 2 * turn),
+def test_flows_are_compared_with_the_truth(page: Page) -> None:
+    truth, turn = _small_photo(page).truth, np.radians(2.0)
+    points = truth.text_points(np.random.default_rng(0))
+    flows = Flows(
+        lambda points: truth.major_flow(points) + turn, lambda points: truth.minor_flow(points) - 2 * turn
     )
-    monkeypatch.setattr("benchmarks.subject.analyse_photo", lambda image: fields)
-    errors = measure_flows(photo.image, truth, truth.text_points(np.random.default_rng(0)))
+    errors = measure_flows(flows, truth, points)
     assert errors.major_deg == pytest.approx(2.0)
     assert errors.minor_deg == pytest.approx(4.0)
+    assert np.isnan(measure_flows(replace(flows, minor=None), truth, points).minor_deg)
+    assert np.isnan(measure_flows(flows, truth, points[:0]).major_deg)
+
+
+def test_the_steps_of_a_bent_page_are_measured(page: Page) -> None:
+    photo = photograph(page, POSES[0], 0.0, BOOK, size=(1050, 1350))
+    points = photo.truth.text_points(np.random.default_rng(0))
+    flows, strips = measure_steps(photo.image, photo.truth, points, curved=True)
+    # Small print: far from what full-size photos show, but no accident.
+    assert flows.major_deg < 3
+    assert flows.minor_deg < 3
+    assert strips.ruling_2d_deg < 6
+    flat_flows, none = measure_steps(photo.image, photo.truth, points, curved=False)
+    assert flat_flows.major_deg != flows.major_deg
+    assert np.isnan(none.ruling_2d_deg)
 
 
 def test_a_real_photo_is_read_by_every_method(
