@@ -19,12 +19,13 @@ from services.rectify.planar import PhotoFrame
 from services.rectify.results import RectifyResult
 from services.rulings.flow_regression import regress_flow
 from services.rulings.projected import detect_projected_rulings
+from services.strips.flow_interpolation import interpolate_flow
 from services.texture_flow.field import FlowSamples
 from simulation.flat_page import Points
 from simulation.truth import Truth
 
 _MAJOR_TEXT_HEIGHTS, _MINOR_TEXT_HEIGHTS = 4.0, 6.0
-"""Reach of the local regression of the flows of curved pages."""
+"""Reach of the local regression of the flows that rulings are detected in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,17 +93,13 @@ def flat_flows(analysis: PageAnalysis) -> Flows:
 
 
 def curved_flows(analysis: PageAnalysis, view: PhotoFrame) -> Flows:
-    """The flows that rulings are seen by: the dense fields would flatten the page's bends."""
-    height = analysis.text_height_px / view.unit_px
+    """Both flows between their samples: the dense fields would flatten the page's bends."""
 
-    def in_photo(samples: FlowSamples, text_heights: float) -> Callable[[Points], Vector]:
-        flow = regress_flow(view.to_centred(samples), text_heights * height)
-        return lambda points: flow((points - view.centre) / view.unit_px)
+    def in_photo(samples: FlowSamples | None) -> Callable[[Points], Vector] | None:
+        flow = None if samples is None else interpolate_flow(view.to_centred(samples))
+        return None if flow is None else lambda points: flow.at((points - view.centre) / view.unit_px)
 
-    return Flows(
-        in_photo(analysis.major, _MAJOR_TEXT_HEIGHTS),
-        in_photo(analysis.minor, _MINOR_TEXT_HEIGHTS) if analysis.minor else None,
-    )
+    return Flows(in_photo(analysis.major) or analysis.major_field.at, in_photo(analysis.minor))
 
 
 def measure_flows(flows: Flows, truth: Truth, points: Points) -> FlowErrors:
