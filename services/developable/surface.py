@@ -22,6 +22,8 @@ from services.arrays import Floats, Points, Vector
 NODES = 160
 """Nodes along the a-axis; the trapezoidal rule is then good to 1e-5 of the page at any bend that a page takes."""
 
+LEAST_SIGHT = 0.02
+"""Cosine between normal and line of sight at which the sheet is taken to turn away."""
 MIN_GROWTH = 0.1
 """Rulings nearer to one another than this share of their distance on the a-axis are taken to cross."""
 
@@ -98,6 +100,8 @@ class DevelopableSurface:
     """Directions (n, 3) of the a-axis."""
     N: Floats = field(init=False)
     """Unit normals (n, 3) along the rulings, away from the viewer."""
+    front: tuple[int, int] = field(init=False)
+    """First and last of the nodes round s = 0 that face the camera; beyond, the sheet hides itself."""
     R: Floats = field(init=False)
     """Ruling vectors (n, 3), one unit of b long in b."""
 
@@ -120,9 +124,16 @@ class DevelopableSurface:
         at_origin = P[origin] - s[origin] * A[origin]
         P += np.array([*self.anchor, self.focal]) - at_origin
         w = self.slope(s)[:, None]
+        N = frames[:, :, 2]
+        facing = np.einsum("ij,ij->i", N, P) > LEAST_SIGHT * np.linalg.norm(P, axis=1)
+        hidden = np.flatnonzero(~facing)
+        first = int(hidden[hidden < origin].max(initial=-1)) + 1
+        last = int(hidden[hidden > origin].min(initial=len(s))) - 1
+        first, last = min(first, origin - 1, len(s) - 2), max(last, origin + 1, 1)
+        object.__setattr__(self, "front", (max(first, 0), min(last, len(s) - 1)))
         object.__setattr__(self, "P", P)
         object.__setattr__(self, "A", A)
-        object.__setattr__(self, "N", frames[:, :, 2])
+        object.__setattr__(self, "N", N)
         object.__setattr__(self, "R", w * A + frames[:, :, 1])
 
     def slope(self, s: Vector) -> Vector:
@@ -186,11 +197,13 @@ class DevelopableSurface:
         d = np.column_stack([centred, np.full(len(centred), self.focal)])
         nodes = self.basis.nodes
         step = float(nodes[1] - nodes[0])
-        moment = np.cross(self.P, self.R)
-        rate = np.cross(self.A, self.R) + np.cross(self.P, self.slope_rate(nodes)[:, None] * self.A)
+        front = slice(self.front[0], self.front[1] + 1)
+        P, A, R = self.P[front], self.A[front], self.R[front]
+        moment = np.cross(P, R)
+        rate = np.cross(A, R) + np.cross(P, self.slope_rate(nodes[front])[:, None] * A)
         # Not `@`: BLAS is twenty times slower on an inner dimension of 3.
         side = np.einsum("ij,jk->ik", d, np.ascontiguousarray(moment.T))
-        left = np.clip((side * np.sign(rate @ d.mean(axis=0)).mean() < 0).sum(axis=1) - 1, 0, len(nodes) - 2)
+        left = np.clip((side * np.sign(rate @ d.mean(axis=0)).mean() < 0).sum(axis=1) - 1, 0, len(P) - 2)
         n = np.arange(len(d))
         y0, y1 = side[n, left], side[n, left + 1]
         m0, m1 = step * np.einsum("ij,ij->i", d, rate[left]), step * np.einsum("ij,ij->i", d, rate[left + 1])
@@ -200,7 +213,7 @@ class DevelopableSurface:
             value = y0 + x * (m0 + x * (c2 + x * c3))
             x = x - value / _away_from_zero(m0 + x * (2 * c2 + 3 * x * c3))
         # Beyond the table the last span goes on; the surface is straight there.
-        s = nodes[left] + step * np.clip(x, -50.0, 50.0)
+        s = nodes[front][left] + step * np.clip(x, -50.0, 50.0)
         P, R = self.line_at(s)
         dR, dP = np.cross(d, R), np.cross(d, P)
         t = -np.einsum("ij,ij->i", dR, dP) / np.maximum(np.einsum("ij,ij->i", dR, dR), 1e-300)
