@@ -66,7 +66,7 @@ class CurvedPage:
     """RMS deviation, in text heights, of the text lines from straight ones on the surface, without the residual."""
     notices: tuple[Notice, ...]
 
-    def strips(self, view: PhotoFrame, characters: Points, count: int = 24) -> StripsSurface:
+    def strips(self, view: PhotoFrame, characters: Points, count: int = 40) -> StripsSurface:
         """The surface as `count` planar strips between rulings that cover the `characters` (N, 2), photo pixels."""
         surface = self.surface
         sheet = surface.to_sheet(surface.to_page((characters - view.centre) / view.unit_px))

@@ -60,66 +60,69 @@ class FlowField:
 
 
 def smooth_samples(
-    samples: FlowSamples, shape: tuple[int, int], spacing_px: float, sigma_px: float
+    samples: FlowSamples, shape: tuple[int, int], spacing_px: float, sigma_px: float, order: int = 1
 ) -> FlowField:
-    """Dense field over an image of `shape` (rows, columns) by local linear regression of the samples.
+    """Dense field over an image of `shape` (rows, columns) by local polynomial regression of the samples.
 
-    At every node the doubled angles are fitted by a plane with Gaussian weights (sigma `sigma_px`) times
-    the samples' own; a little of the far field keeps nodes without near samples defined (extrapolation).
+    At every node the doubled angles are fitted by a plane (`order` 1) or a quadric (2: follows a bent page, and is
+    rougher) with Gaussian weights (sigma `sigma_px`) times the samples' own; a little of the far field keeps nodes
+    without near samples defined (extrapolation).
     """
     rows = max(int(np.ceil(shape[0] / spacing_px)) + 1, 2)
     columns = max(int(np.ceil(shape[1] / spacing_px)) + 1, 2)
     axis_x, axis_y = np.arange(columns) * spacing_px, np.arange(rows) * spacing_px
-    # The Gaussian separates: moments of the samples are gathered by two small matrix products.
-    gx = np.exp(-0.5 * ((axis_x[:, None] - samples.points[:, 0]) / sigma_px) ** 2)
-    gy = np.exp(-0.5 * ((axis_y[:, None] - samples.points[:, 1]) / sigma_px) ** 2)
-    far_x = np.exp(-0.5 * ((axis_x[:, None] - samples.points[:, 0]) / (5 * sigma_px)) ** 2) + 1e-6
-    far_y = np.exp(-0.5 * ((axis_y[:, None] - samples.points[:, 1]) / (5 * sigma_px)) ** 2) + 1e-6
-    value = np.stack([np.cos(2 * samples.angles), np.sin(2 * samples.angles)], axis=1)
+    # The Gaussian separates: moments of the samples are gathered by small matrix products.
     dx = (axis_x[:, None] - samples.points[:, 0]) / sigma_px
     dy = (axis_y[:, None] - samples.points[:, 1]) / sigma_px
+    gx, gy = np.exp(-0.5 * dx**2), np.exp(-0.5 * dy**2)
+    far_x, far_y = np.exp(-0.5 * (dx / 5) ** 2) + 1e-6, np.exp(-0.5 * (dy / 5) ** 2) + 1e-6
+    value = np.stack([np.cos(2 * samples.angles), np.sin(2 * samples.angles)], axis=1)
     w = samples.weights
 
     def moment(fx: Floats, fy: Floats, v: Vector) -> Floats:
         return np.asarray((fy * v) @ fx.T)
 
-    near = [moment(gx, gy, w), moment(gx * dx, gy, w), moment(gx, gy * dy, w)]
-    second = [moment(gx * dx * dx, gy, w), moment(gx * dx, gy * dy, w), moment(gx, gy * dy * dy, w)]
-    normal = np.empty((rows, columns, 3, 3))
-    normal[..., 0, 0], normal[..., 0, 1], normal[..., 0, 2] = near
-    normal[..., 1, 1], normal[..., 1, 2], normal[..., 2, 2] = second
-    normal[..., 1, 0], normal[..., 2, 0], normal[..., 2, 1] = near[1], near[2], second[1]
-    far_weight = np.maximum(moment(far_x, far_y, w), 1e-12)  # no samples at all: direction 0
-    far = np.stack([moment(far_x, far_y, w * value[:, k]) / far_weight for k in (0, 1)], axis=-1)
+    terms = [(i, j) for total in range(order + 1) for i in range(total, -1, -1) for j in [total - i]]
+    powers_x = [gx * dx**i for i in range(2 * order + 1)]
+    powers_y = [gy * dy**j for j in range(2 * order + 1)]
+    second = {
+        (i, j): moment(powers_x[i], powers_y[j], w)
+        for i in range(2 * order + 1)
+        for j in range(2 * order + 1 - i)
+    }
+    normal = np.empty((rows, columns, len(terms), len(terms)))
+    for m, (i, j) in enumerate(terms):
+        for n, (k, q) in enumerate(terms):
+            normal[..., m, n] = second[i + k, j + q]
     right = np.stack(
-        [
-            np.stack([moment(gx, gy, w * v), moment(gx * dx, gy, w * v), moment(gx, gy * dy, w * v)], axis=-1)
-            for v in value.T
-        ],
+        [np.stack([moment(powers_x[i], powers_y[j], w * v) for i, j in terms], axis=-1) for v in value.T],
         axis=-1,
     )
+    far_weight = np.maximum(moment(far_x, far_y, w), 1e-12)  # no samples at all: direction 0
+    far = np.stack([moment(far_x, far_y, w * value[:, k]) / far_weight for k in (0, 1)], axis=-1)
     # The far field enters as a weak observation of the value, zero as a weak one of the slopes.
     floor = 0.02 * float(np.median(w)) if len(w) else 1.0
     normal[..., 0, 0] += floor
     right[..., 0, :] += floor * far
-    normal[..., 1, 1] += 0.03 * near[0] + floor
-    normal[..., 2, 2] += 0.03 * near[0] + floor
+    damping = {1: 0.03, 2: 0.003}[order]
+    for m in range(1, len(terms)):
+        normal[..., m, m] += damping * second[0, 0] + floor
     doubled = np.linalg.solve(normal, right)[..., 0, :]
     return FlowField(doubled, (0.0, 0.0), spacing_px)
 
 
 def reject_outliers(
-    samples: FlowSamples, sigma_px: float, shape: tuple[int, int], limit_rad: float
+    samples: FlowSamples, sigma_px: float, shape: tuple[int, int], limit_rad: float, order: int = 1
 ) -> FlowSamples:
     """Coherence check (2.3.2): drop samples that differ from the average of their neighbours by more.
 
-    The limit tightens to 4 robust standard deviations where the samples agree better than `limit_rad`.
+    The limit tightens to 5 robust standard deviations where the samples agree better than `limit_rad`.
     """
     for _ in range(2):
-        field = smooth_samples(samples, shape, sigma_px / 1.5, sigma_px)
+        field = smooth_samples(samples, shape, sigma_px / 1.5, sigma_px, order)
         deviation = np.abs(angle_difference(samples.angles, field.at(samples.points)))
         spread = 1.4826 * float(np.median(deviation)) if len(samples) else 0.0
-        limit = float(np.clip(4 * spread, limit_rad / 10, limit_rad))
+        limit = float(np.clip(5 * spread, limit_rad / 8, limit_rad))
         samples = samples.select(deviation <= limit)
     return samples
 

@@ -10,6 +10,7 @@ from services.arrays import Points, Vector
 from services.texture_flow.field import (
     FlowField,
     FlowSamples,
+    angle_difference,
     reject_outliers,
     smooth_samples,
 )
@@ -45,10 +46,18 @@ class MajorFlowParameters:
     """Samples a text height, so that work does not grow with the size of the print; along the lines few are enough."""
     strips: int = 12
     remeasure_slope: float = np.tan(np.deg2rad(3.0))
+    remeasure_rad: float = np.deg2rad(1.5)
+    wide_range_rad: float = np.deg2rad(15.0)
+    """For windows measured again: at a bent page's edge, lines turn by 20 degrees within a window's width."""
+    repeats: int = 2
     outlier_rad: float = np.deg2rad(8.0)
     max_samples: int = 600
     """Bound on the fine samples: the blocks grow until there are no more."""
     smoothing: float = 6.0
+    """Of the field that neighbours are judged by."""
+    field_smoothing: float = 4.0
+    field_spacing: float = 2.0
+    """Of the dense field, which follows a bent page to second order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,25 +148,35 @@ def refine_major_flow(
     along, across = unit / p.along_sampling, unit / p.across_sampling
     columns = int(p.fine_window[0] * unit / along / p.strips) * p.strips
     slopes = np.tan(np.arange(-p.fine_range_rad, p.fine_range_rad + 1e-9, p.fine_step_rad))
-    margin = int(np.ceil(columns / 2 * abs(slopes[0]) * along / across)) + 4
-    window = _Window(
-        along, across, int(p.fine_window[1] * unit / across) + 2 * margin, columns, margin, p.strips
-    )
+    wide_slopes = np.tan(np.arange(-p.wide_range_rad, p.wide_range_rad + 1e-9, p.fine_step_rad))
+
+    def window_for(slopes: Vector) -> _Window:
+        margin = int(np.ceil(columns / 2 * abs(slopes[0]) * along / across)) + 4
+        rows = int(p.fine_window[1] * unit / across) + 2 * margin
+        return _Window(along, across, rows, columns, margin, p.strips)
+
     ink = text.ink.astype(np.float32)
     theta = field.at(centres)
-    slope, inner, weight = _measure_slopes(ink, centres, theta, slopes, window)
-    # Where the coarse field was off, the window is turned by what was found and measured once more.
-    far = np.abs(slope) > p.remeasure_slope
-    if far.any():
+    slope, inner, weight = _measure_slopes(ink, centres, theta, slopes, window_for(slopes))
+    # Where the coarse field was off, the window is turned by what its neighbours found and measured once more.
+    for _ in range(p.repeats):
         samples = _fine_samples(centres, theta, slope, np.where(inner, weight, 0.0))
-        samples = reject_outliers(samples, sigma, shape, p.outlier_rad)
-        if len(samples):
-            theta[far] = smooth_samples(samples, shape, p.fine_block * unit, sigma).at(centres[far])
-            again = _measure_slopes(ink, centres[far], theta[far], slopes, window)
-            slope[far], inner[far], weight[far] = again
+        samples = reject_outliers(samples, sigma, shape, p.outlier_rad, order=2)
+        if not len(samples):
+            break
+        dense = smooth_samples(samples, shape, p.field_spacing * unit, p.field_smoothing * unit, order=2)
+        expected = dense.at(centres)
+        found = theta + np.arctan(slope)
+        off = np.abs(angle_difference(found, expected)) > p.remeasure_rad
+        again = (np.abs(slope) > p.remeasure_slope) | off | ~inner
+        if not again.any():
+            break
+        theta[again] = expected[again]
+        measured = _measure_slopes(ink, centres[again], theta[again], wide_slopes, window_for(wide_slopes))
+        slope[again], inner[again], weight[again] = measured
     samples = _fine_samples(centres, theta, slope, np.where(inner, weight, 0.0))
-    samples = reject_outliers(samples, sigma, shape, p.outlier_rad)
-    field = smooth_samples(samples, shape, p.fine_block * unit, sigma)
+    samples = reject_outliers(samples, sigma, shape, p.outlier_rad, order=2)
+    field = smooth_samples(samples, shape, p.field_spacing * unit, p.field_smoothing * unit, order=2)
     return MajorFlow(samples, field)
 
 
