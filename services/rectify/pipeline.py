@@ -15,6 +15,7 @@ from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
 from services.rectify.curved import CurvedPage, estimate_curved_page, trace_page
 from services.rectify.curved_framing import CurvedFrame, frame_curved_page
 from services.rectify.drawing import draw_flat_view, draw_gray_view
+from services.rectify.edge_cropping import crop_to_sheet
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.line_tracing import line_deviation
 from services.rectify.orientation import estimate_orientation
@@ -85,7 +86,7 @@ def rectify(
     notices = list(page.notices)
     with clock.stage("framing"):
         outline = page.analysis.paper.outline(page.analysis.characters)
-        frame = frame_photo(photo, page, outline)
+        frame = crop_to_sheet(photo, frame_photo(photo, page, outline), page.analysis, outline)
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):

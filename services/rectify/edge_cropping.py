@@ -1,0 +1,71 @@
+"""Cropping of a view to the sheet's edges that show only once the page is flat."""
+
+import numpy as np
+
+from services.arrays import Mask, Points, RgbImage
+from services.geometry.homographies import transform_points, translation
+from services.imaging.paper import certain_sheet
+from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
+from services.rectify.analysis import PageAnalysis
+from services.rectify.curved_framing import CurvedFrame
+from services.rectify.drawing import draw_flat_view
+from services.rectify.framing import FlatFrame, resize_frame
+
+LONG_SIDE_PX = 700
+"""Of the view in which edges are looked for."""
+GRID_STEP_PX = 8
+"""What the photo shows is told on every eighth pixel."""
+
+
+def crop_to_sheet(
+    photo: RgbImage, frame: FlatFrame | CurvedFrame, analysis: PageAnalysis, outline: Points | None
+) -> FlatFrame | CurvedFrame:
+    """`frame` without what it shows beyond the certain edges of the sheet.
+
+    A flat sheet whose `outline` (N, 2) in the photo shows it whole is framed already: what lines there are on it are
+    its own.
+    """
+    if outline is not None and isinstance(frame, FlatFrame) and certain_sheet(outline) is not None:
+        return frame
+    factor = min(1.0, LONG_SIDE_PX / max(frame.width, frame.height))
+    small = resize_frame(frame, factor)
+    edges = find_sheet_edges(
+        draw_flat_view(photo, small),
+        _to_flat(small, analysis.characters),
+        analysis.text_height_px * factor,
+        _shown(small, photo.shape[1], photo.shape[0]),
+    )
+    return crop_frame(frame, edges, factor)
+
+
+def crop_frame(
+    frame: FlatFrame | CurvedFrame, edges: SheetEdges, factor: float = 1.0
+) -> FlatFrame | CurvedFrame:
+    """`frame` cropped to `edges`, which are in pixels of the frame resized by `factor`."""
+
+    def side(edge: float | None, otherwise: int, limit: int) -> int:
+        return otherwise if edge is None else int(np.clip(round((edge + 0.5) / factor - 0.5), 0, limit))
+
+    left, top = side(edges.left, 0, frame.width - 1), side(edges.top, 0, frame.height - 1)
+    right = side(edges.right, frame.width - 1, frame.width - 1)
+    bottom = side(edges.bottom, frame.height - 1, frame.height - 1)
+    if right <= left or bottom <= top:
+        return frame
+    return frame.through(translation(float(left), float(top)), right - left + 1, bottom - top + 1)
+
+
+def _to_flat(frame: FlatFrame | CurvedFrame, photo: Points) -> Points:
+    if isinstance(frame, FlatFrame):
+        return transform_points(np.linalg.inv(frame.H_photo_flat), photo)
+    return frame.to_flat(photo)
+
+
+def _shown(frame: FlatFrame | CurvedFrame, width: int, height: int) -> Mask:
+    """Pixels (H, W) of the frame that lie well within a photo of `width` x `height`, to a grid step."""
+    x, y = np.arange(0, frame.width, GRID_STEP_PX), np.arange(0, frame.height, GRID_STEP_PX)
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float64) + 0.5 * (GRID_STEP_PX - 1)
+    seen = frame.to_photo(grid)
+    with np.errstate(invalid="ignore"):
+        inside = ((seen >= 1) & (seen <= np.array([width, height]) - 2)).all(axis=1).reshape(len(y), len(x))
+    cells = np.ones((GRID_STEP_PX, GRID_STEP_PX), bool)
+    return np.asarray(np.kron(inside, cells)[: frame.height, : frame.width])
