@@ -7,7 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.figures import StripErrors
-from benchmarks.residuals import direction_error_deg, ruling_errors
+from benchmarks.residuals import (
+    direction_error_deg,
+    field_of_view_error_deg,
+    normal_error_deg,
+    normals_at,
+    ruling_errors,
+)
 from services.arrays import RgbImage, Vector
 from services.imaging.codec import ImageLimits, decode_image
 from services.ocr.engine import OcrEngine
@@ -15,11 +21,15 @@ from services.operations import EncodingOptions, rectify_upload
 from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
-from services.rectify.planar import PhotoFrame
-from services.rectify.results import RectifyResult
+from services.rectify.planar import PhotoFrame, typical_focal_prior
+from services.rectify.results import RectifyResult, StripsSurface
 from services.rulings.flow_regression import regress_flow
 from services.rulings.projected import detect_projected_rulings
+from services.rulings.results import RulingVanishingPoints
+from services.strips.evidence import gather_evidence
 from services.strips.flow_interpolation import interpolate_flow
+from services.strips.initial import FocalKnowledge
+from services.strips.shape import estimate_strip_shape
 from services.texture_flow.field import FlowSamples
 from simulation.flat_page import Points
 from simulation.truth import Truth
@@ -74,9 +84,8 @@ def measure_steps(
     analysis = analyse_photo(photo)
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     flows = curved_flows(analysis, view) if curved else flat_flows(analysis)
-    return measure_flows(flows, truth, points), measure_strips(
-        analysis, view, truth
-    ) if curved else StripErrors()
+    strips = measure_strips(analysis, view, truth, points) if curved else StripErrors()
+    return measure_flows(flows, truth, points), strips
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,17 +121,43 @@ def measure_flows(flows: Flows, truth: Truth, points: Points) -> FlowErrors:
     return FlowErrors(major, direction_error_deg(flows.minor(points), truth.minor_flow(points)))
 
 
-def measure_strips(analysis: PageAnalysis, view: PhotoFrame, truth: Truth) -> StripErrors:
-    """The dissertation's way from the flows to rulings (3.3.3)."""
+def measure_strips(analysis: PageAnalysis, view: PhotoFrame, truth: Truth, points: Points) -> StripErrors:
+    """The dissertation's way from the flows to rulings (3.3.3) and to the shape of the strips between (3.3.5).
+
+    The vanishing points of the rulings (3.3.4) are not estimated: the optimisation does without them, and its
+    first estimate, which stands on them, is not judged.
+    """
     height = analysis.text_height_px / view.unit_px
     major = view.to_centred(analysis.major)
     minor = None if analysis.minor is None else view.to_centred(analysis.minor)
+    characters = (analysis.characters - view.centre) / view.unit_px
     rulings = detect_projected_rulings(
         regress_flow(major, _MAJOR_TEXT_HEIGHTS * height),
-        (analysis.characters - view.centre) / view.unit_px,
+        characters,
         None if minor is None else regress_flow(minor, _MINOR_TEXT_HEIGHTS * height),
         measured_points=major.points,
     )
-    points = np.asarray(rulings.points * view.unit_px + view.centre, np.float64)
-    found = ruling_errors(points, np.asarray(rulings.angles, np.float64), truth)
-    return StripErrors(ruling_2d_deg=found.photo_deg, ruling_3d_deg=found.space_deg)
+    ruling_points = np.asarray(rulings.points * view.unit_px + view.centre, np.float64)
+    found = ruling_errors(ruling_points, np.asarray(rulings.angles, np.float64), truth)
+    flow = interpolate_flow(major)
+    if flow is None:
+        return StripErrors(ruling_2d_deg=found.photo_deg)
+    unknown = RulingVanishingPoints(
+        np.tile([0.0, 1.0, 0.0], (len(rulings), 1)), np.full(len(rulings), np.inf)
+    )
+    across = None if minor is None else interpolate_flow(minor)
+    evidence = gather_evidence(rulings, unknown, flow, across, characters)
+    prior = typical_focal_prior()
+    shape = estimate_strip_shape(evidence, FocalKnowledge(prior.log_focal, prior.deviation))
+    surface = StripsSurface(
+        np.asarray(shape.normals, np.float64),
+        np.asarray(shape.reference_points * view.unit_px + view.centre, np.float64),
+        np.asarray(shape.ruling_angles, np.float64),
+        np.asarray(shape.vanishing_points, np.float64),
+    )
+    normals = normals_at(surface, points)
+    return StripErrors(
+        ruling_2d_deg=found.photo_deg,
+        fov_deg=field_of_view_error_deg(shape.focal * view.unit_px, truth),
+        normal_deg=float("nan") if normals is None else normal_error_deg(normals, truth, points),
+    )
