@@ -83,16 +83,14 @@ def _planes_of_sight(directions: Floats, points: Floats, focal: float) -> Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Term:
-    """Residuals (R,) of a constraint, each of at most two strips, `left` and `right` (R,).
+    """Residuals (R,) of a constraint, each of S neighbouring `strips` (R, S).
 
-    `by_left`, `by_right` (R, 3) are the derivatives by these strips' normals, `by_focal` (R,) that by f.
+    `by_normals` (R, S, 3) are the derivatives by these strips' normals, `by_focal` (R,) that by f.
     """
 
     residuals: Vector
-    left: NDArray[np.intp]
-    by_left: Floats
-    right: NDArray[np.intp]
-    by_right: Floats
+    strips: NDArray[np.intp]
+    by_normals: Floats
     by_focal: Vector
 
 
@@ -153,9 +151,8 @@ def parallelism(vectors: StripVectors, weights: Floats, deviation: float) -> Ter
     residuals = scale * (major.T - mean.T[:, None])
     by_normal = scale[..., None] * (major.by_normal - mean.by_normal[:, None])
     by_focal = scale * (major.by_focal - mean.by_focal[:, None])
-    strips = np.repeat(np.arange(len(weights)), 3 * weights.shape[1])
-    by_strip = by_normal.reshape(-1, 3)
-    return Term(residuals.ravel(), strips, by_strip, strips, np.zeros_like(by_strip), by_focal.ravel())
+    strips = np.repeat(np.arange(len(weights)), 3 * weights.shape[1])[:, None]
+    return Term(residuals.ravel(), strips, by_normal.reshape(-1, 1, 3), by_focal.ravel())
 
 
 def geodesic(vectors: StripVectors, weights: Vector, deviation: float) -> Term:
@@ -175,28 +172,27 @@ def orthogonality(vectors: StripVectors, weights: Floats, deviation: float) -> T
     scale = np.sqrt(weights) / deviation
     by_normal = np.einsum("lja,ljab->ljb", T.T, B.by_normal) + np.einsum("lja,ljab->ljb", B.T, T.by_normal)
     by_focal = scale * (_dot(T.T, B.by_focal) + _dot(B.T, T.by_focal))
-    strips = np.repeat(np.arange(len(weights)), weights.shape[1])
-    by_strip = (scale[..., None] * by_normal).reshape(-1, 3)
-    residuals = (scale * _dot(T.T, B.T)).ravel()
-    return Term(residuals, strips, by_strip, strips, np.zeros_like(by_strip), by_focal.ravel())
+    strips = np.repeat(np.arange(len(weights)), weights.shape[1])[:, None]
+    by_normals = (scale[..., None] * by_normal).reshape(-1, 1, 3)
+    return Term((scale * _dot(T.T, B.T)).ravel(), strips, by_normals, by_focal.ravel())
 
 
 def smoothness(vectors: StripVectors, deviation: float) -> Term:
     """mu_5: N_i - N_{i-1} is small."""
     turn = np.diff(vectors.normals, axis=0)
-    left = np.repeat(np.arange(len(turn)), 3)
+    strips = np.repeat(np.arange(len(turn)), 3)[:, None] + np.arange(2)
     identity = np.tile(np.eye(3), (len(turn), 1)) / deviation
-    return Term(turn.ravel() / deviation, left, -identity, left + 1, identity, np.zeros(turn.size))
+    return Term(
+        turn.ravel() / deviation, strips, np.stack([-identity, identity], axis=1), np.zeros(turn.size)
+    )
 
 
 def unit_length(vectors: StripVectors, deviation: float) -> Term:
     """mu_6: |N_i| = 1."""
     length = np.linalg.norm(vectors.normals, axis=1)
-    strips = np.arange(len(length))
-    by_strip = vectors.normals / length[:, None] / deviation
-    return Term(
-        (length - 1) / deviation, strips, by_strip, strips, np.zeros_like(by_strip), np.zeros(len(length))
-    )
+    strips = np.arange(len(length))[:, None]
+    by_normals = (vectors.normals / length[:, None] / deviation)[:, None]
+    return Term((length - 1) / deviation, strips, by_normals, np.zeros(len(length)))
 
 
 def vanishing(vectors: StripVectors, evidence: StripEvidence, deviation: float) -> Term:
@@ -213,23 +209,18 @@ def vanishing(vectors: StripVectors, evidence: StripEvidence, deviation: float) 
     right = np.minimum(np.arange(len(v)), len(v) - 2)
     left = np.maximum(np.arange(len(v)) - 1, 0)
     middle = (vectors.normals[left] + vectors.normals[right]) / 2
-    half = scale[:, None] * D / 2
-    return Term(scale * _dot(middle, D), left, half, right, half, scale * _dot(middle, D_by_focal))
+    halves = np.repeat((scale[:, None] * D / 2)[:, None], 2, axis=1)
+    strips = np.stack([left, right], axis=1)
+    return Term(scale * _dot(middle, D), strips, halves, scale * _dot(middle, D_by_focal))
 
 
 def _between_strips(
     residuals: Vector, by_left: Floats, by_right: Floats, by_focal: Vector, scale: Vector | float
 ) -> Term:
-    left = np.arange(len(residuals))
     factor = np.broadcast_to(scale, residuals.shape)
-    return Term(
-        factor * residuals,
-        left,
-        factor[:, None] * by_left,
-        left + 1,
-        factor[:, None] * by_right,
-        factor * by_focal,
-    )
+    strips = np.arange(len(residuals))[:, None] + np.arange(2)
+    by_normals = factor[:, None, None] * np.stack([by_left, by_right], axis=1)
+    return Term(factor * residuals, strips, by_normals, factor * by_focal)
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

@@ -7,6 +7,7 @@ import numpy as np
 
 from services.arrays import Floats, Points, Vector
 from services.rulings.results import ProjectedRulings, RulingVanishingPoints
+from services.strips.coverage import cover_text
 
 _USUAL_WIDTH = 0.2
 """Of a single strip, whose neighbours do not tell it, in half diagonals."""
@@ -71,9 +72,10 @@ def gather_evidence(
 ) -> StripEvidence:
     """Flow samples on the centre line of every strip, as far as its `characters` (N, 2) reach.
 
-    On the centre line the strip's plane is the tangent plane of the surface, so that its samples have no
-    error of first order. A sample weighs by the characters near it and by the flow's support there. `minor` is None
-    where no strokes were found. Rulings may come in either order; the strips run to the right.
+    On the centre line the strip's plane is the tangent plane of the surface, so that its samples have no error of
+    first order. Rulings are continued to where the text ends (see `coverage`); they may come in either order, the
+    strips run to the right. A sample weighs by the characters near it and by the flow's support there. `minor` is
+    None where no strokes were found.
 
     Raises
     ------
@@ -82,6 +84,7 @@ def gather_evidence(
     """
     if len(rulings) < 2:
         raise ValueError("a strip needs two rulings")
+    rulings, vanishing_points = cover_text(rulings, vanishing_points, characters)
     along = _mean_axis(major.at(_spread(characters, rulings.points)))
     along = along if along[0] >= 0 else -along
     down = np.array([-along[1], along[0]])

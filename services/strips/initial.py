@@ -46,6 +46,10 @@ class InitialParameters:
     """Fine grid: this many steps on either side of the coarse angle, to just short of its neighbours."""
     max_slant_rad: float = float(np.radians(80.0))
     """Largest angle between a strip's normal and the line of sight that it is looked for at."""
+    slant_rad: float = 0.3
+    """The vanishing points together tell the rulings' slant to the image when their deviation is less."""
+    slants_rad: tuple[float, ...] = (-0.8, -0.4, 0.0, 0.4, 0.8)
+    """Slants to try where they do not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,15 +72,25 @@ def estimate_initial_shape(
     d, p = deviations or COARSE_DEVIATIONS, parameters or InitialParameters()
     known = float(np.exp(knowledge.log_focal))
     if knowledge.fixed:
-        normals, cost = search_normals(evidence, known, d, p)
+        found = [search_normals(evidence, known, d, p, slant) for slant in _slants(evidence, p)]
+        normals, cost = min(found, key=lambda one: one[1])
         return InitialShape(normals, known, np.array([known]), np.array([cost]))
     trials = np.geomspace(p.shortest_focal, p.longest_focal, p.focal_lengths)
-    found = [search_normals(evidence, float(f), d, p) for f in trials]
+    slants = _slants(evidence, p)
+    costs = [[search_normals(evidence, float(f), d, p, slant)[1] for slant in slants] for f in trials]
     prior = ((np.log(trials) - knowledge.log_focal) / knowledge.deviation) ** 2
-    objective = np.array([cost for _, cost in found]) + prior
-    focal = least_of_cubic(np.log(trials), objective)
-    normals, cost = search_normals(evidence, float(np.exp(focal)), d, p)
-    return InitialShape(normals, float(np.exp(focal)), trials, objective)
+    objective = np.array(costs) + prior[:, None]
+    best = slants[int(np.argmin(objective.min(axis=0)))]
+    objective = objective.min(axis=1)
+    focal = float(np.exp(least_of_cubic(np.log(trials), objective)))
+    normals, _ = search_normals(evidence, focal, d, p, best)
+    return InitialShape(normals, focal, trials, objective)
+
+
+def _slants(evidence: StripEvidence, p: InitialParameters) -> tuple[float, ...]:
+    """Common slants of the rulings to try: several where their vanishing points do not tell it."""
+    told = np.sum(1 / (p.slant_rad**2 + evidence.vanishing_deviations**2))
+    return (0.0,) if told * p.slant_rad**2 > 1 else p.slants_rad
 
 
 def least_of_cubic(x: Vector, y: Vector, reach: int = 2) -> float:
@@ -94,11 +108,14 @@ def least_of_cubic(x: Vector, y: Vector, reach: int = 2) -> float:
     return float(candidates[np.argmin(cubic(candidates))])
 
 
-def ruling_directions(evidence: StripEvidence, focal: float, deviations: Deviations) -> Floats:
+def ruling_directions(
+    evidence: StripEvidence, focal: float, deviations: Deviations, slant_rad: float = 0.0
+) -> Floats:
     """Unit directions (L + 1, 3) of the rulings in space, pointing down the page.
 
     A vanishing point gives the direction with its own deviation. Where there is none, or a poor one, neighbours
     do: directions change little and steadily across a developable surface. All lie in their ruling's plane of sight.
+    Where none has any, all go away from the viewer by `slant_rad`, downwards.
     """
     count = len(evidence.rulings)
     v = evidence.vanishing_points
@@ -122,16 +139,21 @@ def ruling_directions(evidence: StripEvidence, focal: float, deviations: Deviati
         matrix[:, axis, :, axis] = smooth
         matrix[index, axis, index, axis] += weight + weak
     matrix[index, :, index, :] += planes[:, :, None] * planes[:, None, :] / _RULING_RAD**2
-    right = weight[:, None] * seen + weak * unit(frontal)
+    slanted = np.cos(slant_rad) * unit(frontal) + np.sin(slant_rad) * sight
+    right = weight[:, None] * seen + weak * slanted
     solved = np.linalg.solve(matrix.reshape(3 * count, -1), right.ravel()).reshape(count, 3)
     return unit(solved)
 
 
 def search_normals(
-    evidence: StripEvidence, focal: float, deviations: Deviations, parameters: InitialParameters
+    evidence: StripEvidence,
+    focal: float,
+    deviations: Deviations,
+    parameters: InitialParameters,
+    slant_rad: float = 0.0,
 ) -> tuple[Floats, float]:
     """Normals (L, 3) orthogonal to the rulings that minimise the objective, and its value, by dynamic programming."""
-    R = ruling_directions(evidence, focal, deviations)
+    R = ruling_directions(evidence, focal, deviations, slant_rad)
     across = unit(R[1:] + R[:-1])
     middles = evidence.points.mean(axis=1)
     sight = unit(lines_of_sight(middles, focal))

@@ -44,8 +44,8 @@ class StripObjective:
     """Residuals of all constraints and their sparse Jacobian, as functions of x = (N_1, ..., N_L, log f).
 
     Normals are free 3-vectors that mu_6 keeps at unit length: on noisy strips this comes out as near the truth
-    as two angles per normal, in fewer iterations. A row of the Jacobian has the six columns of two neighbouring
-    normals and that of f, which is missing when `knowledge` fixes f.
+    as two angles per normal, in fewer iterations. A row of the Jacobian has the columns of one normal or of two
+    neighbouring ones, and that of f, which is missing when `knowledge` fixes f.
     """
 
     def __init__(
@@ -88,22 +88,23 @@ class StripObjective:
     def jacobian(self, x: Vector) -> csr_array:
         """Derivatives of `residuals`."""
         terms, _ = self._terms(x)
-        left, right = (np.concatenate([getattr(t, side) for t in terms]) for side in ("left", "right"))
-        values = np.stack(
-            [np.concatenate([t.by_left for t in terms]), np.concatenate([t.by_right for t in terms])], axis=1
-        )
-        columns = 3 * np.stack([left, right], axis=1)[:, :, None] + np.arange(3)
-        count = len(left)
-        rows = np.broadcast_to(np.arange(count)[:, None, None], columns.shape)
-        entries, at_row, at_column = values.ravel(), rows.ravel(), columns.ravel()
-        size = 3 * self._evidence.count
-        if self._knowledge.fixed:
-            return csr_array((entries, (at_row, at_column)), shape=(count, size))
-        by_log_focal = np.concatenate([t.by_focal for t in terms]) * self.unpack(x)[1]
-        entries = np.concatenate([entries, by_log_focal, [1 / self._knowledge.deviation]])
-        at_row = np.concatenate([at_row, np.arange(count + 1)])
-        at_column = np.concatenate([at_column, np.full(count + 1, size)])
-        return csr_array((entries, (at_row, at_column)), shape=(count + 1, size + 1))
+        count, size = sum(len(term.residuals) for term in terms), 3 * self._evidence.count
+        entries, at_row, at_column, first = [], [], [], 0
+        for term in terms:
+            columns = 3 * term.strips[:, :, None] + np.arange(3)
+            rows = np.arange(first, first + len(term.residuals))
+            entries.append(term.by_normals.ravel())
+            at_column.append(columns.ravel())
+            at_row.append(np.broadcast_to(rows[:, None, None], columns.shape).ravel())
+            first += len(rows)
+        if not self._knowledge.fixed:
+            by_log_focal = np.concatenate([term.by_focal for term in terms]) * self.unpack(x)[1]
+            entries.append(np.append(by_log_focal, 1 / self._knowledge.deviation))
+            at_row.append(np.arange(count + 1))
+            at_column.append(np.full(count + 1, size))
+            count, size = count + 1, size + 1
+        parts = (np.concatenate(entries), (np.concatenate(at_row), np.concatenate(at_column)))
+        return csr_array(parts, shape=(count, size))
 
     def robust_count(self, x: Vector) -> int:
         """How many residuals, the first ones, are measurements that may be wild."""

@@ -37,8 +37,8 @@ class ViewParameters:
     """How far the map goes beyond the text, on every side, in widths or heights of the text."""
     margin_columns: int = 6
     columns_per_strip: float = 1.5
-    least_cosine: float = 0.02
-    """Between a strip's normal and its line of sight; below, the strip would be seen from behind."""
+    least_cosine: float = 0.08
+    """Between a strip's normal and its line of sight: whatever is seen is seen from the front."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,23 +56,24 @@ class StripChain:
 
 
 def chain_strips(
-    evidence: StripEvidence, normals: Floats, focal: float, least_cosine: float = 0.02
+    evidence: StripEvidence, normals: Floats, focal: float, least_cosine: float = 0.08
 ) -> StripChain:
     """Homographies of all strips, each continuing the page where the one before it ends (3.3.6).
 
     The depth of P_1 is f, so that the page's unit is that of the photo there. P_{i+1} lies on its line of sight and on
     strip i: the 3 x 3 system of 3.3.6 in closed form.
     """
+    sight = lines_of_sight(evidence.reference_points, focal)
+    normals = facing(normals, unit(sight[1:] + sight[:-1]), least_cosine)
     T = unit(mean_major_flow(evidence, normals, focal))
     B = np.cross(normals, T)
-    sight = lines_of_sight(evidence.reference_points, focal)
     K = np.diag([focal, focal, 1.0])
     count = evidence.count
     P, page = np.zeros((count + 1, 3)), np.zeros((count + 1, 2))
     forward, backward = np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
     P[0] = sight[0]
     for i in range(count):
-        floor = least_cosine * np.linalg.norm(sight[i : i + 2], axis=1)
+        floor = least_cosine / 2 * np.linalg.norm(sight[i : i + 2], axis=1)
         here, there = np.maximum(sight[i : i + 2] @ normals[i], floor)
         P[i + 1] = sight[i + 1] * (here * P[i, 2] / focal / there)
         shift = np.array([[1.0, 0.0, -page[i, 0]], [0.0, 1.0, -page[i, 1]], [0.0, 0.0, 1.0]])
@@ -81,6 +82,14 @@ def chain_strips(
         step = P[i + 1] - P[i]
         page[i + 1] = page[i] + [step @ T[i], step @ B[i]]
     return StripChain(forward, backward, P, page)
+
+
+def facing(normals: Floats, sight: Floats, least_cosine: float) -> Floats:
+    """Unit `normals` (L, 3); those across or against their unit lines of `sight` (L, 3) are leant towards them."""
+    cosine = np.einsum("la,la->l", normals, sight)
+    aside = unit(normals - cosine[:, None] * sight)
+    leant = least_cosine * sight + np.sqrt(1 - least_cosine**2) * aside
+    return np.asarray(np.where((cosine < least_cosine)[:, None], unit(leant), normals))
 
 
 def mean_major_flow(evidence: StripEvidence, normals: Floats, focal: float) -> Floats:

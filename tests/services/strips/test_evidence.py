@@ -34,7 +34,7 @@ def gathered(turn: float = 0.0, backwards: bool = False, minor: bool = True) -> 
     points = (np.stack([np.linspace(-0.4, 0.4, 5), np.zeros(5)], axis=1) @ rotation)[order]
     rulings = ProjectedRulings(points, np.full(5, (np.pi / 2 + turn) % np.pi), np.zeros(5), np.ones(5, bool))
     vanishing = RulingVanishingPoints(np.tile([0.0, 1.0, 0.0], (5, 1)), np.arange(5.0)[order] + 1)
-    grid = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 30), np.linspace(-0.5, 0.0, 30)), axis=-1)
+    grid = np.stack(np.meshgrid(np.linspace(-0.39, 0.39, 30), np.linspace(-0.5, 0.0, 30)), axis=-1)
     return gather_evidence(
         rulings,
         vanishing,
