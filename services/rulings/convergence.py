@@ -14,7 +14,6 @@ lines is not, and its moments are plain sums.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from services.arrays import Floats, Points, Vector
@@ -23,40 +22,8 @@ Directions = Callable[[Points], Vector]
 """Directions (N,) rad of a flow at points (N, 2), in centred unit coordinates."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TextDensity:
-    """How much text there is: `values` (rows, columns) 0-1, node (r, c) at `origin` + `spacing` (c, r)."""
-
-    values: Floats
-    origin: Points
-    spacing: float
-
-    def at(self, points: Points) -> Floats:
-        """Density (...) at `points` (..., 2), zero outside."""
-        where = ((points - self.origin) / self.spacing).astype(np.float32).reshape(-1, 2)
-        # OpenCV looks up in an image: the list of points is folded into rows that it can take.
-        width = min(max(len(where), 1), 4096)
-        folded = np.pad(where, ((0, -len(where) % width), (0, 0))).reshape(-1, width, 2)
-        value = cv2.remap(
-            self.values.astype(np.float32),
-            folded[..., 0],
-            folded[..., 1],
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_CONSTANT,
-        )
-        return np.asarray(value.ravel()[: len(where)].reshape(points.shape[:-1]), np.float64)
-
-
-def measure_text_density(points: Points, spacing: float) -> TextDensity:
-    """Density of marks at `points` (N, 2), one where they are half as dense as is typical, or denser."""
-    low = points.min(axis=0) - 3 * spacing
-    cells = np.minimum(np.ceil((np.ptp(points, axis=0) + 6 * spacing) / spacing), 256).astype(int) + 1
-    at = np.clip(np.round((points - low) / spacing).astype(int), 0, cells - 1)
-    count = np.zeros((cells[1], cells[0]))
-    np.add.at(count, (at[:, 1], at[:, 0]), 1.0)
-    count = cv2.GaussianBlur(count, (0, 0), 1.0, borderType=cv2.BORDER_CONSTANT)
-    typical = float(np.median(count[at[:, 1], at[:, 0]]))
-    return TextDensity(np.clip(2 * count / max(typical, 1e-12), 0.0, 1.0), low, spacing)
+Weights = Callable[[Points], Vector]
+"""Weights (M,) at points (M, 2), in centred unit coordinates."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +44,7 @@ class Convergence:
 
 
 def measure_convergence(
-    flow: Directions, density: TextDensity, points: Points, angles: Floats, places: Vector
+    flow: Directions, weight_at: Weights, points: Points, angles: Floats, places: Vector
 ) -> Convergence:
     """Convergence of `flow` along the lines through `points` (N, 2) at `angles` (N, J), sampled at `places` (M,).
 
@@ -86,10 +53,11 @@ def measure_convergence(
     along = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     where = points[:, None, None, :] + along[:, :, None, :] * places[:, None]
     alpha = flow(where.reshape(-1, 2)).reshape(where.shape[:-1]) - angles[..., None]
-    w = np.where(np.isfinite(alpha), density.at(where), 0.0)
+    w = np.where(np.isfinite(alpha), weight_at(where.reshape(-1, 2)).reshape(where.shape[:-1]), 0.0)
     alpha = np.where(np.isfinite(alpha), alpha, 0.0)
     s, c = np.sin(alpha), np.cos(alpha)
-    w_line, w_cot, w_square = w * s**4, w * s**3 * c, w * (s * c) ** 2
+    w_sine = w * s * s
+    w_line, w_cot, w_square = w_sine * s * s, w_sine * s * c, w_sine * c * c
     total = w.sum(axis=-1)
     m0, m1, m2 = w_line.sum(axis=-1), w_line @ places, w_line @ places**2
     t0, t1, q = w_cot.sum(axis=-1), w_cot @ places, w_square.sum(axis=-1)

@@ -5,25 +5,42 @@ rulings show - a plane over six text heights cuts off half of the bend: its erro
 samples. A quadratic surface over four text heights keeps the bend.
 """
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from services.arrays import Floats, Points, Vector
+from services.rulings.tabulated import TabulatedValues
 from services.texture_flow.field import FlowField, FlowSamples
 
 _NODES = 2500
 """Bound on the nodes of the grid."""
 
 
-def regress_flow(samples: FlowSamples, sigma: float, ridge: float = 0.02) -> Callable[[Points], Vector]:
-    """Directions of a flow near its `samples` (N): a function of points (M, 2) in the samples' own frame.
+@dataclass(frozen=True, slots=True, eq=False)
+class RegressedFlow:
+    """A flow at any point of its samples' frame, and how far it is to be trusted there."""
+
+    field: FlowField | None
+    trust: TabulatedValues | None
+
+    def at(self, points: Points) -> Vector:
+        """Directions (M,) rad in [-pi/2, pi/2) at `points` (M, 2)."""
+        return np.zeros(len(points)) if self.field is None else self.field.at(points)
+
+    def trust_at(self, points: Points) -> Vector:
+        """Weights (M,) 0-1 at `points` (M, 2): falls where samples are few or on one side only."""
+        return np.zeros(len(points)) if self.trust is None else self.trust.at(points)
+
+
+def regress_flow(samples: FlowSamples, sigma: float, ridge: float = 0.02) -> RegressedFlow:
+    """Directions of a flow near its `samples` (N), in the samples' own frame.
 
     The doubled angles are fitted with Gaussian weights (`sigma`, in the unit of the samples' points) at the nodes of
     a grid; `ridge` holds slopes and bends that nothing measures near zero, and far away the mean direction takes over.
     """
     if len(samples) == 0:
-        return lambda points: np.zeros(len(points))
+        return RegressedFlow(None, None)
     low, high = samples.points.min(axis=0) - 2 * sigma, samples.points.max(axis=0) + 2 * sigma
     spacing = max(sigma / 2, float(np.sqrt(np.prod(high - low) / _NODES)))
     x, y = (np.arange(np.ceil((high[k] - low[k]) / spacing) + 1) * spacing + low[k] for k in (0, 1))
@@ -46,8 +63,15 @@ def regress_flow(samples: FlowSamples, sigma: float, ridge: float = 0.02) -> Cal
     held = np.arange(6)
     normal[..., held, held] += np.where(held > 0, ridge, 0.0) * normal[..., :1, 0] + floor
     right[..., 0, :] += floor * (w @ value) / max(float(w.sum()), 1e-12)
-    doubled = np.linalg.solve(normal, right)[..., 0, :]
-    return FlowField(doubled, (float(low[0]), float(low[1])), spacing).at
+    solved = np.linalg.solve(
+        normal, np.concatenate([right, np.broadcast_to(np.eye(6, 1), (*right.shape[:-1], 1))], -1)
+    )
+    field = FlowField(solved[..., 0, :2], (float(low[0]), float(low[1])), spacing)
+    # The inverse normal matrix tells how the samples' noise comes through; at the border it is many times the usual.
+    variance = TabulatedValues(solved[..., 0, 2], low, spacing)
+    usual = float(np.median(variance.at(samples.points)))
+    share = np.clip(2 * usual / np.maximum(variance.values, 1e-300), 0.0, 1.0)
+    return RegressedFlow(field, TabulatedValues(share**2, low, spacing))
 
 
 def _gaussian(d: Floats) -> Floats:

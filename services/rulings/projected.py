@@ -6,16 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
-from services.rulings.convergence import Directions, TextDensity, measure_convergence, measure_text_density
+from services.rulings.convergence import Directions, Weights, measure_convergence
 from services.rulings.reference_points import (
     choose_reference_points,
     follow_in_order,
     keep_dense_text,
-    keep_near,
     text_hull,
 )
 from services.rulings.results import ProjectedRulings
-from services.rulings.ruling_family import FamilyEvidence, FamilyParameters, FlowWitness, fit_ruling_family
+from services.rulings.ruling_family import (
+    FamilyEvidence,
+    FamilyParameters,
+    FlowWitness,
+    RulingFamily,
+    fit_ruling_family,
+)
+from services.rulings.tabulated import measure_text_density
 from services.texture_flow.field import angle_difference
 
 
@@ -59,44 +65,84 @@ def detect_projected_rulings(
     major_at: Directions,
     text_points: Points,
     minor_at: Directions | None = None,
-    measured_points: Points | None = None,
+    trust_at: Weights | None = None,
     parameters: RulingParameters | None = None,
 ) -> ProjectedRulings:
     """Rulings of the page whose characters are at `text_points` (N, 2), all in centred unit coordinates.
 
-    `major_at` and `minor_at` tell the directions (M,) of both flows at points (M, 2); `measured_points` (K, 2) are
-    where the major flow was measured (default: at all characters); text far from these tells nothing. Finite for
-    any input: where the flows are uniform or there is no text, the rulings mean nothing, and none is `curved`.
+    `major_at` and `minor_at` tell the directions (M,) of both flows at points (M, 2); `trust_at` how far (0-1) they
+    are to be trusted there: at the border of the text they are extrapolated. Finite for any input: where the flows
+    are uniform or there is no text, the rulings mean nothing, and none is `curved`.
 
     First one family of rulings is fitted to the whole page, then dynamic programming lets each ruling leave it for
     its own evidence, coarsely over the half circle and finely around that, never crossing its neighbour.
     """
     p = parameters or RulingParameters()
+    scene = _look(major_at, text_points, minor_at, trust_at, p)
+    trials = []
+    for first in _first_directions(scene, p):
+        points = choose_reference_points(scene.hull, scene.centre, first, p.count)
+        trials.append(_fit_family(scene, points, first, p))
+    return _search(scene, *min(trials, key=lambda trial: trial[1].cost), p)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scene:
+    """Flows and text; `places` (M,) where lines are sampled."""
+
+    flows: list[FlowWitness]
+    weight_at: Weights
+    hull: Points
+    centre: Points
+    places: Vector
+
+
+def _look(
+    major_at: Directions,
+    text_points: Points,
+    minor_at: Directions | None,
+    trust_at: Weights | None,
+    p: RulingParameters,
+) -> _Scene:
     text = keep_dense_text(np.asarray(text_points, np.float64).reshape(-1, 2), 4 * p.density_spacing)
     text = text if len(text) else np.zeros((1, 2))
     flows = [FlowWitness(major_at, p.major_noise_rad)]
     if minor_at is not None:
         flows.append(FlowWitness(minor_at, p.minor_noise_rad))
-    density = measure_text_density(keep_near(text, measured_points), p.density_spacing)
+    density = measure_text_density(text, p.density_spacing)
+
+    def weight_at(points: Points) -> Vector:
+        weight = density.at(points)
+        return weight if trust_at is None else weight * trust_at(points)
+
     hull = text_hull(text)
     centre = text.mean(axis=0)
-    reach = float(np.linalg.norm(hull - centre, axis=1).max())
-    places = np.linspace(-1.1 * reach, 1.1 * reach, p.samples)
-    trials = []
-    for first in _first_directions(flows, density, hull, centre, places, p):
-        points = choose_reference_points(hull, centre, first, p.count)
-        witness, other = _choose_witness(flows, density, points, first, p)
-        evidence = FamilyEvidence(points, first, places, density, witness, other)
-        trials.append((evidence, fit_ruling_family(evidence, p.family)))
-    evidence, family = min(trials, key=lambda trial: trial[1].cost)
+    reach = 1.1 * float(np.linalg.norm(hull - centre, axis=1).max())
+    return _Scene(flows, weight_at, hull, centre, np.linspace(-reach, reach, p.samples))
 
-    points, rows = evidence.points, np.arange(p.count)
+
+def _fit_family(
+    scene: _Scene, points: Points, first: float, p: RulingParameters
+) -> tuple[FamilyEvidence, RulingFamily]:
+    witness, other = _choose_witness(scene, points, first, p)
+    evidence = FamilyEvidence(points, first, scene.places, scene.weight_at, witness, other)
+    return evidence, fit_ruling_family(evidence, p.family)
+
+
+def _search(
+    scene: _Scene, evidence: FamilyEvidence, family: RulingFamily, p: RulingParameters
+) -> ProjectedRulings:
+    """Dynamic programming round the `family`, coarsely and then finely."""
+    points, rows = evidence.points, np.arange(len(evidence.points))
 
     def search(angles: Floats) -> tuple[Vector, Vector, NDArray[np.bool_]]:
-        costs, squares = measure_costs(flows, density, points, angles, places, p)
+        costs, squares = measure_costs(scene.flows, scene.weight_at, points, angles, scene.places, p)
         off = angle_difference(angles, family.angles[:, None])
         chosen = search_in_order(
-            costs + 0.5 * (off / p.family_rad) ** 2, off, p.turn_rad, follow_in_order(hull, points, angles)
+            costs + 0.5 * (off / p.family_rad) ** 2,
+            off,
+            p.turn_rad,
+            follow_in_order(scene.hull, points, angles),
         )
         located = _locates(costs, angles, chosen, p.curved_rad)
         return angles[rows, chosen], squares[rows, chosen], located
@@ -104,19 +150,12 @@ def detect_projected_rulings(
     coarse = np.arange(-p.coarse_range_rad, p.coarse_range_rad + 1e-9, p.coarse_step_rad)
     fine = np.arange(-p.fine_range_rad, p.fine_range_rad + 1e-9, p.fine_step_rad)
     # All rulings share the coarse directions, so that parallel ones can always be chosen.
-    angles, _, _ = search(np.tile(evidence.first + coarse, (p.count, 1)))
+    angles, _, _ = search(np.tile(evidence.first + coarse, (len(points), 1)))
     angles, squares, curved = search(angles[:, None] + fine)
     return ProjectedRulings(points, angles % np.pi, np.sqrt(squares), curved)
 
 
-def _first_directions(
-    flows: list[FlowWitness],
-    density: TextDensity,
-    hull: Points,
-    centre: Points,
-    places: Vector,
-    p: RulingParameters,
-) -> Vector:
+def _first_directions(scene: _Scene, p: RulingParameters) -> Vector:
     """Candidates for the rulings' common direction, best first: where parallel lines over the whole text converge.
 
     The appendix looks at the ruling through the centre alone; there one straight text line would do as well. Even
@@ -124,11 +163,13 @@ def _first_directions(
     of rulings must decide.
     """
     angles = np.arange(0.0, np.pi - 1e-9, p.first_step_rad)
-    points = np.concatenate([choose_reference_points(hull, centre, a, p.first_lines) for a in angles])
+    points = np.concatenate(
+        [choose_reference_points(scene.hull, scene.centre, a, p.first_lines) for a in angles]
+    )
     each = np.repeat(angles, p.first_lines)[:, None]
     costs = np.zeros(len(angles))
-    for flow in flows:
-        found = measure_convergence(flow.at, density, points, each, places)
+    for flow in scene.flows:
+        found = measure_convergence(flow.at, scene.weight_at, points, each, scene.places)
         square = (found.mean_square * found.weight).reshape(len(angles), -1).sum(axis=1)
         weight = found.weight.reshape(len(angles), -1).sum(axis=1)
         costs += square / np.maximum(weight, 1e-12) / flow.noise_rad**2
@@ -139,15 +180,16 @@ def _first_directions(
 
 
 def _choose_witness(
-    flows: list[FlowWitness], density: TextDensity, points: Points, angle: float, p: RulingParameters
+    scene: _Scene, points: Points, angle: float, p: RulingParameters
 ) -> tuple[FlowWitness, FlowWitness | None]:
     """The flow whose directions tell of rulings near `angle`, and the other.
 
     The major flow does (it is the better measured) unless it runs along the rulings: the case that 3.4.2 leaves open.
     """
+    flows = scene.flows
     if len(flows) == 1:
         return flows[0], None
-    weight = density.at(points)
+    weight = scene.weight_at(points)
     alpha = flows[0].at(points) - angle
     crossing = float(weight @ np.abs(np.sin(alpha))) / max(float(weight.sum()), 1e-12)
     return (flows[0], flows[1]) if crossing >= np.sin(p.least_crossing_rad) else (flows[1], flows[0])
@@ -155,7 +197,7 @@ def _choose_witness(
 
 def measure_costs(
     flows: list[FlowWitness],
-    density: TextDensity,
+    weight_at: Weights,
     points: Points,
     angles: Floats,
     places: Vector,
@@ -169,7 +211,7 @@ def measure_costs(
     costs = np.zeros(angles.shape)
     first: Floats | None = None
     for flow in flows:
-        found = measure_convergence(flow.at, density, points, angles, places)
+        found = measure_convergence(flow.at, weight_at, points, angles, places)
         usual = np.median(found.weight, axis=1, keepdims=True)
         trust = np.clip(found.weight / np.maximum(0.5 * usual, 1e-6), 0.0, 1.0)
         ratio = found.mean_square / flow.noise_rad**2

@@ -22,22 +22,10 @@ def keep_dense_text(points: Points, spacing: float, least: int = 3) -> Points:
     return kept if len(kept) >= max(0.5 * len(points), least) else points
 
 
-def keep_near(points: Points, samples: Points | None, reach: float = 1.5) -> Points:
-    """Points of `points` (N, 2) nearer to one of `samples` (K, 2) than `reach` times those are to each other.
-
-    Where text is but no flow could be measured, as on a steep flank, the dense field is only extrapolated.
-    """
-    if samples is None or len(samples) < 3:
-        return points
-    tree = cKDTree(samples)
-    between = float(np.median(tree.query(samples, k=2)[0][:, 1]))
-    kept = points[tree.query(points)[0] <= reach * between]
-    return kept if len(kept) >= 3 else points
-
-
 def text_hull(points: Points) -> Points:
     """Convex hull (K, 2) of the text, K >= 3, its corners in order; a line of text gets a little width."""
-    size = max(float(np.ptp(points, axis=0).max()), 1e-6) if len(points) else 1e-6
+    points = points if len(points) else np.zeros((1, 2))
+    size = max(float(np.ptp(points, axis=0).max()), 1e-6)
     corners = 0.01 * size * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     grown = (points[:, None, :] + corners).reshape(-1, 2)
     return np.asarray(cv2.convexHull(grown.astype(np.float32))[:, 0], np.float64)

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import Floats, Points, Vector
-from services.rulings.convergence import Convergence, Directions, TextDensity, measure_convergence
+from services.rulings.convergence import Convergence, Directions, Weights, measure_convergence
 from services.texture_flow.field import angle_difference
 
 _STEP = 1e-3
@@ -36,8 +36,8 @@ class FamilyParameters:
     focal: float = 1.3
     focal_deviation: float = 0.25
     """Of the logarithm: main cameras of phones."""
-    apex_deviation: float = 0.15
-    """Of m: most pages are cylinders, nearly."""
+    apex_deviation: float = 0.6
+    """Of m: pages are more often cylinders than cones."""
     floor_rad: float = np.deg2rad(0.4)
     """Error of T along the page that does not fall with the length of the ruling."""
     correlation: float = 0.15
@@ -79,7 +79,7 @@ class FamilyEvidence:
     points: Points
     first: float
     places: Vector
-    density: TextDensity
+    weight_at: Weights
     witness: "FlowWitness"
     other: "FlowWitness | None"
 
@@ -162,7 +162,7 @@ def _place_rays(x: Floats, evidence: FamilyEvidence) -> _Rays:
 def _converge(rays: _Rays, evidence: FamilyEvidence) -> Convergence:
     """Convergence (N, J) of the witness along the trial rulings."""
     return measure_convergence(
-        evidence.witness.at, evidence.density, evidence.points, rays.angles.T, evidence.places
+        evidence.witness.at, evidence.weight_at, evidence.points, rays.angles.T, evidence.places
     )
 
 
@@ -232,7 +232,7 @@ def _other_residuals(
     B = R - np.einsum("jnx,jnx->jn", R, T)[..., None] * T
     places = evidence.places[1::4]
     X = evidence.points[:, None] + rays.along[:, :, None, :2] * places[:, None]
-    w = evidence.density.at(X)
+    w = evidence.weight_at(X.reshape(-1, 2)).reshape(X.shape[:-1])
     seen = other.at(X.reshape(-1, 2)).reshape(w.shape)
     w = np.where(np.isfinite(seen), w, 0.0)
     seen = np.where(np.isfinite(seen), seen, 0.0)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from services.rulings.convergence import measure_convergence, measure_text_density
+from services.rulings.convergence import measure_convergence
+from services.rulings.tabulated import measure_text_density
 from services.texture_flow.field import angle_difference
 
 PLACES = np.linspace(-1.0, 1.0, 41)
@@ -19,7 +20,7 @@ def pencil(x, y):
 def test_lines_of_a_pencil_meet_in_its_point_along_any_line(meeting):
     points = np.array([[0.0, 0.0], [0.3, -0.2]])
     angles = np.tile(np.radians([20.0, 75.0, 130.0]), (2, 1))
-    found = measure_convergence(pencil(*meeting), DENSITY, points, angles, PLACES)
+    found = measure_convergence(pencil(*meeting), DENSITY.at, points, angles, PLACES)
     assert np.all(np.sqrt(found.mean_square) < 2e-4)
     along = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     normal = np.stack([-along[..., 1], along[..., 0]], axis=-1)
@@ -45,7 +46,7 @@ def test_the_residual_is_the_angle_between_the_flow_and_the_nearest_pencil():
 
     angles = np.tile(np.radians(np.arange(50.0, 130.0, 2.0)), (30, 1))
     points = rng.uniform(-0.3, 0.3, (30, 2))
-    found = measure_convergence(flow, DENSITY, points, angles, PLACES)
+    found = measure_convergence(flow, DENSITY.at, points, angles, PLACES)
     measured = np.sqrt(found.mean_square.mean()) / deviation
     # Two of about forty degrees of freedom are fitted.
     assert 0.9 < measured < 1.02
@@ -59,7 +60,7 @@ def test_the_covariance_tells_the_scatter_of_the_meeting_point():
         return pencil(3.0, 0.5)(points) + rng.normal(0.0, deviation, len(points))
 
     angles = np.full((500, 1), np.radians(80.0))
-    found = measure_convergence(flow, DENSITY, np.zeros((500, 2)), angles, PLACES)
+    found = measure_convergence(flow, DENSITY.at, np.zeros((500, 2)), angles, PLACES)
     step = PLACES[1] - PLACES[0]
     told = np.sqrt(found.inverse[0, 0].diagonal() * deviation**2 * step)
     seen = np.array([found.a.std(), found.b.std()])
@@ -69,7 +70,7 @@ def test_the_covariance_tells_the_scatter_of_the_meeting_point():
 def test_a_bent_flow_does_not_converge():
     found = measure_convergence(
         lambda points: 0.8 * np.sin(4 * points[:, 0]),
-        DENSITY,
+        DENSITY.at,
         np.zeros((1, 2)),
         np.radians([[30.0, 90.0]]),
         PLACES,
@@ -82,7 +83,7 @@ def test_a_bent_flow_does_not_converge():
 def test_a_flow_along_the_line_and_a_line_beside_the_text_stay_finite():
     points, angles = np.array([[0.0, 0.0], [50.0, 50.0]]), np.zeros((2, 3))
     for flow in (lambda p: np.zeros(len(p)), lambda p: np.full(len(p), np.nan)):
-        found = measure_convergence(flow, DENSITY, points, angles, PLACES)
+        found = measure_convergence(flow, DENSITY.at, points, angles, PLACES)
         for values in (found.mean_square, found.a, found.b, found.inverse, found.weight):
             assert np.all(np.isfinite(values))
     assert np.all(found.weight[1] == 0.0)

@@ -19,9 +19,9 @@ def test_a_bend_keeps_its_size():
 
     samples = samples_of(flow)
     at = np.random.default_rng(1).uniform(-0.6, 0.6, (300, 2))
-    error = np.abs(angle_difference(regress_flow(samples, 0.12)(at), flow(at))).mean()
-    in_px = FlowSamples(samples.points * 500 + 500, samples.angles, samples.weights)
-    plane = smooth_samples(in_px, (1000, 1000), 30.0, 0.12 * 500).at(at * 500 + 500)
+    error = np.abs(angle_difference(regress_flow(samples, 0.12).at(at), flow(at))).mean()
+    in_px = FlowSamples(samples.points * 200 + 200, samples.angles, samples.weights)
+    plane = smooth_samples(in_px, (400, 400), 12.0, 0.12 * 200).at(at * 200 + 200)
     assert error < 0.5 * np.abs(angle_difference(plane, flow(at))).mean()
     assert np.degrees(error) < 0.4
 
@@ -29,21 +29,33 @@ def test_a_bend_keeps_its_size():
 def test_noise_is_averaged():
     samples = samples_of(lambda p: 0.2 + 0.1 * p[:, 0], noise_rad=0.02)
     at = np.random.default_rng(1).uniform(-0.5, 0.5, (300, 2))
-    error = angle_difference(regress_flow(samples, 0.2)(at), 0.2 + 0.1 * at[:, 0])
+    error = angle_difference(regress_flow(samples, 0.2).at(at), 0.2 + 0.1 * at[:, 0])
     assert 0.001 < np.sqrt(np.mean(error**2)) < 0.01
 
 
 def test_directions_are_modulo_half_a_turn():
     samples = samples_of(lambda p: np.pi / 2 - 0.02 + 0.1 * p[:, 1])
     at = np.array([[0.0, 0.4], [0.1, -0.4], [0.0, 0.0]])
-    error = angle_difference(regress_flow(samples, 0.2)(at), np.pi / 2 - 0.02 + 0.1 * at[:, 1])
+    error = angle_difference(regress_flow(samples, 0.2).at(at), np.pi / 2 - 0.02 + 0.1 * at[:, 1])
     assert np.abs(error).max() < 1e-3
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3])
 def test_few_samples_and_far_points_give_finite_directions(count):
     flow = regress_flow(samples_of(lambda p: np.full(len(p), 0.3), count), 0.1)
-    found = flow(np.array([[0.0, 0.0], [100.0, -50.0]]))
+    places = np.array([[0.0, 0.0], [100.0, -50.0]])
+    found = flow.at(places)
     assert np.all(np.isfinite(found))
+    assert np.all((flow.trust_at(places) >= 0) & (flow.trust_at(places) <= 1))
     if count:
         np.testing.assert_allclose(found, 0.3, atol=1e-6)
+
+
+def test_trust_falls_at_the_border_and_is_gone_beyond_it():
+    x, y = np.meshgrid(np.linspace(-0.7, 0.7, 22), np.linspace(-0.7, 0.7, 22))
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    flow = regress_flow(FlowSamples(points, np.zeros(len(points)), np.ones(len(points))), 0.15)
+    inside, border, beyond = flow.trust_at(np.array([[0.0, 0.1], [0.69, 0.0], [0.95, 0.0]]))
+    assert inside > 0.95
+    assert 0.02 < border < 0.75
+    assert beyond < 0.02

@@ -104,7 +104,7 @@ def random_flow(seed):
     return lambda p: np.cos(p @ waves.T + phases).sum(axis=1)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.integers(0, 10_000), st.booleans())
 def test_rulings_never_cross_inside_the_text_whatever_the_flows(seed, with_minor):
     rng = np.random.default_rng(seed)
@@ -132,15 +132,13 @@ def test_measured_flows_of_photos(album, name):
     shot = album[name]
     height = shot.analysis.text_height_px / shot.frame.unit_px
     text = (shot.analysis.characters - shot.frame.centre) / shot.frame.unit_px
-    found = detect_projected_rulings(
-        regress_flow(shot.major, 4 * height),
-        text,
-        regress_flow(shot.minor, 6 * height),
-        measured_points=shot.major.points,
-    )
+    major = regress_flow(shot.major, 4 * height)
+    minor = regress_flow(shot.minor, 6 * height)
+    found = detect_projected_rulings(major.at, text, minor.at, major.trust_at)
 
     def rulings_at(points):
         return shot.truth.rulings(points * shot.frame.unit_px + shot.frame.centre)
 
     errors = ruling_errors_deg(found, keep_dense_text(text, 0.12), rulings_at)
-    assert 0.01 < errors.mean() < 2.5
+    # The dissertation has 1.82 degrees.
+    assert 0.01 < errors.mean() < 1.5
