@@ -5,14 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.figures import StripErrors
 from benchmarks.residuals import (
     direction_error_deg,
     field_of_view_error_deg,
     normal_error_deg,
-    normals_at,
     ruling_errors,
+    strip_of,
 )
 from services.arrays import RgbImage, Vector
 from services.imaging.codec import ImageLimits, decode_image
@@ -23,9 +24,8 @@ from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.planar import PhotoFrame, typical_focal_prior
 from services.rectify.results import RectifyResult, StripsSurface
-from services.rulings.flow_regression import regress_flow
-from services.rulings.projected import detect_projected_rulings
-from services.rulings.results import RulingVanishingPoints
+from services.rulings.line_profiles import InkImage
+from services.rulings.page_rulings import find_page_rulings
 from services.strips.evidence import gather_evidence
 from services.strips.flow_interpolation import interpolate_flow
 from services.strips.initial import FocalKnowledge
@@ -33,9 +33,6 @@ from services.strips.shape import estimate_strip_shape
 from services.texture_flow.field import FlowSamples
 from simulation.flat_page import Points
 from simulation.truth import Truth
-
-_MAJOR_TEXT_HEIGHTS, _MINOR_TEXT_HEIGHTS = 4.0, 6.0
-"""Reach of the local regression of the flows that rulings are detected in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,42 +119,41 @@ def measure_flows(flows: Flows, truth: Truth, points: Points) -> FlowErrors:
 
 
 def measure_strips(analysis: PageAnalysis, view: PhotoFrame, truth: Truth, points: Points) -> StripErrors:
-    """The dissertation's way from the flows to rulings (3.3.3) and to the shape of the strips between (3.3.5).
-
-    The vanishing points of the rulings (3.3.4) are not estimated: the optimisation does without them, and its
-    first estimate, which stands on them, is not judged.
-    """
-    height = analysis.text_height_px / view.unit_px
+    """The dissertation's steps from the flows to rulings (3.3.3), their vanishing points (3.3.4) and strips (3.3.5)."""
     major = view.to_centred(analysis.major)
     minor = None if analysis.minor is None else view.to_centred(analysis.minor)
     characters = (analysis.characters - view.centre) / view.unit_px
-    rulings = detect_projected_rulings(
-        regress_flow(major, _MAJOR_TEXT_HEIGHTS * height),
-        characters,
-        None if minor is None else regress_flow(minor, _MINOR_TEXT_HEIGHTS * height),
-        measured_points=major.points,
-    )
-    ruling_points = np.asarray(rulings.points * view.unit_px + view.centre, np.float64)
-    found = ruling_errors(ruling_points, np.asarray(rulings.angles, np.float64), truth)
+    x, y = (np.array(view.centre) + 0.5) * analysis.factor - 0.5
+    ink = InkImage(analysis.text.ink.astype(np.float32), view.unit_px * analysis.factor, (float(x), float(y)))
+    rulings = find_page_rulings(major, minor, characters, analysis.text_height_px / view.unit_px, ink)
+    # The vanishing points in photo pixels; NaN where none is known.
+    meetings = rulings.vanishing_points.directions @ view.H_photo_centred.T
+    meetings[~np.isfinite(rulings.vanishing_points.deviations)] = np.nan
+    places = _in_photo(rulings.projected.points, view)
+    found = ruling_errors(places, np.asarray(rulings.projected.angles, np.float64), truth, meetings)
     flow = interpolate_flow(major)
     if flow is None:
-        return StripErrors(ruling_2d_deg=found.photo_deg)
-    unknown = RulingVanishingPoints(
-        np.tile([0.0, 1.0, 0.0], (len(rulings), 1)), np.full(len(rulings), np.inf)
-    )
+        return StripErrors(found.photo_deg, found.space_deg)
     across = None if minor is None else interpolate_flow(minor)
-    evidence = gather_evidence(rulings, unknown, flow, across, characters)
+    evidence = gather_evidence(rulings.projected, rulings.vanishing_points, flow, across, characters)
     prior = typical_focal_prior()
     shape = estimate_strip_shape(evidence, FocalKnowledge(prior.log_focal, prior.deviation))
-    surface = StripsSurface(
+    strips = StripsSurface(
         np.asarray(shape.normals, np.float64),
-        np.asarray(shape.reference_points * view.unit_px + view.centre, np.float64),
+        _in_photo(shape.reference_points, view),
         np.asarray(shape.ruling_angles, np.float64),
-        np.asarray(shape.vanishing_points, np.float64),
+        np.asarray(shape.vanishing_points @ view.H_photo_centred.T, np.float64),
     )
-    normals = normals_at(surface, points)
+    place = strip_of(strips, points)
     return StripErrors(
-        ruling_2d_deg=found.photo_deg,
-        fov_deg=field_of_view_error_deg(shape.focal * view.unit_px, truth),
-        normal_deg=float("nan") if normals is None else normal_error_deg(normals, truth, points),
+        found.photo_deg,
+        found.space_deg,
+        field_of_view_error_deg(shape.initial_focal * view.unit_px, truth),
+        normal_error_deg(np.asarray(shape.initial_normals, np.float64)[place], truth, points),
+        field_of_view_error_deg(shape.focal * view.unit_px, truth),
+        normal_error_deg(strips.normals[place], truth, points),
     )
+
+
+def _in_photo(points: NDArray[np.floating], view: PhotoFrame) -> Points:
+    return np.asarray(points * view.unit_px + view.centre, np.float64)

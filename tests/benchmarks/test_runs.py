@@ -209,6 +209,7 @@ def test_the_steps_of_a_bent_page_are_measured(page: Page) -> None:
     assert strips.ruling_2d_deg < 6
     assert strips.normal_deg < 15
     assert strips.fov_deg < 10
+    assert strips.first_normal_deg < 40
     flat_flows, none = measure_steps(photo.image, photo.truth, points, curved=False)
     assert flat_flows.major_deg != flows.major_deg
     assert np.isnan(none.ruling_2d_deg)
