@@ -25,7 +25,7 @@ def measured(shot: Shot) -> tuple[StripEvidence, np.ndarray]:
     major, minor = interpolate_flow(shot.major), interpolate_flow(shot.minor)
     assert major is not None
     assert minor is not None
-    rulings = detect_projected_rulings(major.at, characters, minor.at, shot.major.points)
+    rulings = detect_projected_rulings(major.at, characters, minor.at, major.support)
     seen = (
         np.linalg.inv(frame.H_photo_centred)
         @ shot.truth.ruling_vanishing_points(transform_points(frame.H_photo_centred, rulings.points)).T
