@@ -15,7 +15,11 @@ from services.strips.evidence import StripEvidence
 
 @dataclass(frozen=True, slots=True)
 class Deviations:
-    """What each term of the objective may deviate (one over the square root of alpha_i of 3.3.5)."""
+    """What each term of the objective may deviate (one over the square root of alpha_i of 3.3.5).
+
+    Chosen on simulated photos with flows, rulings and vanishing points as measured; half or twice any of them moves
+    mean normals by 0.03 degrees at most.
+    """
 
     developability: float = 2e-3
     """mu_1; the wrong ruling's share of the turn between two strips."""
