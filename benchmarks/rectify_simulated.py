@@ -33,7 +33,7 @@ from benchmarks.residuals import (
     ruling_errors,
 )
 from benchmarks.simulated_pictures import save_case, save_run
-from benchmarks.simulated_report import METRICS, figures_by_case, report, summary
+from benchmarks.simulated_report import METRICS, OCR_METRICS, figures_by_case, report, summary
 from benchmarks.stopwatch import Usage, measured
 from benchmarks.subject import FlowErrors, measure_steps, rectify_photo
 from benchmarks.true_map import flatten_by_truth, flatten_in_frame
@@ -185,7 +185,11 @@ def _work(case: Case) -> CaseFigures:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run, print, save, compare; 1 when something got worse than the baseline."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.no_reading and options.update_baseline:
+        parser.error("a baseline holds OCR scores too: no --no-reading with --update-baseline")
+    metrics = {name: METRICS[name] for name in METRICS if not (options.no_reading and name in OCR_METRICS)}
     data = data_folder(options.data)
     chosen = tuple(options.pages.split(",")) if options.pages else CHOSEN_PAGES
     pages, given = load_pages(data, chosen)
@@ -226,7 +230,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"===== {name}: {len(done)} photos =====\n\n{report(done, experiment.name)}")
         save_run(experiment, done, OUTPUT / name, degraded=degraded)
         verdict, good = judge(
-            BASELINE / f"{name}.json", figures_by_case(done), METRICS, update=options.update_baseline
+            BASELINE / f"{name}.json", figures_by_case(done), metrics, update=options.update_baseline
         )
         print(f"\n{verdict}\n", flush=True)
         all_good &= good

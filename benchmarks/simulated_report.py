@@ -126,6 +126,8 @@ PICKS: dict[str, tuple[Pick, Metric]] = {
 }
 """What the baseline holds of each case, and how it is judged."""
 METRICS = {name: metric for name, (_, metric) in PICKS.items()}
+OCR_METRICS = ("characters_rectified", "words_rectified")
+"""Those that only a run with a reader has."""
 
 
 def figures_by_case(cases: Sequence[CaseFigures]) -> Figures:

@@ -284,3 +284,9 @@ def test_uploads_have_the_asked_size(curved: bool) -> None:
     picture = cv2.imdecode(np.frombuffer(upload, np.uint8), 1)
     assert picture is not None
     assert picture.shape[0] * picture.shape[1] == pytest.approx(0.5e6, rel=0.01)
+
+
+def test_a_run_without_reading_adopts_no_baseline(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        rectify_simulated.main(["--no-reading", "--update-baseline"])
+    assert "OCR scores" in capsys.readouterr().err
