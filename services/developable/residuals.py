@@ -215,18 +215,22 @@ class PageResiduals:
             y, dy = level[run.lines], dlevel[run.lines]
             step, dstep = t @ y / (t @ t), t @ dy / (t @ t)
             size = max(abs(step), 1e-9)
-            values.append((y - y.mean() - step * t) / (size * p.spacing))
-            slopes.append((dy - dy.mean(axis=0) - t[:, None] * dstep) / (size * p.spacing))
+            dlog = dstep / (step if abs(step) > 1e-9 else 1e-9)
+            value = (y - y.mean() - step * t) / (size * p.spacing)
+            values.append(value)
+            slopes.append(
+                (dy - dy.mean(axis=0) - t[:, None] * dstep) / (size * p.spacing) - value[:, None] * dlog
+            )
             logs.append(np.log(size))
-            dlogs.append(dstep / (step if abs(step) > 1e-9 else 1e-9))
+            dlogs.append(dlog)
         for group in self.lines.alike:
-            log, dlog = np.array([logs[k] for k in group]), np.array([dlogs[k] for k in group])
+            log, rate = np.array([logs[k] for k in group]), np.array([dlogs[k] for k in group])
             weight = np.array([len(self.lines.runs[k].lines) for k in group], float)
             # A short paragraph knows its spacing less well: its own deviation is added to the common one.
             deviation = np.hypot(p.spacing_between, p.spacing * np.sqrt(12.0) / weight**1.5)
             share = weight / weight.sum()
             values.append((log - share @ log) / deviation)
-            slopes.append((dlog - share @ dlog) / deviation[:, None])
+            slopes.append((rate - share @ rate) / deviation[:, None])
         return Residual(np.concatenate(values), np.concatenate(slopes))
 
     def _margins(self, u: Vector, du: Floats) -> Residual:

@@ -28,10 +28,10 @@ def vary_page(surface: DevelopableSurface, at: Unrolled) -> Floats:
         dX[axis] = np.cross(np.eye(3)[axis], arm)
     dX[3] = [0.0, 0.0, surface.focal]
     origin = int(np.argmin(np.abs(surface.basis.nodes)))
-    dX[4] = np.cross(-surface.N[origin], arm)
+    dX[4] = np.cross(-surface.rotation[:, 2], arm)
     turns, shifts = _tables(surface, origin)
     slopes = (s, s * s)
-    dphi, dP = _at(surface, s, turns), _at(surface, s, shifts)
+    dphi, dP = _at(surface, s, *turns), _at(surface, s, *shifts)
     dX[5:] = dP + t[:, None] * _cross(dphi, at.R)
     for j in (0, 1):
         dX[5 + j] += (t * slopes[j])[:, None] * at.A
@@ -48,16 +48,17 @@ def vary_page(surface: DevelopableSurface, at: Unrolled) -> Floats:
     return np.asarray(moved)
 
 
-def _tables(surface: DevelopableSurface, origin: int) -> tuple[Floats, Floats]:
-    """d phi and dP (2 + K, n, 3) at the nodes for the slopes and bends, zero at s = 0."""
+def _tables(surface: DevelopableSurface, origin: int) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    """d phi and dP (2 + K, n, 3) at the nodes for the slopes and bends, zero at s = 0, each with its rate in s."""
     basis = surface.basis
     s = basis.nodes
     k = basis.values @ surface.bends
     rates = [surface.A * (k * w)[:, None] for w in (s, s * s)]
     rates += [surface.R * value[:, None] for value in basis.values.T]
-    turns = _integrate(np.stack(rates), s, origin)
-    shifts = _integrate(_cross(turns, surface.A), s, origin)
-    return turns, shifts
+    turning = np.stack(rates)
+    turns = _integrate(turning, s, origin)
+    shifting = _cross(turns, surface.A)
+    return (turns, turning), (_integrate(shifting, s, origin), shifting)
 
 
 def _integrate(rates: Floats, s: Vector, origin: int) -> Floats:
@@ -69,13 +70,19 @@ def _integrate(rates: Floats, s: Vector, origin: int) -> Floats:
     return np.asarray(total - at_zero[:, None])
 
 
-def _at(surface: DevelopableSurface, s: Vector, table: Floats) -> Floats:
-    """Values (M, N, 3) of a table (M, n, 3) at s (N,), linear between nodes."""
+def _at(surface: DevelopableSurface, s: Vector, table: Floats, rates: Floats) -> Floats:
+    """Values (M, N, 3) of a table (M, n, 3) at s (N,).
+
+    Parabolas whose slopes at the nodes are the `rates`: the directions of flows are differences within a span, and
+    straight lines would leave them wrong by some percent.
+    """
     nodes = surface.basis.nodes
     step = float(nodes[1] - nodes[0])
     left = np.clip(((s - nodes[0]) / step).astype(int), 0, len(nodes) - 2)
     x = ((s - nodes[left]) / step)[:, None]
-    return np.asarray(table[:, left] * (1 - x) + table[:, left + 1] * x)
+    bow = 0.5 * step * (rates[:, :-1] - rates[:, 1:])
+    rise = np.maximum(x * (1 - x), 0.0)  # straight beyond the table
+    return np.asarray(table[:, left] * (1 - x) + table[:, left + 1] * x + rise * bow[:, left])
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
