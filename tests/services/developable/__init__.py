@@ -1,0 +1,1 @@
+"""Tests of the developable surface, its derivatives, and its fit."""
