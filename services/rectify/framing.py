@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import jacobians, resizing, scaling, transform_points, translation
@@ -155,7 +156,15 @@ def resize_frame(frame: AnyFrame, factor: float) -> AnyFrame:
 
 
 def mesh_of(frame: Frame, columns: int = 49, rows: int = 65) -> Floats:
-    """Mesh (rows, columns, 2) of photo points over the output, corner to corner."""
+    """Mesh (rows, columns, 2) of photo points over the output, corner to corner.
+
+    A node beyond what the page's model knows takes the photo point of the nearest node within.
+    """
     x, y = np.linspace(0, frame.width - 1, columns), np.linspace(0, frame.height - 1, rows)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
-    return frame.to_photo(grid.reshape(-1, 2)).reshape(rows, columns, 2)
+    mesh = frame.to_photo(grid.reshape(-1, 2)).reshape(rows, columns, 2)
+    unknown = ~np.isfinite(mesh).all(axis=-1)
+    if unknown.any() and not unknown.all():
+        nearest = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+        mesh = mesh[nearest[0], nearest[1]]
+    return np.asarray(np.nan_to_num(mesh))
