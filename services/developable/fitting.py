@@ -38,6 +38,7 @@ class FittedSurface:
     slant_rad: float
     cost: float
     line_spread: float
+    spacing_spread: float
     major_spread_rad: float
     minor_spread_rad: float
     log_focal_deviation: float
@@ -69,6 +70,7 @@ def fit_surface(
         float(fit.x[BENDS - 1]),
         float(fit.cost),
         _spread(parts["straight"].value),
+        _spread(parts["spacing"].value),
         _spread(parts["major"].value * residuals.major_deviation),
         _spread(parts["minor"].value * residuals.minor_deviation),
         _focal_deviation(fit.jac, observed.focal_deviation),
@@ -90,6 +92,11 @@ def _spread(r: Vector) -> float:
 
 
 def widen(parameters: FittingParameters, fitted: FittedSurface) -> FittingParameters:
-    """Parameters whose line deviations are those that a fit has shown, where they are larger."""
-    factor = max(1.0, fitted.line_spread)
-    return replace(parameters, line_factor=parameters.line_factor * factor)
+    """Parameters whose deviations of lines and spacings are those that a fit has shown, where they are larger."""
+    spacing = max(1.0, fitted.spacing_spread)
+    return replace(
+        parameters,
+        line_factor=parameters.line_factor * max(1.0, fitted.line_spread),
+        spacing=parameters.spacing * spacing,
+        spacing_between=parameters.spacing_between * spacing,
+    )

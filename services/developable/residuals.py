@@ -289,9 +289,11 @@ class PageResiduals:
         """Softened residuals (n,) with the priors, and their derivatives (n, M)."""
         if self._last is None or self._last[0] != x.tobytes():
             parts = self.parts(x)
-            margins, crossing = soften_hard(parts.pop("margins")), parts.pop("crossing")
-            # Observations may be outliers and are softened; the priors are meant as they are.
-            all_ = [*(soften(part) for part in parts.values()), margins, crossing, self._priors(x)]
+            # Observations may be outliers and are softened; groups may be wholly wrong, and are softened more; the
+            # priors are meant as they are.
+            soft = [soften(parts[name]) for name in ("major", "minor", "straight")]
+            hard = [soften_hard(parts[name]) for name in ("spacing", "margins")]
+            all_ = [*soft, *hard, parts["crossing"], self._priors(x)]
             value = np.concatenate([r.value for r in all_])
             self._last = (x.tobytes(), value, np.concatenate([r.slope for r in all_]))
         return self._last[1], self._last[2]

@@ -43,8 +43,10 @@ from services.texture_flow.field import FlowSamples
 
 FEW_LINES = 10
 """A photo whose ink is picture for the most part, with fewer lines than this, is refused."""
-STRAIGHT = 0.06
-"""RMS waviness of text lines, in text heights, that nobody sees: flat pages show up to 0.04, bent ones 0.1 and more."""
+STRAIGHT = 0.04
+"""RMS waviness of text lines, in text heights, up to which flat pages show it; nobody sees it."""
+CONVERGENT_RAD = np.deg2rad(0.6)
+"""The flows' mean deviation that flat pages leave."""
 CURVED_GAIN = 0.7
 """A bent sheet must bring the waviness below this share of the plane's."""
 
@@ -174,7 +176,7 @@ def choose_shape(
     if kind == "auto":
         plane = PlaneMap(np.linalg.inv(view.H_photo_centred) @ pose.H_photo_plane)
         waviness = line_deviation(plane, trace_page(analysis, view, plane))
-        if seems == "planar" and waviness < STRAIGHT:
+        if seems == "planar" and waviness < STRAIGHT and pose.deviation < CONVERGENT_RAD:
             return pose, pose.notices
         curved = estimate_curved_page(analysis, view, prior, major, minor, points)
         if curved is not None and explains_more(curved, pose, waviness):
@@ -194,7 +196,7 @@ def explains_more(curved: CurvedPage, pose: PagePose, waviness: float) -> bool:
     """
     if curved.line_count < FEW_LINES // 2:
         return curved.deviation < CURVED_GAIN * pose.deviation
-    return curved.waviness < CURVED_GAIN * waviness and curved.deviation < pose.deviation
+    return curved.waviness < CURVED_GAIN * waviness and curved.deviation < 0.9 * pose.deviation
 
 
 def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamples:
