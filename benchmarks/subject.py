@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.figures import StripErrors
 from benchmarks.residuals import (
@@ -23,13 +22,9 @@ from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.planar import PhotoFrame, typical_focal_prior
-from services.rectify.results import RectifyResult, StripsSurface
-from services.rulings.line_profiles import InkImage
-from services.rulings.page_rulings import find_page_rulings
-from services.strips.evidence import gather_evidence
+from services.rectify.results import RectifyResult
+from services.rectify.strip_page import find_strips
 from services.strips.flow_interpolation import interpolate_flow
-from services.strips.initial import FocalKnowledge
-from services.strips.shape import estimate_strip_shape
 from services.texture_flow.field import FlowSamples
 from simulation.flat_page import Points
 from simulation.truth import Truth
@@ -120,30 +115,17 @@ def measure_flows(flows: Flows, truth: Truth, points: Points) -> FlowErrors:
 
 def measure_strips(analysis: PageAnalysis, view: PhotoFrame, truth: Truth, points: Points) -> StripErrors:
     """The dissertation's steps from the flows to rulings (3.3.3), their vanishing points (3.3.4) and strips (3.3.5)."""
-    major = view.to_centred(analysis.major)
     minor = None if analysis.minor is None else view.to_centred(analysis.minor)
-    characters = (analysis.characters - view.centre) / view.unit_px
-    x, y = (np.array(view.centre) + 0.5) * analysis.factor - 0.5
-    ink = InkImage(analysis.text.ink.astype(np.float32), view.unit_px * analysis.factor, (float(x), float(y)))
-    rulings = find_page_rulings(major, minor, characters, analysis.text_height_px / view.unit_px, ink)
+    page = find_strips(analysis, view, typical_focal_prior(), view.to_centred(analysis.major), minor)
+    if page is None:
+        return StripErrors()
     # The vanishing points in photo pixels; NaN where none is known.
+    rulings, shape = page.rulings, page.shape
     meetings = rulings.vanishing_points.directions @ view.H_photo_centred.T
     meetings[~np.isfinite(rulings.vanishing_points.deviations)] = np.nan
-    places = _in_photo(rulings.projected.points, view)
+    places = np.asarray(rulings.projected.points * view.unit_px + view.centre, np.float64)
     found = ruling_errors(places, np.asarray(rulings.projected.angles, np.float64), truth, meetings)
-    flow = interpolate_flow(major)
-    if flow is None:
-        return StripErrors(found.photo_deg, found.space_deg)
-    across = None if minor is None else interpolate_flow(minor)
-    evidence = gather_evidence(rulings.projected, rulings.vanishing_points, flow, across, characters)
-    prior = typical_focal_prior()
-    shape = estimate_strip_shape(evidence, FocalKnowledge(prior.log_focal, prior.deviation))
-    strips = StripsSurface(
-        np.asarray(shape.normals, np.float64),
-        _in_photo(shape.reference_points, view),
-        np.asarray(shape.ruling_angles, np.float64),
-        np.asarray(shape.vanishing_points @ view.H_photo_centred.T, np.float64),
-    )
+    strips = page.surface(view)
     place = strip_of(strips, points)
     return StripErrors(
         found.photo_deg,
@@ -153,7 +135,3 @@ def measure_strips(analysis: PageAnalysis, view: PhotoFrame, truth: Truth, point
         field_of_view_error_deg(shape.focal * view.unit_px, truth),
         normal_error_deg(strips.normals[place], truth, points),
     )
-
-
-def _in_photo(points: NDArray[np.floating], view: PhotoFrame) -> Points:
-    return np.asarray(points * view.unit_px + view.centre, np.float64)

@@ -22,9 +22,10 @@ from services.rectify.planar import (
     estimate_plane,
     typical_focal_prior,
 )
-from services.rectify.pose import trimmed_deviation
+from services.rectify.pose import EXIF_CONTRADICTED, trimmed_deviation
 from services.rectify.results import Notice, StripsSurface
 from services.rectify.smooth_residual import morph_to_lines
+from services.rectify.strip_page import BentSheet, StripPage, bend_of_strips, find_strips
 from services.texture_flow.field import FlowSamples
 
 
@@ -37,7 +38,8 @@ class CurvedParameters:
     """The bend goes on beyond the text by this share of its width."""
     reach: float = 0.4
     """The surface is tabulated, straight, further by this share."""
-    start_skews_rad: tuple[float, ...] = (0.0, 0.35, -0.35, np.pi / 2)
+    start_skews_rad: tuple[float, ...] = (0.0, np.pi / 2)
+    """Rulings of the flat starts, beside the strips'."""
     start_samples: int = 200
     start_focal_deviation: float = 0.05
     focal_held: float = 3.5
@@ -47,41 +49,49 @@ class CurvedParameters:
     seen_focal_deviation: float = 0.25
     max_magnification_ratio: float = 10.0
     max_tilt_rad: float = np.deg2rad(80.0)
+    strips: int = 40
+    """In which the answer tells the surface."""
     min_visible: float = 0.97
     """Share of the characters that the surface must place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurvedPage:
-    """The page's surface, the map that flattens it (with the small residual), and what to say about it."""
+    """The map that flattens a curved page, its shape in strips, and what to say about it.
 
-    surface: DevelopableSurface
+    `surface` is the global surface under the map, None where only strips could be fitted. `focal` is in half diagonals;
+    `deviation` the mean deviation (rad) of the flows from horizontal and vertical in the flat view, `waviness` the RMS
+    deviation, in text heights, of the text lines from straight ones, before the small residual.
+    """
+
     page_map: PageMap
+    surface: DevelopableSurface | None
+    strips: StripsSurface
+    focal: float
     focal_source: FocalLengthSource
-    lines: LineObservations
     line_count: int
     deviation: float
-    """Mean deviation (rad) of the flows from horizontal and vertical in the flat view."""
     waviness: float
-    """RMS deviation, in text heights, of the text lines from straight ones on the surface, without the residual."""
     notices: tuple[Notice, ...]
 
-    def strips(self, view: PhotoFrame, characters: Points, count: int = 40) -> StripsSurface:
-        """The surface as `count` planar strips between rulings that cover the `characters` (N, 2), photo pixels."""
-        surface = self.surface
-        sheet = surface.to_sheet(surface.to_page((characters - view.centre) / view.unit_px))
-        low, high = np.nanpercentile(sheet[:, 0], [0.5, 99.5])
-        middle = float(np.nanmedian(sheet[:, 1]))
-        s = np.linspace(low, high, count + 1)
-        P, R = surface.line_at(s)
-        X = P + middle * R
-        # A direction R is seen at K R, the ruling's way in the photo at the derivative of the projection.
-        way = X[:, 2:] * R[:, :2] - X[:, :2] * R[:, 2:]
-        focal_px = surface.focal * view.unit_px
-        points = focal_px * X[:, :2] / X[:, 2:] + view.centre
-        vanishing = np.column_stack([focal_px * R[:, :2] + np.array(view.centre) * R[:, 2:], R[:, 2]])
-        normals = surface.normals_at(0.5 * (s[1:] + s[:-1])).astype(np.float64)
-        return StripsSurface(normals, points, np.arctan2(way[:, 1], way[:, 0]) % np.pi, vanishing)
+
+def describe_strips(
+    surface: DevelopableSurface, view: PhotoFrame, characters: Points, count: int
+) -> StripsSurface:
+    """The surface as `count` planar strips between rulings that cover the `characters` (N, 2), centred."""
+    sheet = surface.to_sheet(surface.to_page(characters))
+    low, high = np.nanpercentile(sheet[:, 0], [0.5, 99.5])
+    middle = float(np.nanmedian(sheet[:, 1]))
+    s = np.linspace(low, high, count + 1)
+    P, R = surface.line_at(s)
+    X = P + middle * R
+    # A direction R is seen at K R, the ruling's way in the photo at the derivative of the projection.
+    way = X[:, 2:] * R[:, :2] - X[:, :2] * R[:, 2:]
+    focal_px = surface.focal * view.unit_px
+    points = focal_px * X[:, :2] / X[:, 2:] + view.centre
+    vanishing = np.column_stack([focal_px * R[:, :2] + np.array(view.centre) * R[:, 2:], R[:, 2]])
+    normals = surface.normals_at(0.5 * (s[1:] + s[:-1])).astype(np.float64)
+    return StripsSurface(normals, points, np.arctan2(way[:, 1], way[:, 0]) % np.pi, vanishing)
 
 
 def start_surface(
@@ -99,6 +109,29 @@ def start_surface(
     slant = FittingParameters().slant_mean_rad
     parameters = np.concatenate([[prior.log_focal, skew_rad, 0.0, 0.0, slant], np.zeros(p.bends)])
     return SurfaceStart(plane.rotation, anchor, _basis_over(across, p), parameters)
+
+
+def start_from_sheet(sheet: BentSheet, characters: Points, p: CurvedParameters) -> SurfaceStart:
+    """The strips' smooth sheet as a start."""
+    anchor = (float(sheet.anchor[0]), float(sheet.anchor[1]))
+    reach = float(np.abs(characters - sheet.anchor).max())
+    # Where the characters lie on the flat sheet through the middle strip is near enough to span the bends.
+    c, d = np.cos(sheet.skew_rad), np.sin(sheet.skew_rad)
+    unskew = np.array([[c, d, 0.0], [-d, c, 0.0], [0.0, 0.0, 1.0]])
+    flat = DevelopableSurface(
+        sheet.rotation @ unskew, sheet.focal, anchor, sheet.skew_rad, (0.0, 0.0), np.zeros(4),
+        bend_basis(-2 * reach, 2 * reach, 4, 0.5),
+    )  # fmt: skip
+    basis = _basis_over(flat.to_sheet(flat.to_page(characters))[:, 0], p)
+    k = np.interp(basis.nodes, sheet.places, sheet.bends)
+    inside = np.abs(basis.values).sum(axis=1) > 0
+    smooth = np.diff(np.eye(p.bends), 2, axis=0)
+    design = np.concatenate([basis.values[inside], smooth])
+    bends = np.linalg.lstsq(design, np.concatenate([k[inside], np.zeros(len(smooth))]), rcond=None)[0]
+    slant = FittingParameters().slant_mean_rad
+    log_focal = float(np.log(sheet.focal))
+    parameters = np.concatenate([[log_focal, sheet.skew_rad, 0.0, 0.0, slant], bends])
+    return SurfaceStart(sheet.rotation, anchor, basis, parameters)
 
 
 def _basis_over(across: Vector, p: CurvedParameters) -> BendBasis:
@@ -143,48 +176,84 @@ def estimate_curved_page(
     points: FlowVanishingPoints,
     parameters: CurvedParameters | None = None,
 ) -> CurvedPage | None:
-    """Developable surface through the page's text, in `view`; None when none is plausible.
+    """Shape of the page through its text, in `view`; None when none is plausible.
 
-    Flows alone start it, from a flat sheet and several directions of the rulings; then the text lines are traced in
-    its flat view and everything is fitted together, twice; last, what is left of the lines' waves is taken out by a
-    small smooth residual.
+    The strips of 3.3.3 to 3.3.5 and flat sheets start the global surface, which flows alone bring near; then the text
+    lines are traced in its flat view and everything is fitted together, twice; last, what is left of the lines' waves
+    is taken out by a small smooth residual. Where no global surface is plausible, the strips themselves may be.
     """
     p = parameters or CurvedParameters()
     characters = np.asarray((analysis.characters - view.centre) / view.unit_px)
-    fitted = _fit_flows(prior, major, minor, points, characters, p)
+    strips = find_strips(analysis, view, prior, major, minor if analysis.minor is not None else None)
+    fitted = _fit_flows(prior, major, minor, points, characters, strips, p)
     if not is_plausible(fitted.surface, characters, p):
-        return None
+        return _page_of_strips(analysis, view, prior, major, minor, strips, characters, p)
+    notices: tuple[Notice, ...] = ()
     fitted, lines = _fit_lines(analysis, view, prior, major, minor, fitted, characters, p)
-    notices: list[Notice] = []
     drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
     if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
-        prior = typical_focal_prior()
+        prior, notices = typical_focal_prior(), (EXIF_CONTRADICTED,)
         fitted, lines = _fit_lines(analysis, view, prior, major, minor, fitted, characters, p)
-        notices.append(
-            Notice(
-                "exif-contradicted",
-                "the page's perspective does not fit the focal length in the EXIF data (cropped or resized after it "
-                "was taken?), which was left out of account.",
-            )
-        )
-    drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
+        drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
     if prior.source == "assumed" and drawn > p.focal_held * prior.deviation:
         prior = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
         fitted, lines = _fit_lines(analysis, view, prior, major, minor, fitted, characters, p)
     if not is_plausible(fitted.surface, characters, p):
-        return None
+        return _page_of_strips(analysis, view, prior, major, minor, strips, characters, p)
     seen = prior.source == "assumed" and fitted.log_focal_deviation < p.seen_focal_deviation
     page_map = morph_to_lines(fitted.surface, lines)
     return CurvedPage(
-        fitted.surface,
         page_map,
+        fitted.surface,
+        describe_strips(fitted.surface, view, characters, p.strips),
+        fitted.surface.focal,
         "estimated" if seen else prior.source,
-        lines,
         lines.count // 2,
         flow_deviation(page_map, major, minor),
         line_deviation(fitted.surface, lines),
-        tuple(notices),
+        notices,
     )
+
+
+def _page_of_strips(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    major: FlowSamples,
+    minor: FlowSamples,
+    strips: StripPage | None,
+    characters: Points,
+    p: CurvedParameters,
+) -> CurvedPage | None:
+    """The page as its strips alone show it; None where they leave too much of its text out."""
+    if strips is None or strips.page_map is None:
+        return None
+    page_map = strips.page_map
+    placed = np.isfinite(page_map.to_page(characters)).all(axis=1)
+    det = np.linalg.det(page_map.jacobians(characters[placed])) if placed.any() else np.zeros(0)
+    if placed.mean() < p.min_visible or (det <= 0).mean() > 1 - p.min_visible:
+        return None
+    low, high = np.percentile(np.sqrt(det[det > 0]), [1, 99])
+    if high > p.max_magnification_ratio * low:
+        return None
+    lines = trace_page(analysis, view, page_map)
+    return CurvedPage(
+        page_map,
+        None,
+        strips.surface(view),
+        strips.shape.focal,
+        "estimated" if prior.source == "assumed" else prior.source,
+        lines.count // 2,
+        flow_deviation(page_map, _known(page_map, major), _known(page_map, minor)),
+        line_deviation(page_map, lines),
+        (),
+    )
+
+
+def _known(page_map: PageMap, flow: FlowSamples) -> FlowSamples:
+    """The samples within the map."""
+    known = np.isfinite(page_map.jacobians(flow.points)).all(axis=(1, 2))
+    return flow.select(np.asarray(known))
 
 
 def _fit_flows(
@@ -193,19 +262,21 @@ def _fit_flows(
     minor: FlowSamples,
     points: FlowVanishingPoints,
     characters: Points,
+    strips: StripPage | None,
     p: CurvedParameters,
 ) -> FittedSurface:
-    """The best of several starts on the flows alone, the focal length being held at first."""
+    """The best of several starts on the flows alone, the focal length of flat ones being held at first."""
     held = min(prior.deviation, p.start_focal_deviation)
     hull = text_hull(characters)
     few = PageObservations(
         thin(major, p.start_samples), thin(minor, p.start_samples), NO_LINES, hull, prior.log_focal, held
     )
     coarse = FittingParameters(max_evaluations=12)
-    fits = [
-        fit_surface(start_surface(points, prior, characters, skew, p), few, coarse)
-        for skew in p.start_skews_rad
-    ]
+    flat = [start_surface(points, prior, characters, skew, p) for skew in p.start_skews_rad]
+    fits = [fit_surface(start, few, coarse) for start in flat]
+    if strips is not None:
+        free = replace(few, focal_deviation=prior.deviation)
+        fits.append(fit_surface(start_from_sheet(bend_of_strips(strips), characters, p), free, coarse))
     best = min(fits, key=lambda fit: fit.cost)
     observed = PageObservations(major, minor, NO_LINES, hull, prior.log_focal, prior.deviation)
     return fit_surface(recentre(best, characters, p), observed, FittingParameters(max_evaluations=20))

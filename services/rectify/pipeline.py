@@ -244,7 +244,7 @@ def describe_camera(page: FlatPage) -> CameraEstimate:
     """Focal length in photo pixels, and how it is known."""
     shape, view = page.shape, page.view
     if isinstance(shape, CurvedPage):
-        focal_px, source = shape.surface.focal * view.unit_px, shape.focal_source
+        focal_px, source = shape.focal * view.unit_px, shape.focal_source
     else:
         focal_px, source = shape.focal_length_px, shape.focal_source
     return CameraEstimate(focal_px, field_of_view(focal_px, view.width, view.height), source)
@@ -253,5 +253,5 @@ def describe_camera(page: FlatPage) -> CameraEstimate:
 def describe_surface(page: FlatPage) -> PlaneSurface | StripsSurface:
     """The plane's normal, or the curved page's strips."""
     if isinstance(page.shape, CurvedPage):
-        return page.shape.strips(page.view, page.analysis.characters)
+        return page.shape.strips
     return PlaneSurface(page.shape.normal)

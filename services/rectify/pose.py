@@ -30,6 +30,12 @@ from services.rectify.refinement import RefinedPlane, for_text, observe_lines, r
 from services.rectify.results import Notice
 from services.texture_flow.field import FlowSamples, angle_difference
 
+EXIF_CONTRADICTED = Notice(
+    "exif-contradicted",
+    "the page's perspective does not fit the focal length in the EXIF data (cropped or resized after it was taken?), "
+    "which was left out of account.",
+)
+
 
 @dataclass(frozen=True, slots=True)
 class PoseParameters:
@@ -184,13 +190,7 @@ def choose_pose(
     if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
         prior = typical_focal_prior()
         refined = refine_pose(analysis, view, prior, major, minor, points, refined.plane, p)
-        notices.append(
-            Notice(
-                "exif-contradicted",
-                "the page's perspective does not fit the focal length in the EXIF data (cropped or resized after it "
-                "was taken?), which was left out of account.",
-            )
-        )
+        notices.append(EXIF_CONTRADICTED)
     plane = refined.plane
     gain = p.curved_gain if kind == "curved" else p.gain
     gentle = flow_deviation(level, major, minor, p.minor_share)
