@@ -106,6 +106,8 @@ def trace_lines(
         if traced is None:
             continue
         base, crown, row = traced
+        if not len(base) or not len(crown):
+            continue
         # Baseline and x-height line are two lines of their own: blur moves the two apart.
         for line in (base, crown):
             pieces.append(line)
