@@ -1,6 +1,6 @@
 """The evidence in one photo: its text and both texture flows, measured on reduced images."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -10,6 +10,7 @@ from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import Paper, model_paper
+from services.rectify.page_choice import choose_page
 from services.rectify.stage_clock import StageClock
 from services.texture_flow.field import FlowField, FlowSamples, resize_field
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
@@ -30,6 +31,8 @@ class AnalysisParameters:
     stroke_text_height_px: float = 20.0
     """Minor flow: above this text height, strokes gain nothing from more pixels."""
     picture_share: float = PICTURE_SHARE
+    other_page_share: float = 0.02
+    """Of the characters: when more were left out as those of another page, the flows are measured again."""
     min_components: int = 30
     min_flow_samples: int = 6
 
@@ -53,6 +56,8 @@ class PageAnalysis:
     major_field: FlowField
     minor: FlowSamples | None
     minor_field: FlowField | None
+    facing_page: bool = False
+    """Text of a facing page was seen, and left out."""
 
     @property
     def characters(self) -> Points:
@@ -127,6 +132,25 @@ def _analyse_dark_print(
         gray, factor, reduced, text, paper = _find_text(photo, region, p)
     with clock.stage("texture_flow"):
         major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
+    facing_page = False
+    if region is None:
+        with clock.stage("text"):
+            strokes = None if minor is None else _to_photo(minor.samples, strokes_factor)
+            found = choose_page(
+                photo,
+                characters_in_photo(text, factor),
+                text.text_height_px / factor,
+                _to_photo(major.samples, factor),
+                strokes,
+                paper,
+            )
+            facing_page = found.facing_page
+            left_out = 1 - found.kept.mean()
+            # What was left out is text for the most part: the share of what is none stays as it was.
+            text = replace(keep_characters(text, found.kept), rejected_fraction=text.rejected_fraction)
+        if left_out > p.other_page_share:
+            with clock.stage("texture_flow"):
+                major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
     if len(major.samples) < p.min_flow_samples:
         raise NoText("the characters that were found do not form text lines of a common direction.")
     return PageAnalysis(
@@ -140,6 +164,7 @@ def _analyse_dark_print(
         resize_field(major.field, 1 / factor),
         None if minor is None else _to_photo(minor.samples, strokes_factor),
         None if minor is None else resize_field(minor.field, 1 / strokes_factor),
+        facing_page,
     )
 
 

@@ -23,9 +23,10 @@ def crop_to_sheet(
     """`frame` without what it shows beyond the certain edges of the sheet.
 
     A flat sheet whose `outline` (N, 2) in the photo shows it whole is framed already: what lines there are on it are
-    its own.
+    its own (unless it is a spread of two pages).
     """
-    if outline is not None and isinstance(frame, FlatFrame) and certain_sheet(outline) is not None:
+    flat_sheet = outline if isinstance(frame, FlatFrame) and not analysis.facing_page else None
+    if flat_sheet is not None and certain_sheet(flat_sheet) is not None:
         return frame
     factor = min(1.0, LONG_SIDE_PX / max(frame.width, frame.height))
     small = resize_frame(frame, factor)

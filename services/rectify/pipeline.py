@@ -41,6 +41,9 @@ from services.rectify.stage_clock import StageClock
 from services.rectify.surface_test import discriminate_surface
 from services.texture_flow.field import FlowSamples
 
+FACING_PAGE = Notice(
+    "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."
+)
 FEW_LINES = 10
 """A photo whose ink is picture for the most part, with fewer lines than this, is refused."""
 STRAIGHT = 0.04
@@ -145,6 +148,8 @@ def estimate_page(
             f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
             "Send region, a polygon round the text, if there is some."
         )
+    if analysis.facing_page:
+        notices += (FACING_PAGE,)
     return FlatPage(analysis, view, points, shape, notices)
 
 

@@ -1,0 +1,271 @@
+"""Long edges in a picture: steps of brightness that run straight, or slightly bent, down a text and on beyond its ends.
+
+Edges of sheets, of the pages in a stack, and gutters are such; rules, frames and pictures end with the print. Steps are
+averaged over bands of rows, paths through the bands are found by dynamic programming, and a path counts when it is
+supported nearly everywhere.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Mask, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class LongEdgeParameters:
+    """Contrasts are differences of the logarithm of brightness."""
+
+    sigma_px: float = 1.2
+    """Of the Gaussian whose derivative measures steps."""
+    band_px: int = 12
+    """Rows that are averaged: at a slope of 8 degrees an edge moves by less than two pixels on them."""
+    max_shift_px: int = 2
+    """From band to band."""
+    shift_cost: float = 0.02
+    """Of a pixel's shift, in bands of full support: straight paths win among equals."""
+    weight_beyond: float = 0.3
+    """Of a band beside no text when paths are chosen."""
+    unseen_cost: float = 0.1
+    """Of a band where the photo ends, in bands of full support."""
+    min_seen: float = 0.6
+    """Share of an edge along the text that the photo shows."""
+    candidates: int = 12
+    """Paths of each sign, from the right."""
+    distinct_px: int = 3
+    """Paths nearer to each other are one."""
+    contrast: float = 0.03
+    """A band supports an edge fully from this contrast on."""
+    noise_factor: float = 4.0
+    """Steps count from this many times the middle response of blank paper on."""
+    blank_percentile: float = 30.0
+    """Of all responses: what blank paper shows."""
+    support: float = 0.8
+    """Mean support along the text that makes an edge certain."""
+    beyond: float = 0.05
+    """Of the text's length: an edge runs on by this much beyond it, at both ends where the photo shows them."""
+    beyond_support: float = 0.6
+    share_of_view: float = 0.55
+    """An edge is at least this share of what the photo shows along it."""
+    max_slope: float = float(np.tan(np.deg2rad(8.0)))
+    straightness_px: float = 2.0
+    """Median distance of an edge from the parabola through it."""
+    fading: float = 0.3
+    """Of an edge's median step along the text: where it is less, the edge has ended."""
+    desk_contrast: float = 0.4
+    """A ground that differs more is no tint on the sheet."""
+    end_contrast: float = 0.08
+    """The ground beyond the end of a sheet's edge differs by this from the one beside it."""
+    ground_px: tuple[int, int] = (4, 10)
+    """The ground beside an edge is told at these distances."""
+    sheet_on_either_side: bool = False
+    """Else it is on the right."""
+    min_bands: int = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LongEdge:
+    """One edge: its column (bands,) at every row of `rows` (bands,), along the text where `beside_text` (bands,).
+
+    It is seen from row `first` to row `last`; `left_ground` and `right_ground` (bands,) are the logarithms of
+    brightness beside it.
+    """
+
+    columns: NDArray[np.intp]
+    rows: Vector
+    beside_text: NDArray[np.bool_]
+    first: float
+    last: float
+    left_ground: Vector
+    right_ground: Vector
+
+    def at(self, rows: Vector) -> Vector:
+        """Columns (N,) of the edge at `rows` (N,)."""
+        return np.asarray(np.interp(rows, self.rows, self.columns))
+
+    def ground_differs(self, contrast: float, share: float) -> bool:
+        """Whether one side is brighter by `contrast` than the other on this `share` of the text's length."""
+        difference = (self.left_ground - self.right_ground)[self.beside_text]
+        return bool(max((difference > contrast).mean(), (difference < -contrast).mean()) > share)
+
+
+def find_long_edges(
+    brightness: Floats,
+    shown: Mask,
+    along: tuple[float, float],
+    columns: int,
+    parameters: LongEdgeParameters | None = None,
+) -> list[LongEdge]:
+    """Upright edges in the first `columns` columns of `brightness` (H, W), the logarithm of a picture.
+
+    `shown` (H, W) tells the pixels that the photo shows, `along` the first and last row of the text.
+    """
+    p = parameters or LongEdgeParameters()
+    steps, weight = _band_steps(brightness, shown, p)
+    steps, weight = steps[:, :columns], weight[:, :columns]
+    rows = (np.arange(len(steps)) + 0.5) * p.band_px
+    text = (rows >= along[0]) & (rows <= along[1])
+    if text.sum() < p.min_bands or not (weight > 0).any():
+        return []
+    noise = float(np.percentile(np.abs(steps[weight > 0]), p.blank_percentile))
+    contrast = max(p.contrast, p.noise_factor * noise)
+    ground = np.median(brightness[: len(steps) * p.band_px].reshape(len(steps), p.band_px, -1), axis=1)
+    found = []
+    for sign in (1.0, -1.0):
+        support = np.clip(sign * steps / contrast, 0.0, 1.0)
+        for path in _paths(support, weight, text, p):
+            if not _is_certain(path, support, weight, rows, along, p):
+                continue
+            first, last = _extent(sign * steps[np.arange(len(path)), path], text, contrast, p)
+            left, right = (_ground_beside(path, ground, side, p) for side in (-1, 1))
+            edge = LongEdge(path, rows, text, float(rows[first]), float(rows[last]), left, right)
+            if not _ends_on_paper(edge, (first, last), weight, p):
+                found.append(edge)
+    return found
+
+
+def _extent(
+    steps: Vector, text: NDArray[np.bool_], contrast: float, p: LongEdgeParameters
+) -> tuple[int, int]:
+    """First and last band where a path, with the `steps` (bands,) on it, is seen.
+
+    It is followed from the text to where two bands in a row have no step, or one that is much fainter than along
+    the text (a path finds some step everywhere on a desk).
+    """
+    there = steps > max(0.5 * contrast, p.fading * float(np.median(steps[text])))
+    lost = ~(there[:-1] | there[1:])
+    inner = np.flatnonzero(text)
+    above = np.flatnonzero(lost[: inner[0]])
+    below = np.flatnonzero(lost[inner[-1] :])
+    first = above[-1] + 2 if len(above) else 0
+    last = inner[-1] + below[0] if len(below) else len(steps) - 1
+    return int(first), int(last)
+
+
+def _ground_beside(columns: NDArray[np.intp], ground: Floats, side: int, p: LongEdgeParameters) -> Vector:
+    """Ground (N,) beside column `columns[n]` in row n of `ground` (N, columns); `side` -1 is left."""
+    near, far = p.ground_px
+    at = np.clip(columns[:, None] + side * np.arange(near, far), 0, ground.shape[1] - 1)
+    return np.asarray(np.median(np.take_along_axis(ground, at, 1), axis=1))
+
+
+def _ends_on_paper(edge: LongEdge, extent: tuple[int, int], weight: Floats, p: LongEdgeParameters) -> bool:
+    """Whether the ground beyond the edge's ends is that beside it: a frame or a tinted box on the sheet.
+
+    At a corner of the sheet another ground follows; a sheet on a ground that differs much from it is no tinted box.
+    """
+    first, last = extent
+    sides = [(edge.right_ground, edge.left_ground)]
+    if p.sheet_on_either_side:
+        sides.append((edge.left_ground, edge.right_ground))
+    inside = slice(first, last + 1)
+    if np.abs(np.median((edge.left_ground - edge.right_ground)[inside])) > p.desk_contrast:
+        return False
+    for end, way in ((first, -1), (last, 1)):
+        after = end + way * np.arange(2, 5)
+        after = after[(after >= 0) & (after < len(edge.rows))]
+        after = after[weight[after, edge.columns[after]] > 0]
+        before = end - way * np.arange(1, 4)
+        for sheet, other in sides:
+            if len(after) and np.abs(np.median(sheet[after]) - np.median(other[before])) < p.end_contrast:
+                return True
+    return False
+
+
+def _band_steps(brightness: Floats, shown: Mask, p: LongEdgeParameters) -> tuple[Floats, Floats]:
+    """Contrast of a step at every column of every band of rows, and whether it can be seen there (1 or 0)."""
+    reach = int(4 * p.sigma_px) + 1
+    x = np.arange(-reach, reach + 1, dtype=np.float64)
+    gauss = np.exp(-0.5 * (x / p.sigma_px) ** 2)
+    kernel = x * gauss / (gauss.sum() * p.sigma_px**2)
+    # A step of contrast c has the derivative c / (sqrt(2 pi) sigma) at its place.
+    kernel *= np.sqrt(2 * np.pi) * p.sigma_px
+    bands = len(brightness) // p.band_px
+    rows = bands * p.band_px
+    step = cv2.filter2D(
+        np.ascontiguousarray(brightness[:rows]),
+        cv2.CV_32F,
+        kernel[None].astype(np.float32),
+        borderType=cv2.BORDER_REPLICATE,
+    )
+    near = np.ones((1, 2 * reach + 1), np.uint8)
+    clear = cv2.erode(
+        np.ascontiguousarray(shown[:rows]).astype(np.uint8),
+        near,
+        borderType=cv2.BORDER_CONSTANT,
+        borderValue=1,
+    )
+    shape = (bands, p.band_px, brightness.shape[1])
+    count = clear.reshape(shape).sum(axis=1).astype(np.float64)
+    total = (step * clear).reshape(shape).sum(axis=1).astype(np.float64)
+    return total / np.maximum(count, 1), (count >= 0.75 * p.band_px).astype(np.float64)
+
+
+def _paths(
+    support: Floats, weight: Floats, text: NDArray[np.bool_], p: LongEdgeParameters
+) -> Iterator[NDArray[np.intp]]:
+    """Paths (bands,) of columns down all bands, innermost first, whose support along the text may be enough."""
+    share = np.where(text, 1.0, p.weight_beyond)[:, None]
+    score = np.where(weight > 0, support - p.support, -p.unseen_cost) * share
+    down, back = _accumulate(score, p)
+    up, forth = (v[::-1] for v in _accumulate(score[::-1], p))
+    inner = np.flatnonzero(text)
+    middle = int(inner[len(inner) // 2])
+    through = down[middle] + up[middle] - score[middle]
+    peak = through >= cv2.dilate(through[None], np.ones((1, 2 * p.distinct_px + 1), np.uint8))[0]
+    for column in np.flatnonzero(peak & (through > 0))[::-1][: p.candidates]:
+        path = np.empty(len(support), np.intp)
+        path[middle] = column
+        for band in range(middle, 0, -1):
+            path[band - 1] = back[band, path[band]]
+        for band in range(middle, len(support) - 1):
+            path[band + 1] = forth[band, path[band]]
+        yield path
+
+
+def _accumulate(score: Floats, p: LongEdgeParameters) -> tuple[Floats, NDArray[np.intp]]:
+    """Best sums of `score` (bands, columns) over paths from the first band, and the columns whence they come."""
+    bands, columns = score.shape
+    best, back = score.copy(), np.zeros((bands, columns), np.intp)
+    shifts = np.arange(-p.max_shift_px, p.max_shift_px + 1)
+    whence = np.clip(np.arange(columns) + shifts[:, None], 0, columns - 1)
+    for band in range(1, bands):
+        before = best[band - 1][whence] - p.shift_cost * np.abs(shifts)[:, None]
+        chosen = np.argmax(before, axis=0)
+        best[band] += np.take_along_axis(before, chosen[None], axis=0)[0]
+        back[band] = whence[chosen, np.arange(columns)]
+    return best, back
+
+
+def _is_certain(
+    path: NDArray[np.intp],
+    support: Floats,
+    weight: Floats,
+    rows: Vector,
+    along: tuple[float, float],
+    p: LongEdgeParameters,
+) -> bool:
+    """Whether the path is supported along the text, beyond its ends and over most of the view, and is straight."""
+    bands = np.arange(len(path))
+    value, seen = support[bands, path], weight[bands, path] > 0
+    text = (rows >= along[0]) & (rows <= along[1])
+    if (text & seen).sum() < p.min_seen * text.sum() or value[text & seen].mean() < p.support:
+        return False
+    reach = max(p.beyond * (along[1] - along[0]), 2.0 * p.band_px)
+    ends = [(rows < along[0]) & (rows >= along[0] - reach), (rows > along[1]) & (rows <= along[1] + reach)]
+    shown = [end & seen for end in ends]
+    beyond = [value[end].mean() >= p.beyond_support for end in shown if end.sum() >= 2]
+    if not beyond or not all(beyond):
+        return False
+    all_seen = weight.max(axis=1) > 0
+    if value[seen].sum() < p.share_of_view * all_seen.sum():
+        return False
+    good = text & seen & (value > 0.3)
+    curve = np.polynomial.Polynomial.fit(rows[good], path[good].astype(np.float64), 2)
+    slope = np.abs(curve.deriv()(np.array(along))).max()
+    return bool(
+        slope <= p.max_slope and np.median(np.abs(curve(rows[good]) - path[good])) <= p.straightness_px
+    )

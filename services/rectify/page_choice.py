@@ -1,0 +1,222 @@
+"""Which text belongs to the page: what lies beyond a gutter, or beyond the sheet's edge, is left out.
+
+A photo of an opened book shows part of the facing page, whose text has another direction and lies on another surface.
+Text is told to be on two pages only by a long edge of brightness between them (a gutter, a shadow, the rim of a
+page) that goes on beyond the text, and by a second sign: the lines change their direction across it, or the text
+beyond it is cut off by the end of the photo. Columns have neither.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Points, RgbImage, Vector
+from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
+from services.imaging.paper import Paper, PaperParameters
+from services.texture_flow.field import FlowSamples, angle_difference
+
+Chosen = NDArray[np.bool_]
+
+
+EDGES = LongEdgeParameters(contrast=0.05, noise_factor=0.0, candidates=60, sheet_on_either_side=True)
+SAME_PAPER = PaperParameters(text_contrast=0.35)
+
+
+@dataclass(frozen=True, slots=True)
+class PageChoiceParameters:
+    """Lengths are multiples of the text height, contrasts differences of the logarithm of brightness."""
+
+    long_side_px: int = 700
+    edges: LongEdgeParameters = EDGES
+    slopes: tuple[float, ...] = (-0.2, 0.0, 0.2)
+    """Of edges against the strokes; an edge may lean by 0.14 more."""
+    near: float = 0.5
+    near_share: float = 0.004
+    """Of all characters, at most so many lie nearer than `near` to an edge between pages."""
+    few: float = 0.03
+    """A smaller share of the characters is no page."""
+    few_on_desk: float = 0.1
+    """Neither is a smaller share that does not lie on paper like the main page's."""
+    few_contrast: float = 0.3
+    """Few characters are left out when the ground beyond the edge differs by this from the paper before it."""
+    contrast_share: float = 0.8
+    cut_contrast: float = 0.1
+    """Across an edge whose text beyond is cut off by the end of the photo."""
+    jump_rad: float = float(np.deg2rad(8.0))
+    jump_range: tuple[float, float] = (3.0, 30.0)
+    """Distances from the edge within which directions are compared."""
+    min_samples: int = 4
+    border: float = 2.0
+    """Characters nearer to the end of the photo are cut off, or stand beside some that are."""
+    cut_share: float = 0.3
+    """Of a page's lines that are cut off."""
+    cut_worth: float = 0.5
+    """Of a character on a page that is cut off, when the main page is chosen."""
+    same_paper_share: float = 0.5
+    """Of the characters beyond an edge, when they lie on paper like the main page's."""
+    stray_share: float = 0.005
+    """Of the characters: so few strays do no harm and stay."""
+    min_characters: int = 30
+    black: float = 8.0
+    """Gray levels added before the logarithm."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageChoice:
+    """Which characters (N,) are on the main page, and whether others are on a facing page."""
+
+    kept: Chosen
+    facing_page: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Text:
+    """Characters (N, 2) and major flow in photo pixels, of `height` px, in a photo of `size` (width, height)."""
+
+    characters: Points
+    height: float
+    major: FlowSamples
+    size: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Divide:
+    """A long edge, and the signed distance from it, in photo pixels, of characters (N,) and flow samples (M,)."""
+
+    edge: LongEdge
+    characters: Vector
+    samples: Vector
+    sample_rows: Vector
+
+
+def choose_page(
+    photo: RgbImage,
+    characters: Points,
+    text_height_px: float,
+    major: FlowSamples,
+    minor: FlowSamples | None,
+    paper: Paper,
+    parameters: PageChoiceParameters | None = None,
+) -> PageChoice:
+    """The main page's part of the `characters` (N, 2) in `photo` (H, W, 3); flows and characters in photo pixels."""
+    p = parameters or PageChoiceParameters()
+    kept = np.ones(len(characters), bool)
+    text = _Text(characters, text_height_px, major, (photo.shape[1], photo.shape[0]))
+    facing = False
+    divides = _divides(photo, text, _reading_direction(major, minor), p)
+    smaller = [min((d.characters < 0).sum(), (d.characters > 0).sum()) for d in divides]
+    for k in np.argsort(smaller)[::-1]:
+        right = divides[k].characters > 0
+        sides = (kept & ~right, kept & right)
+        if not sides[0].any() or not sides[1].any():
+            continue
+        main, other = sorted(sides, key=lambda side: -_worth(side, text, p))
+        if main.sum() < p.min_characters:
+            continue
+        on_paper = float(paper.holds(characters[other], SAME_PAPER).mean()) >= p.same_paper_share
+        is_few = other.sum() <= (p.few if on_paper else p.few_on_desk) * len(characters)
+        if is_few and divides[k].edge.ground_differs(p.few_contrast, p.contrast_share):
+            kept &= ~other
+        elif not is_few and _is_another_page(divides[k], other, text, p):
+            kept &= ~other
+            facing = True
+    if (~kept).sum() <= p.stray_share * len(characters):
+        kept[:] = True
+    return PageChoice(kept, facing)
+
+
+def _reading_direction(major: FlowSamples, minor: FlowSamples | None) -> float:
+    """Mean direction of text lines, rad: across the strokes where they were seen, since gutters run along these."""
+    flow, turn = (major, 0.0) if minor is None or len(minor) < 4 else (minor, np.pi / 2)
+    doubled = np.sum(flow.weights * np.exp(2j * (flow.angles + turn)))
+    return 0.5 * float(np.angle(doubled))
+
+
+def _divides(photo: RgbImage, text: _Text, direction_rad: float, p: PageChoiceParameters) -> list[_Divide]:
+    """Long edges across the text lines, near to which there are almost no characters."""
+    factor = min(1.0, p.long_side_px / max(text.size))
+    size = (max(round(text.size[0] * factor), 8), max(round(text.size[1] * factor), 8))
+    small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
+    brightness = np.log(small.astype(np.float32).mean(axis=2) + p.black)
+    cos, sin = np.cos(direction_rad), np.sin(direction_rad)
+    found = []
+    for slope in p.slopes:
+        A = np.array([[1.0, -slope], [0.0, 1.0]]) @ np.array([[cos, sin], [-sin, cos]])
+        corners = np.array([[0, 0], [size[0], 0], [0, size[1]], size]) @ A.T
+        low = corners.min(axis=0)
+        width, height = (int(v) for v in np.ceil(corners.max(axis=0) - low))
+        turn = np.column_stack([A, -low])
+        turned = cv2.warpAffine(brightness, turn, (width, height), flags=cv2.INTER_LINEAR)
+        inside = np.pad(np.ones((size[1] - 4, size[0] - 4), np.uint8), 2)
+        shown = cv2.warpAffine(inside, turn, (width, height), flags=cv2.INTER_NEAREST).astype(bool)
+
+        def place(points: Points, A: Floats = A, low: Vector = low) -> Points:
+            return np.asarray(((points + 0.5) * factor - 0.5) @ A.T - low)
+
+        at, samples = place(text.characters), place(text.major.points)
+        along = (float(np.percentile(at[:, 1], 2)), float(np.percentile(at[:, 1], 98)))
+        for edge in find_long_edges(np.asarray(turned), shown, along, width, p.edges):
+            away = (at[:, 0] - edge.at(at[:, 1])) / factor
+            if (np.abs(away) < p.near * text.height).sum() <= p.near_share * len(at):
+                across = (samples[:, 0] - edge.at(samples[:, 1])) / factor
+                found.append(_Divide(edge, away, across, samples[:, 1] / factor))
+    return found
+
+
+def _at_end_of_photo(side: Chosen, text: _Text, p: PageChoiceParameters) -> float:
+    """Share of the lines of a page's characters that reach the end of the photo."""
+    points, reach = text.characters[side], p.border * text.height
+    last = np.array(text.size) - 1
+    share = 0.0
+    for axis in (0, 1):
+        lines = np.floor(points[:, 1 - axis] / reach)
+        for near in (points[:, axis] < reach, points[:, axis] > last[axis] - reach):
+            share = max(share, len(np.unique(lines[near])) / len(np.unique(lines)))
+    return share
+
+
+def _worth(side: Chosen, text: _Text, p: PageChoiceParameters) -> float:
+    """How much of the photo's subject a page is: its characters, less when it is cut off or far from the middle."""
+    if not side.any():
+        return 0.0
+    middle = np.array(text.size) / 2
+    away = np.linalg.norm(text.characters[side].mean(axis=0) - middle) / np.linalg.norm(middle)
+    whole = p.cut_worth if _at_end_of_photo(side, text, p) > p.cut_share else 1.0
+    return float(side.sum() * whole * np.exp(-(away**2)))
+
+
+def _is_another_page(divide: _Divide, other: Chosen, text: _Text, p: PageChoiceParameters) -> bool:
+    """Whether the lines change their direction at the edge, or those beyond it are cut off."""
+    if _direction_jump(divide, text, p) > p.jump_rad:
+        return True
+    cut_off = _at_end_of_photo(other, text, p) > p.cut_share
+    return cut_off and divide.edge.ground_differs(p.cut_contrast, p.contrast_share)
+
+
+def _direction_jump(divide: _Divide, text: _Text, p: PageChoiceParameters) -> float:
+    """Change of the text lines' direction (rad) across the edge, each side's continued to it by a plane."""
+    near, far = p.jump_range
+    unit = far * text.height
+    values, rows = [], []
+    for sign in (-1, 1):
+        distance = sign * divide.samples
+        used = (distance > near * text.height) & (distance < unit)
+        if used.sum() < p.min_samples:
+            return 0.0
+        angles, weights = text.major.angles[used], text.major.weights[used]
+        reference = 0.5 * float(np.angle(np.sum(weights * np.exp(2j * angles))))
+        middle = float(np.median(divide.sample_rows[used]))
+        design = np.stack(
+            [np.ones(used.sum()), distance[used] / unit, (divide.sample_rows[used] - middle) / unit], axis=1
+        )
+        # The slopes are held a little: few samples do not tell them.
+        A = (design * weights[:, None]).T @ design + np.diag([1e-6, 0.3, 0.3])
+        c = np.linalg.solve(A, (design * weights[:, None]).T @ angle_difference(angles, reference))
+        values.append((reference, c, middle))
+        rows.append((divide.sample_rows[used].min(), divide.sample_rows[used].max()))
+    low, high = max(rows[0][0], rows[1][0]), min(rows[0][1], rows[1][1])
+    at = np.linspace(low, high, 9) if high > low else np.array([0.5 * (low + high)])
+    left, right = (reference + c[0] + c[2] * (at - middle) / unit for reference, c, middle in values)
+    return float(np.median(np.abs(angle_difference(left, right))))
