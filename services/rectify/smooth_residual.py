@@ -28,6 +28,8 @@ class ResidualParameters:
     """Of the second differences of neighbouring coefficients."""
     size: float = 0.6
     """Of the coefficients: the field is small, or the surface is wrong."""
+    max_shift: float = 1.5
+    """Of the field anywhere: more is no crease but a surface or lines gone wrong, and the field is left out."""
     min_points: int = 60
     iterations: int = 6
 
@@ -85,7 +87,7 @@ def _splines(x: Vector, low: float, high: float, count: int) -> Floats:
 def morph_to_lines(
     surface: DevelopableSurface, lines: LineObservations, parameters: ResidualParameters | None = None
 ) -> PageMap:
-    """The surface with the smooth residual of its `lines`; the surface itself where there are too few."""
+    """The surface with the smooth residual of its `lines`; the surface itself where there are too few or it is large."""
     p = parameters or ResidualParameters()
     if len(lines.points) < p.min_points:
         return surface
@@ -118,6 +120,8 @@ def morph_to_lines(
         coefficients = np.linalg.solve((A * weight[:, None]).T @ A + penalty, (A * weight[:, None]).T @ b)
         rest = (b - A @ coefficients) / p.deviation
         weight = 1 / (1 + (rest / 2) ** 2)
+    if np.abs(coefficients).max() > p.max_shift:
+        return surface
     return MorphedPage(surface, height * coefficients.reshape(p.rows, p.columns), low, high)
 
 
