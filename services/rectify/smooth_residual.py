@@ -87,7 +87,7 @@ def _splines(x: Vector, low: float, high: float, count: int) -> Floats:
 def morph_to_lines(
     surface: DevelopableSurface, lines: LineObservations, parameters: ResidualParameters | None = None
 ) -> PageMap:
-    """The surface with the smooth residual of its `lines`; the surface itself where there are too few or it is large."""
+    """The surface with the smooth residual of its `lines`, or without: where they are few or it is too large."""
     p = parameters or ResidualParameters()
     if len(lines.points) < p.min_points:
         return surface
