@@ -202,5 +202,10 @@ def test_deviations_are_widened_never_narrowed() -> None:
     observed = observe(CYLINDER.surface(), line_noise=3e-4, seed=11)
     fitted = fit_surface(CYLINDER.start(), observed)
     p = FittingParameters(line_factor=1.5)
-    assert widen(p, replace(fitted, line_spread=0.4)) == p
-    assert widen(p, replace(fitted, line_spread=2.0)).line_factor == pytest.approx(3.0)
+    assert widen(p, replace(fitted, line_spread=0.4, spacing_spread=0.3)) == p
+    wide = widen(p, replace(fitted, line_spread=2.0, spacing_spread=4.0))
+    assert wide.line_factor == pytest.approx(3.0)
+    assert wide.spacing == pytest.approx(4 * p.spacing)
+    assert wide.spacing_between == pytest.approx(4 * p.spacing_between)
+    only = widen(p, replace(fitted, line_spread=2.0, spacing_spread=0.5))
+    assert only == replace(p, line_factor=3.0)
