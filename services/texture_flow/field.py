@@ -101,10 +101,10 @@ def smooth_samples(
     far_weight = np.maximum(moment(far_x, far_y, w), 1e-12)  # no samples at all: direction 0
     far = np.stack([moment(far_x, far_y, w * value[:, k]) / far_weight for k in (0, 1)], axis=-1)
     # The far field enters as a weak observation of the value, zero as a weak one of the slopes.
-    floor = 0.02 * float(np.median(w)) if len(w) else 1.0
+    floor = 0.002 * float(np.median(w)) if len(w) else 1.0
     normal[..., 0, 0] += floor
     right[..., 0, :] += floor * far
-    damping = {1: 0.03, 2: 0.003}[order]
+    damping = {1: 0.03, 2: 0.001}[order]
     for m in range(1, len(terms)):
         normal[..., m, m] += damping * second[0, 0] + floor
     doubled = np.linalg.solve(normal, right)[..., 0, :]

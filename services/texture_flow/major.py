@@ -157,15 +157,15 @@ def refine_major_flow(
 
     ink = text.ink.astype(np.float32)
     theta = field.at(centres)
-    slope, inner, weight = _measure_slopes(ink, centres, theta, slopes, window_for(slopes))
+    slope, inner, weight, places = _measure_slopes(ink, centres, theta, slopes, window_for(slopes))
     # Where the coarse field was off, the window is turned by what its neighbours found and measured once more.
     for _ in range(p.repeats):
-        samples = _fine_samples(centres, theta, slope, np.where(inner, weight, 0.0))
+        samples = _fine_samples(places, theta, slope, np.where(inner, weight, 0.0))
         samples = reject_outliers(samples, sigma, shape, p.outlier_rad, order=2)
         if not len(samples):
             break
         dense = smooth_samples(samples, shape, p.field_spacing * unit, p.field_smoothing * unit, order=2)
-        expected = dense.at(centres)
+        expected = dense.at(places)
         found = theta + np.arctan(slope)
         off = np.abs(angle_difference(found, expected)) > p.remeasure_rad
         again = (np.abs(slope) > p.remeasure_slope) | off | ~inner
@@ -173,25 +173,29 @@ def refine_major_flow(
             break
         theta[again] = expected[again]
         measured = _measure_slopes(ink, centres[again], theta[again], wide_slopes, window_for(wide_slopes))
-        slope[again], inner[again], weight[again] = measured
-    samples = _fine_samples(centres, theta, slope, np.where(inner, weight, 0.0))
+        slope[again], inner[again], weight[again], places[again] = measured
+    samples = _fine_samples(places, theta, slope, np.where(inner, weight, 0.0))
     samples = reject_outliers(samples, sigma, shape, p.outlier_rad, order=2)
     field = smooth_samples(samples, shape, p.field_spacing * unit, p.field_smoothing * unit, order=2)
     return MajorFlow(samples, field)
 
 
-def _fine_samples(centres: Points, theta: Vector, slope: Vector, weight: Vector) -> FlowSamples:
-    """Samples of measured slopes against the windows' directions `theta`, without those that saw nothing."""
+def _fine_samples(places: Points, theta: Vector, slope: Vector, weight: Vector) -> FlowSamples:
+    """Samples at `places` (N, 2) of slopes against the windows' directions `theta`, without those that saw nothing."""
     top = float(np.median(weight[weight > 0])) if (weight > 0).any() else 1.0
     angle = (theta + np.arctan(slope) + np.pi / 2) % np.pi - np.pi / 2
-    samples = FlowSamples(centres, angle, np.clip(weight / top, 0, 1))
+    samples = FlowSamples(places, angle, np.clip(weight / top, 0, 1))
     return samples.select(samples.weights > 0.05)
 
 
 def _measure_slopes(
     ink: NDArray[np.float32], centres: Points, theta: Vector, slopes: Vector, window: _Window
-) -> tuple[Vector, NDArray[np.bool_], Vector]:
-    """Slope of the profile's peak against `theta`, whether it is an inner peak, and its weight, for every window."""
+) -> tuple[Vector, NDArray[np.bool_], Vector, Points]:
+    """Slope of the profile's peak against `theta`, whether it is an inner peak, its weight and place, for every window.
+
+    The place is the centroid of the ink: a window that reaches beyond the ends of its lines tells their direction
+    not in its middle but where they are.
+    """
     along = window.along_px * np.stack([np.cos(theta), np.sin(theta)], axis=1)
     across = window.across_px * np.stack([-np.sin(theta), np.cos(theta)], axis=1)
     windows = sample_windows(ink, centres, along, across, (window.rows, window.columns))
@@ -200,4 +204,8 @@ def _measure_slopes(
     slope, inner = parabola_peak(energies, slopes)
     mean = energies.mean(axis=1)
     contrast = (energies.max(axis=1) - energies.min(axis=1)) / np.where(mean > 0, mean, 1.0)
-    return slope, inner, np.clip(contrast / 0.6, 0, 1) * amount
+    middle = windows[:, window.margin : window.rows - window.margin]
+    offset = np.arange(window.columns, dtype=np.float32) - (window.columns - 1) / 2
+    aside = np.einsum("nrc,c->n", middle, offset) / np.maximum(middle.sum(axis=(1, 2)), 1e-6)
+    places = centres + aside[:, None] * along
+    return slope, inner, np.clip(contrast / 0.6, 0, 1) * amount, places
