@@ -16,10 +16,11 @@ from services.operations import ocr_engine
 from services.rectify.analysis import analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
+from services.rectify.results import StripsSurface
 from services.texture_flow.field import FlowSamples
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
-from simulation.scenes import POSES, photograph
+from simulation.scenes import BOOK, POSES, photograph
 
 SEED = 7
 
@@ -30,6 +31,23 @@ def before_and_after(photo: RgbImage) -> RgbImage:
     flat = rectify(photo, RectifyParameters(), None, engine).image
     even = rectify(photo, RectifyParameters(illumination="normalize"), None, engine).image
     return make_strip([photo, flat, even], ["photo", "POST /rectify", "... illumination=normalize"])
+
+
+def curved_page(photo: RgbImage) -> RgbImage:
+    """A curved page, its mesh and rulings drawn on the photo, and its flat view."""
+    result = rectify(photo, RectifyParameters(illumination="normalize"), None, ocr_engine())
+    assert isinstance(result.surface, StripsSurface)
+    drawn = (0.6 * photo + 102).astype(np.uint8)
+    for lines in (result.mesh[::4], result.mesh[:, ::4].transpose(1, 0, 2)):
+        curves = [np.round(line).astype(np.int32) for line in lines]
+        cv2.polylines(drawn, curves, False, (60, 130, 220), 2, cv2.LINE_AA)
+    reach = 0.18 * max(photo.shape)
+    rulings = zip(result.surface.points[::2], result.surface.angles_rad[::2], strict=True)
+    for point, angle in rulings:
+        way = reach * np.array([np.cos(angle), np.sin(angle)])
+        start, end = (np.round(point + side * way).astype(int).tolist() for side in (-1, 1))
+        cv2.line(drawn, start, end, (220, 40, 40), 3, cv2.LINE_AA)
+    return make_strip([photo, drawn, result.image], ["photo", "rulings and mesh", "POST /rectify"])
 
 
 def texture_flow(photo: RgbImage) -> RgbImage:
@@ -62,7 +80,13 @@ def main() -> int:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent.parent / "docs" / "pictures"
     page = own_pages()[2]
     photo = photograph(page, POSES[3], 0.0, dirt=PHONE, rng=np.random.default_rng(SEED)).image
-    for name, picture in (("before-after", before_and_after(photo)), ("texture-flow", texture_flow(photo))):
+    bent = photograph(own_pages()[0], POSES[1], 0.0, BOOK, dirt=PHONE, rng=np.random.default_rng(SEED)).image
+    pictures = {
+        "before-after": before_and_after(photo),
+        "curved-page": curved_page(bent),
+        "texture-flow": texture_flow(photo),
+    }
+    for name, picture in pictures.items():
         save_picture(folder / f"{name}.jpg", picture)
         print(folder / f"{name}.jpg")
     return 0
