@@ -151,9 +151,11 @@ def recentre(fitted: FittedSurface, characters: Points, p: CurvedParameters) -> 
     return replace(fitted.start, basis=basis, parameters=parameters)
 
 
-def text_hull(characters: Points) -> Points:
-    """Convex hull (H, 2) of the characters (N, 2)."""
-    return np.asarray(cv2.convexHull(characters.astype(np.float32))[:, 0], np.float64)
+def text_hull(characters: Points, growth: float = 1.1) -> Points:
+    """Convex hull (H, 2) of the characters (N, 2), a little larger: the page does not end with its text."""
+    hull = np.asarray(cv2.convexHull(characters.astype(np.float32))[:, 0], np.float64)
+    middle = hull.mean(axis=0)
+    return np.asarray(middle + growth * (hull - middle))
 
 
 def thin(samples: FlowSamples, count: int) -> FlowSamples:
