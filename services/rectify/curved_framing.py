@@ -67,7 +67,8 @@ def frame_curved_page(
     characters = (text_points - view.centre) / view.unit_px
     text = page_map.to_page(characters)
     # Photo pixels per page unit at the text.
-    scale = view.unit_px / np.sqrt(np.abs(np.linalg.det(page_map.jacobians(characters))))
+    with np.errstate(invalid="ignore"):
+        scale = view.unit_px / np.sqrt(np.abs(np.linalg.det(page_map.jacobians(characters))))
     good = np.isfinite(text).all(axis=1) & np.isfinite(scale)
     text, scale = text[good], scale[good]
     resolution, usual = float(np.percentile(scale, f.detail_percentile)), float(np.median(scale))

@@ -75,8 +75,8 @@ def flatten_ink(
     `text` (N, 2) are characters and `text_height` their size, both in centred units.
     """
     page = page_map.to_page(text)
-    page = page[np.isfinite(page).all(axis=1)]
-    J = page_map.jacobians(text)
+    known = np.isfinite(page).all(axis=1)
+    page, J = page[known], page_map.jacobians(text[known])
     density = float(H_reduced_centred[0, 0]) / float(np.sqrt(np.median(np.abs(np.linalg.det(J)))))
     low, high = np.percentile(page, 0.5, axis=0), np.percentile(page, 99.5, axis=0)
     margin = 3 * text_height * float(H_reduced_centred[0, 0]) / density
@@ -109,41 +109,49 @@ def trace_lines(
         if not len(base) or not len(crown):
             continue
         # Baseline and x-height line are two lines of their own: blur moves the two apart.
-        for line in (base, crown):
-            pieces.append(line)
-            index.append(np.full(len(line), lines))
+        for edge in (base, crown):
+            pieces.append(edge)
+            index.append(np.full(len(edge), lines))
             lines += 1
         ends.append(row)
     if not pieces:
         return NO_LINES
-    points = np.concatenate(pieces)
-    table = np.array(ends)
-    order = np.argsort(table[:, 1] + table[:, 3])
-    table = table[order]
-    rows = Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], np.ones(len(table)))
-    paragraphs = group_paragraphs(rows)
-    # Even numbers are baselines; their rows were sorted for the grouping.
-    runs = [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs]
-    y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
-    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
-    margins = [rows.starts[g] for g in find_margins(rows, "left")]
-    margins += [rows.ends[g] for g in find_margins(rows, "right")]
 
     def in_photo(pixels: Points) -> Points:
         return page_map.to_photo(flat.to_page(pixels))
 
+    points, line = np.concatenate(pieces), np.concatenate(index)
     seen = in_photo(points[:, :2])
-    centre = seen.mean(axis=0)[None]
+    # A map may end with the text: what is traced beyond has no place in the photo.
+    known = np.isfinite(seen).all(axis=1) & np.isfinite(page_map.to_page(seen)).all(axis=1)
+    known &= np.isfinite(page_map.jacobians(seen)).all(axis=(1, 2))
+    if not known.any():
+        return NO_LINES
+    seen, points, line = seen[known], points[known], line[known]
+    placed = np.bincount(line, minlength=lines) > 0
+    table = np.array(ends)
+    order = np.argsort(table[:, 1] + table[:, 3])
+    table = table[order]
+    rows = Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], np.ones(len(table)))
+    # Even numbers are baselines; their rows were sorted for the grouping.
+    paragraphs = [q for q in group_paragraphs(rows) if placed[2 * order[q.lines]].all()]
+    runs = [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs]
+    y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
+    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
+    margins = [in_photo(rows.starts[g]) for g in find_margins(rows, "left")]
+    margins += [in_photo(rows.ends[g]) for g in find_margins(rows, "right")]
+    margins = [m[np.isfinite(m).all(axis=1)] for m in margins]
+    centre = seen[np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1))][None]
     px_per_unit = flat.scale * float(np.sqrt(np.abs(np.linalg.det(page_map.jacobians(centre)[0]))))
     # The deviation is told across the line in the photo: by the local scale of the map.
     grow = np.linalg.norm(page_map.jacobians(seen)[:, 1], axis=1) * flat.scale
     return LineObservations(
         seen,
-        np.concatenate(index),
+        line,
         points[:, 2] / grow,
         runs,
         group_alike(spacings, p.alike),
-        [in_photo(m) for m in margins],
+        [m for m in margins if len(m) > 1],
         float(np.median(rows.heights)) / px_per_unit,
     )
 
