@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from services.arrays import Mask, Points, Vector
+from services.arrays import Floats, Mask, Points, Vector
 from services.developable.observations import NO_LINES, LineObservations
 from services.geometry.homographies import jacobians, resizing, scaling, transform_points, translation
 from services.geometry.page_map import PlaneMap
@@ -230,9 +230,8 @@ def test_the_flat_view_shows_the_ink_where_it_is() -> None:
 
 def test_the_flat_view_is_bounded() -> None:
     text = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 2))
-    for scale in (1e-3, 30.0):
-        flat = flatten_ink(np.zeros((50, 40), bool), scaling(1e6), PlaneMap(scaling(scale)), text, 0.01)
-        assert flat.ink.size < 1.01 * 8e6
+    flat = flatten_ink(np.zeros((50, 40), bool), scaling(1e6), identity(30.0), text, 0.01)
+    assert flat.ink.size < 1.01 * 8e6
 
 
 def test_the_sampling_map_is_exact_at_its_nodes_and_near_between() -> None:
@@ -271,3 +270,48 @@ def test_waviness_is_in_text_heights() -> None:
     spoiled[:, 3] -= 0.0025
     spoiled[:, 4] += 0.0025
     assert line_deviation(identity(), straight(spoiled)) == pytest.approx(0.003 / 0.02, rel=1e-9)
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A map that knows the photo to the left of `end` alone, as maps of strips do."""
+
+    whole: PlaneMap
+    end: float
+
+    def to_photo(self, page: Points) -> Points:
+        """NaN beyond."""
+        seen = self.whole.to_photo(page)
+        return np.where(seen[:, :1] > self.end, np.nan, seen)
+
+    def to_page(self, centred: Points) -> Points:
+        """NaN beyond."""
+        return np.where(centred[:, :1] > self.end, np.nan, self.whole.to_page(centred))
+
+    def jacobians(self, centred: Points) -> Floats:
+        """NaN beyond."""
+        return np.where(centred[:, :1, None] > self.end, np.nan, self.whole.jacobians(centred))
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_a_map_does_not_know_is_left_out() -> None:
+    flat = FlatInk(Print().ink(), 1.0, (0.0, 0.0))
+    whole, half = (trace_lines(flat, Known(identity(), end)) for end in (2000.0, 600.0))
+    kept = whole.points[:, 0] <= 600
+    assert 0 < kept.sum() < len(kept)
+    assert np.array_equal(half.points, whole.points[kept])
+    assert np.array_equal(half.index, whole.index[kept])
+    assert [len(run.lines) for run in half.runs] == [len(run.lines) for run in whole.runs]
+    # The right margin is unknown.
+    assert [len(m) for m in half.margins] == [14]
+    assert half.text_height == pytest.approx(whole.text_height)
+    assert 0 < line_deviation(Known(identity(), 600.0), half) < 1
+    assert trace_lines(flat, Known(identity(), -10.0)) is NO_LINES
+    # Characters beyond are no part of the flat view.
+    text = np.stack([np.linspace(60, 1000, 95), np.linspace(100, 600, 95)], axis=1)
+    view = flatten_ink(flat.ink, np.eye(3), Known(identity(), 600.0), text, 12.0)
+    assert view.ink.shape[1] / view.scale == pytest.approx(540 + 72, abs=10)
+    # Runs whose lines are unknown are no runs.
+    gone = trace_lines(flat, Known(identity(), 150.0))
+    assert gone.count == 2 * 14
+    assert np.isfinite(gone.points).all()
