@@ -24,8 +24,8 @@ from services.rectify.pipeline import rectify
 from services.rectify.planar import PhotoFrame, typical_focal_prior
 from services.rectify.results import RectifyResult
 from services.rectify.strip_page import find_strips
-from services.strips.flow_interpolation import interpolate_flow
-from services.texture_flow.field import FlowSamples
+from services.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
+from services.texture_flow.regression import regress_flow
 from simulation.flat_page import Points
 from simulation.truth import Truth
 
@@ -75,7 +75,7 @@ def measure_steps(
     """
     analysis = analyse_photo(photo)
     view = PhotoFrame(photo.shape[1], photo.shape[0])
-    flows = curved_flows(analysis, view) if curved else flat_flows(analysis)
+    flows = curved_flows(analysis) if curved else flat_flows(analysis)
     strips = measure_strips(analysis, view, truth, points) if curved else StripErrors()
     return measure_flows(flows, truth, points), strips
 
@@ -93,14 +93,12 @@ def flat_flows(analysis: PageAnalysis) -> Flows:
     return Flows(analysis.major_field.at, analysis.minor_field.at if analysis.minor_field else None)
 
 
-def curved_flows(analysis: PageAnalysis, view: PhotoFrame) -> Flows:
+def curved_flows(analysis: PageAnalysis) -> Flows:
     """Both flows between their samples: the dense fields would flatten the page's bends."""
-
-    def in_photo(samples: FlowSamples | None) -> Callable[[Points], Vector] | None:
-        flow = None if samples is None else interpolate_flow(view.to_centred(samples))
-        return None if flow is None else lambda points: flow.at((points - view.centre) / view.unit_px)
-
-    return Flows(in_photo(analysis.major) or analysis.major_field.at, in_photo(analysis.minor))
+    height = analysis.text_height_px
+    major = regress_flow(analysis.major, MAJOR_SIGMA * height)
+    minor = None if analysis.minor is None else regress_flow(analysis.minor, MINOR_SIGMA * height)
+    return Flows(major.at, None if minor is None else minor.at)
 
 
 def measure_flows(flows: Flows, truth: Truth, points: Points) -> FlowErrors:

@@ -11,6 +11,7 @@ ARRAYS = ("numpy", "cv2", "PIL", "scipy", "pillow_heif", "img2pdf")
 HTTP = ("fastapi", "starlette", "uvicorn", "httpx", "pydantic", "pydantic_settings", "prometheus_client")
 SQL = ("sqlalchemy", "alembic", "sqlite3")
 ESTIMATORS = ("services.rectify", "services.mosaic", "services.layout")
+SURFACES = ("services.developable", "services.strips", "services.rulings")
 
 RULES = [
     # (who, may not import, but may)
@@ -22,10 +23,17 @@ RULES = [
         ("app", "simulation", "benchmarks", "tests", "models", *HTTP, *SQL),
         ("models.layout_graph",),
     ),
-    ("services/geometry", (*ESTIMATORS, "services.imaging", "services.texture_flow", "services.ocr"), ()),
-    ("services/imaging", (*ESTIMATORS, "services.texture_flow", "services.ocr"), ()),
-    ("services/texture_flow", (*ESTIMATORS, "services.ocr"), ()),
-    ("services/ocr", (*ESTIMATORS, "services.texture_flow"), ()),
+    (
+        "services/geometry",
+        (*ESTIMATORS, *SURFACES, "services.imaging", "services.texture_flow", "services.ocr"),
+        (),
+    ),
+    ("services/imaging", (*ESTIMATORS, *SURFACES, "services.texture_flow", "services.ocr"), ()),
+    ("services/texture_flow", (*ESTIMATORS, *SURFACES, "services.ocr"), ()),
+    ("services/ocr", (*ESTIMATORS, *SURFACES, "services.texture_flow"), ()),
+    ("services/rulings", (*ESTIMATORS, "services.developable", "services.strips", "services.ocr"), ()),
+    ("services/strips", (*ESTIMATORS, "services.developable", "services.ocr"), ()),
+    ("services/developable", (*ESTIMATORS, "services.strips", "services.rulings", "services.ocr"), ()),
     ("services/rectify", ("services.mosaic", "services.layout", "services.operations"), ()),
     ("services/mosaic", ("services.layout", "services.operations"), ()),
     ("services/layout", ("services.rectify", "services.mosaic", "services.operations"), ()),

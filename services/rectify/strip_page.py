@@ -12,7 +12,6 @@ from services.rectify.results import StripsSurface
 from services.rulings.line_profiles import InkImage
 from services.rulings.page_rulings import PageRulings, find_page_rulings
 from services.strips.evidence import gather_evidence
-from services.strips.flow_interpolation import interpolate_flow
 from services.strips.initial import FocalKnowledge
 from services.strips.results import StripShape
 from services.strips.shape import estimate_strip_shape
@@ -51,12 +50,10 @@ def find_strips(
     x, y = (np.array(view.centre) + 0.5) * analysis.factor - 0.5
     ink = InkImage(analysis.text.ink.astype(np.float32), view.unit_px * analysis.factor, (float(x), float(y)))
     rulings = find_page_rulings(major, minor, characters, analysis.text_height_px / view.unit_px, ink)
-    flow = interpolate_flow(major)
-    if flow is None:
-        return None
-    across = None if minor is None else interpolate_flow(minor)
     try:
-        evidence = gather_evidence(rulings.projected, rulings.vanishing_points, flow, across, characters)
+        evidence = gather_evidence(
+            rulings.projected, rulings.vanishing_points, rulings.major, rulings.minor, characters
+        )
     except ValueError:
         return None  # fewer than two rulings cross the text
     knowledge = FocalKnowledge(prior.log_focal, prior.deviation, prior.source in ("given", "exif"))

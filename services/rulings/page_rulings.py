@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 from services.arrays import Points
-from services.rulings.flow_regression import RegressedFlow, regress_flow
 from services.rulings.line_profiles import InkImage, find_line_edges, measure_line_profiles
 from services.rulings.projected import detect_projected_rulings
 from services.rulings.reference_points import clip_to_hull, keep_dense_text, text_hull
 from services.rulings.results import ProjectedRulings, RulingVanishingPoints
 from services.rulings.vanishing_points import estimate_ruling_vanishing_points
 from services.texture_flow.field import FlowSamples
+from services.texture_flow.regression import RegressedFlow, regress_flow
 
 MAJOR_SIGMA, MINOR_SIGMA = 4.0, 6.0
 """Deviation of the local regression of the flows over the text height: major samples lie three text heights apart,

@@ -21,7 +21,7 @@ from services.rulings.ruling_family import (
     RulingFamily,
     fit_ruling_family,
 )
-from services.rulings.tabulated import measure_text_density
+from services.rulings.text_density import measure_text_density
 from services.texture_flow.field import angle_difference
 
 

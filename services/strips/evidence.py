@@ -25,8 +25,8 @@ class Flow(Protocol):
         """Directions (N,) rad modulo pi at points (N, 2)."""
         ...
 
-    def support(self, points: Points) -> Vector:
-        """How well they are known there (N,): 1 among measurements, 0 far from any."""
+    def trust_at(self, points: Points) -> Vector:
+        """How far they are to be trusted (N,): 1 among measurements, 0 far from any."""
         ...
 
 
@@ -74,8 +74,8 @@ def gather_evidence(
 
     On the centre line the strip's plane is the tangent plane of the surface, so that its samples have no error of
     first order. Rulings are continued to where the text ends (see `coverage`); they may come in either order, the
-    strips run to the right. A sample weighs by the characters near it and by the flow's support there. `minor` is
-    None where no strokes were found.
+    strips run to the right. A sample weighs by the characters near it and by the trust in its flow. `minor` is None
+    where no strokes were found.
 
     Raises
     ------
@@ -97,12 +97,12 @@ def gather_evidence(
     samples = middles[:, None] + places[..., None] * centre_lines[:, None]
     flat = samples.reshape(-1, 2)
     major_flow = _signed(major.at(flat), along).reshape(samples.shape)
-    major_weights = weights * major.support(flat).reshape(weights.shape)
+    major_weights = weights * major.trust_at(flat).reshape(weights.shape)
     if minor is None:
         minor_flow, minor_weights = np.broadcast_to(down, samples.shape), np.zeros(weights.shape)
     else:
         minor_flow = _signed(minor.at(flat), down).reshape(samples.shape)
-        minor_weights = weights * minor.support(flat).reshape(weights.shape)
+        minor_weights = weights * minor.trust_at(flat).reshape(weights.shape)
     return StripEvidence(
         points,
         directions,

@@ -7,19 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Points, Vector
-from services.texture_flow.field import (
-    FlowField,
-    FlowSamples,
-    angle_difference,
-    reject_outliers,
-    smooth_samples,
-)
+from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.projection_profiles import (
     parabola_peak,
     sample_windows,
     scan_directions,
     scan_slopes,
 )
+from services.texture_flow.regression import reject_outliers, smooth_samples
 from services.texture_flow.relaxation import find_peaks, label_by_relaxation
 from services.texture_flow.text_identification import IdentifiedText
 

@@ -15,13 +15,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from services.arrays import Floats, GrayImage, Mask, Vector
-from services.texture_flow.field import (
-    FlowField,
-    FlowSamples,
-    angle_difference,
-    reject_outliers,
-    smooth_samples,
-)
+from services.texture_flow.field import FlowField, FlowSamples, angle_difference
+from services.texture_flow.regression import reject_outliers, smooth_samples
 
 
 @dataclass(frozen=True, slots=True)

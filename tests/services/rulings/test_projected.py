@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.rulings.flow_regression import regress_flow
 from services.rulings.projected import detect_projected_rulings
 from services.rulings.reference_points import (
     chord_ends,
@@ -15,6 +14,7 @@ from services.rulings.reference_points import (
     text_hull,
 )
 from services.texture_flow.field import angle_difference
+from services.texture_flow.regression import regress_flow
 from tests.services.rulings.worlds import SHAPES, World, noisy
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from services.rulings.reference_points import choose_reference_points, text_hull
 from services.rulings.ruling_family import FamilyEvidence, FamilyParameters, FlowWitness, fit_ruling_family
-from services.rulings.tabulated import measure_text_density
+from services.rulings.text_density import measure_text_density
 from tests.services.rulings.worlds import World, noisy
 
 PLACES = np.linspace(-1.1, 1.1, 41)

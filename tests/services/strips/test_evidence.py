@@ -22,7 +22,7 @@ class EvenFlow:
     def at(self, points: Points) -> Vector:
         return np.full(len(points), self.angle)
 
-    def support(self, points: Points) -> Vector:
+    def trust_at(self, points: Points) -> Vector:
         return np.asarray((points[:, 0] > 0).astype(float))
 
 

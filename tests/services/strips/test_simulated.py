@@ -8,10 +8,10 @@ from services.rulings.projected import detect_projected_rulings
 from services.rulings.results import RulingVanishingPoints
 from services.strips.constraints import unit
 from services.strips.evidence import StripEvidence, gather_evidence
-from services.strips.flow_interpolation import interpolate_flow
 from services.strips.initial import FocalKnowledge
 from services.strips.shape import estimate_strip_shape
 from services.strips.view import unroll_strips
+from services.texture_flow.regression import regress_flow
 from tests.services.scenes import Album, Shot
 from tests.services.strips.bent_page import angles_between_deg, similarity_residual
 
@@ -22,10 +22,9 @@ def measured(shot: Shot) -> tuple[StripEvidence, np.ndarray]:
     """Evidence, and the characters (N, 2)."""
     frame = shot.frame
     characters = transform_points(np.linalg.inv(frame.H_photo_centred), shot.analysis.characters)
-    major, minor = interpolate_flow(shot.major), interpolate_flow(shot.minor)
-    assert major is not None
-    assert minor is not None
-    rulings = detect_projected_rulings(major.at, characters, minor.at, major.support)
+    height = shot.analysis.text_height_px / frame.unit_px
+    major, minor = regress_flow(shot.major, 4 * height), regress_flow(shot.minor, 6 * height)
+    rulings = detect_projected_rulings(major.at, characters, minor.at, major.trust_at)
     seen = (
         np.linalg.inv(frame.H_photo_centred)
         @ shot.truth.ruling_vanishing_points(transform_points(frame.H_photo_centred, rulings.points)).T

@@ -6,14 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.arrays import Points, Vector
-from services.texture_flow.field import (
-    FlowField,
-    FlowSamples,
-    angle_difference,
-    reject_outliers,
-    resize_field,
-    smooth_samples,
-)
+from services.texture_flow.field import FlowField, FlowSamples, angle_difference, resize_field
+from services.texture_flow.regression import reject_outliers, smooth_samples
 
 ANGLE = st.floats(-10, 10)
 SHAPE = (600, 450)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.texture_flow.field import FlowField, FlowSamples, angle_difference, smooth_samples
+from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.minor import (
     MinorFlowParameters,
     detect_stroke_edges,
@@ -13,6 +13,7 @@ from services.texture_flow.minor import (
     fit_curve_peaks,
     strength_curves,
 )
+from services.texture_flow.regression import smooth_samples
 from services.texture_flow.text_identification import identify_text
 from simulation.flat_page import Page
 from tests.services.scenes import CURVED_SCENES, FLAT_SCENES, Album, errors_deg

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from services.rulings.flow_regression import regress_flow
-from services.texture_flow.field import FlowSamples, angle_difference, smooth_samples
+from services.texture_flow.field import FlowSamples, angle_difference
+from services.texture_flow.regression import regress_flow, smooth_samples
 
 
 def samples_of(flow, count=500, noise_rad=0.0, seed=0):
@@ -49,6 +49,15 @@ def test_few_samples_and_far_points_give_finite_directions(count):
     assert np.all((flow.trust_at(places) >= 0) & (flow.trust_at(places) <= 1))
     if count:
         np.testing.assert_allclose(found, 0.3, atol=1e-6)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+@pytest.mark.parametrize("points", [np.zeros((9, 2)), np.outer(np.arange(9), [1.0, 2.0])])
+def test_samples_in_one_place_or_row_and_of_no_weight_are_finite(points, weight):
+    flow = regress_flow(FlowSamples(points, np.full(9, 0.3), np.full(9, weight)), 0.5)
+    np.testing.assert_allclose(flow.at(points), 0.3 if weight else 0.0, atol=1e-3)
+    assert np.all(np.isfinite(flow.trust_at(points)))
 
 
 def test_trust_falls_at_the_border_and_is_gone_beyond_it():

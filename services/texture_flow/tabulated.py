@@ -1,0 +1,37 @@
+"""Values on a regular grid, looked up between its nodes."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from services.arrays import Floats, Points
+
+_REMAP_WIDTH = 4096
+"""Points are looked up as an image of this width: OpenCV's bilinear look-up is ten times numpy's."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TabulatedValues:
+    """`values` (rows, columns) or (rows, columns, 2); node (r, c) lies at `origin` + `spacing` (c, r)."""
+
+    values: Floats
+    origin: tuple[float, float]
+    spacing: float
+
+    def at(self, points: Points, border: int = cv2.BORDER_CONSTANT) -> Floats:
+        """Values (N,) or (N, 2) at `points` (N, 2), bilinear; beyond the nodes as OpenCV's `border` (zero)."""
+        count = len(points)
+        if count == 0:
+            return np.zeros((0, *self.values.shape[2:]))
+        where = ((np.asarray(points) - self.origin) / self.spacing).astype(np.float32)
+        width = min(count, _REMAP_WIDTH)
+        where = np.pad(where, ((0, -count % width), (0, 0)), mode="edge").reshape(-1, width, 2)
+        found = cv2.remap(
+            self.values.astype(np.float32),
+            where[..., 0],
+            where[..., 1],
+            cv2.INTER_LINEAR,
+            borderMode=border,
+        )
+        return np.asarray(found.reshape(-1, *self.values.shape[2:])[:count], np.float64)
