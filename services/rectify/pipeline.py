@@ -48,10 +48,10 @@ FEW_LINES = 10
 """A photo whose ink is picture for the most part, with fewer lines than this, is refused."""
 STRAIGHT = 0.04
 """RMS waviness of text lines, in text heights, up to which flat pages show it; nobody sees it."""
-CONVERGENT_RAD = np.deg2rad(0.6)
-"""The flows' mean deviation that flat pages leave."""
 CURVED_GAIN = 0.7
 """A bent sheet must bring the waviness below this share of the plane's."""
+FLOW_GAIN = 0.4
+"""The same of the mean deviation of flows, where the lines are straight already: sparse print draws the flows astray."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +181,7 @@ def choose_shape(
     if kind == "auto":
         plane = PlaneMap(np.linalg.inv(view.H_photo_centred) @ pose.H_photo_plane)
         waviness = line_deviation(plane, trace_page(analysis, view, plane))
-        if seems == "planar" and waviness < STRAIGHT and pose.deviation < CONVERGENT_RAD:
+        if seems == "planar" and waviness < STRAIGHT:
             return pose, pose.notices
         curved = estimate_curved_page(analysis, view, prior, major, minor, points)
         if curved is not None and explains_more(curved, pose, waviness):
@@ -197,10 +197,10 @@ def choose_shape(
 def explains_more(curved: CurvedPage, pose: PagePose, waviness: float) -> bool:
     """Whether the bent sheet leaves clearly straighter lines than the plane, which leaves `waviness`.
 
-    With too few lines to tell, the flows decide.
+    Where the plane leaves them straight, or there are too few lines to tell, the flows must decide, and clearly.
     """
-    if curved.line_count < FEW_LINES // 2:
-        return curved.deviation < CURVED_GAIN * pose.deviation
+    if waviness < STRAIGHT or curved.line_count < FEW_LINES // 2:
+        return curved.deviation < FLOW_GAIN * pose.deviation
     return curved.waviness < CURVED_GAIN * waviness and curved.deviation < 0.9 * pose.deviation
 
 
