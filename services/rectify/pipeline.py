@@ -51,7 +51,7 @@ STRAIGHT = 0.04
 CURVED_GAIN = 0.7
 """A bent sheet must bring the waviness below this share of the plane's."""
 FLOW_GAIN = 0.4
-"""The same of the mean deviation of flows, where the lines are straight already: sparse print draws the flows astray."""
+"""The same of the flows, where the lines are straight already: sparse print draws the flows astray."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
