@@ -201,7 +201,7 @@ def explains_more(curved: CurvedPage, pose: PagePose, waviness: float) -> bool:
     """
     if waviness < STRAIGHT or curved.line_count < FEW_LINES // 2:
         return curved.deviation < FLOW_GAIN * pose.deviation
-    return curved.waviness < CURVED_GAIN * waviness and curved.deviation < 0.9 * pose.deviation
+    return curved.waviness < CURVED_GAIN * waviness and curved.deviation < pose.deviation
 
 
 def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamples:
