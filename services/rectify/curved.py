@@ -15,6 +15,8 @@ from services.geometry.page_map import PageMap
 from services.rectify.analysis import PageAnalysis
 from services.rectify.line_tracing import flatten_ink, line_deviation, trace_lines
 from services.rectify.planar import (
+    MAX_FOCAL,
+    MIN_FOCAL,
     FlowVanishingPoints,
     FocalLengthSource,
     FocalPrior,
@@ -228,7 +230,7 @@ def _page_of_strips(
     p: CurvedParameters,
 ) -> CurvedPage | None:
     """The page as its strips alone show it; None where they leave too much of its text out."""
-    if strips is None or strips.page_map is None:
+    if strips is None or strips.page_map is None or not MIN_FOCAL < strips.shape.focal < MAX_FOCAL:
         return None
     page_map = strips.page_map
     placed = np.isfinite(page_map.to_page(characters)).all(axis=1)

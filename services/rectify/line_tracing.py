@@ -231,9 +231,15 @@ def _pieces(x: Vector, y: Vector, inliers: NDArray[np.bool_], unit: float, p: Tr
 
 
 def line_deviation(page_map: PageMap, lines: LineObservations) -> float:
-    """RMS distance of the points from their lines on the flat page, in text heights, the worst tenth left out."""
+    """RMS distance of the points from their lines on the flat page, in text heights, the worst tenth left out.
+
+    Infinite where most lines are broken to single points, as in a view that does not flatten them: these would seem
+    straight.
+    """
     if not lines.count:
         return 0.0
+    if (np.bincount(lines.index)[lines.index] < 2).mean() > 0.5:
+        return float("inf")
     v = page_map.to_page(lines.points)[:, 1]
     J = page_map.jacobians(lines.points)
     number = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)
