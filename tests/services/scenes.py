@@ -13,7 +13,7 @@ from simulation.degradation import PHONE, Degradation
 from simulation.flat_page import Page
 from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
-from simulation.scenes import BOOK, CURVATURE_SERIES, PLANE, POSES, SKEWS_RAD, WAVE, View, photograph
+from simulation.scenes import BOOK, CONE, CURVATURE_SERIES, PLANE, POSES, SKEWS_RAD, WAVE, View, photograph
 from simulation.surfaces import Shape
 from simulation.truth import Truth
 
@@ -89,7 +89,7 @@ CURVED_SCENES = {
     "wave": Scene(3, POSES[2], SKEWS_RAD[1], WAVE),
     "bent": Scene(0, POSES[0], shape=CURVATURE_SERIES[1]),
 }
-SCENES = FLAT_SCENES | CURVED_SCENES | {"frontal": Scene(0, FRONTAL)}
+SCENES = FLAT_SCENES | CURVED_SCENES | {"frontal": Scene(0, FRONTAL), "cone": Scene(1, POSES[1], shape=CONE)}
 
 
 class Album:

@@ -1,6 +1,6 @@
 """Text lines on synthetic ink whose places are known: traced to a fraction of a pixel, and nothing else traced."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -265,6 +265,9 @@ def test_waviness_is_in_text_heights() -> None:
     assert line_deviation(identity(), straight(level + saw)) == pytest.approx(0.003 / 0.02)
     # Whatever the page's unit.
     assert line_deviation(identity(0.1), straight(level + saw)) == pytest.approx(0.003 / 0.02)
+    # Single points are no straight lines.
+    broken = replace(straight(level), index=np.arange(level.size))
+    assert line_deviation(identity(), broken) == np.inf
     # The worst tenth is left out: two points of each line, and what they do to the mean.
     spoiled = level + saw
     spoiled[:, 3] -= 0.0025

@@ -63,12 +63,12 @@ def test_look_up_of_nothing() -> None:
     assert smooth_field(1).at(np.zeros((0, 2))).shape == (0,)
 
 
-@given(st.floats(0, np.pi), st.integers(1, 40), st.integers(0, 999))
+@given(st.floats(0, np.pi), st.integers(1, 40), st.integers(0, 999), st.sampled_from([1, 2]))
 @settings(max_examples=40)
-def test_a_constant_field_is_reproduced_everywhere(angle: float, count: int, seed: int) -> None:
+def test_a_constant_field_is_reproduced_everywhere(angle: float, count: int, seed: int, order: int) -> None:
     points = scatter(count, seed)
     samples = FlowSamples(points, np.full(count, angle), np.linspace(0.1, 1, count))
-    field = smooth_samples(samples, SHAPE, 30.0, 50.0)
+    field = smooth_samples(samples, SHAPE, 30.0, 50.0, order)
     everywhere = np.concatenate([scatter(200, 1), 4 * scatter(50, 2) - 2 * np.array(SHAPE[::-1])])
     assert np.abs(angle_difference(field.at(everywhere), angle)).max() < 1e-4
 
@@ -86,6 +86,51 @@ def test_a_linear_field_is_reproduced_among_its_samples(gradient: tuple[float, f
     assert error[inside].max() < 0.1
     # At the rim slopes are damped; without them a mean over half a Gaussian would be wrong by twice as much.
     assert error.max() < 0.5
+
+
+@pytest.mark.parametrize("bend", [(4e-6, 0.0, 0.0), (0.0, 0.0, -4e-6), (2e-6, 3e-6, 1e-6)])
+def test_a_bend_is_reproduced_by_a_quadric_and_cut_off_by_a_plane(bend: tuple[float, float, float]) -> None:
+    def angle(at: Points) -> Vector:
+        x, y = (at - np.array([225.0, 300.0])).T
+        return np.asarray(0.2 + bend[0] * x * x + bend[1] * x * y + bend[2] * y * y)
+
+    y, x = np.mgrid[10:600:20, 10:450:20]
+    points = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
+    samples = FlowSamples(points, angle(points), np.ones(len(points)))
+    at = scatter(400, 3)
+    inside = ((at > 90) & (at < np.array(SHAPE[::-1]) - 90)).all(axis=1)
+    errors = []
+    for order in (1, 2):
+        field = smooth_samples(samples, SHAPE, 12.5, 50.0, order)
+        errors.append(np.degrees(np.abs(angle_difference(field.at(at), angle(at)))))
+    # A plane is off by the bend over a Gaussian: half its curvature times the variance, both ways.
+    off = np.degrees(abs(bend[0] + bend[2]) * 50.0**2)
+    assert np.median(errors[0][inside]) == pytest.approx(off, rel=0.15)
+    assert errors[1][inside].max() < 0.04
+    assert errors[1].max() < 0.6
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_bent_field_has_no_outliers_but_those_that_are(order: int) -> None:
+    points = scatter(500, 11)
+    angles = 0.1 + 2e-6 * (points[:, 0] - 200) ** 2 + np.random.default_rng(12).normal(0, 0.003, 500)
+    angles[::25] += 0.5
+    kept = reject_outliers(FlowSamples(points, angles, np.ones(500)), 50.0, SHAPE, np.radians(8.0), order)
+    assert 0.93 * 480 < len(kept) <= 480
+    assert not {tuple(p) for p in points[::25]} & {tuple(p) for p in kept.points}
+
+
+def test_a_quadric_is_rougher_than_a_plane() -> None:
+    points, noise = scatter(600, 5), np.radians(1.0)
+    samples = FlowSamples(points, 0.3 + np.random.default_rng(4).normal(0, noise, 600), np.ones(600))
+    at = scatter(500, 6)
+    rms = [
+        float(
+            np.sqrt(np.mean(angle_difference(smooth_samples(samples, SHAPE, 25.0, 50.0, n).at(at), 0.3) ** 2))
+        )
+        for n in (1, 2)
+    ]
+    assert 1.2 * rms[0] < rms[1] < 3 * rms[0]
 
 
 def test_noise_is_averaged_within_bounds_on_both_sides() -> None:
