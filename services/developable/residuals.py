@@ -46,6 +46,9 @@ class FittingParameters:
     bend_difference: float = 3.0
     bend_change: float = 1.0
     """Of the first and second differences of neighbouring bends."""
+    rim_difference: float = 0.7
+    rim_bends: int = 2
+    """Of the first differences of so many bends at either end, beyond the text: there the bend goes on as it is."""
     line_factor: float = 1.0
     spacing: float = 0.012
     spacing_between: float = 0.012
@@ -248,6 +251,8 @@ class PageResiduals:
         p, k = self.p, x[BENDS:]
         eye = np.eye(len(x))
         first, second = np.diff(eye[BENDS:], axis=0), np.diff(eye[BENDS:], 2, axis=0)
+        difference = np.full(len(first), p.bend_difference)
+        difference[: p.rim_bends] = difference[len(first) - p.rim_bends :] = p.rim_difference
         tilt, dtilt = self._tilt(x)
         value = [
             (x[3:4] - self.observed.log_focal) / self.observed.focal_deviation,
@@ -255,7 +260,7 @@ class PageResiduals:
             x[5:7] / p.slope,
             (x[SLANT : SLANT + 1] - p.slant_mean_rad) / p.slant_rad,
             tilt / p.tilt_rad,
-            np.diff(k) / p.bend_difference,
+            np.diff(k) / difference,
             np.diff(k, 2) / p.bend_change,
             k / p.bend,
         ]
@@ -265,7 +270,7 @@ class PageResiduals:
             eye[5:7] / p.slope,
             eye[SLANT : SLANT + 1] / p.slant_rad,
             dtilt / p.tilt_rad,
-            first / p.bend_difference,
+            first / difference[:, None],
             second / p.bend_change,
             eye[BENDS:] / p.bend,
         ]

@@ -14,6 +14,8 @@ from services.rectify.framing import FlatFrame
 GRID_STEP_PX = 16
 """A curved page's map is exact at every 16th output pixel, bilinear between: a page that bends with a radius of a
 thousand pixels is then drawn within 0.03 pixels."""
+MAX_REDUCTION = 12.0
+"""Photo pixels an output pixel: more is no page."""
 BAND_PX = 512
 """Rows that are drawn at a time, which bounds the memory of the dense map."""
 
@@ -92,11 +94,14 @@ def _remap(
         y = top + (np.arange(count) - 0.5) * GRID_STEP_PX - 0.5
         grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         seen = (frame.to_photo(grid) + 0.5) * factor - 0.5
-        # What cannot be seen is looked up beside the photo.
-        nodes = np.nan_to_num(seen, nan=-1e6).astype(np.float32).reshape(count, columns, 2)
-        dense = cv2.resize(
-            nodes, (columns * GRID_STEP_PX, count * GRID_STEP_PX), interpolation=cv2.INTER_LINEAR
-        )[GRID_STEP_PX : GRID_STEP_PX + rows, GRID_STEP_PX : GRID_STEP_PX + frame.width]
+        nodes = seen.reshape(count, columns, 2)
+        known = _continuous(nodes, MAX_REDUCTION * GRID_STEP_PX * factor)
+        dense = _between_nodes(np.where(known[..., None], nodes, 0.0).astype(np.float32))
+        dense = dense[:rows, : frame.width]
+        if not known.all():
+            # A pixel with an unknown node beside it is looked up beside the photo.
+            share = _between_nodes(known.astype(np.float32))[:rows, : frame.width]
+            dense = np.where(share[..., None] < 0.999, np.float32(-1e6), dense)
         white = (255.0,) * (1 if image.ndim == 2 else 3)
         flat[top : top + rows] = cv2.remap(
             image,
@@ -106,3 +111,26 @@ def _remap(
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=white,
         )
+
+
+def _continuous(nodes: NDArray[np.float64], limit: float) -> NDArray[np.bool_]:
+    """Nodes (rows, columns) that are known and no further than `limit` from their neighbours.
+
+    Where the page's model ends, at crossing rulings or edge-on, its map leaps.
+    """
+    known = np.asarray(np.isfinite(nodes).all(axis=-1))
+    with np.errstate(invalid="ignore"):
+        down = np.linalg.norm(np.diff(nodes, axis=0), axis=-1) > limit
+        across = np.linalg.norm(np.diff(nodes, axis=1), axis=-1) > limit
+    known[:-1] &= ~down
+    known[1:] &= ~down
+    known[:, :-1] &= ~across
+    known[:, 1:] &= ~across
+    return known
+
+
+def _between_nodes(nodes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values at all pixels from those at every `GRID_STEP_PX`-th, without the rim of half a step."""
+    size = (nodes.shape[1] * GRID_STEP_PX, nodes.shape[0] * GRID_STEP_PX)
+    dense = cv2.resize(nodes, size, interpolation=cv2.INTER_LINEAR)
+    return np.asarray(dense[GRID_STEP_PX:, GRID_STEP_PX:], np.float32)

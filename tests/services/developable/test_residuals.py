@@ -226,7 +226,9 @@ def test_priors_pull_to_what_is_usual() -> None:
     x[BENDS:] = k
     bent = residuals.evaluate(x)[0]
     # 21 of the bends, and log f, skew, two slopes, slant, and the two parts of the tilt before them.
-    assert np.allclose(bent[priors:-14], np.diff(k) / P.bend_difference)
+    rim = P.rim_difference
+    differences = np.array([rim, rim, *[P.bend_difference] * 3, rim, rim])
+    assert np.allclose(bent[priors:-14], np.diff(k) / differences)
     assert np.allclose(bent[-14:-8], np.diff(k, 2) / P.bend_change)
     assert np.allclose(bent[-8:], k / P.bend)
     assert np.allclose(flat[priors:], 0)
