@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import GrayImage, Points, RgbImage
+from services.arrays import Floats, GrayImage, Points, RgbImage
 from services.geometry.homographies import resizing, transform_points
 from services.imaging.paper import certain_sheet
 from services.rectify.analysis import PageAnalysis
@@ -113,7 +113,7 @@ def _remap(
         )
 
 
-def _continuous(nodes: NDArray[np.float64], limit: float) -> NDArray[np.bool_]:
+def _continuous(nodes: Floats, limit: float) -> NDArray[np.bool_]:
     """Nodes (rows, columns) that are known and no further than `limit` from their neighbours.
 
     Where the page's model ends, at crossing rulings or edge-on, its map leaps.
