@@ -15,8 +15,9 @@ import pytest
 from PIL import Image
 from pillow_heif import register_heif_opener
 
-from app.schemas.rectify import RectifyResult
+from app.schemas.rectify import RectifyResult, Strips
 from simulation.pages import own_pages
+from simulation.scenes import BOOK, POSES, photograph
 from tests.end_to_end.processes import PRODUCT, running
 
 register_heif_opener()
@@ -74,6 +75,28 @@ def test_the_json_is_the_contract_s(service: httpx.Client, page: Image.Image) ->
         assert flat.size == (result.width, result.height)
     assert len(result.mesh.source) == result.mesh.rows
     assert {len(row) for row in result.mesh.source} == {result.mesh.columns}
+
+
+def test_a_bent_page_comes_back_in_strips(service: httpx.Client) -> None:
+    size = (900, 1160)
+    photo = photograph(own_pages(700, 1090)[0], POSES[0], 0.0, BOOK, size=size)
+    response = post(service, encoded(Image.fromarray(photo.image), "PNG"), accept="application/json")
+    assert response.status_code == 200
+    result = RectifyResult.model_validate_json(response.content)
+    assert (result.kind, result.warnings) == ("curved", [])
+    assert isinstance(result.surface, Strips)
+    assert len(result.surface.rulings) == len(result.surface.normals) + 1 > 10
+    places = np.array([ruling.point for ruling in result.surface.rulings])
+    angles = np.radians([ruling.angle_deg for ruling in result.surface.rulings])
+    seen = photo.truth.on_page(places)
+    off = (angles - photo.truth.rulings(places) + np.pi / 2) % np.pi - np.pi / 2
+    assert seen.mean() > 0.8
+    assert 1e-4 < np.degrees(np.abs(off[seen])).mean() < 2.0
+    assert result.camera.focal_length_px is not None
+    assert abs(result.camera.focal_length_px / photo.truth.focal_length_px - 1) < 0.1
+    normals = np.array(result.surface.normals)
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
+    assert np.ptp(normals[:, 0]) > 0.3  # it bends
 
 
 def test_a_pdf_has_one_page(service: httpx.Client, page: Image.Image) -> None:
