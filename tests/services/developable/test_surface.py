@@ -216,21 +216,27 @@ def test_simulated_pages_are_surfaces_of_the_model(name: str, skew_deg: float) -
     assert np.abs(np.einsum("ij,ij->i", R, truth.rulings_3d(photo))).min() > 1 - 1e-5
 
 
-def test_what_lies_beyond_the_front_never_disturbs_the_page() -> None:
-    # To the right of the page the sheet rolls up: it turns away, comes back, and hides itself.
-    basis = bend_basis(-0.6, 2.4, 16, 0.2)
-    for side in (1.0, -1.0):
-        rolled = np.zeros(16)
-        rolled[9:] = side * 9.0
-        bent = Bent(turn=(0.1, 0.2 * side, 0.0), skew=0.0, slopes=(0.1, 0.0), bends=tuple(rolled))
-        surface = bent.surface(basis)
-        turned = np.einsum("ij,ij->i", surface.N, surface.P) <= 0
-        assert turned.sum() > 10
-        assert not turned[surface.front[0] : surface.front[1] + 1].any()
-        seen = surface.to_photo(PAGE)
-        assert np.allclose(surface.to_page(seen), PAGE, atol=1e-9)
-        far = surface.from_sheet(np.stack([surface.basis.nodes[turned], np.zeros(turned.sum())], axis=1))
-        assert np.isnan(surface.to_photo(far)).all()
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("roll", [2.6, -2.6])
+def test_what_lies_beyond_the_front_never_disturbs_the_page(side: float, roll: float) -> None:
+    # Beside the page the sheet turns by more than half a circle, and goes back across it, before or behind.
+    low, high = (-0.6, 2.4) if side > 0 else (-2.4, 0.6)
+    basis = bend_basis(low, high, 16, 0.3)
+    bends = np.zeros(16)
+    bends[8:14] = roll
+    bent = Bent(
+        turn=(0.1, 0.1, 0.0), skew=0.0, slopes=(0.05, 0.0), bends=tuple(bends if side > 0 else bends[::-1])
+    )
+    surface = bent.surface(basis)
+    turned = np.einsum("ij,ij->i", surface.N, surface.P) <= 0
+    assert turned.sum() > 10
+    assert not turned[surface.front[0] : surface.front[1] + 1].any()
+    back = surface.focal * surface.P[turned, 0] / surface.P[turned, 2]
+    seen = surface.to_photo(PAGE)
+    assert ((back * side < (seen[:, 0] * side).max()) & (surface.P[turned, 2] > 0)).any()
+    assert np.allclose(surface.to_page(seen), PAGE, atol=1e-9)
+    far = surface.from_sheet(np.stack([surface.basis.nodes[turned], np.zeros(turned.sum())], axis=1))
+    assert np.isnan(surface.to_photo(far)).all()
 
 
 def test_the_page_ends_where_rulings_cross() -> None:

@@ -26,6 +26,7 @@ from services.rectify.curved import (
     thin,
 )
 from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
+from services.rectify.smooth_residual import MorphedPage
 from services.texture_flow.field import FlowSamples
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, photograph
@@ -85,6 +86,9 @@ def test_pages_are_flattened(album: Album, found: Estimates, name: str) -> None:
     assert 1e-3 < abs(field_of_view_deg(page.focal) - field_of_view_deg(true)) < 2.0
     assert page.focal_source == "estimated"
     assert page.focal == page.surface.focal
+    # The small residual lies on the surface.
+    assert isinstance(page.page_map, MorphedPage)
+    assert page.page_map.surface is page.surface
     normals = page.surface.normals((points - shot.frame.centre) / shot.frame.unit_px)
     cosine = (normals * shot.truth.normals(points)).sum(axis=1)
     assert 0.02 < np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean() < 1.5

@@ -8,7 +8,7 @@ import pytest
 from services.arrays import Floats, Points
 from services.developable.surface import DevelopableSurface, bend_basis
 from services.geometry.page_map import PlaneMap
-from services.rectify.curved_framing import CurvedFrame, frame_curved_page
+from services.rectify.curved_framing import CurvedFrame, CurvedFramingParameters, frame_curved_page
 from services.rectify.framing import FramingParameters, mesh_of, resize_frame, turn_frame
 from services.rectify.planar import PhotoFrame
 from tests.services.developable.sheets import FLAT, Bent, box
@@ -72,18 +72,66 @@ def test_the_sheet_is_shown_whole_and_little_beyond() -> None:
         assert (sheet.max(axis=0) > size - 1 - rim).all()
 
 
-def test_without_a_sheet_the_view_ends_with_the_photo_or_near_the_text() -> None:
-    frame = SEEN.frame()
-    photo = mesh_of(frame).reshape(-1, 2)
-    limit = np.array([SEEN.width, SEEN.height])
-    # Each side of the photo is reached, or the text's width lies between.
-    core = np.ptp(frame.to_flat(SEEN.characters), axis=0).max()
-    flat = frame.to_flat(SEEN.characters)
-    size = np.array([frame.width, frame.height])
-    assert (flat.min(axis=0) < 0.31 * core + 0.1 * size).all()
-    assert (size - flat.max(axis=0) < 0.31 * core + 0.1 * size).all()
-    inside = ((photo > -1) & (photo < limit)).all(axis=1)
-    assert inside.mean() > 0.5
+def test_the_pictures_edges_are_the_sheets_rim() -> None:
+    flat = replace(SEEN, bent=replace(FLAT, anchor=(0.0, 0.0), turn=(0.0, 0.0, 0.0)))
+    frame = flat.frame(flat.outline(0.06))
+    text_margin = 2.5 * 5.0 / flat.view.unit_px
+    rim = 0.01 * 2 * (flat.half[1] + text_margin)
+    corner = np.array(flat.half) + 0.06 + rim
+    edges = frame.to_flat(flat.in_photo(np.stack([-corner, corner])))
+    # Pixels are half a pixel from their centre to their edge.
+    assert np.allclose(edges[0], -0.5, atol=1e-6)
+    assert np.allclose(edges[1], [frame.width - 0.5, frame.height - 0.5], atol=0.51)
+
+
+def test_without_a_sheet_the_view_ends_near_the_text() -> None:
+    small = replace(SEEN, half=(0.1, 0.13), bent=replace(FLAT, anchor=(0.0, 0.0), turn=(0.0, 0.0, 0.0)))
+    frame = small.frame()
+    core = np.array(small.half) + 2.5 * 5.0 / small.view.unit_px
+    half = core + 0.3 * 2 * core.max()
+    scale = frame.H_page_flat[0, 0]
+    # To the step of the look-out's lattice.
+    assert np.array([frame.width, frame.height]) * scale == pytest.approx(2 * half, rel=0.04)
+    middle = frame.to_flat(np.array([small.view.centre]))[0]
+    assert middle == pytest.approx([(frame.width - 1) / 2, (frame.height - 1) / 2], abs=0.51)
+
+
+def test_without_a_sheet_the_view_ends_with_the_photo() -> None:
+    whole = replace(SEEN, half=(0.55, 0.7), bent=replace(FLAT, anchor=(0.0, 0.0), turn=(0.0, 0.0, 0.0)))
+    frame = whole.frame()
+    assert [frame.width, frame.height] == pytest.approx([whole.width, whole.height], rel=0.06)
+    corners = frame.to_photo(np.array([[-0.5, -0.5], [frame.width - 0.5, frame.height - 0.5]]))
+    assert np.abs(corners - [[-0.5, -0.5], [whole.width - 0.5, whole.height - 0.5]]).max() < 14
+
+
+def stretches(frame: CurvedFrame, text: Points) -> Floats:
+    """Enlargement (20, 20) over the view in photo pixels per pixel, over what is usual at the text's pixels."""
+    x, y = np.meshgrid(np.linspace(0, frame.width - 1, 20), np.linspace(0, frame.height - 1, 20))
+
+    def enlargement(pixels: Points) -> Floats:
+        d = 0.1 * np.eye(2)
+        ways = [(frame.to_photo(pixels + e) - frame.to_photo(pixels - e)) / 0.2 for e in d]
+        return np.asarray(np.sqrt(np.abs(np.linalg.det(np.stack(ways, axis=-1)))))
+
+    everywhere = enlargement(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(20, 20)
+    return np.asarray(everywhere / np.median(enlargement(text)))
+
+
+@pytest.mark.parametrize("turn", [(0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)])
+def test_margins_end_where_they_would_be_stretched(turn: tuple[float, float, float]) -> None:
+    # The page leans: its one side is near, its other far.
+    bent = replace(FLAT, anchor=(0.0, 0.0), turn=turn, skew=0.0, focal=1.0)
+    seen = replace(SEEN, bent=bent, half=(0.12, 0.12))
+    for limit in (1.3, 1e9):
+        parameters = CurvedFramingParameters(reach=2.0, max_stretch=limit)
+        frame = frame_curved_page(seen.surface, seen.view, seen.characters, 5.0, None, None, parameters)
+        found = stretches(frame, frame.to_flat(seen.characters))
+        if limit == 1.3:
+            assert 0.95 / 1.3 < found.min() < 0.85
+            assert 1.15 < found.max() < 1.3 / 0.95
+        else:
+            assert found.min() < 0.6
+            assert found.max() > 1.7
 
 
 @pytest.mark.parametrize("growth", [1.6, 0.5, 0.1])

@@ -194,19 +194,19 @@ def test_bent_without_bends_is_drawn_as_the_plane_is(photo: RgbImage) -> None:
     assert (np.abs(a - b) > 6).mean() < 0.01
 
 
-def test_the_gray_view_is_the_same_view(album: Album) -> None:
+@pytest.mark.parametrize("factor", [1.0, 0.4])
+def test_the_gray_view_is_the_same_view(album: Album, factor: float) -> None:
     shot = album["bent"]
+    image = shot.analysis.strokes_image
+    source = np.asarray(cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA), np.uint8)
+    analysis = replace(shot.analysis, strokes_image=source, strokes_factor=factor)
     surface = replace(SEEN.bent, bends=(0.3,) * 8).surface()
-    frame = resize_frame(
-        frame_curved_page(surface, shot.frame, shot.analysis.characters, 10.0, None),
-        shot.analysis.strokes_factor,
-    )
-    gray = draw_gray_view(shot.analysis, frame)
+    frame = resize_frame(frame_curved_page(surface, shot.frame, analysis.characters, 10.0, None), factor)
+    gray = draw_gray_view(analysis, frame)
     assert gray.shape == (frame.height, frame.width)
     x, y = np.meshgrid(np.arange(20.0, frame.width - 20, 31), np.arange(20.0, frame.height - 20, 29))
     pixels = np.stack([x.ravel(), y.ravel()], axis=1)
-    at = (frame.to_photo(pixels) + 0.5) * shot.analysis.strokes_factor - 0.5
-    source = shot.analysis.strokes_image
+    at = (frame.to_photo(pixels) + 0.5) * factor - 0.5
     inside = ((at > 1) & (at < np.array(source.shape[::-1]) - 2)).all(axis=1)
     at_x, at_y = (np.ascontiguousarray(v, np.float32)[:, None] for v in at[inside].T)
     expected = cv2.remap(source, at_x, at_y, cv2.INTER_LINEAR)

@@ -115,6 +115,24 @@ def test_runs_are_the_paragraphs_baselines_in_order() -> None:
     assert [sorted(group) for group in lines.alike] == [[0, 1]]
 
 
+def test_runs_stay_in_their_column() -> None:
+    ink = np.zeros((500, 1150), bool)
+    for line in range(7):
+        for k in range(40):
+            # Lines of the left column begin higher than those of the right one, and end lower.
+            for x, base in ((60 + PITCH * k, 100 + k / 4.0), (600 + PITCH * k, 104.0)):
+                if x >= 600 and line >= 5:
+                    continue
+                y = round(base + SPACING * line)
+                ink[y - X_HEIGHT : y, x : x + 8] = True
+    lines = trace_lines(FlatInk(ink, 1.0, (0.0, 0.0)), identity())
+    assert sorted(len(run.lines) for run in lines.runs) == [5, 7]
+    for run in lines.runs:
+        x, y = np.array([lines.points[lines.index == number].mean(axis=0) for number in run.lines]).T
+        assert np.ptp(x) < 20
+        assert np.allclose(np.diff(y) / np.diff(run.order), SPACING, atol=0.5)
+
+
 def test_paragraphs_of_other_spacing_are_not_alike() -> None:
     ink = Print(paragraphs=((100, 8),)).ink()
     wide = Print(paragraphs=((430, 1), (475, 1), (520, 1), (565, 1), (610, 1)), short=0).ink()
