@@ -77,6 +77,34 @@ class CurvedPage:
     notices: tuple[Notice, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class NoSheet:
+    """No bent sheet is plausible; `reason` completes "a bent sheet is not plausible: "."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageEvidence:
+    """What a photo shows of its page: flows and their vanishing points in centred unit coordinates of `view`."""
+
+    analysis: PageAnalysis
+    view: PhotoFrame
+    major: FlowSamples
+    minor: FlowSamples
+    vanishing_points: FlowVanishingPoints
+
+    @property
+    def characters(self) -> Points:
+        """Centres of the characters (N, 2), centred."""
+        return np.asarray((self.analysis.characters - self.view.centre) / self.view.unit_px)
+
+    @property
+    def strokes(self) -> FlowSamples | None:
+        """The minor flow where strokes were seen."""
+        return self.minor if self.analysis.minor is not None else None
+
+
 def describe_strips(
     surface: DevelopableSurface, view: PhotoFrame, characters: Points, count: int
 ) -> StripsSurface:
@@ -172,83 +200,70 @@ def thin(samples: FlowSamples, count: int) -> FlowSamples:
 
 
 def estimate_curved_page(
-    analysis: PageAnalysis,
-    view: PhotoFrame,
-    prior: FocalPrior,
-    major: FlowSamples,
-    minor: FlowSamples,
-    points: FlowVanishingPoints,
-    parameters: CurvedParameters | None = None,
-) -> CurvedPage | None:
-    """Shape of the page through its text, in `view`; None when none is plausible.
+    evidence: PageEvidence, prior: FocalPrior, parameters: CurvedParameters | None = None
+) -> CurvedPage | NoSheet:
+    """Shape of the page through its text, or why no bent sheet is plausible.
 
     The strips of 3.3.3 to 3.3.5 and flat sheets start the global surface, which flows alone bring near; then the text
     lines are traced in its flat view and everything is fitted together, twice; last, what is left of the lines' waves
     is taken out by a small smooth residual. Where no global surface is plausible, the strips themselves may be.
     """
-    p = parameters or CurvedParameters()
-    characters = np.asarray((analysis.characters - view.centre) / view.unit_px)
-    strips = find_strips(analysis, view, prior, major, minor if analysis.minor is not None else None)
-    fitted = _fit_flows(prior, major, minor, points, characters, strips, p)
-    if not is_plausible(fitted.surface, characters, p):
-        return _page_of_strips(analysis, view, prior, major, minor, strips, characters, p)
-    notices: tuple[Notice, ...] = ()
-    fitted, lines = _fit_lines(analysis, view, prior, major, minor, fitted, characters, p)
-    drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
-    if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
-        prior, notices = typical_focal_prior(), (EXIF_CONTRADICTED,)
-        fitted, lines = _fit_lines(analysis, view, prior, major, minor, fitted, characters, p)
+    p, e = parameters or CurvedParameters(), evidence
+    strips = find_strips(e.analysis, e.view, prior, e.major, e.strokes)
+    fitted = _fit_flows(e, prior, strips, p)
+    reason = implausibility(fitted.surface, e.characters, p)
+    if reason is None:
+        notices: tuple[Notice, ...] = ()
+        fitted, lines = _fit_lines(e, prior, fitted, p)
         drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
-    if prior.source == "assumed" and drawn > p.focal_held * prior.deviation:
-        prior = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
-        fitted, lines = _fit_lines(analysis, view, prior, major, minor, fitted, characters, p)
-    if not is_plausible(fitted.surface, characters, p):
-        return _page_of_strips(analysis, view, prior, major, minor, strips, characters, p)
+        if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
+            prior, notices = typical_focal_prior(), (EXIF_CONTRADICTED,)
+            fitted, lines = _fit_lines(e, prior, fitted, p)
+            drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
+        if prior.source == "assumed" and drawn > p.focal_held * prior.deviation:
+            prior = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
+            fitted, lines = _fit_lines(e, prior, fitted, p)
+        reason = implausibility(fitted.surface, e.characters, p)
+    if reason is not None:
+        return _page_of_strips(e, prior, strips, p) or NoSheet(reason)
     seen = prior.source == "assumed" and fitted.log_focal_deviation < p.seen_focal_deviation
     page_map = morph_to_lines(fitted.surface, lines)
     return CurvedPage(
         page_map,
         fitted.surface,
-        describe_strips(fitted.surface, view, characters, p.strips),
+        describe_strips(fitted.surface, e.view, e.characters, p.strips),
         fitted.surface.focal,
         "estimated" if seen else prior.source,
         lines.count // 2,
-        flow_deviation(page_map, major, minor),
+        flow_deviation(page_map, e.major, e.minor),
         line_deviation(fitted.surface, lines),
         notices,
     )
 
 
 def _page_of_strips(
-    analysis: PageAnalysis,
-    view: PhotoFrame,
-    prior: FocalPrior,
-    major: FlowSamples,
-    minor: FlowSamples,
-    strips: StripPage | None,
-    characters: Points,
-    p: CurvedParameters,
+    e: PageEvidence, prior: FocalPrior, strips: StripPage | None, p: CurvedParameters
 ) -> CurvedPage | None:
     """The page as its strips alone show it; None where they leave too much of its text out."""
     if strips is None or strips.page_map is None or not MIN_FOCAL < strips.shape.focal < MAX_FOCAL:
         return None
     page_map = strips.page_map
-    placed = np.isfinite(page_map.to_page(characters)).all(axis=1)
-    det = np.linalg.det(page_map.jacobians(characters[placed])) if placed.any() else np.zeros(0)
+    placed = np.isfinite(page_map.to_page(e.characters)).all(axis=1)
+    det = np.linalg.det(page_map.jacobians(e.characters[placed])) if placed.any() else np.zeros(0)
     if placed.mean() < p.min_visible or (det <= 0).mean() > 1 - p.min_visible:
         return None
     low, high = np.percentile(np.sqrt(det[det > 0]), [1, 99])
     if high > p.max_magnification_ratio * low:
         return None
-    lines = trace_page(analysis, view, page_map)
+    lines = trace_page(e.analysis, e.view, page_map)
     return CurvedPage(
         page_map,
         None,
-        strips.surface(view),
+        strips.surface(e.view),
         strips.shape.focal,
         "estimated" if prior.source == "assumed" else prior.source,
         lines.count // 2,
-        flow_deviation(page_map, _known(page_map, major), _known(page_map, minor)),
+        flow_deviation(page_map, _known(page_map, e.major), _known(page_map, e.minor)),
         line_deviation(page_map, lines),
         (),
     )
@@ -261,29 +276,22 @@ def _known(page_map: PageMap, flow: FlowSamples) -> FlowSamples:
 
 
 def _fit_flows(
-    prior: FocalPrior,
-    major: FlowSamples,
-    minor: FlowSamples,
-    points: FlowVanishingPoints,
-    characters: Points,
-    strips: StripPage | None,
-    p: CurvedParameters,
+    e: PageEvidence, prior: FocalPrior, strips: StripPage | None, p: CurvedParameters
 ) -> FittedSurface:
     """The best of several starts on the flows alone, the focal length of flat ones being held at first."""
-    held = min(prior.deviation, p.start_focal_deviation)
-    hull = text_hull(characters)
+    held, hull = min(prior.deviation, p.start_focal_deviation), text_hull(e.characters)
     few = PageObservations(
-        thin(major, p.start_samples), thin(minor, p.start_samples), NO_LINES, hull, prior.log_focal, held
+        thin(e.major, p.start_samples), thin(e.minor, p.start_samples), NO_LINES, hull, prior.log_focal, held
     )
     coarse = FittingParameters(max_evaluations=12)
-    flat = [start_surface(points, prior, characters, skew, p) for skew in p.start_skews_rad]
+    flat = [start_surface(e.vanishing_points, prior, e.characters, skew, p) for skew in p.start_skews_rad]
     fits = [fit_surface(start, few, coarse) for start in flat]
     if strips is not None:
         free = replace(few, focal_deviation=prior.deviation)
-        fits.append(fit_surface(start_from_sheet(bend_of_strips(strips), characters, p), free, coarse))
+        fits.append(fit_surface(start_from_sheet(bend_of_strips(strips), e.characters, p), free, coarse))
     best = min(fits, key=lambda fit: fit.cost)
-    observed = PageObservations(major, minor, NO_LINES, hull, prior.log_focal, prior.deviation)
-    return fit_surface(recentre(best, characters, p), observed, FittingParameters(max_evaluations=20))
+    observed = PageObservations(e.major, e.minor, NO_LINES, hull, prior.log_focal, prior.deviation)
+    return fit_surface(recentre(best, e.characters, p), observed, FittingParameters(max_evaluations=20))
 
 
 def trace_page(analysis: PageAnalysis, view: PhotoFrame, page_map: PageMap) -> LineObservations:
@@ -297,32 +305,22 @@ def trace_page(analysis: PageAnalysis, view: PhotoFrame, page_map: PageMap) -> L
 
 
 def _fit_lines(
-    analysis: PageAnalysis,
-    view: PhotoFrame,
-    prior: FocalPrior,
-    major: FlowSamples,
-    minor: FlowSamples,
-    fitted: FittedSurface,
-    characters: Points,
-    p: CurvedParameters,
+    e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters
 ) -> tuple[FittedSurface, LineObservations]:
     """Two rounds: the lines are traced again in the first round's view, with the deviations it has shown."""
-    parameters = FittingParameters()
-    lines = NO_LINES
+    parameters, lines, hull = FittingParameters(), NO_LINES, text_hull(e.characters)
     for _ in range(2):
-        lines = trace_page(analysis, view, fitted.surface)
-        observed = PageObservations(
-            major, minor, lines, text_hull(characters), prior.log_focal, prior.deviation
-        )
-        fitted = fit_surface(recentre(fitted, characters, p), observed, parameters)
-        if not is_plausible(fitted.surface, characters, p):
+        lines = trace_page(e.analysis, e.view, fitted.surface)
+        observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation)
+        fitted = fit_surface(recentre(fitted, e.characters, p), observed, parameters)
+        if implausibility(fitted.surface, e.characters, p) is not None:
             break
         parameters = widen(parameters, fitted)
     return fitted, lines
 
 
-def is_plausible(surface: DevelopableSurface, characters: Points, p: CurvedParameters) -> bool:
-    """Whether a camera could see this surface under these characters (N, 2), centred.
+def implausibility(surface: DevelopableSurface, characters: Points, p: CurvedParameters) -> str | None:
+    """Why no camera could see this surface under these characters (N, 2), centred; None if one could.
 
     Nearly every character has its place, before the camera, on the front, where rulings do not cross, and at a
     believable magnification.
@@ -333,12 +331,16 @@ def is_plausible(surface: DevelopableSurface, characters: Points, p: CurvedParam
     with np.errstate(invalid="ignore"):
         good = np.isfinite(at.page).all(axis=1) & (at.X[:, 2] > 1e-3) & (det > 0) & (growth > 0.05)
     if good.mean() < p.min_visible:
-        return False
+        return "part of the text would be hidden or folded over"
     low, high = np.percentile(np.sqrt(det[good]), [1, 99])
+    if high >= p.max_magnification_ratio * low:
+        return f"some text would be enlarged {high / low:.0f} times as much as other text"
     sight = at.X[good] / np.linalg.norm(at.X[good], axis=1, keepdims=True)
     N = surface.normals(characters[good])
     tilt = np.arccos(np.clip(np.einsum("ij,ij->i", N, sight), -1, 1))
-    return bool(high < p.max_magnification_ratio * low and np.percentile(tilt, 97) < p.max_tilt_rad)
+    if np.percentile(tilt, 97) >= p.max_tilt_rad:
+        return "part of the text would be seen edge-on"
+    return None
 
 
 def flow_deviation(

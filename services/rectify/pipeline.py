@@ -12,7 +12,7 @@ from services.geometry.page_map import PlaneMap
 from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
-from services.rectify.curved import CurvedPage, estimate_curved_page, trace_page
+from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_curved_page, trace_page
 from services.rectify.curved_framing import CurvedFrame, frame_curved_page
 from services.rectify.drawing import draw_flat_view, draw_gray_view
 from services.rectify.edge_cropping import crop_to_sheet
@@ -142,7 +142,8 @@ def estimate_page(
         prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
-        shape, notices = choose_shape(analysis, view, prior, major, minor, points, parameters.kind)
+        evidence = PageEvidence(analysis, view, major, minor, points)
+        shape, notices = choose_shape(evidence, prior, parameters.kind)
     if analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES:
         raise NoText(
             f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
@@ -154,42 +155,35 @@ def estimate_page(
 
 
 def choose_shape(
-    analysis: PageAnalysis,
-    view: PhotoFrame,
-    prior: FocalPrior,
-    major: FlowSamples,
-    minor: FlowSamples,
-    points: FlowVanishingPoints,
-    kind: PageKind,
+    evidence: PageEvidence, prior: FocalPrior, kind: PageKind
 ) -> tuple[PagePose | CurvedPage, tuple[Notice, ...]]:
     """The gentlest shape that the evidence supports: a plane, unless a bent sheet explains more.
 
     A bent sheet is tried when the flows do not converge (3.2.2) or the plane leaves the text lines wavy, and taken
     when it leaves them clearly straighter.
     """
-    if kind == "curved":
-        curved = estimate_curved_page(analysis, view, prior, major, minor, points)
-        if curved is not None:
-            return curved, curved.notices
+    e = evidence
     seems: Literal["planar", "curved"] = (
-        discriminate_surface(points, analysis.text_height_px) if kind == "auto" else kind
+        discriminate_surface(e.vanishing_points, e.analysis.text_height_px) if kind == "auto" else kind
     )
-    pose = choose_pose(analysis, view, prior, major, minor, points, seems)
-    if kind == "planar":
-        return pose, pose.notices
-    reason = "no bent sheet of paper fits what its text shows"
+    curved = estimate_curved_page(e, prior) if kind == "curved" else None
+    if isinstance(curved, CurvedPage):
+        return curved, curved.notices
+    pose = choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, seems)
     if kind == "auto":
-        plane = PlaneMap(np.linalg.inv(view.H_photo_centred) @ pose.H_photo_plane)
-        waviness = line_deviation(plane, trace_page(analysis, view, plane))
-        if seems == "planar" and waviness < STRAIGHT:
-            return pose, pose.notices
-        curved = estimate_curved_page(analysis, view, prior, major, minor, points)
-        if curved is not None and explains_more(curved, pose, waviness):
-            return curved, curved.notices
-        if curved is not None:
-            reason = "a bent sheet does not explain its text better"
+        plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
+        waviness = line_deviation(plane, trace_page(e.analysis, e.view, plane))
+        if seems == "curved" or waviness >= STRAIGHT:
+            curved = estimate_curved_page(e, prior)
+            if isinstance(curved, CurvedPage) and explains_more(curved, pose, waviness):
+                return curved, curved.notices
     if seems == "planar":
         return pose, pose.notices
+    reason = (
+        f"a bent sheet is not plausible ({curved.reason})"
+        if isinstance(curved, NoSheet)
+        else "a bent sheet does not explain its text better"
+    )
     notice = Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
     return pose, (notice, *pose.notices)
 
