@@ -16,10 +16,11 @@ from services.rectify.analysis import analyse_photo
 from services.rectify.curved import (
     CurvedPage,
     CurvedParameters,
+    PageEvidence,
     describe_strips,
     estimate_curved_page,
     flow_deviation,
-    is_plausible,
+    implausibility,
     recentre,
     start_surface,
     text_hull,
@@ -63,7 +64,8 @@ def estimate(
     major, minor = major or shot.major, minor or shot.minor
     points = estimate_vanishing_points(major, minor)
     prior = prior or focal_prior(shot.frame, None, None)
-    return estimate_curved_page(shot.analysis, shot.frame, prior, major, minor, points)
+    page = estimate_curved_page(PageEvidence(shot.analysis, shot.frame, major, minor, points), prior)
+    return page if isinstance(page, CurvedPage) else None
 
 
 def field_of_view_deg(focal: float) -> float:
@@ -174,9 +176,9 @@ class Photographed:
         assert self.analysis.minor is not None
         major, minor = self.frame.to_centred(self.analysis.major), self.frame.to_centred(self.analysis.minor)
         points = estimate_vanishing_points(major, minor)
-        return estimate_curved_page(
-            self.analysis, self.frame, focal_prior(self.frame, None, None), major, minor, points
-        )
+        evidence = PageEvidence(self.analysis, self.frame, major, minor, points)
+        page = estimate_curved_page(evidence, focal_prior(self.frame, None, None))
+        return page if isinstance(page, CurvedPage) else None
 
     def residual_percent(self, page: CurvedPage, points: Points, *, mirrored: bool = False) -> float:
         """RMS error at the simulated photo's `points`, percent of the page's width."""
@@ -293,21 +295,25 @@ def test_strips_of_a_cone_in_closed_form() -> None:
 def test_plausible_sheets_face_the_camera_under_all_text() -> None:
     bent = Bent()
     characters = bent.surface().to_photo(box(0.4, 0.5, 20, 20))
-    assert is_plausible(bent.surface(), characters, P)
+    assert implausibility(bent.surface(), characters, P) is None
     steep = replace(FLAT, turn=(0.0, 1.45, 0.0), skew=0.0, anchor=(0.0, 0.0))
     grid = box(0.2, 0.3, 20, 20)
-    assert not is_plausible(steep.surface(), grid, P)
+    assert "hidden" in (implausibility(steep.surface(), grid, P) or "")
     # A plane at 50 degrees, whose magnification alone is doubtful.
     leaning = replace(FLAT, turn=(0.0, 0.87, 0.0), anchor=(0.0, 0.0), focal=1.0)
-    assert is_plausible(leaning.surface(), grid, P)
-    assert not is_plausible(leaning.surface(), grid, replace(P, max_magnification_ratio=1.5))
-    assert not is_plausible(leaning.surface(), grid, replace(P, max_tilt_rad=np.radians(45.0)))
+    assert implausibility(leaning.surface(), grid, P) is None
+    assert "enlarged 2 times" in (
+        implausibility(leaning.surface(), grid, replace(P, max_magnification_ratio=1.5)) or ""
+    )
+    assert "edge-on" in (
+        implausibility(leaning.surface(), grid, replace(P, max_tilt_rad=np.radians(45.0))) or ""
+    )
     # Rulings that cross in the text.
     crossed = replace(FLAT, slopes=(3.0, 0.0), skew=0.0)
-    assert not is_plausible(crossed.surface(), characters, P)
+    assert "folded over" in (implausibility(crossed.surface(), characters, P) or "")
     # A few characters beyond are forgiven.
     stray = np.concatenate([characters, crossed.surface().to_photo(np.array([[0.0, -0.9]]))])
-    assert is_plausible(bent.surface(), np.nan_to_num(stray), P)
+    assert implausibility(bent.surface(), np.nan_to_num(stray), P) is None
 
 
 def test_starts_lie_in_the_flows_pose() -> None:
