@@ -247,3 +247,14 @@ def find_margins(
         groups.append(free[first : first + count[first]])
         free = np.delete(free, np.arange(first, first + count[first]))
     return groups
+
+
+def group_alike(values: Vector, tolerance: float) -> list[NDArray[np.intp]]:
+    """Groups of at least two numbers of values that differ from the group's least by `tolerance` at most."""
+    groups, order, start = [], np.argsort(values), 0
+    for k in range(1, len(order) + 1):
+        if k == len(order) or values[order[k]] > (1 + tolerance) * values[order[start]]:
+            if k - start >= 2:
+                groups.append(order[start:k])
+            start = k
+    return groups

@@ -19,6 +19,7 @@ from services.rectify.baselines import (
     CharacterRows,
     chain_characters,
     find_margins,
+    group_alike,
     group_paragraphs,
 )
 
@@ -154,17 +155,6 @@ def trace_lines(
         [m for m in margins if len(m) > 1],
         float(np.median(rows.heights)) / px_per_unit,
     )
-
-
-def group_alike(values: Vector, tolerance: float) -> list[NDArray[np.intp]]:
-    """Groups of at least two numbers of values that differ from the group's least by `tolerance` at most."""
-    groups, order, start = [], np.argsort(values), 0
-    for k in range(1, len(order) + 1):
-        if k == len(order) or values[order[k]] > (1 + tolerance) * values[order[start]]:
-            if k - start >= 2:
-                groups.append(order[start:k])
-            start = k
-    return groups
 
 
 def _trace_row(

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.camera import rotation_from_vector
 from services.geometry.homographies import jacobians, transform_points
-from services.rectify.baselines import Baselines, Paragraph, find_margins, group_paragraphs
+from services.rectify.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
 from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FlowVanishingPoints, FocalPrior, PagePlane
 from services.texture_flow.field import FlowSamples
 
@@ -133,19 +133,8 @@ def observe_lines(
         lines.heights / length,
         paragraphs,
         margins,
-        _alike(spacings, p.spacing_alike),
+        group_alike(spacings, p.spacing_alike),
     )
-
-
-def _alike(values: Vector, tolerance: float) -> list[NDArray[np.intp]]:
-    """Groups of at least two numbers of values that differ from the group's least by `tolerance` at most."""
-    groups, order, start = [], np.argsort(values), 0
-    for k in range(1, len(order) + 1):
-        if k == len(order) or values[order[k]] > (1 + tolerance) * values[order[start]]:
-            if k - start >= 2:
-                groups.append(order[start:k])
-            start = k
-    return groups
 
 
 @dataclass(frozen=True, slots=True, eq=False)

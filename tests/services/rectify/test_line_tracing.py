@@ -10,10 +10,10 @@ from services.arrays import Floats, Mask, Points, Vector
 from services.developable.observations import NO_LINES, LineObservations
 from services.geometry.homographies import jacobians, resizing, scaling, transform_points, translation
 from services.geometry.page_map import PlaneMap
+from services.rectify.baselines import group_alike
 from services.rectify.line_tracing import (
     FlatInk,
     flatten_ink,
-    group_alike,
     line_deviation,
     sampling_map,
     trace_lines,
