@@ -116,15 +116,6 @@ def apply_orientation(image: NDArray[Any], orientation: Orientation) -> NDArray[
     return np.ascontiguousarray(np.rot90(flipped, -(orientation.rotation_deg // 90) % 4))
 
 
-def orient_mesh(mesh: NDArray[np.float64], orientation: Orientation) -> NDArray[np.float64]:
-    """Mesh (R, C, 2) of the photo points of an output grid, after the output was oriented.
-
-    The grid's nodes are spread from the centre of the first to that of the last pixel, so that they turn
-    as pixels do.
-    """
-    return apply_orientation(mesh, orientation)
-
-
 def _decide(
     axes: list["_LineReader"], mirrorings: tuple[bool, ...], parameters: OrientationParameters
 ) -> Orientation:

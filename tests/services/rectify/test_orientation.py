@@ -14,7 +14,7 @@ from PIL import ImageDraw, ImageFont
 from services.arrays import GrayImage
 from services.ocr.engine import ReadDirection, Word
 from services.ocr.tesseract import find_tessdata, open_engine
-from services.rectify.orientation import apply_orientation, estimate_orientation, orient_mesh
+from services.rectify.orientation import apply_orientation, estimate_orientation
 from services.rectify.results import Orientation
 from tests.services.ocr.pages import blank, set_lines, text_page
 
@@ -178,32 +178,6 @@ def test_oriented_image_holds_the_same_pixels(
     # The top-left pixel goes round clockwise, from the top right where the page was flipped first.
     corners = {0: oriented[0, 0], 90: oriented[0, -1], 180: oriented[-1, -1], 270: oriented[-1, 0]}
     assert np.array_equal(corners[way.rotation_deg], image[0, -1 if way.mirrored else 0])
-
-
-def resample(
-    photo: NDArray[np.uint8], mesh: NDArray[np.float64], height: int, width: int
-) -> NDArray[np.uint8]:
-    """Output (height, width) through a mesh of photo points, as the contract defines it."""
-    rows, columns = mesh.shape[:2]
-    c, r = np.meshgrid(np.linspace(0, columns - 1, width), np.linspace(0, rows - 1, height))
-    dense = cv2.remap(mesh.astype(np.float32), c.astype(np.float32), r.astype(np.float32), cv2.INTER_LINEAR)
-    x, y = np.asarray(dense, dtype=np.float32).transpose(2, 0, 1)
-    return np.asarray(cv2.remap(photo, x, y, cv2.INTER_LINEAR), dtype=np.uint8)
-
-
-@pytest.mark.parametrize("way", WAYS, ids=str)
-def test_oriented_mesh_shows_the_oriented_image(way: Orientation) -> None:
-    noise = np.random.default_rng(5).integers(0, 256, (120, 150, 3), dtype=np.uint8)
-    photo = np.asarray(cv2.GaussianBlur(noise, (0, 0), 3), dtype=np.uint8)
-    height, width = 61, 97
-    c, r = np.meshgrid(np.linspace(0, 1, 13), np.linspace(0, 1, 9))
-    mesh = np.stack([20 + 100 * c + 9 * r + 6 * c * r, 15 + 8 * c + 80 * r - 7 * c * c], axis=-1)
-    expected = apply_orientation(resample(photo, mesh, height, width), way)
-    oriented = orient_mesh(mesh, way)
-    assert oriented.dtype == np.float64
-    shown = resample(photo, oriented, expected.shape[0], expected.shape[1])
-    assert shown.shape == expected.shape
-    assert np.max(np.abs(shown.astype(int) - expected.astype(int))) <= 1
 
 
 def print_with_picture() -> GrayImage:
