@@ -11,7 +11,7 @@ from services.rulings.vanishing_points import estimate_ruling_vanishing_points
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.regression import RegressedFlow, regress_flow
 
-MAJOR_SIGMA, MINOR_SIGMA = 4.0, 6.0
+MAJOR_SIGMA, MINOR_SIGMA = 5.0, 6.0
 """Deviation of the local regression of the flows over the text height: major samples lie three text heights apart,
 minor ones are fewer, and the field that they show is stiffer."""
 

@@ -50,7 +50,7 @@ class MajorFlowParameters:
     """Bound on the fine samples: the blocks grow until there are no more."""
     smoothing: float = 6.0
     """Of the field that neighbours are judged by."""
-    field_smoothing: float = 4.0
+    field_smoothing: float = 5.0
     field_spacing: float = 2.0
     """Of the dense field, which follows a bent page to second order."""
 

@@ -2,7 +2,7 @@
 
 A plane (order 1) is the smoother fit of a flat page's flow. A quadric (order 2) keeps the bend of a curved page's:
 where the direction of text lines turns fastest - just where rulings show - a plane over six text heights cuts off
-half of it, with three times the samples' own error; a quadric over four text heights does not.
+half of it, with three times the samples' own error; a quadric over five text heights does not.
 """
 
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ from services.texture_flow.tabulated import TabulatedValues
 
 _NODES = 2500
 """Bound on the nodes of the grid that lies over the samples alone."""
-_FAR_SHARE = 0.002
+_FAR_SHARE = 0.0005
 """Of a sample, weight of the far field: more of it flattens bends."""
-_DAMPING = {1: 0.03, 2: 0.001}
+_DAMPING = {1: 0.03, 2: 0.0001}
 """Of slopes and bends that nothing measures, over the samples' weight near by."""
 
 
