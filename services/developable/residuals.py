@@ -57,6 +57,8 @@ class FittingParameters:
     growth: float = 0.35
     growth_deviation: float = 0.05
     """Neighbouring rulings may approach one another under the text to this share of their distance, or little more."""
+    hard_flows: bool = False
+    """Flows may be wrong in whole parts (pictures taken for text): their loss is Cauchy's."""
     max_evaluations: int = 40
 
 
@@ -296,7 +298,8 @@ class PageResiduals:
             parts = self.parts(x)
             # Observations may be outliers and are softened; groups may be wholly wrong, and are softened more; the
             # priors are meant as they are.
-            soft = [soften(parts[name]) for name in ("major", "minor", "straight")]
+            of_flows = soften_hard if self.p.hard_flows else soften
+            soft = [of_flows(parts["major"]), of_flows(parts["minor"]), soften(parts["straight"])]
             hard = [soften_hard(parts[name]) for name in ("spacing", "margins")]
             all_ = [*soft, *hard, parts["crossing"], self._priors(x)]
             value = np.concatenate([r.value for r in all_])

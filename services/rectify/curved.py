@@ -283,15 +283,23 @@ def _fit_flows(
     few = PageObservations(
         thin(e.major, p.start_samples), thin(e.minor, p.start_samples), NO_LINES, hull, prior.log_focal, held
     )
-    coarse = FittingParameters(max_evaluations=12)
-    flat = [start_surface(e.vanishing_points, prior, e.characters, skew, p) for skew in p.start_skews_rad]
-    fits = [fit_surface(start, few, coarse) for start in flat]
+    soft = FittingParameters(max_evaluations=12)
+    hard = FittingParameters(max_evaluations=12, hard_flows=True)
+    starts = [
+        (start_surface(e.vanishing_points, prior, e.characters, skew, p), few) for skew in p.start_skews_rad
+    ]
     if strips is not None:
         free = replace(few, focal_deviation=prior.deviation)
-        fits.append(fit_surface(start_from_sheet(bend_of_strips(strips), e.characters, p), free, coarse))
-    best = min(fits, key=lambda fit: fit.cost)
+        starts.append((start_from_sheet(bend_of_strips(strips), e.characters, p), free))
+    # A strong bend is out of sight of the hard loss, and pictures' flows draw the soft one.
+    fits = [fit_surface(start, seen, hard) for start, seen in starts]
+    fits += [fit_surface(fit_surface(start, seen, soft).start, seen, hard) for start, seen in starts]
+    likely = [fit for fit in fits if implausibility(fit.surface, e.characters, p) is None]
+    best = min(likely or fits, key=lambda fit: fit.cost)
     observed = PageObservations(e.major, e.minor, NO_LINES, hull, prior.log_focal, prior.deviation)
-    return fit_surface(recentre(best, e.characters, p), observed, FittingParameters(max_evaluations=20))
+    return fit_surface(
+        recentre(best, e.characters, p), observed, FittingParameters(hard_flows=True, max_evaluations=20)
+    )
 
 
 def trace_page(analysis: PageAnalysis, view: PhotoFrame, page_map: PageMap) -> LineObservations:
@@ -308,7 +316,7 @@ def _fit_lines(
     e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters
 ) -> tuple[FittedSurface, LineObservations]:
     """Two rounds: the lines are traced again in the first round's view, with the deviations it has shown."""
-    parameters, lines, hull = FittingParameters(), NO_LINES, text_hull(e.characters)
+    parameters, lines, hull = FittingParameters(hard_flows=True), NO_LINES, text_hull(e.characters)
     for _ in range(2):
         lines = trace_page(e.analysis, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation)
