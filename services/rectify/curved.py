@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from services.arrays import Points, Vector
@@ -28,6 +27,7 @@ from services.rectify.pose import EXIF_CONTRADICTED, trimmed_deviation
 from services.rectify.results import Notice, StripsSurface
 from services.rectify.smooth_residual import morph_to_lines
 from services.rectify.strip_page import BentSheet, StripPage, bend_of_strips, find_strips
+from services.rulings.reference_points import text_hull
 from services.texture_flow.field import FlowSamples
 
 
@@ -181,9 +181,9 @@ def recentre(fitted: FittedSurface, characters: Points, p: CurvedParameters) -> 
     return replace(fitted.start, basis=basis, parameters=parameters)
 
 
-def text_hull(characters: Points, growth: float = 1.1) -> Points:
-    """Convex hull (H, 2) of the characters (N, 2), a little larger: the page does not end with its text."""
-    hull = np.asarray(cv2.convexHull(characters.astype(np.float32))[:, 0], np.float64)
+def page_hull(characters: Points, growth: float = 1.1) -> Points:
+    """The text's hull (H, 2), a little larger: the page does not end with its text."""
+    hull = text_hull(characters)
     middle = hull.mean(axis=0)
     return np.asarray(middle + growth * (hull - middle))
 
@@ -279,7 +279,7 @@ def _fit_flows(
     e: PageEvidence, prior: FocalPrior, strips: StripPage | None, p: CurvedParameters
 ) -> FittedSurface:
     """The best of several starts on the flows alone, the focal length of flat ones being held at first."""
-    held, hull = min(prior.deviation, p.start_focal_deviation), text_hull(e.characters)
+    held, hull = min(prior.deviation, p.start_focal_deviation), page_hull(e.characters)
     few = PageObservations(
         thin(e.major, p.start_samples), thin(e.minor, p.start_samples), NO_LINES, hull, prior.log_focal, held
     )
@@ -316,7 +316,7 @@ def _fit_lines(
     e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters
 ) -> tuple[FittedSurface, LineObservations]:
     """Two rounds: the lines are traced again in the first round's view, with the deviations it has shown."""
-    parameters, lines, hull = FittingParameters(hard_flows=True), NO_LINES, text_hull(e.characters)
+    parameters, lines, hull = FittingParameters(hard_flows=True), NO_LINES, page_hull(e.characters)
     for _ in range(2):
         lines = trace_page(e.analysis, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation)

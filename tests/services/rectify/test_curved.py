@@ -21,9 +21,9 @@ from services.rectify.curved import (
     estimate_curved_page,
     flow_deviation,
     implausibility,
+    page_hull,
     recentre,
     start_surface,
-    text_hull,
     thin,
 )
 from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
@@ -362,7 +362,7 @@ def test_thinning_keeps_the_spread_and_the_weight() -> None:
 
 def test_the_hull_surrounds_the_text_and_little_more() -> None:
     points = np.random.default_rng(3).uniform(-0.5, 0.5, (200, 2)) + np.array([0.3, 0.0])
-    hull = text_hull(points)
+    hull = page_hull(points)
     assert 4 < len(hull) < 40
     size = np.ptp(points, axis=0)
     for beyond in (points.min(axis=0) - hull.min(axis=0), hull.max(axis=0) - points.max(axis=0)):
