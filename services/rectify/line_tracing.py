@@ -39,7 +39,6 @@ class TracingParameters:
     deviation_floor: float = 0.02
     """Of a piece's place: what characters differ in by design."""
     alike: float = 0.05
-    grid_step_px: int = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
