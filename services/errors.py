@@ -45,3 +45,9 @@ class NoText(DocumentError):
     """The image shows too little printed text to see the page's shape."""
 
     code = "no-text"
+
+
+class NotOverlapping(DocumentError):
+    """No two of the photos show the same part of a page; the detail names them."""
+
+    code = "not-overlapping"

@@ -1,0 +1,1 @@
+"""Several overlapping photos of one page -> the whole page (dissertation chapter 4)."""

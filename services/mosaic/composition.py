@@ -1,0 +1,29 @@
+"""One page of many patches (4.4)."""
+
+from dataclasses import dataclass
+
+from services.arrays import Points, RgbImage
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.placement import Placement
+from services.mosaic.tones import ToneMap
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedPhoto:
+    """All that composition needs of one photo."""
+
+    flat: FlatPhoto
+    placement: Placement
+    tones: ToneMap
+
+    def to_photo(self, mosaic: Points) -> Points:
+        """Photo pixels (N, 2) of mosaic pixels (N, 2)."""
+        return self.flat.to_photo(self.placement.to_flat(mosaic))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComposedPage:
+    """The page (H, W, 3), white where no photo shows it, and the sharpness of each photo's print, in their order."""
+
+    image: RgbImage
+    sharpness: tuple[float, ...]

@@ -1,0 +1,48 @@
+"""A photo together with its flat view, in which it is registered."""
+
+from dataclasses import dataclass
+
+from services.arrays import GrayImage, Mask, Points, RgbImage
+from services.rectify.framing import Frame
+from services.rectify.results import Notice
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlatPhoto:
+    """A photo and its flat view.
+
+    *Flat pixels* are pixels of this view, which is `frame.width` x `frame.height` and never much larger than a few
+    megapixels; all of registration speaks of them. Views of one page differ, but for the error of their
+    rectification, by a shift, a scale, and quarter turns.
+
+    Attributes
+    ----------
+    index : place in the upload.
+    photo : (H, W, 3).
+    frame : flat pixels -> photo pixels.
+    gray : (frame.height, frame.width) view in gray, flat-fielded: bare paper is 255.
+    shown : the same shape; where the view shows the page.
+    text_height_px : typical size of a character, in flat pixels.
+    native_scale : flat pixels over photo pixels where the photo shows most detail (below 1: the view is reduced).
+    weight : how far its rectification is to be trusted, relative to the others' (its number of characters).
+    notices : what is to be said of it.
+    """
+
+    index: int
+    photo: RgbImage
+    frame: Frame
+    gray: GrayImage
+    shown: Mask
+    text_height_px: float
+    native_scale: float
+    weight: float
+    notices: tuple[Notice, ...] = ()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the view."""
+        return self.frame.width, self.frame.height
+
+    def to_photo(self, flat: Points) -> Points:
+        """Photo pixels (N, 2) of flat pixels (N, 2)."""
+        return self.frame.to_photo(flat)

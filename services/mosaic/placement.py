@@ -1,0 +1,62 @@
+"""Where a flat view lies on the mosaic."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from services.arrays import Floats, Homography, Points
+from services.geometry.homographies import transform_points
+
+INVERSE_STEPS = 4
+"""Fixed-point steps of the inverse: displacements change by at most a few per cent of the way, so each step wins one or
+two digits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DisplacementField:
+    """Smooth displacement of flat pixels, bilinear between the nodes of a grid that spans the view corner to corner.
+
+    `nodes` (rows, columns, 2) are flat pixels; the view is `width` x `height`. Beyond its border the border's goes on.
+    """
+
+    nodes: Floats
+    width: int
+    height: int
+
+    def at(self, flat: Points) -> Points:
+        """Displacements (N, 2) at flat pixels (N, 2)."""
+        rows, columns = self.nodes.shape[:2]
+        x = np.clip(flat[:, 0] / max(self.width - 1, 1), 0, 1) * (columns - 1)
+        y = np.clip(flat[:, 1] / max(self.height - 1, 1), 0, 1) * (rows - 1)
+        i, j = np.minimum(x.astype(int), columns - 2), np.minimum(y.astype(int), rows - 2)
+        s, t = (x - i)[:, None], (y - j)[:, None]
+        upper = (1 - s) * self.nodes[j, i] + s * self.nodes[j, i + 1]
+        lower = (1 - s) * self.nodes[j + 1, i] + s * self.nodes[j + 1, i + 1]
+        return np.asarray((1 - t) * upper + t * lower)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placement:
+    """Flat pixels f -> mosaic pixels H (f + d(f)); `displacement` d is None where none is needed."""
+
+    H_mosaic_flat: Homography
+    displacement: DisplacementField | None = None
+
+    def to_mosaic(self, flat: Points) -> Points:
+        """Mosaic pixels (N, 2) of flat pixels (N, 2)."""
+        moved = flat if self.displacement is None else flat + self.displacement.at(flat)
+        return transform_points(self.H_mosaic_flat, moved)
+
+    def to_flat(self, mosaic: Points) -> Points:
+        """Flat pixels (N, 2) of mosaic pixels (N, 2)."""
+        moved = transform_points(np.linalg.inv(self.H_mosaic_flat), mosaic)
+        if self.displacement is None:
+            return moved
+        flat = moved
+        for _ in range(INVERSE_STEPS):
+            flat = moved - self.displacement.at(flat)
+        return flat
+
+    def within(self, H_new_mosaic: Homography) -> "Placement":
+        """The same in another frame of the mosaic."""
+        return replace(self, H_mosaic_flat=H_new_mosaic @ self.H_mosaic_flat)
