@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from services.arrays import GrayImage, Mask, Points, RgbImage
-from services.rectify.framing import Frame
+from services.rectify.curved_framing import CurvedFrame
+from services.rectify.framing import FlatFrame
 from services.rectify.results import Notice
 
 
@@ -30,7 +31,7 @@ class FlatPhoto:
 
     index: int
     photo: RgbImage
-    frame: Frame
+    frame: FlatFrame | CurvedFrame
     gray: GrayImage
     shown: Mask
     text_height_px: float

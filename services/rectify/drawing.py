@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from services.arrays import Floats, GrayImage, Points, RgbImage
 from services.geometry.homographies import resizing, transform_points
 from services.imaging.paper import certain_sheet
-from services.rectify.analysis import PageAnalysis
 from services.rectify.curved_framing import CurvedFrame
 from services.rectify.framing import FlatFrame
 
@@ -20,20 +19,19 @@ BAND_PX = 512
 """Rows that are drawn at a time, which bounds the memory of the dense map."""
 
 
-def draw_gray_view(analysis: PageAnalysis, frame: FlatFrame | CurvedFrame) -> GrayImage:
-    """The view in gray, flat-fielded, drawn from the reduced photo."""
-    H_strokes_photo = resizing(analysis.strokes_factor)
+def draw_gray_view(gray: GrayImage, factor: float, frame: FlatFrame | CurvedFrame) -> GrayImage:
+    """The view in gray, drawn from `gray`, the photo resized by `factor`; white beside it."""
     if isinstance(frame, FlatFrame):
         flat = cv2.warpPerspective(
-            analysis.strokes_image,
-            H_strokes_photo @ frame.H_photo_flat,
+            gray,
+            resizing(factor) @ frame.H_photo_flat,
             (frame.width, frame.height),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderValue=255.0,
         )
         return np.asarray(flat, np.uint8)
     view = np.full((frame.height, frame.width), 255, np.uint8)
-    _remap(analysis.strokes_image, frame, analysis.strokes_factor, cv2.INTER_LINEAR, view)
+    _remap(gray, frame, factor, cv2.INTER_LINEAR, view)
     return view
 
 

@@ -224,7 +224,9 @@ def orient_page(
             "no OCR engine is installed, so the page may be upside down; text lines are horizontal.",
         )
     small = resize_frame(frame, min(1.0, analysis.strokes_factor))
-    orientation = estimate_orientation(draw_gray_view(analysis, small), ocr)
+    orientation = estimate_orientation(
+        draw_gray_view(analysis.strokes_image, analysis.strokes_factor, small), ocr
+    )
     if (orientation.confidence or 0.0) < 0.5:
         return orientation, Notice(
             "orientation-unknown",

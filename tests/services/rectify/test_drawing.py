@@ -202,7 +202,7 @@ def test_the_gray_view_is_the_same_view(album: Album, factor: float) -> None:
     analysis = replace(shot.analysis, strokes_image=source, strokes_factor=factor)
     surface = replace(SEEN.bent, bends=(0.3,) * 8).surface()
     frame = resize_frame(frame_curved_page(surface, shot.frame, analysis.characters, 10.0, None), factor)
-    gray = draw_gray_view(analysis, frame)
+    gray = draw_gray_view(analysis.strokes_image, analysis.strokes_factor, frame)
     assert gray.shape == (frame.height, frame.width)
     x, y = np.meshgrid(np.arange(20.0, frame.width - 20, 31), np.arange(20.0, frame.height - 20, 29))
     pixels = np.stack([x.ravel(), y.ravel()], axis=1)

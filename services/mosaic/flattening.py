@@ -1,0 +1,131 @@
+"""From a photo to its flat view, the first step of a mosaic."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from services.arrays import Floats, GrayImage, Mask, RgbImage
+from services.imaging.illumination import flatten_illumination
+from services.mosaic.flat_photo import FlatPhoto
+from services.rectify.analysis import resize_gray
+from services.rectify.curved_framing import CurvedFrame
+from services.rectify.drawing import draw_gray_view
+from services.rectify.framing import FlatFrame, resize_frame
+from services.rectify.parameters import RectifyParameters
+from services.rectify.pipeline import estimate_page, frame_photo
+from services.rectify.results import Notice
+from services.rectify.stage_clock import StageClock
+from services.texture_flow.text_identification import identify_text
+
+
+@dataclass(frozen=True, slots=True)
+class FlatteningParameters:
+    """Sizes of the view that a photo is registered in."""
+
+    view_pixels: float = 5e6
+    """More pixels do not make registration better: block matches are good to a twentieth of them."""
+    detail_percentile: float = 85.0
+    """Of photo pixels per flat pixel over the view: where the photo shows most detail (as in `FramingParameters`)."""
+    largest_reduction: float = 1.3
+    """Photo pixels per flat pixel up to which interpolation does not step over any."""
+    long_side_px: int = 1600
+    """Where the text height of a photo that is flat already is measured."""
+    text_height: float = 1 / 100
+    """Of the long side, where no text tells it."""
+    min_components: int = 10
+    rim_px: float = 2.0
+    """The photo's outermost pixels are left out: interpolation reaches beyond them."""
+
+
+def flatten_photo(
+    index: int, photo: RgbImage, exif_focal_length_px: float | None, clock: StageClock
+) -> FlatPhoto:
+    """The view of photo number `index` that rectification gives; text lines are horizontal, whichever way up.
+
+    Raises
+    ------
+    NoText
+        When the photo shows too little printed text to see the page's shape.
+    """
+    page = estimate_page(photo, RectifyParameters(upright=False), exif_focal_length_px, clock)
+    with clock.stage("framing"):
+        characters = page.analysis.characters
+        frame = frame_photo(photo, page, page.analysis.paper.outline(characters))
+        notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
+        return view_photo(index, photo, frame, page.analysis.text_height_px, float(len(characters)), notices)
+
+
+def take_as_flat(
+    index: int, photo: RgbImage, clock: StageClock, parameters: FlatteningParameters | None = None
+) -> FlatPhoto:
+    """Photo number `index` as its own flat view: a scan, or a photo without text to rectify it by."""
+    p = parameters or FlatteningParameters()
+    height, width = photo.shape[:2]
+    with clock.stage("text"):
+        gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+        factor = min(1.0, p.long_side_px / max(width, height))
+        sizes = identify_text(flatten_illumination(resize_gray(gray, factor))).components.sizes
+    text_height_px = p.text_height * max(width, height)
+    if len(sizes) >= p.min_components:
+        text_height_px = float(np.median(sizes)) / factor
+    with clock.stage("framing"):
+        return view_photo(
+            index, photo, FlatFrame(np.eye(3), width, height), text_height_px, float(len(sizes))
+        )
+
+
+def view_photo(
+    index: int,
+    photo: RgbImage,
+    frame: FlatFrame | CurvedFrame,
+    text_height_px: float,
+    weight: float,
+    notices: tuple[Notice, ...] = (),
+    parameters: FlatteningParameters | None = None,
+) -> FlatPhoto:
+    """`photo` seen through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
+    p = parameters or FlatteningParameters()
+    frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
+    shown = _shown(photo, frame, p.rim_px)
+    scales = _photo_px_per_flat_px(frame, shown)
+    reduction = float(np.percentile(scales, p.detail_percentile))
+    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+    usual = float(np.median(scales))
+    factor = 1.0 / usual if usual > p.largest_reduction else 1.0
+    view = draw_gray_view(resize_gray(gray, factor), factor, frame)
+    flat_height_px = text_height_px / usual
+    return FlatPhoto(
+        index,
+        photo,
+        frame,
+        flatten_illumination(view, flat_height_px),
+        shown,
+        flat_height_px,
+        1.0 / reduction,
+        weight,
+        notices,
+    )
+
+
+def _shown(photo: RgbImage, frame: FlatFrame | CurvedFrame, rim_px: float) -> Mask:
+    """Where the view shows the photo but for its rim."""
+    black: GrayImage = np.zeros(photo.shape[:2], np.uint8)
+    rim = int(np.ceil(rim_px))
+    cv2.rectangle(black, (0, 0), (photo.shape[1] - 1, photo.shape[0] - 1), (255,), rim)
+    return np.asarray(draw_gray_view(black, 1.0, frame) == 0)
+
+
+def _photo_px_per_flat_px(frame: FlatFrame | CurvedFrame, shown: Mask, step: int = 40) -> Floats:
+    """Square root of the map's area ratio (N,), on a grid over what is shown."""
+    x, y = np.meshgrid(np.linspace(0, frame.width - 1, step), np.linspace(0, frame.height - 1, step))
+    grid = np.stack([x, y], axis=-1).reshape(-1, 2)
+    at = np.round(grid).astype(int)
+    grid = grid[shown[at[:, 1], at[:, 0]]]
+    if len(grid) == 0:
+        return np.ones(1)
+    here = frame.to_photo(grid)
+    right, down = (frame.to_photo(grid + offset) - here for offset in ([0.5, 0.0], [0.0, 0.5]))
+    area = 4.0 * np.abs(right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0])
+    area = area[np.isfinite(area) & (area > 0)]
+    return np.sqrt(area) if len(area) else np.ones(1)
