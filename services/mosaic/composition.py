@@ -2,28 +2,15 @@
 
 from dataclasses import dataclass
 
-from services.arrays import Points, RgbImage
-from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.placement import Placement
-from services.mosaic.tones import ToneMap
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PlacedPhoto:
-    """All that composition needs of one photo."""
-
-    flat: FlatPhoto
-    placement: Placement
-    tones: ToneMap
-
-    def to_photo(self, mosaic: Points) -> Points:
-        """Photo pixels (N, 2) of mosaic pixels (N, 2)."""
-        return self.flat.to_photo(self.placement.to_flat(mosaic))
+from services.arrays import RgbImage
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComposedPage:
-    """The page (H, W, 3), white where no photo shows it, and the sharpness of each photo's print, in their order."""
+    """The page (H, W, 3), white where no photo shows it, and the sharpness of each photo's print, in their order.
+
+    Sharpness is relative to the sharpest photo's: 0-1, 0 where a photo shows no print.
+    """
 
     image: RgbImage
     sharpness: tuple[float, ...]

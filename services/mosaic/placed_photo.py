@@ -1,0 +1,21 @@
+"""A flat view in its place on the mosaic, in its light."""
+
+from dataclasses import dataclass
+
+from services.arrays import Points
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.placement import Placement
+from services.mosaic.tones import ToneMap
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedPhoto:
+    """All that composition needs of one photo."""
+
+    flat: FlatPhoto
+    placement: Placement
+    tones: ToneMap
+
+    def to_photo(self, mosaic: Points) -> Points:
+        """Photo pixels (N, 2) of mosaic pixels (N, 2)."""
+        return self.flat.to_photo(self.placement.to_flat(mosaic))
