@@ -65,13 +65,13 @@ def take_as_flat(
     with clock.stage("text"):
         gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
         factor = min(1.0, p.long_side_px / max(width, height))
-        sizes = identify_text(flatten_illumination(resize_gray(gray, factor))).components.sizes
-    text_height_px = p.text_height * max(width, height)
-    if len(sizes) >= p.min_components:
-        text_height_px = float(np.median(sizes)) / factor
+        text = identify_text(flatten_illumination(resize_gray(gray, factor)))
+        characters = len(text.components.sizes)
+    told = text.text_height_px / factor if characters >= p.min_components else None
+    text_height_px = told or p.text_height * max(width, height)
     with clock.stage("framing"):
         return view_photo(
-            index, photo, FlatFrame(np.eye(3), width, height), text_height_px, float(len(sizes))
+            index, photo, FlatFrame(np.eye(3), width, height), text_height_px, float(characters)
         )
 
 

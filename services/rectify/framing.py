@@ -137,16 +137,21 @@ def _visible(
     return inside.min(axis=0), inside.max(axis=0)
 
 
-def turn_frame(frame: AnyFrame, rotation_deg: int, mirrored: bool) -> AnyFrame:
-    """The view flipped left to right if `mirrored`, then turned clockwise by a multiple of 90 degrees."""
-    turn, width, height = np.eye(3), frame.width, frame.height
+def turning(width: int, height: int, rotation_deg: int, mirrored: bool) -> tuple[Homography, int, int]:
+    """H_old_new of a view flipped left to right if `mirrored`, then turned clockwise, and its new width and height."""
+    turn = np.eye(3)
     if mirrored:
         turn = turn @ np.array([[-1.0, 0.0, width - 1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     for _ in range(rotation_deg // 90 % 4):
         # Output (x, y) of a clockwise quarter turn shows (y, height - 1 - x) of the view before.
         turn = turn @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, height - 1], [0.0, 0.0, 1.0]])
         width, height = height, width
-    return frame.through(turn, width, height)
+    return turn, width, height
+
+
+def turn_frame(frame: AnyFrame, rotation_deg: int, mirrored: bool) -> AnyFrame:
+    """The view flipped left to right if `mirrored`, then turned clockwise by a multiple of 90 degrees."""
+    return frame.through(*turning(frame.width, frame.height, rotation_deg, mirrored))
 
 
 def resize_frame(frame: AnyFrame, factor: float) -> AnyFrame:
@@ -163,6 +168,11 @@ def mesh_of(frame: Frame, columns: int = 49, rows: int = 65) -> Floats:
     x, y = np.linspace(0, frame.width - 1, columns), np.linspace(0, frame.height - 1, rows)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     mesh = frame.to_photo(grid.reshape(-1, 2)).reshape(rows, columns, 2)
+    return fill_unknown(mesh)
+
+
+def fill_unknown(mesh: Floats) -> Floats:
+    """`mesh` (rows, columns, 2) with the nearest known node's point where a node is not finite."""
     unknown = ~np.isfinite(mesh).all(axis=-1)
     if unknown.any() and not unknown.all():
         nearest = distance_transform_edt(unknown, return_distances=False, return_indices=True)

@@ -1,11 +1,12 @@
 """The steps of `rectify`, in their order."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from services.arrays import Points, RgbImage
+from services.arrays import GrayImage, Points, RgbImage
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
 from services.geometry.page_map import PlaneMap
@@ -218,15 +219,22 @@ def orient_page(
     analysis: PageAnalysis, frame: FlatFrame | CurvedFrame, ocr: OcrEngine | None
 ) -> tuple[Orientation, Notice | None]:
     """Which way up the flat view reads, and a notice when nobody can tell."""
+    small = resize_frame(frame, min(1.0, analysis.strokes_factor))
+    return tell_orientation(
+        lambda: draw_gray_view(analysis.strokes_image, analysis.strokes_factor, small), ocr
+    )
+
+
+def tell_orientation(
+    draw: Callable[[], GrayImage], ocr: OcrEngine | None
+) -> tuple[Orientation, Notice | None]:
+    """Which way up the flat-fielded view that `draw` gives reads, and a notice when nobody can tell."""
     if ocr is None:
         return Orientation(0, False, None), Notice(
             "ocr-unavailable",
             "no OCR engine is installed, so the page may be upside down; text lines are horizontal.",
         )
-    small = resize_frame(frame, min(1.0, analysis.strokes_factor))
-    orientation = estimate_orientation(
-        draw_gray_view(analysis.strokes_image, analysis.strokes_factor, small), ocr
-    )
+    orientation = estimate_orientation(draw(), ocr)
     if (orientation.confidence or 0.0) < 0.5:
         return orientation, Notice(
             "orientation-unknown",

@@ -1,0 +1,54 @@
+"""Where the pixels of a photo come to lie on the mosaic."""
+
+import numpy as np
+
+from services.arrays import Floats, Points
+from services.geometry.homographies import denominators, transform_points
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.placement import Placement
+from services.rectify.framing import FlatFrame, fill_unknown
+
+LARGEST_REACH = 3.0
+"""In sizes of the view, how far beyond it a photo's point may lie: what is further is near the horizon of the page."""
+
+
+def mesh_of_patch(photo: FlatPhoto, placement: Placement, columns: int = 49, rows: int = 65) -> Floats:
+    """Mesh (rows, columns, 2) of mosaic points over the photo, corner to corner.
+
+    A node that does not show the page's plane or surface takes the point of the nearest node that does.
+    """
+    height, width = photo.photo.shape[:2]
+    x, y = np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows)
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    mesh = placement.to_mosaic(flat_points(photo, grid))
+    return fill_unknown(mesh.reshape(rows, columns, 2))
+
+
+def flat_points(photo: FlatPhoto, points: Points) -> Points:
+    """Flat pixels (N, 2) of photo pixels (N, 2); NaN beyond the page's horizon, or where its model ends."""
+    frame = photo.frame
+    if isinstance(frame, FlatFrame):
+        H_flat_photo = np.linalg.inv(frame.H_photo_flat)
+        flat = transform_points(H_flat_photo, points)
+        # The view's own points lie on the near side of the horizon.
+        middle = frame.to_photo(np.array([[(frame.width - 1) / 2, (frame.height - 1) / 2]]))
+        beyond = denominators(H_flat_photo, points) * denominators(H_flat_photo, middle) <= 0
+    else:
+        flat = frame.to_flat(points)
+        beyond = ~np.isfinite(flat).all(axis=1)
+    size = np.array(photo.size, np.float64)
+    with np.errstate(invalid="ignore"):
+        beyond |= (np.abs(flat - size / 2) > LARGEST_REACH * size).any(axis=1)
+    return np.asarray(np.where(beyond[:, None], np.nan, flat))
+
+
+def scale_of_patch(photo: FlatPhoto, placement: Placement) -> float:
+    """Mosaic pixels per photo pixel in the middle of what the view shows."""
+    rows, columns = np.nonzero(photo.shown[::8, ::8])
+    middle = 8.0 * np.array([[columns.mean(), rows.mean()]]) if len(rows) else np.array([photo.size]) / 2.0
+    square = middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+
+    def area(points: Points) -> float:
+        return float(abs(np.linalg.det(points[1:] - points[0])))
+
+    return float(np.sqrt(area(placement.to_mosaic(square)) / max(area(photo.to_photo(square)), 1e-12)))

@@ -1,0 +1,78 @@
+"""The graph of photos that overlap, and which of its parts is the page."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from services.arrays import Homography, Points
+from services.errors import NotOverlapping
+from services.geometry.homographies import transform_points
+from services.mosaic.flat_photo import FlatPhoto
+
+
+def connect_photos(indices: Iterable[int], pairs: Iterable[tuple[int, int]]) -> tuple[tuple[int, ...], ...]:
+    """Connected parts of the graph with nodes `indices` and edges `pairs`, each in rising order."""
+    part = {index: {index} for index in indices}
+    for a, b in pairs:
+        if part[a] is not part[b]:
+            part[a] |= part[b]
+            for index in part[b]:
+                part[index] = part[a]
+    return tuple(sorted({tuple(sorted(members)) for members in part.values()}))
+
+
+def choose_part(
+    parts: Sequence[tuple[int, ...]], photos: Mapping[int, FlatPhoto], base: int | None
+) -> tuple[tuple[int, ...], int]:
+    """The part that becomes the page, and its base photo: the one with most print.
+
+    That of photo `base` if it is given, else the one of most photos; among such the one with most print.
+
+    Raises
+    ------
+    NotOverlapping
+        When the part is a single photo.
+    """
+
+    def print_of(part: tuple[int, ...]) -> tuple[int, float]:
+        return len(part), sum(photos[index].weight for index in part)
+
+    chosen = max(parts, key=print_of) if base is None else next(part for part in parts if base in part)
+    if len(chosen) < 2:
+        who = "no two of the photos show" if base is None else f"images[{base}], the base, does not show"
+        raise NotOverlapping(
+            f"{who} the same part of a page. Photograph the page in pieces that overlap by a fifth or more, sharp "
+            "enough to read."
+        )
+    return chosen, max(chosen, key=lambda index: photos[index].weight) if base is None else base
+
+
+def overlap_fraction(a: FlatPhoto, b: FlatPhoto, H_a_b: Homography, points: int = 60) -> float:
+    """Area that both views show over that of the one that shows less, 0-1; `H_a_b` maps flat pixels of b to a."""
+    return min(
+        1.0, max(_share_within(b, a, H_a_b, points), _share_within(a, b, np.linalg.inv(H_a_b), points))
+    )
+
+
+def _share_within(of: FlatPhoto, other: FlatPhoto, H_other_of: Homography, points: int) -> float:
+    seen = _shown_points(of, points)
+    if len(seen) == 0:
+        return 0.0
+    return float(is_shown(other, transform_points(H_other_of, seen)).mean())
+
+
+def is_shown(photo: FlatPhoto, flat: Points) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which flat pixels (N, 2) the photo's view shows."""
+    width, height = photo.size
+    with np.errstate(invalid="ignore"):
+        inside = (flat >= 0).all(axis=1) & (flat[:, 0] <= width - 1) & (flat[:, 1] <= height - 1)
+    at = np.round(np.where(inside[:, None], flat, 0.0)).astype(int)
+    return np.asarray(inside & photo.shown[at[:, 1], at[:, 0]])
+
+
+def _shown_points(photo: FlatPhoto, points: int) -> Points:
+    """Grid of flat pixels (N, 2) that the view shows."""
+    width, height = photo.size
+    x, y = np.meshgrid(np.linspace(0, width - 1, points), np.linspace(0, height - 1, points))
+    grid = np.stack([x, y], axis=-1).reshape(-1, 2)
+    return np.asarray(grid[is_shown(photo, grid)])
