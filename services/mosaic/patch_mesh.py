@@ -32,10 +32,10 @@ def flat_points(photo: FlatPhoto, points: Points) -> Points:
         flat = transform_points(H_flat_photo, points)
         # The view's own points lie on the near side of the horizon.
         middle = frame.to_photo(np.array([[(frame.width - 1) / 2, (frame.height - 1) / 2]]))
-        beyond = denominators(H_flat_photo, points) * denominators(H_flat_photo, middle) <= 0
+        beyond = np.asarray(denominators(H_flat_photo, points) * denominators(H_flat_photo, middle) <= 0)
     else:
         flat = frame.to_flat(points)
-        beyond = ~np.isfinite(flat).all(axis=1)
+        beyond = np.asarray(~np.isfinite(flat).all(axis=1))
     size = np.array(photo.size, np.float64)
     with np.errstate(invalid="ignore"):
         beyond |= (np.abs(flat - size / 2) > LARGEST_REACH * size).any(axis=1)

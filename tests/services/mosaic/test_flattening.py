@@ -1,0 +1,70 @@
+"""A photo as the flat view it is registered in."""
+
+import numpy as np
+import pytest
+
+from services.errors import NoText
+from services.geometry.homographies import jacobians, scaling, transform_points
+from services.mosaic.flattening import flatten_photo, take_as_flat, view_photo
+from services.rectify.framing import FlatFrame
+from services.rectify.stage_clock import StageClock
+from tests.services.mosaic.views import look_at, page_image, photograph
+
+TILTED = look_at((480.0, 800.0), 25.0, 60.0, 0.85, 1000, 1400)
+
+
+def similarity_defect(H: np.ndarray, points: np.ndarray) -> float:
+    """RMS distance (in flat pixels) of the map from the nearest similarity."""
+    seen = transform_points(H, points) @ [1, 1j]
+    z = points @ [1, 1j]
+    z, seen = z - z.mean(), seen - seen.mean()
+    ratio = np.vdot(z, seen) / np.vdot(z, z)
+    return float(np.sqrt(np.mean(np.abs(seen - ratio * z) ** 2)) / abs(ratio))
+
+
+def test_a_tilted_photo_becomes_a_view_that_differs_from_the_page_by_a_similarity() -> None:
+    photo = photograph(page_image(), TILTED, 1000, 1400)
+    flat = flatten_photo(3, photo, None, StageClock())
+    assert flat.index == 3
+    assert flat.gray.shape == flat.shown.shape == (flat.frame.height, flat.frame.width)
+    assert isinstance(flat.frame, FlatFrame)
+    H_page_flat = np.linalg.inv(TILTED) @ flat.frame.H_photo_flat
+    corners = np.stack(np.meshgrid(np.linspace(0, flat.size[0], 9), np.linspace(0, flat.size[1], 9)), -1)
+    assert similarity_defect(H_page_flat, corners.reshape(-1, 2)) < 4.0
+    assert similarity_defect(TILTED, corners.reshape(-1, 2)) > 20.0
+    # Bare paper is white, and print is not.
+    assert np.median(flat.gray[flat.shown]) > 250
+    assert (flat.gray[flat.shown] < 100).mean() > 0.02
+    assert flat.weight > 500
+
+
+def test_native_scale_tells_how_far_the_view_was_reduced() -> None:
+    photo = np.ascontiguousarray(np.kron(page_image(), np.ones((3, 3, 1), np.uint8)))
+    height, width = photo.shape[:2]
+    flat = take_as_flat(0, photo, StageClock())
+    assert flat.size[0] * flat.size[1] <= 5.01e6
+    assert abs(flat.native_scale - np.sqrt(5e6 / (width * height))) < 0.01
+    assert abs(flat.to_photo(np.array([[100.0, 100.0]]))[0, 0] - (100.5 / flat.native_scale - 0.5)) < 0.5
+
+
+def test_what_lies_beside_the_photo_is_not_shown() -> None:
+    photo = page_image()[:400, :500]
+    flat = view_photo(0, photo, FlatFrame(scaling(1.0), 700, 600), 12.0, 1.0)
+    assert flat.shown[5:395, 5:495].all()
+    assert not flat.shown[405:].any()
+    assert not flat.shown[:, 505:].any()
+
+
+def test_the_text_height_is_in_flat_pixels() -> None:
+    flat = view_photo(0, page_image(), FlatFrame(scaling(2.0), 500, 780), 12.0, 1.0)
+    assert flat.text_height_px == pytest.approx(6.0)
+    assert np.abs(jacobians(flat.frame.H_photo_flat, np.zeros((1, 2)))[0] - 2 * np.eye(2)).max() < 1e-9
+
+
+def test_a_blank_photo_is_refused_and_can_still_be_taken_as_it_is() -> None:
+    blank = np.full((300, 400, 3), 230, np.uint8)
+    with pytest.raises(NoText):
+        flatten_photo(0, blank, None, StageClock())
+    flat = take_as_flat(0, blank, StageClock())
+    assert flat.weight == 0
+    assert flat.text_height_px == pytest.approx(4.0)

@@ -1,0 +1,46 @@
+"""Photo -> mosaic, node by node."""
+
+import numpy as np
+
+from services.geometry.homographies import scaling, transform_points, translation
+from services.mosaic.flattening import view_photo
+from services.mosaic.patch_mesh import flat_points, mesh_of_patch, scale_of_patch
+from services.mosaic.placement import Placement
+from services.rectify.framing import FlatFrame
+from tests.services.mosaic.views import page_image, photograph
+
+TILTED = np.array([[1.1, 0.1, 20.0], [-0.05, 0.9, 10.0], [2e-4, -1e-4, 1.0]])
+
+
+def tilted_view():
+    photo = photograph(page_image(), TILTED, 700, 900)
+    return view_photo(0, photo, FlatFrame(TILTED, 800, 1100), 12.0, 100.0)
+
+
+def test_the_mesh_follows_the_photo_through_the_flat_view_to_the_mosaic() -> None:
+    view = tilted_view()
+    placement = Placement(translation(100.0, 50.0) @ scaling(0.5))
+    mesh = mesh_of_patch(view, placement, columns=8, rows=10)
+    x, y = np.meshgrid(np.linspace(0, 699, 8), np.linspace(0, 899, 10))
+    photo = np.stack([x, y], axis=-1).reshape(-1, 2)
+    # The frame was the page itself: where a photo's pixel shows the page, moved to the mosaic.
+    expected = transform_points(placement.H_mosaic_flat @ np.linalg.inv(TILTED), photo)
+    np.testing.assert_allclose(mesh.reshape(-1, 2), expected, atol=1e-6)
+
+
+def test_points_beyond_the_horizon_take_their_neighbours_place() -> None:
+    steep = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2e-3, 1.0]])
+    photo = photograph(page_image(), steep, 600, 700)
+    view = view_photo(0, photo, FlatFrame(steep, 500, 500), 12.0, 100.0)
+    flat = flat_points(view, np.array([[100.0, 100.0], [100.0, 650.0]]))
+    np.testing.assert_allclose(transform_points(steep, flat[:1]), [[100.0, 100.0]], atol=1e-6)
+    assert np.isnan(flat[1]).all()
+    mesh = mesh_of_patch(view, Placement(np.eye(3)))
+    assert np.isfinite(mesh).all()
+    assert np.abs(mesh).max() < 5 * 500
+
+
+def test_scale_is_mosaic_pixels_per_photo_pixel() -> None:
+    photo = photograph(page_image(), scaling(0.5), 500, 780)
+    view = view_photo(0, photo, FlatFrame(scaling(0.5), 1000, 1560), 6.0, 100.0)
+    assert abs(scale_of_patch(view, Placement(scaling(1.5))) - 3.0) < 0.01
