@@ -7,14 +7,16 @@ class DocumentError(Exception):
     """Base of all errors that the product raises on purpose.
 
     Every subclass passes its arguments to `super().__init__` unchanged, so that it survives the
-    border of a worker process (pickle rebuilds an exception from `args`).
+    border of a worker process (pickle rebuilds an exception from `args`, then restores its attributes).
+    `field` is the part of the request that is wrong, where it is one.
     """
 
     code: ClassVar[str] = "internal"
 
-    def __init__(self, detail: str) -> None:
+    def __init__(self, detail: str, field: str | None = None) -> None:
         super().__init__(detail)
         self.detail = detail
+        self.field = field
 
 
 class TooLarge(DocumentError):

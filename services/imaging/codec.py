@@ -19,6 +19,8 @@ Output carries pixels, resolution and colour profile: no EXIF, no XMP, no GPS po
 
 import io
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -122,6 +124,36 @@ def decode_image(data: bytes, limits: ImageLimits) -> DecodedImage:
     UndecodableImage
         When the data is truncated or damaged.
     """
+    with _open_image(data, limits) as (picture, upload_format):
+        facts = read_camera_facts(picture)
+        pixels = _decode_jpeg(data, picture) if upload_format == "jpeg" else None
+        if pixels is None:
+            pixels = _decode_with_pillow(picture)
+            if upload_format == "png" and not pixels[-1].any():
+                containers.check_png_rows(data)  # Pillow leaves missing rows black
+        profile = _rgb_profile(picture)
+    # TIFF's plugin turns the picture itself, and so does libheif, by the container's own boxes: these alone
+    # count in HEIC (ISO/IEC 23008-12), whose EXIF repeats them.
+    orientation = 1 if upload_format in ("tiff", "heic") else facts.orientation
+    return DecodedImage(
+        _apply_orientation(pixels, orientation),
+        upload_format,
+        facts.focal_length_px,
+        facts.dpi,
+        profile,
+    )
+
+
+def count_pixels(data: bytes, limits: ImageLimits) -> int:
+    """Pixels that `decode_image` would make of `data`, told by its header; raises what that raises of it."""
+    with _open_image(data, limits) as (picture, _):
+        width, height = picture.size
+        return int(width * height)
+
+
+@contextmanager
+def _open_image(data: bytes, limits: ImageLimits) -> Iterator[tuple[Image.Image, UploadFormat]]:
+    """The picture behind its gates, opened and not yet decoded; damage found inside is `UndecodableImage`."""
     upload_format, plugin = _detect_format(data)
     if len(data) > limits.max_bytes:
         raise TooLarge(f"The image has {len(data)} bytes; the limit is {limits.max_bytes}.")
@@ -131,13 +163,7 @@ def decode_image(data: bytes, limits: ImageLimits) -> DecodedImage:
             warnings.simplefilter("ignore")  # of damaged metadata, which does not matter here
             with Image.open(io.BytesIO(data), formats=[plugin]) as picture:
                 _check_header(picture, limits)
-                facts = read_camera_facts(picture)
-                pixels = _decode_jpeg(data, picture) if upload_format == "jpeg" else None
-                if pixels is None:
-                    pixels = _decode_with_pillow(picture)
-                    if upload_format == "png" and not pixels[-1].any():
-                        containers.check_png_rows(data)  # Pillow leaves missing rows black
-                profile = _rgb_profile(picture)
+                yield picture, upload_format
     except (DocumentError, MemoryError):
         raise
     except UnidentifiedImageError as error:
@@ -149,16 +175,6 @@ def decode_image(data: bytes, limits: ImageLimits) -> DecodedImage:
         raise UndecodableImage(
             f"The {upload_format.upper()} image is truncated or damaged ({error})."
         ) from error
-    # TIFF's plugin turns the picture itself, and so does libheif, by the container's own boxes: these alone
-    # count in HEIC (ISO/IEC 23008-12), whose EXIF repeats them.
-    orientation = 1 if upload_format in ("tiff", "heic") else facts.orientation
-    return DecodedImage(
-        _apply_orientation(pixels, orientation),
-        upload_format,
-        facts.focal_length_px,
-        facts.dpi,
-        profile,
-    )
 
 
 def _detect_format(data: bytes) -> tuple[UploadFormat, str]:

@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from services.imaging.codec import ImageLimits, decode_image
+from services.errors import TooLarge, UndecodableImage
+from services.imaging.codec import ImageLimits, count_pixels, decode_image
 from tests.services.imaging.files import make_exif, make_file, make_png, make_tiff, pack_chunk
 
 LIMITS = ImageLimits()
@@ -272,6 +273,21 @@ def test_bands_of_a_tall_and_of_a_wide_picture_join_up() -> None:
     for height, width in ((1500, 700), (3, 29_000)):
         gray = (np.arange(height * width).reshape(height, width) % 251).astype(np.uint8)
         assert (pixels_of(make_file(gray, "PNG", compress_level=1)) == gray[..., None]).all()
+
+
+@pytest.mark.parametrize("plugin", ["JPEG", "PNG", "WEBP", "TIFF", "HEIF"])
+def test_pixels_are_counted_without_decoding(plugin: str) -> None:
+    data = make_file(np.zeros((60, 80, 3), np.uint8), plugin)
+    assert count_pixels(data, ImageLimits()) == 60 * 80
+    with pytest.raises(TooLarge):
+        count_pixels(data, ImageLimits(max_megapixels=0.0047))
+
+
+def test_pixels_are_counted_by_the_header() -> None:
+    bad_pixels = make_png(300, 200, b"no deflate")
+    assert count_pixels(bad_pixels, ImageLimits()) == 60_000
+    with pytest.raises(UndecodableImage):
+        decode_image(bad_pixels, ImageLimits())
 
 
 def test_the_codec_is_the_only_door() -> None:

@@ -5,69 +5,25 @@ import io
 import json
 import math
 import pickle
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
-from services import operations
-from services.errors import InvalidOption, NoText, TooLarge, UndecodableImage, UnsupportedMediaType
+from services.errors import InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging.codec import ImageLimits
-from services.operations import EncodingOptions, rectify_upload, to_json_ready, warm_up
+from services.operations import EncodingOptions, rectify_upload
 from services.rectify.parameters import RectifyParameters
-from services.rectify.results import (
-    CameraEstimate,
-    Evidence,
-    Notice,
-    Orientation,
-    PlaneSurface,
-    RectifyResult,
-)
 from tests.services.imaging.files import make_exif, make_file
+from tests.services.operations.pipelines import RectifyPipeline, reject_constant
 
 LIMITS = ImageLimits()
 PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
 PARAMETERS = RectifyParameters(kind="planar", upright=False)
 
 
-class Pipeline:
-    """Stands for the pipeline: remembers how it was called, answers with the photo turned by 90 degrees."""
-
-    def __init__(self) -> None:
-        self.calls: list[tuple[Any, ...]] = []
-        self.field_of_view_rad: float | None = math.pi / 3
-        self.convergence: float | None = 0.0123
-
-    def __call__(self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any) -> RectifyResult:
-        self.calls.append((photo.shape, parameters, exif_focal_length_px, ocr))
-        return RectifyResult(
-            np.ascontiguousarray(np.rot90(photo)),
-            "planar",
-            Evidence(self.convergence, None, 0.41),
-            CameraEstimate(55.5, self.field_of_view_rad, "exif"),
-            PlaneSurface((0.0, 0.6, 0.8)),
-            Orientation(270, False, 0.98),
-            np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64),
-            (Notice("focal-length-unknown", "Say it."),),
-            {"text": 12.345, "remap": np.float64(3.0)},
-        )
-
-
-@pytest.fixture
-def pipeline(monkeypatch: pytest.MonkeyPatch) -> Pipeline:
-    stand_in = Pipeline()
-    monkeypatch.setattr(operations, "rectify", stand_in)
-    monkeypatch.setattr(operations, "ocr_engine", lambda: "an engine")
-    return stand_in
-
-
-def reject_constant(name: str) -> None:
-    raise AssertionError(f"{name} is not JSON")
-
-
-def test_the_answer_is_the_contracts(pipeline: Pipeline) -> None:
+def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
     reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS)
     document = json.loads(json.dumps(reply.document), parse_constant=reject_constant)
     assert document.pop("timings_ms").keys() == {"decode", "text", "remap", "encode"}
@@ -90,7 +46,7 @@ def test_the_answer_is_the_contracts(pipeline: Pipeline) -> None:
 
 
 @pytest.mark.parametrize("not_finite", [math.nan, math.inf, -math.inf, np.float32("nan")])
-def test_what_is_not_finite_becomes_null(pipeline: Pipeline, not_finite: float) -> None:
+def test_what_is_not_finite_becomes_null(pipeline: RectifyPipeline, not_finite: float) -> None:
     pipeline.field_of_view_rad = pipeline.convergence = not_finite
     document = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS).document
     restored = json.loads(json.dumps(document), parse_constant=reject_constant)
@@ -98,18 +54,7 @@ def test_what_is_not_finite_becomes_null(pipeline: Pipeline, not_finite: float) 
     assert restored["evidence"]["major_convergence"] is None
 
 
-def test_json_ready_values_keep_their_kind() -> None:
-    mixed = {
-        "a": np.int64(3),
-        "b": (np.bool_(True), np.float32(0.5)),
-        4: np.array([[1, 2]]),
-        "c": [None, "x"],
-    }
-    assert to_json_ready(mixed) == {"a": 3, "b": [True, 0.5], "4": [[1, 2]], "c": [None, "x"]}
-    assert type(to_json_ready(np.float64(1.5))) is float
-
-
-def test_the_pipeline_gets_the_upright_photo_and_all_that_is_known(pipeline: Pipeline) -> None:
+def test_the_pipeline_gets_the_upright_photo_and_all_that_is_known(pipeline: RectifyPipeline) -> None:
     upload = make_file(PHOTO, "JPEG", exif=make_exif(6, {0xA405: 26}))
     rectify_upload(upload, PARAMETERS, EncodingOptions(), LIMITS)
     ((shape, parameters, focal_length_px, ocr),) = pipeline.calls
@@ -209,41 +154,8 @@ def test_a_reply_crosses_the_border_of_a_process() -> None:
     ],
 )
 def test_bad_uploads_never_reach_the_pipeline(
-    pipeline: Pipeline, upload: bytes, limits: ImageLimits, error: type[Exception]
+    pipeline: RectifyPipeline, upload: bytes, limits: ImageLimits, error: type[Exception]
 ) -> None:
     with pytest.raises(error):
         rectify_upload(upload, PARAMETERS, EncodingOptions(), limits)
     assert pipeline.calls == []
-
-
-def test_an_engine_is_opened_once_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, second = operations.ocr_engine(), operations.ocr_engine()
-    assert first is second
-    state = warm_up()
-    assert state["ocr"] == (None if first is None else first.name)
-
-
-@pytest.mark.parametrize("refusal", [NoText("Nothing to read."), None])
-def test_warming_up_runs_the_whole_road(
-    monkeypatch: pytest.MonkeyPatch, pipeline: Pipeline, refusal: Exception | None
-) -> None:
-    def refuse(*arguments: Any) -> RectifyResult:
-        result = pipeline(*arguments)
-        if refusal is not None:
-            raise refusal
-        return result
-
-    monkeypatch.setattr(operations, "rectify", refuse)
-    monkeypatch.setattr(operations, "ocr_engine", lambda: None)
-    assert warm_up() == {"ocr": None}
-    assert len(pipeline.calls) == 1
-
-
-def test_warming_up_does_not_hide_defects(monkeypatch: pytest.MonkeyPatch, pipeline: Pipeline) -> None:
-    def crash(*_: Any) -> RectifyResult:
-        raise ZeroDivisionError
-
-    broken: Callable[..., RectifyResult] = crash
-    monkeypatch.setattr(operations, "rectify", broken)
-    with pytest.raises(ZeroDivisionError):
-        warm_up()

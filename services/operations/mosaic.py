@@ -1,0 +1,154 @@
+"""Several photos -> the whole page: gate, decode, pipeline, encode."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.errors import DocumentError, TooLarge
+from services.imaging.codec import DecodedImage, ImageLimits, count_pixels, decode_image
+from services.mosaic.parameters import MosaicParameters
+from services.mosaic.pipeline import mosaic
+from services.mosaic.results import MosaicResult, Pair, Patch
+from services.operations.reader import ocr_engine
+from services.operations.replies import (
+    EncodingOptions,
+    PageReply,
+    SourceFacts,
+    describe_orientation,
+    describe_warnings,
+    make_reply,
+    timed,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class MosaicImageLimits:
+    """What each photo may cost, and all of them together, which are in memory at once."""
+
+    photo: ImageLimits
+    max_megapixels: float
+
+
+def mosaic_uploads(
+    uploads: Sequence[bytes],
+    parameters: MosaicParameters,
+    encoding: EncodingOptions,
+    limits: MosaicImageLimits,
+) -> PageReply:
+    """The one page that uploaded photos show parts of.
+
+    Raises
+    ------
+    UnsupportedMediaType, TooLarge, UndecodableImage
+        When one of the uploads is no picture that is accepted (the error names it), or all of them together
+        are too large; judged by every header before the first picture is decoded.
+    NoText
+        When fewer than two of the photos show enough printed text.
+    NotOverlapping
+        When no two of them show the same part of a page.
+    InvalidOption
+        When `parameters` or `encoding` cannot be met.
+    """
+    timings_ms: dict[str, float] = {}
+    with timed("decode", timings_ms):
+        photos = _decode_photos(uploads, limits)
+    focal_lengths_px = [photo.focal_length_px for photo in photos]
+    result = mosaic([photo.pixels for photo in photos], parameters, focal_lengths_px, ocr_engine())
+    timings_ms |= result.timings_ms
+    source = SourceFacts(photos[0].format, _resolution(photos, result), _colour_profile(photos))
+    return make_reply(result.image, describe_mosaic(result), source, encoding, timings_ms)
+
+
+def _decode_photos(uploads: Sequence[bytes], limits: MosaicImageLimits) -> list[DecodedImage]:
+    pixels = 0
+    for index, upload in enumerate(uploads):
+        with _naming(index):
+            pixels += count_pixels(upload, limits.photo)
+    if pixels > limits.max_megapixels * 1e6:
+        raise TooLarge(
+            f"images: the photos have {pixels / 1e6:.1f} megapixels together; "
+            f"the limit of a mosaic is {limits.max_megapixels:g}.",
+            "images",
+        )
+    photos = []
+    for index, upload in enumerate(uploads):
+        with _naming(index):
+            photos.append(decode_image(upload, limits.photo))
+    return photos
+
+
+@contextmanager
+def _naming(index: int) -> Iterator[None]:
+    """Say of which photo an error in the block speaks."""
+    try:
+        yield
+    except DocumentError as error:
+        field = f"images[{index}]"
+        raise type(error)(f"{field}: {error.detail}", field) from error
+
+
+def _colour_profile(photos: Sequence[DecodedImage]) -> bytes | None:
+    """The profile that all photos share.
+
+    Words come from one photo and their neighbours from another, and tones are matched between them as the
+    numbers stand. So a profile that all share is the page's too; where they differ none of them is, and the
+    page goes without one (that is, as sRGB). Nothing is converted.
+    """
+    profiles = {photo.icc_profile for photo in photos}
+    return profiles.pop() if len(profiles) == 1 else None
+
+
+def _resolution(photos: Sequence[DecodedImage], result: MosaicResult) -> float | None:
+    """Pixels per inch of a page of scans that agree on theirs, at the scale at which the mosaic shows its base."""
+    resolutions = {photo.dpi for photo in photos}
+    dpi, scale = resolutions.pop(), result.patches[result.base].scale
+    return None if resolutions or dpi is None or scale is None else float(round(dpi * scale))
+
+
+def describe_mosaic(result: MosaicResult) -> dict[str, object]:
+    """The contract's `MosaicResult`, but for its timings and image."""
+    height, width = result.image.shape[:2]
+    return {
+        "width": width,
+        "height": height,
+        "base": result.base,
+        "orientation": describe_orientation(result.orientation),
+        "patches": [_describe_patch(patch) for patch in result.patches],
+        "pairs": [_describe_pair(pair) for pair in result.pairs],
+        "unplaced": result.unplaced,
+        "warnings": describe_warnings(result.warnings),
+    }
+
+
+def _describe_patch(patch: Patch) -> dict[str, object]:
+    mesh = None
+    if patch.mesh is not None:
+        target = np.round(patch.mesh, 3).tolist()  # a thousandth of a pixel
+        seen = np.isfinite(patch.mesh).all(axis=2)
+        for row, column in np.argwhere(~seen):
+            target[row][column] = None
+        mesh = {"rows": patch.mesh.shape[0], "columns": patch.mesh.shape[1], "target": target}
+    return {
+        "placed": patch.placed,
+        "mesh": mesh,
+        "scale": _rounded(patch.scale),
+        "sharpness": _rounded(patch.sharpness),
+    }
+
+
+def _describe_pair(pair: Pair) -> dict[str, object]:
+    return {
+        "a": pair.a,
+        "b": pair.b,
+        "matches": pair.matches,
+        "votes": pair.votes,
+        "runner_up_votes": pair.runner_up_votes,
+        "overlap_fraction": _rounded(pair.overlap_fraction),
+        "residual_px": _rounded(pair.residual_px),
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(float(value), 4)

@@ -1,0 +1,100 @@
+"""One photo -> its flat view: decode -> pipeline -> encode."""
+
+import math
+
+import numpy as np
+
+from services.arrays import Vector
+from services.imaging.codec import ImageLimits, decode_image
+from services.operations.reader import ocr_engine
+from services.operations.replies import (
+    EncodingOptions,
+    PageReply,
+    SourceFacts,
+    describe_orientation,
+    describe_warnings,
+    make_reply,
+    timed,
+)
+from services.rectify.parameters import RectifyParameters
+from services.rectify.pipeline import rectify
+from services.rectify.results import PlaneSurface, RectifyResult, StripsSurface
+
+
+def rectify_upload(
+    upload: bytes, parameters: RectifyParameters, encoding: EncodingOptions, limits: ImageLimits
+) -> PageReply:
+    """Frontal flat view of the page in an uploaded photo.
+
+    Raises
+    ------
+    UnsupportedMediaType, TooLarge, UndecodableImage
+        When the upload is no picture that is accepted.
+    NoText
+        When the photo shows too little printed text to see the page's shape.
+    InvalidOption
+        When `parameters` or `encoding` cannot be met.
+    """
+    timings_ms: dict[str, float] = {}
+    with timed("decode", timings_ms):
+        photo = decode_image(upload, limits)
+    result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
+    timings_ms |= result.timings_ms
+    source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
+    return make_reply(result.image, describe_rectification(result), source, encoding, timings_ms)
+
+
+def describe_rectification(result: RectifyResult) -> dict[str, object]:
+    """The contract's `RectifyResult`, but for its timings and image: degrees, pixels of the EXIF-upright photo."""
+    height, width = result.image.shape[:2]
+    field_of_view_rad = result.camera.field_of_view_rad
+    return {
+        "kind": result.kind,
+        "evidence": {
+            "major_convergence": result.evidence.major_convergence,
+            "minor_convergence": result.evidence.minor_convergence,
+            "text_area_fraction": result.evidence.text_area_fraction,
+        },
+        "camera": {
+            "focal_length_px": result.camera.focal_length_px,
+            "field_of_view_deg": None if field_of_view_rad is None else math.degrees(field_of_view_rad),
+            "source": result.camera.source,
+        },
+        "surface": _describe_surface(result.surface),
+        "orientation": describe_orientation(result.orientation),
+        "width": width,
+        "height": height,
+        "mesh": {
+            "rows": result.mesh.shape[0],
+            "columns": result.mesh.shape[1],
+            "source": np.round(result.mesh, 3),  # a thousandth of a pixel; 17 digits would triple the JSON
+        },
+        "warnings": describe_warnings(result.warnings),
+    }
+
+
+def _describe_surface(surface: PlaneSurface | StripsSurface) -> dict[str, object]:
+    if isinstance(surface, PlaneSurface):
+        return {"type": "plane", "normal": surface.normal}
+    rulings = zip(surface.points, surface.angles_rad, surface.vanishing_points, strict=True)
+    return {
+        "type": "strips",
+        "normals": np.round(surface.normals, 6).tolist(),
+        "rulings": [
+            {
+                "point": np.round(point, 3).tolist(),
+                "angle_deg": round(float(np.degrees(angle)), 4),
+                "vanishing_point": _finite_point(vanishing_point),
+            }
+            for point, angle, vanishing_point in rulings
+        ],
+    }
+
+
+def _finite_point(homogeneous: Vector, limit_px: float = 1e7) -> list[float] | None:
+    """(x, y) of a homogeneous point (3,); None for one at infinity, or so far away that it may as well be."""
+    point, third = homogeneous[:2], float(homogeneous[2])
+    if float(np.abs(point).max()) >= limit_px * abs(third):
+        return None
+    x, y = point / third
+    return [round(float(x), 3), round(float(y), 3)]

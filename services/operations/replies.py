@@ -1,0 +1,129 @@
+"""What leaves a worker: a page as a file, or its description, ready for JSON.
+
+Radians become degrees before they come here, and nothing leaves that JSON cannot hold.
+"""
+
+import base64
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from services.arrays import RgbImage
+from services.imaging.codec import OutputFormat, UploadFormat, encode_image
+from services.rectify.results import Notice, Orientation
+
+MEDIA_TYPES = {
+    "jpeg": "image/jpeg",
+    "png": "image/png",
+    "webp": "image/webp",
+    "tiff": "image/tiff",
+    "pdf": "application/pdf",
+    "json": "application/json",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class EncodingOptions:
+    """How the answer is wanted.
+
+    `format` None means the upload's own (JPEG for HEIC); `quality` 1-100 is for lossy formats; `embed`
+    puts the image into the JSON, in base64.
+    """
+
+    format: Literal["jpeg", "png", "webp", "tiff", "pdf", "json"] | None = None
+    quality: int | None = None
+    embed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PageReply:
+    """What leaves the worker.
+
+    `body` is the image file (empty when JSON was asked for), of type `media_type`; `document` is the
+    contract's result.
+    """
+
+    body: bytes
+    media_type: str
+    document: dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFacts:
+    """What a page takes over from its upload: its format, its resolution, and what its colours mean."""
+
+    format: UploadFormat
+    dpi: float | None
+    icc_profile: bytes | None
+
+
+def make_reply(
+    page: RgbImage,
+    document: dict[str, object],
+    source: SourceFacts,
+    encoding: EncodingOptions,
+    timings_ms: dict[str, float],
+) -> PageReply:
+    """The page as it was asked for.
+
+    `document` describes the page; `timings_ms`, to which `encode` is added, and `image` are put into it here.
+
+    Raises
+    ------
+    InvalidOption
+        When `encoding` cannot be met.
+    """
+    image_format: OutputFormat = "jpeg" if source.format == "heic" else source.format
+    if encoding.format is not None and encoding.format != "json":
+        image_format = encoding.format
+    body, embedded = b"", None
+    if encoding.format != "json" or encoding.embed:
+        with timed("encode", timings_ms):
+            body = encode_image(page, image_format, encoding.quality, source.dpi, source.icc_profile)
+    if encoding.format == "json":
+        embedded = base64.b64encode(body).decode("ascii") if encoding.embed else None
+        body = b""
+    rounded_ms = {stage: round(value, 1) for stage, value in timings_ms.items()}
+    ready = to_json_ready({**document, "timings_ms": rounded_ms, "image": embedded})
+    assert isinstance(ready, dict)
+    return PageReply(body, MEDIA_TYPES[encoding.format or image_format], ready)
+
+
+def describe_orientation(orientation: Orientation) -> dict[str, object]:
+    """The contract's `orientation`."""
+    return {
+        "rotation_deg": orientation.rotation_deg,
+        "mirrored": orientation.mirrored,
+        "confidence": orientation.confidence,
+    }
+
+
+def describe_warnings(notices: tuple[Notice, ...]) -> list[dict[str, str]]:
+    """The contract's `warnings`."""
+    return [{"code": notice.code, "detail": notice.detail} for notice in notices]
+
+
+def to_json_ready(value: Any) -> Any:
+    """`value` in the types of JSON; numbers that are not finite become None."""
+    if isinstance(value, dict):
+        return {str(key): to_json_ready(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [to_json_ready(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return to_json_ready(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+@contextmanager
+def timed(stage: str, timings_ms: dict[str, float]) -> Iterator[None]:
+    """Write the milliseconds of the block down in `timings_ms`."""
+    started = time.perf_counter()
+    yield
+    timings_ms[stage] = (time.perf_counter() - started) * 1000

@@ -1,0 +1,36 @@
+"""What a worker makes ready once."""
+
+from contextlib import suppress
+
+import numpy as np
+
+from services.arrays import RgbImage
+from services.errors import DocumentError
+from services.imaging.codec import ImageLimits, encode_image
+from services.operations.reader import ocr_engine
+from services.operations.rectify import rectify_upload
+from services.operations.replies import EncodingOptions
+from services.rectify.parameters import RectifyParameters
+
+
+def warm_up() -> dict[str, object]:
+    """Do once what every first request would pay for: imports, the OCR engine, one tiny picture.
+
+    Returns what is at hand: `ocr`, the engine's name or None.
+    """
+    engine = ocr_engine()
+    with suppress(DocumentError):  # if this is no text to the pipeline, the road to that answer is warm now
+        rectify_upload(
+            encode_image(_draw_sheet(), "jpeg"), RectifyParameters(), EncodingOptions("jpeg"), ImageLimits()
+        )
+    return {"ocr": None if engine is None else engine.name}
+
+
+def _draw_sheet() -> RgbImage:
+    """(480, 360, 3): dark strokes in words and lines on white, a page in miniature."""
+    sheet = np.full((480, 360, 3), 255, np.uint8)
+    for line, top in enumerate(range(40, 440, 20)):
+        for stroke, left in enumerate(range(40, 320, 5)):
+            if (stroke + 3 * line) % 7:  # every seventh is a gap between words
+                sheet[top + stroke % 3 : top + 9, left : left + 3] = 30
+    return sheet

@@ -1,0 +1,66 @@
+"""What stands for the pipelines: remembers how it was called, and answers at once."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from services.mosaic.results import MosaicResult, Pair, Patch
+from services.rectify.results import (
+    CameraEstimate,
+    Evidence,
+    Notice,
+    Orientation,
+    PlaneSurface,
+    RectifyResult,
+)
+
+
+def reject_constant(name: str) -> None:
+    """For `json.loads`: NaN and infinity are no JSON."""
+    raise AssertionError(f"{name} is not JSON")
+
+
+class RectifyPipeline:
+    """Stands for the pipeline: remembers how it was called, answers with the photo turned by 90 degrees."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[Any, ...]] = []
+        self.field_of_view_rad: float | None = math.pi / 3
+        self.convergence: float | None = 0.0123
+
+    def __call__(self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any) -> RectifyResult:
+        self.calls.append((photo.shape, parameters, exif_focal_length_px, ocr))
+        return RectifyResult(
+            np.ascontiguousarray(np.rot90(photo)),
+            "planar",
+            Evidence(self.convergence, None, 0.41),
+            CameraEstimate(55.5, self.field_of_view_rad, "exif"),
+            PlaneSurface((0.0, 0.6, 0.8)),
+            Orientation(270, False, 0.98),
+            np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64),
+            (Notice("focal-length-unknown", "Say it."),),
+            {"text": 12.345, "remap": np.float64(3.0)},
+        )
+
+
+class MosaicPipeline:
+    """Stands for `mosaic`: places all photos but the last one, answers with the first one."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[Any, ...]] = []
+        self.scale = 1.23456
+
+    def __call__(self, photos: Any, parameters: Any, exif_focal_lengths_px: Any, ocr: Any) -> MosaicResult:
+        self.calls.append(([photo.shape for photo in photos], parameters, exif_focal_lengths_px, ocr))
+        mesh = np.array([[[0, 1 / 3], [9, 0]], [[0, 9], [np.inf, np.nan]]], np.float64)
+        return MosaicResult(
+            photos[0],
+            0,
+            (*(Patch(True, mesh, self.scale, 1.0) for _ in photos[1:]), Patch(False)),
+            (Pair(0, 1, 900, 400, 12, 0.23456, np.float64(0.0712345)),),
+            (len(photos) - 1,),
+            Orientation(90, False, None),
+            (Notice("not-placed", "images[2] overlaps no other photo."),),
+            {"registration": 12.345, "composition": np.float64(3.0)},
+        )

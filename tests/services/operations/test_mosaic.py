@@ -1,0 +1,178 @@
+"""The page of several uploads: gates before the first pixel, errors that name the photo, the contract's document."""
+
+import base64
+import io
+import json
+import math
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image, ImageCms
+
+from services.errors import DocumentError, TooLarge, UndecodableImage, UnsupportedMediaType
+from services.imaging.codec import ImageLimits
+from services.mosaic.parameters import MosaicParameters
+from services.operations import EncodingOptions, MosaicImageLimits, PageReply, mosaic, mosaic_uploads
+from tests.services.imaging.files import make_exif, make_file, make_png
+from tests.services.operations.pipelines import MosaicPipeline, reject_constant
+
+LIMITS = MosaicImageLimits(ImageLimits(), 200)
+PARAMETERS = MosaicParameters(upright=False)
+PHOTOS = [np.random.default_rng(seed).integers(0, 256, (40, 60, 3), dtype=np.uint8) for seed in range(3)]
+PNGS = [make_file(photo, "PNG") for photo in PHOTOS]
+BLUE, GREEN = (
+    ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()[:-1] + last for last in (b"b", b"g")
+)
+
+
+def run(uploads: list[bytes], encoding: EncodingOptions | None = None) -> PageReply:
+    return mosaic_uploads(uploads, PARAMETERS, encoding or EncodingOptions(), LIMITS)
+
+
+@pytest.mark.usefixtures("mosaic_pipeline")
+def test_the_answer_is_the_contracts() -> None:
+    document = json.loads(json.dumps(run(PNGS).document), parse_constant=reject_constant)
+    assert list(document.pop("timings_ms")) == ["decode", "registration", "composition", "encode"]
+    mesh = {"rows": 2, "columns": 2, "target": [[[0, 0.333], [9, 0]], [[0, 9], None]]}
+    placed = {"placed": True, "mesh": mesh, "scale": 1.2346, "sharpness": 1.0}
+    assert document == {
+        "width": 60,
+        "height": 40,
+        "base": 0,
+        "orientation": {"rotation_deg": 90, "mirrored": False, "confidence": None},
+        "patches": [placed, placed, {"placed": False, "mesh": None, "scale": None, "sharpness": None}],
+        "pairs": [
+            {
+                "a": 0,
+                "b": 1,
+                "matches": 900,
+                "votes": 400,
+                "runner_up_votes": 12,
+                "overlap_fraction": 0.2346,
+                "residual_px": 0.0712,
+            }
+        ],
+        "unplaced": [2],
+        "warnings": [{"code": "not-placed", "detail": "images[2] overlaps no other photo."}],
+        "image": None,
+    }
+
+
+def test_the_pipeline_gets_upright_photos_in_their_order_and_all_that_is_known(
+    mosaic_pipeline: MosaicPipeline,
+) -> None:
+    turned = make_file(PHOTOS[0], "JPEG", exif=make_exif(6, {0xA405: 26}))
+    run([PNGS[0], turned])
+    ((shapes, parameters, focal_lengths_px, ocr),) = mosaic_pipeline.calls
+    assert shapes == [(40, 60, 3), (60, 40, 3)]
+    assert parameters is PARAMETERS
+    assert focal_lengths_px == [None, pytest.approx(26 / math.hypot(36, 24) * math.hypot(60, 40))]
+    assert ocr == "an engine"
+
+
+@pytest.mark.parametrize(
+    ("plugin", "asked", "media_type", "mark"),
+    [
+        ("JPEG", None, "image/jpeg", "JPEG"),
+        ("PNG", None, "image/png", "PNG"),
+        ("HEIF", None, "image/jpeg", "JPEG"),
+        ("PNG", "webp", "image/webp", "WEBP"),
+    ],
+)
+@pytest.mark.usefixtures("mosaic_pipeline")
+def test_the_file_is_in_the_asked_for_or_in_the_first_photos_format(
+    plugin: str, asked: Any, media_type: str, mark: str
+) -> None:
+    reply = run([make_file(PHOTOS[0], plugin), make_file(PHOTOS[1], "TIFF")], EncodingOptions(asked))
+    assert reply.media_type == media_type
+    with Image.open(io.BytesIO(reply.body)) as picture:
+        assert (picture.format, picture.size) == (mark, (60, 40))
+
+
+@pytest.mark.usefixtures("mosaic_pipeline")
+def test_json_with_and_without_the_image() -> None:
+    reply = run(PNGS, EncodingOptions("json"))
+    assert (reply.body, reply.media_type, reply.document["image"]) == (b"", "application/json", None)
+    image = run(PNGS, EncodingOptions("json", embed=True)).document["image"]
+    assert isinstance(image, str)
+    with Image.open(io.BytesIO(base64.b64decode(image, validate=True))) as picture:
+        assert np.array_equal(np.asarray(picture), PHOTOS[0])
+
+
+@pytest.mark.parametrize(
+    ("profiles", "kept"),
+    [((BLUE, BLUE), BLUE), ((BLUE, GREEN), None), ((BLUE, None), None), ((None, None), None)],
+)
+@pytest.mark.usefixtures("mosaic_pipeline")
+def test_a_colour_profile_is_kept_where_all_photos_have_it(
+    profiles: tuple[bytes | None, ...], kept: bytes | None
+) -> None:
+    reply = run([make_file(PHOTOS[0], "PNG", icc_profile=profile) for profile in profiles])
+    with Image.open(io.BytesIO(reply.body)) as picture:
+        assert picture.info.get("icc_profile") == kept
+
+
+@pytest.mark.parametrize(
+    ("dpi", "scale", "expected"), [((200, 200), 1.0, 200), ((200, 200), 1.5, 300), ((200, 400), 1.0, 300)]
+)
+def test_scans_that_agree_on_their_resolution_keep_it(
+    mosaic_pipeline: MosaicPipeline, dpi: tuple[int, int], scale: float, expected: int
+) -> None:
+    mosaic_pipeline.scale = scale
+    reply = run([make_file(PHOTOS[0], "PNG", dpi=(each, each)) for each in dpi], EncodingOptions("jpeg"))
+    with Image.open(io.BytesIO(reply.body)) as picture:
+        assert picture.info["dpi"] == (expected, expected)
+
+
+BROKEN = {
+    "no picture": (b"no picture", LIMITS, UnsupportedMediaType),
+    "cut": (PNGS[0][:-20], LIMITS, UndecodableImage),
+    "damaged pixels": (make_png(60, 40, b"no deflate"), LIMITS, UndecodableImage),
+    "large": (make_file(np.zeros((90, 90), np.uint8), "PNG"), None, TooLarge),
+    "EXIF": (make_file(PHOTOS[0], "JPEG", exif=b"Exif\0\0" + bytes(3000)), None, TooLarge),
+}
+
+
+@pytest.mark.parametrize("place", [0, 2])
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_bad_photo_is_named(mosaic_pipeline: MosaicPipeline, name: str, place: int) -> None:
+    upload, limits, error = BROKEN[name]
+    limits = limits or MosaicImageLimits(ImageLimits(max_megapixels=0.003, max_exif_bytes=2000), 200)
+    uploads = PNGS[:2]
+    uploads.insert(place, upload)
+    with pytest.raises(error, match=rf"^images\[{place}\]: ") as caught:
+        mosaic_uploads(uploads, PARAMETERS, EncodingOptions(), limits)
+    assert caught.value.field == f"images[{place}]"
+    assert mosaic_pipeline.calls == []
+
+
+def test_all_headers_are_judged_before_the_first_picture_is_decoded(
+    monkeypatch: pytest.MonkeyPatch, mosaic_pipeline: MosaicPipeline
+) -> None:
+    decoded: list[bytes] = []
+    monkeypatch.setattr(mosaic, "decode_image", lambda upload, limits: decoded.append(upload))
+    limits = MosaicImageLimits(ImageLimits(max_megapixels=0.003), 0.007)
+    with pytest.raises(TooLarge, match=r"^images: .* 0\.0 megapixels together; .* 0\.007") as caught:
+        mosaic_uploads(PNGS, PARAMETERS, EncodingOptions(), limits)
+    assert caught.value.field == "images"
+    with pytest.raises(UnsupportedMediaType):
+        mosaic_uploads([*PNGS, b"no picture"], PARAMETERS, EncodingOptions(), limits)
+    assert decoded == mosaic_pipeline.calls == []
+
+
+@pytest.mark.usefixtures("mosaic_pipeline")
+def test_exactly_the_limit_is_allowed() -> None:
+    mosaic_uploads(PNGS, PARAMETERS, EncodingOptions(), MosaicImageLimits(ImageLimits(), 0.0072))
+
+
+@pytest.mark.usefixtures("mosaic_pipeline")
+def test_replies_and_errors_cross_the_border_of_a_process() -> None:
+    reply = run(PNGS)
+    assert pickle.loads(pickle.dumps(reply)) == reply
+    with pytest.raises(DocumentError) as caught:
+        run([PNGS[0], b"no picture"])
+    restored = pickle.loads(pickle.dumps(caught.value))
+    assert type(restored) is UnsupportedMediaType
+    assert (restored.field, restored.detail) == ("images[1]", caught.value.detail)

@@ -1,0 +1,45 @@
+"""What a worker makes ready once."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from services import operations
+from services.errors import NoText
+from services.operations import rectify, warm_up, warming
+from services.rectify.results import RectifyResult
+from tests.services.operations.pipelines import RectifyPipeline
+
+
+def test_an_engine_is_opened_once_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = operations.ocr_engine(), operations.ocr_engine()
+    assert first is second
+    state = warm_up()
+    assert state["ocr"] == (None if first is None else first.name)
+
+
+@pytest.mark.parametrize("refusal", [NoText("Nothing to read."), None])
+def test_warming_up_runs_the_whole_road(
+    monkeypatch: pytest.MonkeyPatch, pipeline: RectifyPipeline, refusal: Exception | None
+) -> None:
+    def refuse(*arguments: Any) -> RectifyResult:
+        result = pipeline(*arguments)
+        if refusal is not None:
+            raise refusal
+        return result
+
+    monkeypatch.setattr(rectify, "rectify", refuse)
+    monkeypatch.setattr(warming, "ocr_engine", lambda: None)
+    assert warm_up() == {"ocr": None}
+    assert len(pipeline.calls) == 1
+
+
+def test_warming_up_does_not_hide_defects(monkeypatch: pytest.MonkeyPatch, pipeline: RectifyPipeline) -> None:
+    def crash(*_: Any) -> RectifyResult:
+        raise ZeroDivisionError
+
+    broken: Callable[..., RectifyResult] = crash
+    monkeypatch.setattr(rectify, "rectify", broken)
+    with pytest.raises(ZeroDivisionError):
+        warm_up()
