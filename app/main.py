@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -22,7 +23,7 @@ from app.logs import RequestLog, configure_logs
 from app.metrics import Metrics
 from app.operations import Operations
 from app.problems import ProblemBoundary, answer_framework_error, documented
-from app.routes import health, rectify
+from app.routes import health, mosaic, rectify
 from app.routes.state import AppState
 from app.schemas.problem import Problem
 from app.settings import Settings
@@ -30,8 +31,8 @@ from app.uploads import Admission, BodyGuard, BodyLimits
 
 log = logging.getLogger(__name__)
 
-ROUTERS = (rectify.router, health.router)
-WORK = frozenset({("POST", "/rectify")})
+ROUTERS = (rectify.router, mosaic.router, health.router)
+WORK = frozenset({("POST", "/rectify"), ("POST", "/mosaic")})
 """Requests that need a seat in the engine before their body is read."""
 MAX_FIELD_BYTES = 64 * 1024
 """Of one option; 200 points of a region need a tenth of it."""
@@ -88,15 +89,18 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     app.add_middleware(Admission, engine=engine, work=WORK)
     app.add_middleware(ApiKeys, keys=settings.api_keys)
     app.add_middleware(ProblemBoundary)
-    app.add_middleware(
-        BodyGuard,
-        limits=BodyLimits(
-            max_upload_bytes=settings.max_upload_bytes,
-            body_timeout_s=settings.body_timeout_s,
-            max_drain_bytes=settings.max_drain_bytes,
-            drain_timeout_s=settings.drain_timeout_s,
-        ),
+    body_limits = BodyLimits(
+        max_upload_bytes=settings.max_upload_bytes,
+        body_timeout_s=settings.body_timeout_s,
+        max_drain_bytes=settings.max_drain_bytes,
+        drain_timeout_s=settings.drain_timeout_s,
     )
+    mosaic_limits = replace(
+        body_limits,
+        max_upload_bytes=settings.max_mosaic_upload_bytes,
+        size_setting="MAX_MOSAIC_UPLOAD_BYTES",
+    )
+    app.add_middleware(BodyGuard, limits=body_limits, of_path={"/mosaic": mosaic_limits})
     app.add_middleware(RequestLog, metrics=metrics)
     _describe(app, bool(settings.api_keys))
     return app

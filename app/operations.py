@@ -6,9 +6,14 @@ loads no numpy and no OpenCV, and what crosses the border between them is plain 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+from services.mosaic.parameters import MosaicParameters
 from services.rectify.parameters import RectifyParameters
+
+if TYPE_CHECKING:
+    from services.imaging.codec import ImageLimits
+    from services.operations import EncodingOptions
 
 Format = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
 
@@ -23,6 +28,14 @@ class UploadLimits:
     max_bytes: int
     max_megapixels: float
     max_exif_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class MosaicLimits:
+    """What each photo of a mosaic may cost, and all of them together."""
+
+    photo: UploadLimits
+    max_megapixels: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,25 +57,47 @@ class Reply:
 
 
 RectifyOperation = Callable[[bytes, RectifyParameters, Encoding, UploadLimits], Reply]
+MosaicOperation = Callable[[list[bytes], MosaicParameters, Encoding, MosaicLimits], Reply]
 WarmUp = Callable[[], dict[str, object]]
 
 
 def rectify(upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: UploadLimits) -> Reply:
     """Frontal flat view of an uploaded photo; raises the `DocumentError`s of `services.operations`."""
-    from services.imaging.codec import ImageLimits
-    from services.operations import EncodingOptions, rectify_upload
+    from services.operations import rectify_upload
 
-    reply = rectify_upload(
-        upload,
+    reply = rectify_upload(upload, parameters, _encoding_options(encoding), _image_limits(limits))
+    return Reply(reply.body, reply.media_type, reply.document)
+
+
+def mosaic(
+    uploads: list[bytes], parameters: MosaicParameters, encoding: Encoding, limits: MosaicLimits
+) -> Reply:
+    """The one page of several uploaded photos; raises the `DocumentError`s of `services.operations`."""
+    from services.operations import MosaicImageLimits, mosaic_uploads
+
+    reply = mosaic_uploads(
+        uploads,
         parameters,
-        EncodingOptions(format=encoding.format, quality=encoding.quality, embed=encoding.embed),
-        ImageLimits(
-            max_bytes=limits.max_bytes,
-            max_megapixels=limits.max_megapixels,
-            max_exif_bytes=limits.max_exif_bytes,
-        ),
+        _encoding_options(encoding),
+        MosaicImageLimits(_image_limits(limits.photo), limits.max_megapixels),
     )
     return Reply(reply.body, reply.media_type, reply.document)
+
+
+def _encoding_options(encoding: Encoding) -> "EncodingOptions":
+    from services.operations import EncodingOptions
+
+    return EncodingOptions(format=encoding.format, quality=encoding.quality, embed=encoding.embed)
+
+
+def _image_limits(limits: UploadLimits) -> "ImageLimits":
+    from services.imaging.codec import ImageLimits
+
+    return ImageLimits(
+        max_bytes=limits.max_bytes,
+        max_megapixels=limits.max_megapixels,
+        max_exif_bytes=limits.max_exif_bytes,
+    )
 
 
 def warm_up() -> dict[str, object]:
@@ -77,5 +112,6 @@ class Operations:
     """The operations of one app; a test puts others in their place."""
 
     rectify: RectifyOperation = rectify
+    mosaic: MosaicOperation = mosaic
     warm_up: WarmUp = warm_up
     preloaded: tuple[str, ...] = PRELOADED

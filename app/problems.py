@@ -13,6 +13,7 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.engine.base import Busy, JobFailed
+from app.schemas.options import WRONG_NUMBER_OF_FILES
 from app.schemas.problem import Problem
 from services.errors import DocumentError
 
@@ -34,6 +35,7 @@ STATUS_OF_CODE: Mapping[str, int] = {
     "undecodable-image": 422,
     "invalid-option": 422,
     "no-text": 422,
+    "not-overlapping": 422,
     "client-closed-request": 499,
     "internal": 500,
     "worker-died": 500,
@@ -58,13 +60,14 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "undecodable-image": "The image data is truncated or damaged.",
     "invalid-option": "An option is unknown, malformed or out of its range; `field` names it.",
     "no-text": "The image shows too little printed text to see the page's shape.",
+    "not-overlapping": "No two of the photos show the same part of a page.",
     "client-closed-request": "The client closed the connection before the answer.",
     "internal": "A defect of the service.",
     "worker-died": "The process that did the work ended before it was done; try again.",
     "busy": "All workers and the queue are taken; come again after `Retry-After` seconds.",
     "not-ready": "No worker is up.",
     "shutting-down": "The service is stopping; come again after `Retry-After` seconds.",
-    "timed-out": "The work ran past JOB_TIMEOUT_S and was stopped.",
+    "timed-out": "The work ran past its limit (JOB_TIMEOUT_S, MOSAIC_TIMEOUT_S) and was stopped.",
 }
 
 _CODE_OF_STATUS = {400: "bad-request", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
@@ -88,7 +91,7 @@ class Refusal:
 def refusal_of(error: BaseException) -> Refusal:
     """What a client is told of `error`; nothing of an unforeseen one but that it happened."""
     if isinstance(error, DocumentError) and error.code in MEANING_OF_CODE and error.code != "internal":
-        return Refusal(error.code, error.detail, getattr(error, "field", None), _headers_of(error))
+        return Refusal(error.code, error.detail, error.field, _headers_of(error))
     if isinstance(error, RequestValidationError):
         return _refusal_of_validation(error)
     if isinstance(error, HTTPException):
@@ -219,12 +222,13 @@ def _refusal_of_validation(error: RequestValidationError) -> Refusal:
     first = error.errors()[0]
     place = [str(part) for part in first["loc"]]
     field = place[1] if len(place) > 1 else None
+    if first["type"] == WRONG_NUMBER_OF_FILES:
+        return Refusal("invalid-option", f"{field}: {first['msg']}", field)
     if field is None or field in _FILE_FIELDS:
         name = field or "body"
         if first["type"] == "missing":
-            return Refusal(
-                "bad-request", f"{name}: send the photo as a file part of multipart/form-data.", field
-            )
+            photos = _FILE_FIELDS.get(name, "the photo as a file part")
+            return Refusal("bad-request", f"{name}: send {photos} of multipart/form-data.", field)
         return Refusal("bad-request", f"{name}: this part must be a file (with a filename).", field)
     if first["type"] == "extra_forbidden":
         return Refusal("invalid-option", f"{field}: there is no such option.", field)
@@ -232,7 +236,8 @@ def _refusal_of_validation(error: RequestValidationError) -> Refusal:
     return Refusal("invalid-option", f"{field}: {reason}; got {_shown(first.get('input'))}.", field)
 
 
-_FILE_FIELDS = frozenset({"image"})
+_FILE_FIELDS = {"image": "the photo as a file part", "images": "each photo as a file part of this name"}
+"""Fields that hold files, and what to send in them."""
 
 
 def _shown(value: object) -> str:

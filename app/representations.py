@@ -125,13 +125,17 @@ def sniff_format(head: bytes) -> Format | None:
 
 
 def image_headers(document: Mapping[str, object]) -> dict[str, str]:
-    """The essential facts of a result (`RectifyResult` as JSON) as headers of an image answer."""
-    headers = {"Document-Kind": str(document["kind"])}
-    orientation, warnings, timings = (
-        document.get(name) for name in ("orientation", "warnings", "timings_ms")
+    """The essential facts of a result (a route's result as JSON) as headers of an image answer."""
+    headers = {}
+    kind, orientation, unplaced, warnings, timings = (
+        document.get(name) for name in ("kind", "orientation", "unplaced", "warnings", "timings_ms")
     )
+    if kind is not None:
+        headers["Document-Kind"] = str(kind)
     if isinstance(orientation, Mapping):
         headers["Document-Rotation"] = str(orientation["rotation_deg"])
+    if isinstance(unplaced, list | tuple):
+        headers["Document-Unplaced"] = ", ".join(map(str, unplaced))
     if isinstance(warnings, list | tuple):
         headers["Document-Warnings"] = ", ".join(str(warning["code"]) for warning in warnings)
     if isinstance(timings, Mapping):

@@ -40,7 +40,16 @@ class Settings(BaseSettings):
 
     # What a request may bring
     max_upload_bytes: int = Field(default=32 * MIB, ge=1024, description="Largest request body.")
+    max_mosaic_upload_bytes: int = Field(
+        default=160 * MIB, ge=1024, description="Largest request body of /mosaic: 16 photos of 10 MiB."
+    )
     max_megapixels: float = Field(default=64.0, gt=0, description="Largest image, judged from its header.")
+    max_mosaic_megapixels: float = Field(
+        default=200.0,
+        gt=0,
+        description="All photos of a mosaic together, judged from their headers: 16 of 12 megapixels. "
+        "They are in memory at once, 3 bytes a pixel.",
+    )
     max_exif_bytes: int = Field(default=256 * 1024, ge=0, description="Largest EXIF block.")
     body_timeout_s: float = Field(
         default=60.0, gt=0, description="A request body must have arrived within this long."
@@ -72,6 +81,9 @@ class Settings(BaseSettings):
     )
     job_timeout_s: float = Field(
         default=30.0, gt=0, description="Work that runs longer is killed: 504 `timed-out`."
+    )
+    mosaic_timeout_s: float = Field(
+        default=120.0, gt=0, description="The same for a mosaic; eight photos of 3 megapixels take 18 s."
     )
     worker_memory_bytes: int = Field(
         default=4096 * MIB, ge=0, description="Address space of a worker (RLIMIT_AS); 0: no limit."

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from starlette.datastructures import Headers
@@ -26,12 +26,16 @@ class ClientGone(DocumentError):
 
 @dataclass(frozen=True, slots=True)
 class BodyLimits:
-    """How much of a body is read, and for how long; `app.settings` documents each under the same name."""
+    """How much of a body is read, and for how long; `app.settings` documents each under the same name.
+
+    `size_setting` is the setting behind `max_upload_bytes`, for whoever is refused by it.
+    """
 
     max_upload_bytes: int
     body_timeout_s: float
     max_drain_bytes: int
     drain_timeout_s: float
+    size_setting: str = "MAX_UPLOAD_BYTES"
 
 
 class BodyGuard:
@@ -42,15 +46,18 @@ class BodyGuard:
     whole, a bounded rest of the body is read and thrown away, and only then the connection is closed.
     """
 
-    def __init__(self, app: ASGIApp, limits: BodyLimits) -> None:
+    def __init__(self, app: ASGIApp, limits: BodyLimits, of_path: Mapping[str, BodyLimits]) -> None:
+        """`limits` are those of every path that `of_path` does not name."""
         self.app = app
         self.limits = limits
+        self.of_path = of_path
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        exchange = _Exchange(Headers(scope=scope), receive, send, self.limits)
+        limits = self.of_path.get(scope["path"], self.limits)
+        exchange = _Exchange(Headers(scope=scope), receive, send, limits)
         await self.app(scope, exchange.receive, exchange.send)
 
 
@@ -104,8 +111,8 @@ class _Exchange:
 
     def _too_large(self, size: str) -> TooLarge:
         return TooLarge(
-            f"The request body is limited to {self._limits.max_upload_bytes} bytes (MAX_UPLOAD_BYTES); "
-            f"this one has {size}."
+            f"The request body is limited to {self._limits.max_upload_bytes} bytes "
+            f"({self._limits.size_setting}); this one has {size}."
         )
 
     async def send(self, message: Message) -> None:

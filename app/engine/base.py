@@ -59,6 +59,14 @@ class EngineFailed(Exception):
     """The engine could not start."""
 
 
+@dataclass(frozen=True, slots=True)
+class TimeLimit:
+    """Longest that a job may run, and the setting that an operator would change."""
+
+    seconds: float
+    setting: str
+
+
 @runtime_checkable
 class Spooled(Protocol):
     """Bytes that wait outside of memory until a worker is free to take them."""
@@ -129,12 +137,13 @@ class Engine(Protocol):
         ...
 
     async def submit(
-        self, operation: Callable[..., T], *arguments: object, timeout_s: float | None = None
+        self, operation: Callable[..., T], *arguments: object, time_limit: TimeLimit | None = None
     ) -> T:
-        """Answer of `operation(*arguments)`, run in a worker for at most `timeout_s` (None: engine's limit).
+        """Answer of `operation(*arguments)`, run in a worker within `time_limit` (None: the engine's own).
 
         `operation` is a function of a module, its arguments and answer pickle. A `Spooled` argument arrives
-        as its bytes, which are read only when a worker is free. Cancelling the caller stops the work.
+        as its bytes, which are read only when a worker is free, and a list of them as a list of theirs.
+        Cancelling the caller stops the work.
 
         Raises
         ------

@@ -28,6 +28,7 @@ from app.engine.base import (
     OutOfMemory,
     ShuttingDown,
     Spooled,
+    TimeLimit,
     WorkerDied,
 )
 from app.engine.process import WorkerGone, WorkerProcess
@@ -61,10 +62,19 @@ class PoolLimits:
 class _Job:
     operation: Callable[..., Any]
     arguments: tuple[object, ...]
-    timeout_s: float
+    time_limit: TimeLimit
     answer: "asyncio.Future[Any]"
     started: "asyncio.Future[None]"
     queued_at: float = field(default_factory=time.monotonic)
+
+
+async def _unspooled(argument: object) -> object:
+    """What a worker gets for `argument`: bytes for what is spooled, one after another for a list of it."""
+    if isinstance(argument, Spooled):
+        return await argument.read()
+    if isinstance(argument, list) and all(isinstance(part, Spooled) for part in argument):
+        return [await part.read() for part in argument]
+    return argument
 
 
 class _Seat:
@@ -138,7 +148,7 @@ class LocalEngine:
         return _Seat(self)
 
     async def submit(
-        self, operation: Callable[..., T], *arguments: object, timeout_s: float | None = None
+        self, operation: Callable[..., T], *arguments: object, time_limit: TimeLimit | None = None
     ) -> T:
         if self._stopped:
             raise ShuttingDown("The service is shutting down; send the request again.", 1)
@@ -146,7 +156,7 @@ class LocalEngine:
         job = _Job(
             operation,
             arguments,
-            self._limits.job_timeout_s if timeout_s is None else timeout_s,
+            time_limit or TimeLimit(self._limits.job_timeout_s, "JOB_TIMEOUT_S"),
             loop.create_future(),
             loop.create_future(),
         )
@@ -330,12 +340,12 @@ class LocalEngine:
         value: object = None
         usable = False
         try:
-            arguments = [await part.read() if isinstance(part, Spooled) else part for part in job.arguments]
+            arguments = [await _unspooled(argument) for argument in job.arguments]
             if job.answer.done():
                 return True
             # The alarm covers the whole exchange, so that a worker that stops reading or that hangs in the
             # middle of its answer is stopped like one that computes for ever.
-            alarm = loop.call_later(job.timeout_s, expire)
+            alarm = loop.call_later(job.time_limit.seconds, expire)
             job.answer.add_done_callback(abandon)
             outcome, value = await loop.run_in_executor(self._threads, worker.call, job.operation, arguments)
             usable = outcome in {inside.DONE, inside.REFUSED, inside.FAILED}
@@ -372,7 +382,8 @@ class LocalEngine:
             return None  # the caller left and the worker was stopped for it
         if expired:
             return JobTimedOut(
-                f"The work ran past its limit of {job.timeout_s:g} s (JOB_TIMEOUT_S) and was stopped."
+                f"The work ran past its limit of {job.time_limit.seconds:g} s ({job.time_limit.setting}) "
+                "and was stopped."
             )
         self._deaths += 1
         return WorkerDied("The process that did the work ended before it was done; nothing else is affected.")

@@ -5,10 +5,10 @@ import math
 from typing import Annotated, Literal
 
 from fastapi import UploadFile
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic.json_schema import SkipJsonSchema
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.operations import Format
+from app.schemas.options import Absent, AskedFormat, Embed, Illumination, Quality, Upright
+from app.schemas.page import Answer, Orientation, Point, Warning
 
 REGION_POINTS = (3, 200)
 REGION_LIMIT_PX = 1e6
@@ -56,20 +56,6 @@ def _checked_region(text: str) -> str:
     return text
 
 
-def _switch(value: object) -> object:
-    """A form's `true` or `false`, and none of the other words that may be taken for them."""
-    if isinstance(value, str):
-        if value.lower() not in {"true", "false"}:
-            raise ValueError("expected true or false")
-        return value.lower() == "true"
-    return value
-
-
-Switch = Annotated[bool, BeforeValidator(_switch)]
-Absent = SkipJsonSchema[None]
-"""A field that was left out; a form has no null."""
-
-
 class RectifyForm(BaseModel):
     """The multipart form of POST /rectify."""
 
@@ -79,11 +65,7 @@ class RectifyForm(BaseModel):
     kind: Literal["auto", "planar", "curved"] = Field(
         default="auto", description="Skip the planar/curved decision."
     )
-    upright: Switch = Field(
-        default=True,
-        description="Turn (and un-mirror) the result so that it reads; false leaves the text lines "
-        "horizontal, whichever way up.",
-    )
+    upright: Upright = True
     focal_length_px: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] | Absent = Field(
         default=None, description="Known focal length; else EXIF where present, else estimated."
     )
@@ -93,28 +75,16 @@ class RectifyForm(BaseModel):
         "round the page text, for guided text identification.",
         json_schema_extra={"contentMediaType": "application/json", "pattern": REGION_PATTERN},
     )
-    illumination: Literal["keep", "normalize"] = Field(
-        default="keep", description="Even out light and shadow to dark ink on white paper."
-    )
-    format: Format | Absent = Field(
-        default=None,
-        description="What comes back; overrides `Accept`. Neither: an image in the upload's own format.",
-    )
-    quality: Annotated[int, Field(ge=1, le=100)] | Absent = Field(
-        default=None, description="1-100, for lossy formats."
-    )
-    embed: Switch = Field(default=False, description="With JSON: include the image as base64 in `image`.")
+    illumination: Illumination = "keep"
+    format: AskedFormat = None
+    quality: Quality = None
+    embed: Embed = False
 
 
-class _Answer(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-Point = tuple[float, float]
 Direction = tuple[float, float, float]
 
 
-class Evidence(_Answer):
+class Evidence(Answer):
     """Why the page was taken for planar or curved."""
 
     major_convergence: float | None = Field(
@@ -124,7 +94,7 @@ class Evidence(_Answer):
     text_area_fraction: float = Field(ge=0, le=1, description="Share of the photo that is text.")
 
 
-class Camera(_Answer):
+class Camera(Answer):
     """The camera as known or estimated."""
 
     focal_length_px: float | None
@@ -132,14 +102,14 @@ class Camera(_Answer):
     source: Literal["estimated", "exif", "given", "assumed"]
 
 
-class Plane(_Answer):
+class Plane(Answer):
     """A flat page."""
 
     type: Literal["plane"] = "plane"
     normal: Direction | None = Field(description="Unit, camera frame: x right, y down, z forward.")
 
 
-class Ruling(_Answer):
+class Ruling(Answer):
     """One straight line on a curved page."""
 
     point: Point
@@ -147,7 +117,7 @@ class Ruling(_Answer):
     vanishing_point: Point | None
 
 
-class Strips(_Answer):
+class Strips(Answer):
     """A curved page, as planar strips between rulings."""
 
     type: Literal["strips"] = "strips"
@@ -155,15 +125,7 @@ class Strips(_Answer):
     rulings: list[Ruling]
 
 
-class Orientation(_Answer):
-    """How the flat view was turned so that it reads."""
-
-    rotation_deg: Literal[0, 90, 180, 270] = Field(description="Clockwise, after the mirroring if any.")
-    mirrored: bool
-    confidence: float | None = Field(ge=0, le=1, description="null: nothing was read.")
-
-
-class Mesh(_Answer):
+class Mesh(Answer):
     """`source[r][c]` is the photo's point that is shown at output pixel
     (c (width-1)/(columns-1), r (height-1)/(rows-1)).
     """
@@ -173,14 +135,7 @@ class Mesh(_Answer):
     source: list[list[Point]]
 
 
-class Warning(_Answer):
-    """Something that the caller should know of the result."""
-
-    code: str
-    detail: str
-
-
-class RectifyResult(_Answer):
+class RectifyResult(Answer):
     """The frontal flat view of one photo, and the evidence for it."""
 
     kind: Literal["planar", "curved"]

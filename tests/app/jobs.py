@@ -18,6 +18,10 @@ def size_of(payload: bytes) -> int:
     return len(payload)
 
 
+def joined(*lists: list[bytes]) -> bytes:
+    return b"".join(part for parts in lists for part in parts)
+
+
 def payload_of(size: int) -> bytes:
     return b"x" * size
 

@@ -22,10 +22,11 @@ def connect(client: httpx.Client) -> socket.socket:
     return socket.create_connection((client.base_url.host, client.base_url.port), timeout=20)
 
 
-def form(image: bytes) -> bytes:
-    """A multipart body with one file."""
-    head = f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="image"; filename="photo.jpg"\r\n\r\n'
-    return head.encode() + image + f"\r\n--{BOUNDARY}--\r\n".encode()
+def form(*images: bytes, field: str = "image") -> bytes:
+    """A multipart body of files, all in one field."""
+    head = f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="{field}"; filename="photo.jpg"\r\n\r\n'
+    parts = b"".join(head.encode() + image + b"\r\n" for image in images)
+    return parts + f"--{BOUNDARY}--\r\n".encode()
 
 
 def head(length: int | None, path: str = "/rectify", extra: str = "") -> bytes:

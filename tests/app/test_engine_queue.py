@@ -9,12 +9,15 @@ import pytest
 from app.engine.base import (
     Busy,
     JobRecord,
+    JobTimedOut,
     ShuttingDown,
+    TimeLimit,
 )
 from tests.app.jobs import (
     announce_and_wait,
     crash,
     hang_in_native_code,
+    joined,
     size_of,
     worker_pid,
 )
@@ -105,6 +108,32 @@ def test_spooled_bytes_are_read_when_a_worker_is_free(tmp_path: Path) -> None:
             await first
             assert await second == 5
             assert photo.reads == 1
+
+    asyncio.run(check())
+
+
+def test_a_list_of_spooled_bytes_is_read_when_a_worker_is_free(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            first = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            await until(lambda: pool.status().running == 1)
+            photos = [SpooledPhoto(), SpooledPhoto()]
+            second = asyncio.create_task(pool.submit(joined, photos, [b", ", b"end"]))
+            await until(lambda: pool.status().waiting == 1)
+            assert [photo.reads for photo in photos] == [0, 0]
+            (tmp_path / "go").touch()
+            await first
+            assert await second == b"photophoto, end"
+            assert [photo.reads for photo in photos] == [1, 1]
+
+    asyncio.run(check())
+
+
+def test_a_job_may_have_a_limit_of_its_own() -> None:
+    async def check() -> None:
+        async with engine(job_timeout_s=20.0) as pool:
+            with pytest.raises(JobTimedOut, match=r"0\.1 s \(OTHER_TIMEOUT_S\)"):
+                await pool.submit(hang_in_native_code, time_limit=TimeLimit(0.1, "OTHER_TIMEOUT_S"))
 
     asyncio.run(check())
 

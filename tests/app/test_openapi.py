@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 
 from app.main import ROUTERS, WORK, create_app
 from app.problems import STATUS_OF_CODE
+from app.schemas.mosaic import MOST_PHOTOS
 from app.schemas.rectify import REGION_PATTERN, parse_region
 from app.settings import Settings
 from tests.app.scripted import OPERATIONS
 from tests.app.serving import serving
 
+FILES = ("image", "images")
 DOCUMENT = create_app(Settings(api_keys=()), OPERATIONS).openapi()
 schema = schemathesis.openapi.from_dict(DOCUMENT)
 
@@ -30,10 +32,15 @@ def base_url() -> Iterator[str]:
 @settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: str) -> None:
     if isinstance(case.body, dict):
+        images = case.body.get("images", [])
         # "An object in place of the file" goes out as a file that holds JSON: bytes like any others.
         assume(isinstance(case.body.get("image", b""), bytes | str))
+        assume(isinstance(images, list) and all(isinstance(image, bytes | str) for image in images))
         # An empty field of a form is one that was left out, so it is no violation.
-        assume("" not in [value for name, value in case.body.items() if name != "image"])
+        assume("" not in [value for name, value in case.body.items() if name not in FILES])
+        # What the document cannot say: the base is one of the photos that came with it.
+        base = case.body.get("base")
+        assume(not isinstance(base, int) or not len(images) <= base < MOST_PHOTOS)
     case.call_and_validate(base_url=base_url)
 
 
@@ -71,6 +78,23 @@ def test_the_form_is_documented_field_by_field() -> None:
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1
     assert fields["kind"]["enum"] == ["auto", "planar", "curved"]
+
+
+def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
+    fields = DOCUMENT["components"]["schemas"]["MosaicForm"]["properties"]
+    assert list(fields) == [
+        "images", "rectify", "base", "composition", "upright", "illumination", "format", "quality", "embed",
+    ]  # fmt: skip
+    assert all(field["description"] for field in fields.values())
+    assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)
+    assert fields["base"]["default"] == "auto"
+    assert fields["illumination"]["default"] == "normalize"
+
+
+def test_the_headers_of_images_are_documented() -> None:
+    for path, own in (("/rectify", "Document-Kind"), ("/mosaic", "Document-Unplaced")):
+        headers = DOCUMENT["paths"][path]["post"]["responses"]["200"]["headers"]
+        assert list(headers) == [own, "Document-Rotation", "Document-Warnings", "Server-Timing"]
 
 
 @settings(derandomize=True)

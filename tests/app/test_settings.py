@@ -32,6 +32,9 @@ def test_the_environment_sets_them(monkeypatch: pytest.MonkeyPatch) -> None:
         ("QUEUE_LENGTH", "-1"),
         ("JOB_TIMEOUT_S", "0"),
         ("MAX_UPLOAD_BYTES", "many"),
+        ("MAX_MOSAIC_UPLOAD_BYTES", "0"),
+        ("MAX_MOSAIC_MEGAPIXELS", "-1"),
+        ("MOSAIC_TIMEOUT_S", "0"),
         ("LOG_LEVEL", "LOUD"),
     ],
 )

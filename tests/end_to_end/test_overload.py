@@ -5,11 +5,14 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
+import psutil
 
 from tests.app.scripted import upload
+from tests.app.test_health import sample
 from tests.end_to_end.processes import ROOT, Service, running
 from tests.end_to_end.storm import CLIENTS
 
@@ -49,3 +52,26 @@ def test_a_storm_of_uploads(tmp_path: Path) -> None:
         assert calm.status_code == 200
         logged = Counter(line["status"] for line in service.lines if line.get("path") == "/rectify")
         assert logged[503] == statuses[503]
+
+
+def until_sample(service: Service, name: str, value: float) -> None:
+    deadline = time.monotonic() + 20
+    while sample(httpx.get(service.url + "/metrics").text, name) != value:
+        assert time.monotonic() < deadline, name
+        time.sleep(0.01)
+
+
+def test_a_large_mosaic_waits_on_the_disk(tmp_path: Path) -> None:
+    with running(workers=1) as service, ThreadPoolExecutor(2) as clients:
+        first = clients.submit(
+            httpx.post, service.url + "/rectify", files={"image": upload(f"wait {tmp_path}")}, timeout=60
+        )
+        until_sample(service, "engine_running", 1)
+        before = psutil.Process(service.process.pid).memory_info().rss
+        photos = [("images", upload("") + bytes(10_000_000)) for _ in range(6)]
+        mosaic = clients.submit(httpx.post, service.url + "/mosaic", files=photos, timeout=60)
+        until_sample(service, "engine_queue_depth", 1)
+        grown = psutil.Process(service.process.pid).memory_info().rss - before
+        (tmp_path / "go").touch()
+        assert [answer.result().status_code for answer in (first, mosaic)] == [200, 200]
+        assert grown < 35_000_000  # of 60; a megabyte of each photo stays in memory

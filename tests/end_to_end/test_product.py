@@ -3,8 +3,6 @@
 import base64
 import io
 import time
-import zlib
-from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -13,14 +11,13 @@ import numpy as np
 import pikepdf
 import pytest
 from PIL import Image
-from pillow_heif import register_heif_opener
 
 from app.schemas.rectify import RectifyResult, Strips
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, photograph
+from tests.end_to_end.pictures import bomb, encoded, noise
 from tests.end_to_end.processes import PRODUCT, running
 
-register_heif_opener()
 MEDIA_TYPES = {
     "JPEG": "image/jpeg",
     "PNG": "image/png",
@@ -28,23 +25,6 @@ MEDIA_TYPES = {
     "TIFF": "image/tiff",
     "HEIF": "image/jpeg",
 }
-
-
-@pytest.fixture(scope="module")
-def page() -> Image.Image:
-    return Image.fromarray(own_pages(800, 1200)[0].image)
-
-
-@pytest.fixture(scope="module")
-def service() -> Iterator[httpx.Client]:
-    with running(PRODUCT, workers=1) as process, httpx.Client(base_url=process.url, timeout=60) as client:
-        yield client
-
-
-def encoded(image: Image.Image, format_: str, **options: object) -> bytes:
-    stream = io.BytesIO()
-    image.save(stream, format_, **options)
-    return stream.getvalue()
 
 
 def post(service: httpx.Client, photo: bytes, accept: str = "*/*", **fields: str) -> httpx.Response:
@@ -104,21 +84,6 @@ def test_a_pdf_has_one_page(service: httpx.Client, page: Image.Image) -> None:
     assert response.headers["content-type"] == "application/pdf"
     with pikepdf.open(io.BytesIO(response.content)) as document:
         assert len(document.pages) == 1
-
-
-def bomb() -> bytes:
-    """A PNG of 30000 x 30000 pixels in a few bytes."""
-
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return len(data).to_bytes(4, "big") + name + data + zlib.crc32(name + data).to_bytes(4, "big")
-
-    size = (30_000).to_bytes(4, "big")
-    header = chunk(b"IHDR", size + size + b"\x08\x02\0\0\0")
-    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"\0" * 1000)) + chunk(b"IEND", b"")
-
-
-def noise(mode: str) -> Image.Image:
-    return Image.fromarray(np.random.default_rng(1).integers(0, 255, (60, 80, 3), np.uint8)).convert(mode)
 
 
 BAD = {

@@ -1,0 +1,37 @@
+"""Work for a client who may leave before it is done."""
+
+import asyncio
+from collections.abc import Coroutine
+from typing import Any, TypeVar
+
+from fastapi import Request
+
+from app.uploads import ClientGone
+
+T = TypeVar("T")
+
+
+async def while_connected(request: Request, work: Coroutine[Any, Any, T]) -> T:
+    """Answer of `work`, which is cancelled when the client leaves.
+
+    Raises
+    ------
+    ClientGone
+        When it left; nobody will read the answer to that.
+    """
+    job = asyncio.ensure_future(work)
+    leaving = asyncio.ensure_future(_until_disconnected(request))
+    try:
+        await asyncio.wait((job, leaving), return_when=asyncio.FIRST_COMPLETED)
+        if not job.done():
+            raise ClientGone("The client closed the connection before the work was done.")
+        return job.result()
+    finally:
+        job.cancel()
+        leaving.cancel()
+        await asyncio.gather(job, leaving, return_exceptions=True)
+
+
+async def _until_disconnected(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass

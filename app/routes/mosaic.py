@@ -1,0 +1,80 @@
+"""POST /mosaic: several overlapping photos of one page -> the whole page."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Form, Request, Response
+
+from app.engine.base import TimeLimit
+from app.operations import MosaicLimits, UploadLimits
+from app.routes.connection import while_connected
+from app.routes.page_answers import answer_page, choose_encoding, documented_page
+from app.routes.state import State
+from app.schemas.mosaic import MosaicForm, MosaicResult
+from services.errors import InvalidOption
+from services.mosaic.parameters import MosaicParameters
+
+router = APIRouter(tags=["mosaic"])
+
+MOST_FILES = 64
+"""More than a mosaic takes, so that whoever sends one too many is told of the photos and not of the form."""
+
+
+@router.post(
+    "/mosaic",
+    operation_id="mosaic",
+    response_class=Response,
+    responses=documented_page(
+        MosaicResult,
+        "Document-Unplaced",
+        "Indices of the photos that could not be placed, separated by commas.",
+        ("not-overlapping",),
+    ),
+    form_limits={"max_files": MOST_FILES},
+)
+async def mosaic(
+    request: Request, state: State, form: Annotated[MosaicForm, Form(media_type="multipart/form-data")]
+) -> Response:
+    """Join overlapping photos of one page, in any order and from any positions, into the whole flat page.
+
+    What comes back follows `Accept`, or the field `format`; with neither, an image in the first photo's own
+    format (HEIC: JPEG). A photo that could not be placed is named.
+    """
+    parameters = parameters_of(form)
+    encoding = await choose_encoding(request, form, form.images[0])
+    settings = state.settings
+    photo_limits = UploadLimits(
+        settings.max_mosaic_upload_bytes, settings.max_megapixels, settings.max_exif_bytes
+    )
+    work = state.engine.submit(
+        state.operations.mosaic,
+        form.images,
+        parameters,
+        encoding,
+        MosaicLimits(photo_limits, settings.max_mosaic_megapixels),
+        time_limit=TimeLimit(settings.mosaic_timeout_s, "MOSAIC_TIMEOUT_S"),
+    )
+    reply = await while_connected(request, work)
+    request.state.seat.release()
+    return answer_page(reply, encoding, MosaicResult)
+
+
+def parameters_of(form: MosaicForm) -> MosaicParameters:
+    """The form's options.
+
+    Raises
+    ------
+    InvalidOption
+        When the base is none of the photos.
+    """
+    base = None if form.base == "auto" else form.base
+    if base is not None and base >= len(form.images):
+        raise InvalidOption(
+            f"base: there is no photo {base}; {len(form.images)} were sent, counted from 0.", "base"
+        )
+    return MosaicParameters(
+        rectify=form.rectify,
+        base=base,
+        composition=form.composition,
+        illumination=form.illumination,
+        upright=form.upright,
+    )

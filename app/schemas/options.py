@@ -1,0 +1,47 @@
+"""Options that forms share, and how a form says true, false and nothing."""
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+from pydantic.json_schema import SkipJsonSchema
+
+from app.operations import Format
+
+WRONG_NUMBER_OF_FILES = "wrong_number_of_files"
+"""Type of the validation error of a field that holds too few or too many files."""
+
+
+def _switch(value: object) -> object:
+    """A form's `true` or `false`, and none of the other words that may be taken for them."""
+    if isinstance(value, str):
+        if value.lower() not in {"true", "false"}:
+            raise ValueError("expected true or false")
+        return value.lower() == "true"
+    return value
+
+
+Switch = Annotated[bool, BeforeValidator(_switch)]
+Absent = SkipJsonSchema[None]
+"""A field that was left out; a form has no null."""
+
+Upright = Annotated[
+    Switch,
+    Field(
+        description="Turn (and un-mirror) the result so that it reads; false leaves the text lines "
+        "horizontal, whichever way up."
+    ),
+]
+Illumination = Annotated[
+    Literal["keep", "normalize"],
+    Field(description="Even out light and shadow to dark ink on white paper."),
+]
+AskedFormat = Annotated[
+    Format | Absent,
+    Field(
+        description="What comes back; overrides `Accept`. Neither: an image in the (first) photo's own format."
+    ),
+]
+Quality = Annotated[
+    Annotated[int, Field(ge=1, le=100)] | Absent, Field(description="1-100, for lossy formats.")
+]
+Embed = Annotated[Switch, Field(description="With JSON: include the image as base64 in `image`.")]
