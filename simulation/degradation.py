@@ -38,6 +38,38 @@ class Degradation:
             raise ValueError("JPEG quality is 1 to 100")
 
 
+@dataclass(frozen=True, slots=True)
+class Exposure:
+    """What light and camera make of a scene's brightness, in the order of the fields; the defaults change nothing.
+
+    slant: share of the light, -1 to 1, that is added at the right and at the lower border and taken away opposite.
+    gain: brightness as a whole (1 keeps white paper white; more clips it).
+    balance: gains of red, green and blue.
+    gamma: exponent that brightness in 0-1 is raised to.
+    """
+
+    slant: tuple[float, float] = (0.0, 0.0)
+    gain: float = 1.0
+    balance: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    gamma: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.gain <= 0 or self.gamma <= 0 or min(self.balance) <= 0 or max(map(abs, self.slant)) >= 1:
+            raise ValueError("gains and gamma are positive, and slanted light takes less than all away")
+
+
+def expose(image: RgbImage, exposure: Exposure) -> RgbImage:
+    """The image (H, W, 3) under another light."""
+    height, width = image.shape[:2]
+    across = np.linspace(-exposure.slant[0], exposure.slant[0], width, dtype=np.float32)
+    down = np.linspace(-exposure.slant[1], exposure.slant[1], height, dtype=np.float32)[:, None]
+    light = (1.0 + across + down) * np.float32(exposure.gain / 255.0)
+    values = image.astype(np.float32) * np.maximum(light, 0.0)[..., None]
+    values *= np.array(exposure.balance, np.float32)
+    values = np.clip(values, 0, 1) ** np.float32(exposure.gamma)
+    return np.asarray(np.clip(values * 255.0 + 0.5, 0, 255), np.uint8)
+
+
 PHONE = Degradation(shadow=0.45, vignetting=0.25, blur_sigma_px=0.7, noise_sigma=4.0, jpeg_quality=85)
 """A hasty phone photo under a lamp, still well legible."""
 

@@ -40,10 +40,12 @@ def simulate_photo(
     *,
     lights: tuple[Light, ...] = (Light(),),
     background: int | NDArray[np.uint8] = 0,
+    close_up: bool = False,
 ) -> SimulatedPhoto:
     """Photograph `page` (Appendix A).
 
     `background` is a gray value or an (H, W, 3) picture of what lies beside the page, not lit by `lights`.
+    A `close_up` shows a part of the page; the rest of it may lie behind the camera.
 
     Raises
     ------
@@ -51,7 +53,8 @@ def simulate_photo(
         When part of the page hides itself or lies behind the camera, or the background has another size.
     """
     truth = Truth(page, shape, skew_rad, pose, camera)
-    truth.check_visible()
+    if not close_up:
+        truth.check_visible()
     if not isinstance(background, int) and background.shape != (camera.height, camera.width, 3):
         raise ValueError("the background must have the photo's size")
     lattice = truth.sheet_lattice()

@@ -4,7 +4,15 @@ import cv2
 import numpy as np
 import pytest
 
-from simulation.degradation import PHONE, Degradation, degrade, desk_texture, shadow_field
+from simulation.degradation import (
+    PHONE,
+    Degradation,
+    Exposure,
+    degrade,
+    desk_texture,
+    expose,
+    shadow_field,
+)
 
 GRAY = np.full((240, 320, 3), 128, np.uint8)
 
@@ -98,3 +106,15 @@ def test_the_desk_is_textured_and_fills_its_size(size: tuple[int, int]) -> None:
 def test_impossible_degradations_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=r"shares|negative|quality"):
         Degradation(**wrong)  # type: ignore[arg-type]
+
+
+def test_exposure_does_as_it_says() -> None:
+    assert np.array_equal(expose(GRAY, Exposure()), GRAY)
+    darker = expose(GRAY, Exposure(gain=0.5, balance=(1.0, 0.9, 0.8)))
+    assert darker[0, 0].tolist() == [64, 58, 51]
+    assert expose(GRAY, Exposure(gamma=2.0))[0, 0, 0] == round(128**2 / 255)
+    slanted = expose(GRAY, Exposure(slant=(0.2, -0.1)))[..., 0].astype(float)
+    assert slanted[120, -1] - slanted[120, 0] == pytest.approx(0.4 * 128, abs=1.5)
+    assert slanted[-1, 160] - slanted[0, 160] == pytest.approx(-0.2 * 128, abs=1.5)
+    with pytest.raises(ValueError, match="positive"):
+        Exposure(gain=0.0)
