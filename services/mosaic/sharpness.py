@@ -20,9 +20,9 @@ FloatMap = NDArray[np.float32]
 class SharpnessParameters:
     """Lengths in text heights, brightness relative to the bare paper's."""
 
-    cells_per_text_height: float = 7.0
+    cells_per_text_height: float = 9.0
     """A stroke is then about one cell wide, and the gap between two lines of text a few."""
-    most_cells: float = 2e6
+    most_cells: float = 3e6
     """Of the whole page, whatever its size: bounds the memory of all maps."""
     tile_px: int = 1024
     """Side of the tiles in which gradients are measured."""
