@@ -84,8 +84,9 @@ class PatchMaps:
     ----------
     box : of the mosaic's cells, which the maps span.
     covered : 255 where the photo shows the whole cell, 0 where nothing of it.
-    ink : 255 where something is printed.
-    energy : mean squared gradient of brightness over the paper's, per mosaic pixel, without that of noise.
+    ink : strength of what is printed, relative to the strongest print within a text height (255); 0 where nothing is.
+    energy : (rows, columns, 2) mean squared gradient of brightness over the paper's, per mosaic pixel, across and down,
+        without that of noise.
     inset : distance, in cells, to the next one that is not wholly shown.
     """
 
@@ -114,7 +115,7 @@ def measure_patch(
     box = grid.cells(patch.box)
     shape = (box.height, box.width)
     covered, gray = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
-    energy = np.zeros(shape, np.float32)
+    energy = np.zeros((*shape, 2), np.float32)
     gray_source = np.asarray(cv2.cvtColor(patch.source, cv2.COLOR_RGB2GRAY), np.uint8)
     step = max(p.tile_px // grid.side, 1)
     for top in range(box.top, box.bottom, step):
@@ -129,7 +130,7 @@ def measure_patch(
             drawn = draw_gray_patch(gray_source, found)
             inner = np.ascontiguousarray(drawn[1:-1, 1:-1])
             gray[at] = cv2.resize(inner, size, interpolation=cv2.INTER_AREA)
-            energy[at] = cv2.resize(_squared_gradient(drawn), size, interpolation=cv2.INTER_AREA)
+            energy[at] = _squared_gradient(drawn, size)
             whole = np.ascontiguousarray(found.covered[1:-1, 1:-1])
             covered[at] = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
     return _relate_to_paper(box, covered, gray, energy, grid.text_height, p)
@@ -138,33 +139,38 @@ def measure_patch(
 def compare_sharpness(
     maps: PatchMaps, ink: GrayImage, text_height: float, parameters: SharpnessParameters | None = None
 ) -> FloatMap:
-    """RMS gradient of the print round each cell of `maps.box`; near 0 where nothing is printed.
+    """Gradient of the print round each cell of `maps.box`; near 0 where nothing is printed.
 
-    `ink` (rows, columns) of the whole mosaic is what any photo shows as printed, so that all are asked about the
-    same places.
+    It is the geometric mean of the RMS gradients across and down: print seen obliquely, or blurred by motion, is sharp
+    in one direction only, and cannot be read. `ink` (rows, columns) of the whole mosaic is what any photo shows as
+    printed, so that all are asked about the same places.
     """
     p = parameters or SharpnessParameters()
     printed = ink[maps.box.within(Rectangle(0, 0, ink.shape[1], ink.shape[0]))]
     asked = ((printed > 0) & (maps.covered == 255)).astype(np.float32)
-    total = _average(maps.energy * asked, p.window * text_height)
     share = _average(asked, p.window * text_height)
+    total = _average(maps.energy * asked[..., None], p.window * text_height)
     # Where hardly anything is printed nothing is to be compared.
-    return np.asarray(np.sqrt(np.maximum(total, 0) / (share + np.float32(0.005))), np.float32)
+    both = np.maximum(total[..., 0] * total[..., 1], 0) / np.square(share + np.float32(0.005))
+    return np.asarray(np.sqrt(np.sqrt(both)), np.float32)
 
 
 def print_sharpness(maps: PatchMaps) -> float:
-    """RMS gradient of all print of the photo, 0 where it shows none."""
+    """The same of all print of the photo, 0 where it shows none."""
     printed = (maps.ink > 0) & (maps.covered == 255)
-    return float(np.sqrt(maps.energy[printed].mean())) if printed.any() else 0.0
+    return float(np.prod(maps.energy[printed].mean(axis=0)) ** 0.25) if printed.any() else 0.0
 
 
-def _squared_gradient(gray: GrayImage) -> FloatMap:
-    """Squared gradient magnitude per pixel (Sobel) within the outermost pixels of `gray`."""
-    across = cv2.Sobel(gray, cv2.CV_32F, 1, 0, scale=1 / 8)
-    down = cv2.Sobel(gray, cv2.CV_32F, 0, 1, scale=1 / 8)
-    squared = cv2.multiply(across, across)
-    cv2.accumulateSquare(down, squared)
-    return np.ascontiguousarray(squared[1:-1, 1:-1])
+def _squared_gradient(gray: GrayImage, size: tuple[int, int]) -> FloatMap:
+    """Squared gradients (rows, columns, 2), across and down (Sobel), per pixel within the outermost ones of `gray`.
+
+    `size` are the columns and rows of the cells over which they are averaged.
+    """
+    means = []
+    for x, y in ((1, 0), (0, 1)):
+        slope = np.ascontiguousarray(cv2.Sobel(gray, cv2.CV_32F, x, y, scale=1 / 8)[1:-1, 1:-1])
+        means.append(cv2.resize(cv2.multiply(slope, slope), size, interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.merge(means), np.float32)
 
 
 def _relate_to_paper(
@@ -177,7 +183,7 @@ def _relate_to_paper(
 ) -> PatchMaps:
     """Brightness and gradients relative to the paper's, so that neither light nor exposure counts."""
     if covered.size == 0:
-        return PatchMaps(box, covered, gray, energy, energy)
+        return PatchMaps(box, covered, gray, energy, energy[..., 0])
     shown = covered == 255
     side = 2 * round(0.5 * p.paper_window * text_height) + 1
     kernel = np.ones((side, side), np.uint8)
@@ -188,20 +194,25 @@ def _relate_to_paper(
     smooth = _average(paper * weight, window) / np.maximum(_average(weight, window), 1e-3)
     smooth = np.maximum(smooth, 1.0).astype(np.float32)
     relative = gray / smooth
-    energy = np.asarray(energy / (smooth * smooth), np.float32)
+    energy = np.where(shown[..., None], energy / np.square(smooth)[..., None], 0).astype(np.float32)
     near = np.ones((2 * round(0.5 * text_height) + 1,) * 2, np.uint8)
     contrast = np.where(shown, 1 - relative, 0).astype(np.float32)
-    dark = contrast > np.maximum(p.ink_contrast, p.ink_share * cv2.dilate(contrast, near))
+    dark = _strength(contrast, near, p.ink_contrast, p.ink_share)
     bare = shown & (relative > 1 - 0.5 * p.ink_contrast)
-    noise = float(np.median(energy[bare])) if bare.any() else 0.0
-    energy = np.where(shown, energy, 0).astype(np.float32)
-    least = max(p.ink_gradient**2, p.noise_factor**2 * noise)
-    rough = energy > np.maximum(least, p.ink_share**2 * cv2.dilate(energy, near))
-    ink = (dark | rough).astype(np.uint8) * np.uint8(255)
-    without_noise = np.maximum(energy - np.float32(noise), 0)
+    noise = np.median(energy[bare], axis=0) if bare.any() else np.zeros(2)
+    least = max(p.ink_gradient, p.noise_factor * float(np.sqrt(noise.sum())))
+    ink = cv2.max(dark, _strength(np.sqrt(energy.sum(axis=2)), near, least, p.ink_share))
+    without_noise = np.maximum(energy - noise.astype(np.float32), 0)
     # Beyond the box the photo shows nothing; beyond the page there is nothing to be shown.
     inset = cv2.distanceTransform(np.pad(shown.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
-    return PatchMaps(box, covered, ink, without_noise, np.ascontiguousarray(inset))
+    return PatchMaps(box, covered, np.asarray(ink, np.uint8), without_noise, np.ascontiguousarray(inset))
+
+
+def _strength(values: FloatMap, near: GrayImage, least: float, share: float) -> GrayImage:
+    """`values` over the largest `near` (255); 0 below `share` of it and where they are below `least`."""
+    largest = np.maximum(cv2.dilate(values, near), np.float32(least))
+    relative = np.clip(values / largest, 0, 1)
+    return np.where((values > least) & (relative > share), 255 * relative, 0).astype(np.uint8)
 
 
 def _average(values: FloatMap, window: float) -> FloatMap:

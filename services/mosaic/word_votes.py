@@ -19,9 +19,16 @@ Labels = NDArray[np.int16]
 class VoteParameters:
     """Lengths in text heights."""
 
-    reaches: tuple[tuple[float, float], ...] = ((0.28, 0.14), (0.14, 0.1), (0.0, 0.0))
-    """Across and down, by which print is dilated: half the gap between letters and half that between lines at most,
-    so that words rarely merge; then less, for components that no photo shows whole."""
+    steps: tuple[tuple[float, float, float], ...] = (
+        (0.28, 0.14, 0.0),
+        (0.14, 0.1, 0.0),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.5),
+        (0.0, 0.0, 0.75),
+    )
+    """Across and down, by which print is dilated, and the least strength of it, 0-1. Dilated by half the gap between
+    words and half that between lines at most, components are mostly words. What no photo shows whole falls apart at
+    lesser dilation, then into the dark parts of letters and lines that touch."""
     border_bonus: float = 0.15
     """How much sharper a photo seems far from its border: of about equally sharp photos the border's distance then
     decides, which is smooth."""
@@ -49,7 +56,7 @@ class Decisions:
 
 
 def unite_ink(maps: Sequence[PatchMaps], rows: int, columns: int) -> GrayImage:
-    """255 where any photo shows print.
+    """Strength of the print, where any photo shows any.
 
     This holds all that a threshold on the average image would (4.4), also ghosts, however many photos overlap.
     """
@@ -57,7 +64,7 @@ def unite_ink(maps: Sequence[PatchMaps], rows: int, columns: int) -> GrayImage:
     page = Rectangle(0, 0, columns, rows)
     for patch in maps:
         part = ink[patch.box.within(page)]
-        cv2.bitwise_or(part, patch.ink, dst=part)
+        cv2.max(part, patch.ink, dst=part)
     return ink
 
 
@@ -98,9 +105,12 @@ def decide_words(
     """
     p = parameters or VoteParameters()
     labels, whole = cells.copy(), np.zeros(ink.shape, bool)
-    todo = np.asarray((ink > 0) & ~_rules(ink, p.rule_length * text_height))
-    last = len(p.reaches) - 1
-    for number, (across, down) in enumerate(p.reaches):
+    printed = np.asarray(ink > 0)
+    todo = np.asarray(printed & ~_rules(printed, p.rule_length * text_height))
+    last = len(p.steps) - 1
+    for number, (across, down, strength) in enumerate(p.steps):
+        if strength > 0:
+            todo = np.asarray(_thin(todo, text_height) & (ink > 255 * strength))
         kernel = np.ones((2 * _reach(down, text_height) + 1, 2 * _reach(across, text_height) + 1), np.uint8)
         mask = np.asarray(cv2.dilate(todo.astype(np.uint8), kernel), np.uint8)
         count, found, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
@@ -112,7 +122,7 @@ def decide_words(
         if number < last:
             width, height = stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]
             word = (height <= p.word_height * text_height) & (width <= p.word_aspect * height)
-            decided &= (held.max(axis=1) == votes.max(axis=1)) | (word & (number == last - 1))
+            decided &= (held.max(axis=1) == votes.max(axis=1)) | (word & (number > 0))
         decided[0] = False
         chosen = decided[components]
         labels[chosen] = choice[components[chosen]]
@@ -120,7 +130,7 @@ def decide_words(
         todo &= ~chosen
         if not todo.any():
             break
-    broken = np.asarray((ink > 0) & ~whole)
+    broken = np.asarray(printed & ~whole)
     _widen(maps, labels, whole)
     return Decisions(labels, whole, broken)
 
@@ -147,8 +157,9 @@ def _reach(length: float, text_height: float) -> int:
     return max(round(length * text_height), 1) if length > 0 else 0
 
 
-def _rules(ink: GrayImage, length: float) -> Mask:
+def _rules(printed: Mask, length: float) -> Mask:
     """Long thin lines, across or down."""
+    ink = printed.astype(np.uint8)
     side = max(round(length), 2)
     thick = cv2.morphologyEx(ink, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     thick = cv2.dilate(thick, np.ones((3, 3), np.uint8))
@@ -203,9 +214,7 @@ def fade_weights(
 
 
 def _thin(broken: Mask, text_height: float) -> Mask:
-    """Of print that was not decided as one: what is not part of a picture."""
+    """Of print that was not decided as one: what is not part of a picture, which has no gaps as text has."""
     side = max(round(2 * text_height), 3)
-    kernel = np.ones((side, side), np.uint8)
-    closed = cv2.morphologyEx(broken.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    pictures = cv2.morphologyEx(closed, cv2.MORPH_OPEN, kernel)
+    pictures = cv2.morphologyEx(broken.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
     return np.asarray(broken & (pictures == 0))

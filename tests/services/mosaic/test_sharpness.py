@@ -1,5 +1,6 @@
 """Sharpness tells focus, not light, noise or what is printed."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -55,6 +56,13 @@ def test_blur_loses_everywhere(page: RgbImage, usual: PatchMaps, blur_px: float)
     ratio = compared(maps(page, blur_px=blur_px), usual)
     assert ratio.max() < 0.92
     assert ratio.min() > 0.1
+
+
+def test_motion_in_one_direction_loses_to_a_little_blur(page: RgbImage) -> None:
+    """Though its gradients across the motion are as strong as ever."""
+    for kernel in (np.full((1, 9), 1 / 9), np.full((9, 1), 1 / 9)):
+        moved = np.asarray(cv2.filter2D(page, -1, kernel), np.uint8)
+        assert np.median(compared(maps(moved, blur_px=0.6), maps(page, blur_px=1.0))) < 0.9
 
 
 def test_noise_is_no_sharpness(page: RgbImage, usual: PatchMaps) -> None:

@@ -25,7 +25,7 @@ def patch(box: Rectangle, ink: GrayImage, sharpness: float = 0.2) -> PatchMaps:
     own = np.ascontiguousarray(ink[box.within(Rectangle(0, 0, COLUMNS, ROWS))])
     covered = np.full(own.shape, 255, np.uint8)
     inset = cv2.distanceTransform(np.pad(np.ones(own.shape, np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
-    energy = np.where(own > 0, np.float32(sharpness**2), np.float32(0))
+    energy = np.where(own[..., None] > 0, np.full(2, sharpness**2, np.float32), np.float32(0))
     return PatchMaps(box, covered, own, energy, np.asarray(inset, np.float32))
 
 
