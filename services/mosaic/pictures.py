@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Mask
+from services.arrays import Floats, Mask
 from services.imaging.illumination import Levels
 
 
@@ -29,8 +29,13 @@ class PictureParameters:
     """A dark part is a shadow only when more of it than this holds ink as dark as elsewhere."""
     picture_share: float = 0.5
     """A dark part that the page's end cuts is a picture only when as much of it holds no such ink."""
-    holes: float = 1 / 16
+    holes: float = 1 / 24
     """Lights within a picture, such as print in white on it, are narrower."""
+    ring: float = 1 / 60
+    """Width of the rings within and round about a dark part in which its edge is looked for."""
+    edge: float = 0.07
+    """A picture's edge is sharp: across the rings the logarithm of the level falls by this. What is darker than this
+    only further within is uneven light."""
     rim: float = 1 / 100
     """Beside a picture the background is not yet the paper's."""
 
@@ -53,26 +58,51 @@ def find_pictures(levels: Levels, parameters: PictureParameters | None = None) -
     is_similar = resolved & (levels.ink <= p.similar_ink[0] * ink + p.similar_ink[1])
     is_other = resolved & (levels.ink > p.other_ink[0] * ink + p.other_ink[1])
     holes, rim = _odd(p.holes * long_side), _odd(2 * p.rim * long_side)
-    found = _parts(amid, is_similar, holes, (0.0, p.shadow_share)) | _parts(
-        to_border, is_other, holes, (p.picture_share, 1.0)
-    )
+    ring = _odd(p.ring * long_side)
+    amid_parts, amid_count = _parts(amid, holes)
+    is_picture = _edges(np.log(levels.paper), amid_parts, amid_count, ring) >= p.edge
+    is_picture &= _shares(amid_parts, amid_count, is_similar) <= p.shadow_share
+    is_picture[0] = False
+    cut_parts, cut_count = _parts(to_border, holes)
+    is_cut_picture = _shares(cut_parts, cut_count, is_other) >= p.picture_share
+    is_cut_picture[0] = False
+    found = is_picture[amid_parts] | is_cut_picture[cut_parts]
     grown = cv2.dilate(found.astype(np.uint8), np.ones((rim, rim), np.uint8))
     return np.asarray(grown > 0)
 
 
-def _parts(mask: Mask, evidence: Mask, holes: int, share: tuple[float, float]) -> Mask:
-    """Connected parts of `mask`, their holes of the given size filled, that hold a share of `evidence` in a range."""
+def _parts(mask: Mask, holes: int) -> tuple[NDArray[np.int32], int]:
+    """Label of the connected part of `mask` at every pixel, 0 for none, and the number of labels.
+
+    Holes of the given size are filled, and what is two pixels wide is dropped.
+    """
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     padded = cv2.copyMakeBorder(opened, holes, holes, holes, holes, cv2.BORDER_CONSTANT, value=0)
     closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((holes, holes), np.uint8))
     height, width = mask.shape
     count, labels = cv2.connectedComponents(closed[holes : holes + height, holes : holes + width])
-    held = np.bincount(labels.ravel(), evidence.ravel(), count) / np.maximum(
-        np.bincount(labels.ravel(), None, count), 1
-    )
-    chosen = (held >= share[0]) & (held <= share[1])
-    chosen[0] = False
-    return np.asarray(chosen[labels])
+    return np.asarray(labels, np.int32), count
+
+
+def _shares(parts: NDArray[np.int32], count: int, evidence: Mask) -> Floats:
+    """Share of `evidence` in each part (count,)."""
+    area = np.bincount(parts.ravel(), minlength=count)
+    return np.asarray(np.bincount(parts.ravel(), evidence.ravel(), count) / np.maximum(area, 1))
+
+
+def _edges(level: NDArray[np.float32], parts: NDArray[np.int32], count: int, ring: int) -> Floats:
+    """Mean of `level` in the ring round about each part less that in the ring within it, (count,)."""
+    kernel = np.ones((2 * ring + 1,) * 2, np.uint8)
+    # Labels are small integers, which single precision holds exactly.
+    round_about = cv2.dilate(parts.astype(np.float32), kernel).astype(np.int32)
+    round_about[parts > 0] = 0
+    within = np.where(cv2.erode((parts > 0).astype(np.uint8), kernel) > 0, 0, parts)
+
+    def means(labels: NDArray[np.int32]) -> Floats:
+        area = np.bincount(labels.ravel(), minlength=count)
+        return np.asarray(np.bincount(labels.ravel(), level.ravel(), count) / np.maximum(area, 1))
+
+    return means(round_about) - means(within)
 
 
 def _odd(size: float) -> int:

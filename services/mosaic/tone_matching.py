@@ -52,6 +52,9 @@ class ToneParameters:
     clipped."""
     largest_correction: float = 0.25
     """Share by which a photo's own paper may differ from all photos': more is no paper."""
+    lightest_ink: float = 0.55
+    """Share of its paper's level up to which ink is made dark: contrast is doubled then, and the strokes of a photo
+    that is more blurred than that would close up."""
 
 
 def match_tones(
@@ -247,7 +250,9 @@ def _normalizations(
     known = [float(np.median(ink)) for ink in inks if ink is not None]
     typical = np.float32(np.median(known) if known else 0.0)
     return [
-        level_coefficients(paper, (typical if ink is None else ink) * measured, p.levels.black)
+        level_coefficients(
+            paper, np.minimum(typical if ink is None else ink, p.lightest_ink) * measured, p.levels.black
+        )
         for paper, ink, measured in zip(papers, inks, shares, strict=True)
     ]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import RgbImage
 from services.imaging.illumination import normalize_illumination
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.placement import Placement
+from services.mosaic.placement import DisplacementField, Placement
 from services.mosaic.tone_matching import match_tones
 from services.mosaic.tones import ToneMap, apply_tones
 from services.rectify.framing import FlatFrame
@@ -285,6 +285,35 @@ def test_blank_and_unseen_views_change_nothing_else(page: NDArray[np.float64], i
     alone = match_tones([seen], [placement], illumination)  # type: ignore[arg-type]
     assert np.allclose(with_nothing[0].coefficients, alone[0].coefficients, rtol=1e-3, atol=1e-2)
     assert np.isfinite(with_nothing[1].coefficients).all()
+
+
+def test_a_desk_beside_the_page_is_not_paper(page: NDArray[np.float64]) -> None:
+    scene = page.copy()
+    scene[:, 1080:] = np.array([0.22, 0.15, 0.1]) + np.random.default_rng(3).normal(0, 0.02, (HEIGHT, 120, 1))
+    photos = [take(scene, UPPER, dim(vignette, 0.9), 0), take(scene, LOWER, slope, 1)]
+    for layer in on_page(photos, "normalize"):
+        assert np.nanmedian(layer[:, 1110:].max(axis=2)) < 130
+        margin = layer[:, 960:1060].max(axis=2)
+        assert np.nanquantile(margin, 0.1) > 240
+
+
+def test_bent_views_and_displaced_ones_are_matched_where_they_really_lie(page: NDArray[np.float64]) -> None:
+    """A shift of many pixels in the placement, right or wrong, shows at the edge of the picture."""
+    first, place = take(page, UPPER, even, 0)
+    second, _ = take(page, LOWER, dim(even, 0.7), 1)
+    bent = np.zeros((5, 5, 2))
+    bent[..., 0] = 30.0
+    # The homography is 30 pixels off, which the displacement takes back.
+    H = np.array([[1.0, 0, -30], [0, 1, 600], [0, 0, 1]])
+    displaced = Placement(H, DisplacementField(bent, *second.size))
+    straight = Placement(np.array([[1.0, 0, 0], [0, 1, 600], [0, 0, 1]]))
+    found = match_tones([first, second], [place, displaced], "keep")
+    expected = match_tones([first, second], [place, straight], "keep")
+    for one, other in zip(found, expected, strict=True):
+        assert np.quantile(np.abs(one.coefficients - other.coefficients), 0.99) < 0.01
+    assert np.median(
+        expected[1].coefficients[..., 0] / expected[0].coefficients[..., 0].mean()
+    ) == pytest.approx(1 / 0.7, rel=0.01)
 
 
 def test_no_photos_no_maps() -> None:
