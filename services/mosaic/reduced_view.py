@@ -1,0 +1,56 @@
+"""A flat view turned by quarters and reduced, as registration looks at it."""
+
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from services.arrays import GrayImage, Homography, Mask, Points
+from services.mosaic.flat_photo import FlatPhoto
+
+
+class ReducedView:
+    """A view turned counter-clockwise by quarters and reduced.
+
+    `gray` and `shown` are (h, w); `H_reduced_flat` leads from the photo's flat pixels to this view's.
+    """
+
+    def __init__(self, photo: FlatPhoto, turns: int, factor: float) -> None:
+        gray, shown, H = reduce_view(photo.gray, photo.shown, factor)
+        if turns % 4:
+            H = quarter_turn(turns, gray.shape[1], gray.shape[0]) @ H
+            gray, shown = np.rot90(gray, turns).copy(), np.rot90(shown, turns).copy()
+        self.gray: GrayImage = gray
+        self.shown: Mask = shown
+        self.H_reduced_flat: Homography = H
+
+    @cached_property
+    def corners(self) -> Points:
+        """Corners (4, 2) of the box round what is shown."""
+        columns, rows = np.flatnonzero(self.shown.any(axis=0)), np.flatnonzero(self.shown.any(axis=1))
+        if not len(columns):
+            return np.zeros((4, 2))
+        x0, x1, y0, y1 = columns[0], columns[-1], rows[0], rows[-1]
+        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)
+
+
+def reduce_view(gray: GrayImage, shown: Mask, factor: float) -> tuple[GrayImage, Mask, Homography]:
+    """The view at `factor` of its size (1 at most), and the homography from the view's pixels to the reduced ones'."""
+    height, width = gray.shape
+    if factor >= 1:
+        return gray, shown, np.eye(3)
+    size = max(1, round(width * factor)), max(1, round(height * factor))
+    reduced = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), np.uint8)
+    mask = cv2.resize(shown.view(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    H = np.diag([size[0] / width, size[1] / height, 1.0])
+    H[:2, 2] = 0.5 * np.diag(H)[:2] - 0.5
+    return reduced, mask, H
+
+
+def quarter_turn(turns: int, width: int, height: int) -> Homography:
+    """From a view of `width` x `height` to the view turned counter-clockwise by `turns` quarters (`np.rot90`)."""
+    H = np.eye(3)
+    for _ in range(turns % 4):
+        H = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, width - 1.0], [0.0, 0.0, 1.0]]) @ H
+        width, height = height, width
+    return H
