@@ -1,0 +1,283 @@
+"""Which photos overlap, and how (4.3)."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from services.arrays import Homography
+from services.geometry.homographies import scaling, transform_points, translation
+from services.mosaic.displacement_vote import CompatibleGroup, vote_displacements
+from services.mosaic.features import FeatureMatches, match_features
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.homography_fit import fit_homography, is_sane
+from services.mosaic.pair_registration import PairRegistration
+from services.mosaic.pair_verification import (
+    Overlap,
+    PreparedPhoto,
+    VerificationParameters,
+    refine_overlap,
+    verify_overlap,
+)
+from services.mosaic.photo_graph import connect_photos, overlap_fraction
+from services.mosaic.reduced_view import quarter_turn
+
+UnregisteredReason = Literal["few-matches", "not-verified", "ambiguous", "not-refined"]
+
+
+@dataclass(frozen=True, slots=True)
+class RegistrationParameters:
+    """How pairs are looked for."""
+
+    group_loss_px: float = 5.0
+    """Of the first fit, in pixels of the word scale (as in the prototype)."""
+    finer: float = 1.5
+    """The second pass's resolution over the first's."""
+    ambiguity: float = 0.7
+    """Two places of which the second has this share of the first's found blocks are not told apart."""
+    least_overlap: float = 0.01
+    """Predicted overlaps below this share of the smaller view are not looked for."""
+    guided_search: float = 2.5
+    """Text heights that a prediction may be off, per photo in between."""
+    guided_found: int = 6
+    """A predicted pair connects nothing that was not connected; fewer blocks do."""
+    contradiction: float = 4.0
+    """Text heights, per photo in between, by which a pair and a way round it may differ."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unregistered:
+    """Two photos that were not found to overlap, why, and the largest groups of compatible matches."""
+
+    reason: UnregisteredReason
+    matches: int
+    votes: int
+    runner_up_votes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What the vote said."""
+
+    matches: int = 0
+    votes: int = 0
+    runner_up_votes: int = 0
+
+
+def register_pair(
+    a: FlatPhoto, b: FlatPhoto, turns: int = 0, fineness: float = 1.0
+) -> PairRegistration | Unregistered:
+    """How b, turned counter-clockwise by `turns` quarters, lies on a."""
+    return _register(PreparedPhoto(a), PreparedPhoto(b), turns, fineness, RegistrationParameters())
+
+
+def register_photos(
+    photos: Sequence[FlatPhoto], parameters: RegistrationParameters | None = None
+) -> tuple[PairRegistration, ...]:
+    """All pairs that overlap, whatever the order of `photos`.
+
+    Pairs are looked for at word scale with the text the same way up; for photos that are then still in separate parts,
+    turned upside down, at a finer scale, and on their sides. Pairs that the graph places on each other are matched
+    from there. A pair that contradicts stronger ones round it is dropped.
+    """
+    p = parameters or RegistrationParameters()
+    prepared = {photo.index: PreparedPhoto(photo) for photo in photos}
+    # Nothing below depends on the order of the upload, but on the order of content.
+    order = sorted(prepared, key=lambda index: prepared[index].key)
+    pairs: dict[tuple[int, int], PairRegistration] = {}
+    for turns, fineness in ((0, 1.0), (2, 1.0), (0, p.finer), (2, p.finer), (1, 1.0), (3, 1.0)):
+        part_of = {i: part for part in connect_photos(order, pairs) for i in part}
+        for i, j in combinations(order, 2):
+            if part_of[i] != part_of[j]:
+                registered = _register(prepared[i], prepared[j], turns, fineness, p)
+                if isinstance(registered, PairRegistration):
+                    pairs[registered.a, registered.b] = registered
+        if len(connect_photos(order, pairs)) == 1:
+            break
+    pairs = _without_contradictions(pairs, order, prepared, p)
+    for _ in range(2):
+        added = dict(_guided(pairs, order, prepared, p))
+        pairs |= added
+        if not added:
+            break
+    pairs = _without_contradictions(pairs, order, prepared, p)
+    return tuple(pairs[key] for key in sorted(pairs))
+
+
+def _register(
+    a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: RegistrationParameters
+) -> PairRegistration | Unregistered:
+    if b.key < a.key:
+        a, b, turns = b, a, -turns % 4
+    features = a.features(fineness, 0), b.features(fineness, turns)
+    matches = match_features(*features)
+    groups = vote_displacements(matches, float(np.hypot(*a.photo.size)))
+    votes = sorted((group.votes for group in groups), reverse=True)
+    evidence = Evidence(len(matches.points_a), *(*votes, 0, 0)[:2])
+    if not groups:
+        return Unregistered("few-matches", evidence.matches, evidence.votes, evidence.runner_up_votes)
+    H_turned_b = quarter_turn(turns, *b.photo.size)
+    loss = p.group_loss_px / features[0].reduction
+    overlaps: list[tuple[CompatibleGroup, Overlap]] = []
+    for group in groups:
+        H_a_turned = _fit_group(group, matches, loss, features[1].width, features[1].height)
+        if H_a_turned is not None:
+            overlap = verify_overlap(a, b, H_a_turned @ H_turned_b, turns)
+            if overlap is not None:
+                overlaps.append((group, overlap))
+    overlaps.sort(key=lambda one: -one[1].found)
+    reason: UnregisteredReason = "not-verified"
+    if overlaps:
+        group, best = overlaps[0]
+        reason = "ambiguous"
+        if not any(_elsewhere(best, o, b, p) for _, o in overlaps[1:]):
+            rival = max((g.votes for g in groups if g is not group), default=0)
+            evidence = Evidence(evidence.matches, group.votes, rival)
+            refined = _refined(a, b, best, evidence)
+            if refined is not None:
+                return refined
+            reason = "not-refined"
+    return Unregistered(reason, evidence.matches, evidence.votes, evidence.runner_up_votes)
+
+
+def _fit_group(
+    group: CompatibleGroup, matches: FeatureMatches, loss: float, width: int, height: int
+) -> Homography | None:
+    points_a, points_b = matches.points_a[group.members], matches.points_b[group.members]
+    initial = translation(*group.displacement) @ scaling(group.scale)
+    H, _ = fit_homography(points_a, points_b, np.ones(group.votes), initial, 3 * loss, loss)
+    corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
+    return H if is_sane(H, corners, group.scale) else None
+
+
+def _elsewhere(best: Overlap, other: Overlap, b: PreparedPhoto, p: RegistrationParameters) -> bool:
+    """Whether another place is about as good."""
+    if other.found < p.ambiguity * best.found:
+        return False
+    width, height = b.photo.size
+    middle = np.array([[(width - 1) / 2, (height - 1) / 2]])
+    apart = transform_points(best.H_a_b, middle) - transform_points(other.H_a_b, middle)
+    return float(np.linalg.norm(apart)) > p.contradiction * b.photo.text_height_px
+
+
+def _refined(
+    a: PreparedPhoto, b: PreparedPhoto, overlap: Overlap, evidence: Evidence
+) -> PairRegistration | None:
+    refined = refine_overlap(a, b, overlap)
+    if refined is None:
+        return None
+    H, points_a, points_b, weights = refined
+    i, j = a.photo.index, b.photo.index
+    if i > j:
+        i, j, H, points_a, points_b = j, i, np.linalg.inv(H), points_b, points_a
+    return PairRegistration(
+        i,
+        j,
+        H / H[2, 2],
+        points_a,
+        points_b,
+        weights,
+        evidence.matches,
+        evidence.votes,
+        evidence.runner_up_votes,
+        overlap.blocks.agreement,
+    )
+
+
+Pairs = Mapping[tuple[int, int], PairRegistration]
+
+
+def _strength(pair: PairRegistration) -> float:
+    return float(pair.weights.sum()) * pair.agreement
+
+
+def _between(pairs: Pairs, i: int, j: int) -> Homography:
+    """H_i_j of a registered pair, in either order."""
+    return pairs[i, j].H_a_b if i < j else np.linalg.inv(pairs[j, i].H_a_b)
+
+
+def _ways(
+    pairs: Pairs, order: Sequence[int], strongest: bool
+) -> dict[tuple[int, int], tuple[int, Homography]]:
+    """Photos in between and H_i_j along the best way from i to j, for all i, j that are connected.
+
+    Along the tree of the strongest pairs, or, otherwise, over as few photos as possible (the strongest of such).
+    """
+    rank = {index: n for n, index in enumerate(order)}
+    edges = sorted(pairs, key=lambda e: (-_strength(pairs[e]), sorted((rank[e[0]], rank[e[1]]))))
+    if strongest:
+        tree: list[tuple[int, int]] = []
+        for edge in edges:
+            if not any(edge[0] in part and edge[1] in part for part in connect_photos(order, tree)):
+                tree.append(edge)
+        edges = tree
+    ways: dict[tuple[int, int], tuple[int, Homography]] = {}
+    for start in order:
+        reached: dict[int, tuple[int, Homography]] = {start: (0, np.eye(3))}
+        queue = [start]
+        for here in queue:
+            steps, H = reached[here]
+            for a, b in edges:
+                if here in (a, b):
+                    there = b if here == a else a
+                    if there not in reached:
+                        reached[there] = steps + 1, H @ _between(pairs, here, there)
+                        queue.append(there)
+        ways |= {
+            (start, end): (steps - 1, H / H[2, 2]) for end, (steps, H) in reached.items() if end != start
+        }
+    return ways
+
+
+def _guided(
+    pairs: Pairs, order: Sequence[int], prepared: Mapping[int, PreparedPhoto], p: RegistrationParameters
+) -> Iterator[tuple[tuple[int, int], PairRegistration]]:
+    """Pairs that were not found but should overlap as the others lie."""
+    ways = _ways(pairs, order, strongest=False)
+    for i, j in combinations(order, 2):
+        key = min(i, j), max(i, j)
+        if key in pairs or (i, j) not in ways:
+            continue
+        between, H = ways[i, j]
+        a, b = prepared[i], prepared[j]
+        if overlap_fraction(a.photo, b.photo, H) < p.least_overlap:
+            continue
+        turns = _quarter_turns(H, b.photo)
+        overlap = verify_overlap(
+            a, b, H, turns, p.guided_search * between, VerificationParameters(found=p.guided_found)
+        )
+        if overlap is not None:
+            refined = _refined(a, b, overlap, Evidence())
+            if refined is not None:
+                yield key, refined
+
+
+def _quarter_turns(H_a_b: Homography, b: FlatPhoto) -> int:
+    """By how many quarters b is turned counter-clockwise on a."""
+    width, height = b.size
+    x, y = (width - 1) / 2, (height - 1) / 2
+    start, end = transform_points(H_a_b, np.array([[x, y], [x + 1, y]]))
+    return round(float(np.arctan2(start[1] - end[1], end[0] - start[0])) / (np.pi / 2)) % 4
+
+
+def _without_contradictions(
+    pairs: Pairs, order: Sequence[int], prepared: Mapping[int, PreparedPhoto], p: RegistrationParameters
+) -> dict[tuple[int, int], PairRegistration]:
+    """Pairs that agree with the tree of the strongest pairs; one that does not is the weakest of a loop."""
+    ways = _ways(pairs, order, strongest=True)
+    return {key: pair for key, pair in pairs.items() if _agrees(pair, ways[key], prepared, p)}
+
+
+def _agrees(
+    pair: PairRegistration,
+    way: tuple[int, Homography],
+    prepared: Mapping[int, PreparedPhoto],
+    p: RegistrationParameters,
+) -> bool:
+    between, H = way
+    apart = np.linalg.norm(transform_points(H, pair.points_b) - pair.points_a, axis=1)
+    return (
+        float(np.median(apart)) <= p.contradiction * max(between, 1) * prepared[pair.a].photo.text_height_px
+    )
