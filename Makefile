@@ -41,7 +41,7 @@ BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
 BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
-.PHONY: help serve test lint format check lock bench-rectify bench-photos bench-speed \
+.PHONY: help serve test lint format check lock bench-rectify bench-photos bench-speed bench-mosaic \
 	system-packages python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
@@ -55,6 +55,7 @@ help:
 	@echo 'make bench-rectify    the experiments on simulated photos, clean and degraded (BENCH_OPTIONS=...)'
 	@echo 'make bench-photos     the real photos, peers side by side (BENCH_OPTIONS=...)'
 	@echo 'make bench-speed      time and memory of an upload against its size, page-dewarp beside it'
+	@echo 'make bench-mosaic     mosaics of simulated photos, peers on the same photos (BENCH_OPTIONS=...)'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
 	@echo 'make clean            remove what these targets made'
@@ -84,6 +85,9 @@ bench-photos: venv-dev venv-bench
 
 bench-speed: venv-dev venv-bench
 	@$(BIN)/python -m benchmarks.rectify_speed --page-dewarp $(BENCH_VENV)/bin/page-dewarp $(BENCH_OPTIONS)
+
+bench-mosaic: venv-dev
+	@$(BIN)/python -m benchmarks.mosaic_simulated --peers $(BENCH_OPTIONS)
 
 # Debian's packages: Tesseract's language data, and python3-venv where this Python cannot make environments
 # without it. Whoever may not install them is told, and gets a service without OCR.

@@ -210,6 +210,8 @@ def _refusal_of_http(error: HTTPException) -> Refusal:
         return refusal_of(error.__cause__)
     if isinstance(error.__cause__, ClientDisconnect):
         return Refusal("client-closed-request", MEANING_OF_CODE["client-closed-request"])
+    if isinstance(error.__cause__, OSError):  # no place to spool the body to; nothing is wrong with it
+        return _internal()
     if error.status_code not in _CODE_OF_STATUS:
         return _internal()
     code = _CODE_OF_STATUS[error.status_code]

@@ -10,7 +10,7 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from typing import cast
 
@@ -47,13 +47,18 @@ class WorkerProcess:
             raise WorkerGone
         return cast(dict[str, object], facts)
 
-    def call(self, operation: Callable[..., object], arguments: Sequence[object]) -> inside.Outcome:
-        """What became of `operation(*arguments)`."""
+    def call(self, operation: Callable[..., object], arguments: list[object]) -> inside.Outcome:
+        """What became of `operation(*arguments)`; leaves `arguments` empty.
+
+        Uploads are large and work is long: this end forgets them when the worker has them.
+        """
         call = pickle.dumps((operation, tuple(arguments)), protocol=pickle.HIGHEST_PROTOCOL)
+        arguments.clear()
         try:
             self._connection.send_bytes(call)
         except OSError as error:
             raise WorkerGone from error
+        del call
         return self._receive()
 
     def _receive(self) -> inside.Outcome:

@@ -37,12 +37,8 @@ def serve(connection: Connection, memory_bytes: int, warm_up: Callable[[], dict[
     _settle(memory_bytes)
     facts = warm_up() if warm_up is not None else {}
     connection.send_bytes(pickle.dumps((READY, facts)))
-    while True:
-        try:
-            call = connection.recv_bytes()
-        except (EOFError, OSError):
-            return
-        connection.send_bytes(_answer(call))
+    while (answer := _answer_next(connection)) is not None:
+        connection.send_bytes(answer)
 
 
 def _settle(memory_bytes: int) -> None:
@@ -62,10 +58,18 @@ def _settle(memory_bytes: int) -> None:
         Path("/proc/self/oom_score_adj").write_text("500", encoding="ascii")
 
 
-def _answer(call: bytes) -> bytes:
-    """Pickled `Outcome` of a pickled (operation, arguments); never raises what can be told instead."""
+def _answer_next(connection: Connection) -> bytes | None:
+    """Pickled `Outcome` of the next call, a pickled (operation, arguments); None when the engine hung up.
+
+    Never raises what can be told instead.
+    """
+    try:
+        call = connection.recv_bytes()
+    except (EOFError, OSError):
+        return None
     try:
         operation, arguments = pickle.loads(call)
+        del call  # uploads are large; while the operation runs they are here once
         return pickle.dumps((DONE, operation(*arguments)))
     except DocumentError as error:
         return pickle.dumps((REFUSED, error))

@@ -75,13 +75,14 @@ class MosaicForm(BaseModel):
 
 
 class PatchMesh(Answer):
-    """`target[r][c]` is the mosaic's point of photo pixel (c (width-1)/(columns-1), r (height-1)/(rows-1))."""
+    """`target[r][c]` is the mosaic's point of photo pixel (c (width-1)/(columns-1), r (height-1)/(rows-1)).
+
+    Where the photo looks past the page, it is the point of the nearest node that does not.
+    """
 
     rows: int = Field(ge=2)
     columns: int = Field(ge=2)
-    target: list[list[Point | None]] = Field(
-        description="Pixels of the mosaic; null where the photo looks past the page's plane."
-    )
+    target: list[list[Point]]
 
 
 class Patch(Answer):

@@ -178,26 +178,51 @@ def normalize_illumination(image: RgbImage, parameters: NormalizationParameters 
     are neither bleached nor crushed. An image without print on paper is returned as it is.
     """
     parameters = parameters or NormalizationParameters()
-    small, _ = _reduce(image, parameters.working_long_side_px)
-    levels = _measure_levels(small, parameters)
+    levels = measure_levels(image, parameters)
     if levels is None:
         return image.copy()
-    paper, ink = levels
-    # All channels take the gain 1 / paper. The strongest of them, v, then becomes (v - ink) contrast + black,
-    # and the others change by as much: chroma stays, and coloured ink, strong in one channel, hardly darkens.
-    black = np.minimum(parameters.black, ink)
-    contrast = (1.0 - black) / (1.0 - ink)
-    gain = 255.0 / paper
-    return _apply_levels(image, np.dstack([gain, gain * (contrast - 1.0), 255.0 * (black - ink * contrast)]))
+    ink = levels.ink * levels.measured
+    return _apply_levels(image, level_coefficients(levels.paper, ink, parameters.black))
 
 
-def _measure_levels(
-    small: RgbImage, parameters: NormalizationParameters
-) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
-    """Level of the paper (1-255), and of ink as a share of it (0-1), both (h, w) of the background's copy.
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """The two modes of the histogram round every place of an image, all (h, w) float32 over a reduced copy of it.
 
-    None where nothing looks like print on paper.
+    Attributes
+    ----------
+    paper : luminance of the paper, 1-255.
+    ink : level of ink as a share of its paper's, 0-1; 0 everywhere where no ink is known.
+    measured : how far (0-1) the paper was measured in this place and not taken from around it.
     """
+
+    paper: NDArray[np.float32]
+    ink: NDArray[np.float32]
+    measured: NDArray[np.float32]
+
+
+def level_coefficients(
+    paper: NDArray[np.float32], ink: NDArray[np.float32], black: float
+) -> NDArray[np.float32]:
+    """Affine map (h, w, 3) that shifts `paper` to white and `ink`, (h, w) as in `Levels`, to `black`.
+
+    Gain of every channel, slope of the strongest channel, offset: all channels take the gain 1 / paper. The strongest
+    of them, v, then becomes (v - ink) contrast + black, and the others change by as much: chroma stays, and coloured
+    ink, strong in one channel, hardly darkens. Where `ink` is 0 only the gain is left.
+    """
+    target = np.minimum(black, ink)
+    contrast = (1.0 - target) / (1.0 - ink)
+    gain = 255.0 / paper
+    return np.dstack([gain, gain * (contrast - 1.0), 255.0 * (target - ink * contrast)]).astype(np.float32)
+
+
+def measure_levels(image: RgbImage, parameters: NormalizationParameters | None = None) -> Levels | None:
+    """Levels of paper and ink over `image` (H, W, 3) RGB uint8; None where nothing looks like print on paper.
+
+    They are measured on a copy of at most `working_long_side_px`, and told on the background's copy.
+    """
+    parameters = parameters or NormalizationParameters()
+    small, _ = _reduce(image, parameters.working_long_side_px)
     luminance = _luminance(small)
     background = _small_background(luminance, None, parameters.background)
     ground = _enlarge(background, *luminance.shape)
@@ -228,7 +253,7 @@ def _measure_levels(
     strongest = np.asarray(cv2.divide(strongest, ground, scale=200.0), dtype=np.uint8)
     ink = _level_ink(strongest, is_ink * is_neutral, printed, parameters)
     ink = np.asarray(cv2.resize(ink, paper.shape[::-1], interpolation=cv2.INTER_LINEAR), dtype=np.float32)
-    return paper, ink * is_accepted
+    return Levels(paper, ink, is_accepted)
 
 
 def _tile_shares(
@@ -324,13 +349,13 @@ def _fill(values: NDArray[np.float32], known: NDArray[np.float32], window: float
     return np.asarray(np.where(known > 0, values, value / share), dtype=np.float32)
 
 
-def _apply_levels(image: RgbImage, coefficients: NDArray[np.float64]) -> RgbImage:
+def _apply_levels(image: RgbImage, coefficients: NDArray[np.float32]) -> RgbImage:
     """Channels times the first coefficient, plus the strongest channel times the second, plus the third.
 
     `coefficients` (h, w, 3) are interpolated to the image's size, band by band.
     """
     height, width = image.shape[:2]
-    small = coefficients.astype(np.float32)
+    small = coefficients
     result = np.empty_like(image)
     # Rows of the small arrays; reducing by s maps y to (y + 0.5) s - 0.5.
     place = np.clip((np.arange(height) + 0.5) * small.shape[0] / height - 0.5, 0, small.shape[0] - 1)

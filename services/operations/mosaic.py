@@ -125,11 +125,8 @@ def describe_mosaic(result: MosaicResult) -> dict[str, object]:
 def _describe_patch(patch: Patch) -> dict[str, object]:
     mesh = None
     if patch.mesh is not None:
-        target = np.round(patch.mesh, 3).tolist()  # a thousandth of a pixel
-        seen = np.isfinite(patch.mesh).all(axis=2)
-        for row, column in np.argwhere(~seen):
-            target[row][column] = None
-        mesh = {"rows": patch.mesh.shape[0], "columns": patch.mesh.shape[1], "target": target}
+        rows, columns = patch.mesh.shape[:2]
+        mesh = {"rows": rows, "columns": columns, "target": np.round(patch.mesh, 3)}
     return {
         "placed": patch.placed,
         "mesh": mesh,

@@ -4,15 +4,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats, GrayImage, Points, RgbImage
+from services.arrays import GrayImage, Points, RgbImage
 from services.geometry.homographies import resizing, transform_points
+from services.imaging.node_grid import between_nodes, continuous_nodes, node_grid
 from services.imaging.paper import certain_sheet
 from services.rectify.curved_framing import CurvedFrame
 from services.rectify.framing import FlatFrame
 
-GRID_STEP_PX = 16
-"""A curved page's map is exact at every 16th output pixel, bilinear between: a page that bends with a radius of a
-thousand pixels is then drawn within 0.03 pixels."""
 MAX_REDUCTION = 12.0
 """Photo pixels an output pixel: more is no page."""
 BAND_PX = 512
@@ -84,21 +82,15 @@ def _remap(
     flat: NDArray[np.uint8],
 ) -> None:
     """Draw `image`, the photo resized by `factor`, into `flat` through the frame's map, band by band."""
-    columns = -(-frame.width // GRID_STEP_PX) + 2
-    x = (np.arange(columns) - 0.5) * GRID_STEP_PX - 0.5
     for top in range(0, frame.height, BAND_PX):
         rows = min(BAND_PX, frame.height - top)
-        count = -(-rows // GRID_STEP_PX) + 2
-        y = top + (np.arange(count) - 0.5) * GRID_STEP_PX - 0.5
-        grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        seen = (frame.to_photo(grid) + 0.5) * factor - 0.5
-        nodes = seen.reshape(count, columns, 2)
-        known = _continuous(nodes, MAX_REDUCTION * GRID_STEP_PX * factor)
-        dense = _between_nodes(np.where(known[..., None], nodes, 0.0).astype(np.float32))
-        dense = dense[:rows, : frame.width]
+        grid, shape = node_grid(0, top, frame.width, rows)
+        nodes = ((frame.to_photo(grid) + 0.5) * factor - 0.5).reshape(*shape, 2)
+        known = continuous_nodes(nodes, MAX_REDUCTION * factor)
+        dense = between_nodes(np.where(known[..., None], nodes, 0.0).astype(np.float32), frame.width, rows)
         if not known.all():
             # A pixel with an unknown node beside it is looked up beside the photo.
-            share = _between_nodes(known.astype(np.float32))[:rows, : frame.width]
+            share = between_nodes(known.astype(np.float32), frame.width, rows)
             dense = np.where(share[..., None] < 0.999, np.float32(-1e6), dense)
         white = (255.0,) * (1 if image.ndim == 2 else 3)
         flat[top : top + rows] = cv2.remap(
@@ -109,26 +101,3 @@ def _remap(
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=white,
         )
-
-
-def _continuous(nodes: Floats, limit: float) -> NDArray[np.bool_]:
-    """Nodes (rows, columns) that are known and no further than `limit` from their neighbours.
-
-    Where the page's model ends, at crossing rulings or edge-on, its map leaps.
-    """
-    known = np.asarray(np.isfinite(nodes).all(axis=-1))
-    with np.errstate(invalid="ignore"):
-        down = np.linalg.norm(np.diff(nodes, axis=0), axis=-1) > limit
-        across = np.linalg.norm(np.diff(nodes, axis=1), axis=-1) > limit
-    known[:-1] &= ~down
-    known[1:] &= ~down
-    known[:, :-1] &= ~across
-    known[:, 1:] &= ~across
-    return known
-
-
-def _between_nodes(nodes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Values at all pixels from those at every `GRID_STEP_PX`-th, without the rim of half a step."""
-    size = (nodes.shape[1] * GRID_STEP_PX, nodes.shape[0] * GRID_STEP_PX)
-    dense = cv2.resize(nodes, size, interpolation=cv2.INTER_LINEAR)
-    return np.asarray(dense[GRID_STEP_PX:, GRID_STEP_PX:], np.float32)

@@ -7,6 +7,8 @@ import subprocess
 import time
 from pathlib import Path
 
+import psutil
+
 from services.errors import NoText
 
 
@@ -16,6 +18,10 @@ def worker_pid() -> int:
 
 def size_of(payload: bytes) -> int:
     return len(payload)
+
+
+def resident_bytes(payload: bytes) -> int:
+    return psutil.Process().memory_info().rss
 
 
 def joined(*lists: list[bytes]) -> bytes:
@@ -54,7 +60,7 @@ def answer_a_function() -> object:
     return lambda: None
 
 
-def announce_and_wait(folder: str) -> int:
+def announce_and_wait(folder: str, payload: bytes = b"") -> int:
     (Path(folder) / f"running-{os.getpid()}").touch()
     while not (Path(folder) / "go").exists():
         time.sleep(0.005)

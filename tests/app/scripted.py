@@ -122,7 +122,7 @@ def document(parameters: RectifyParameters, encoding: Encoding, image: str | Non
 
 def mosaic_document(photos: int, asked: dict[str, object], image: str | None) -> dict[str, object]:
     """A `MosaicResult` whose notices carry back what was asked; the last photo is not placed."""
-    mesh = {"rows": 2, "columns": 2, "target": [[(0.0, 0.0), (19.0, 0.0)], [(0.0, 9.0), None]]}
+    mesh = {"rows": 2, "columns": 2, "target": [[(0.0, 0.0), (19.0, 0.0)], [(0.0, 9.0), (19.0, 9.0)]]}
     placed = {"placed": True, "mesh": mesh, "scale": 1.25, "sharpness": 1.0}
     return {
         "width": 20,

@@ -30,6 +30,7 @@ from tests.app.jobs import (
     leave,
     payload_of,
     refuse,
+    resident_bytes,
     size_of,
     start_child_and_hang,
     take_memory,
@@ -69,6 +70,27 @@ def test_workers_have_one_thread_bounded_memory_and_a_group_of_their_own() -> No
                 "core": 0,
                 "group": True,
             }
+
+    asyncio.run(check())
+
+
+def test_an_upload_is_held_once_in_the_worker_and_not_at_all_in_the_server(tmp_path: Path) -> None:
+    class Upload:
+        async def read(self) -> bytes:
+            return b"x" * size
+
+    size = 100_000_000
+
+    async def check() -> None:
+        async with engine() as pool:
+            idle = await pool.submit(resident_bytes, b"")
+            assert 0.9 * size < await pool.submit(resident_bytes, Upload()) - idle < 1.5 * size
+            before = resident_bytes(b"")
+            job = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path), Upload()))
+            await until(lambda: list(tmp_path.glob("running-*")))
+            assert resident_bytes(b"") - before < 0.5 * size
+            (tmp_path / "go").touch()
+            await job
 
     asyncio.run(check())
 

@@ -56,7 +56,7 @@ def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     ]  # fmt: skip
     result = MosaicResult.model_validate(response.json())
     assert result.patches[0].mesh is not None
-    assert result.patches[0].mesh.target == [[(0, 0), (19, 0)], [(0, 9), None]]
+    assert result.patches[0].mesh.target == [[(0, 0), (19, 0)], [(0, 9), (19, 9)]]
     assert (result.patches[1].placed, result.unplaced, result.image) == (False, [1], None)
 
 

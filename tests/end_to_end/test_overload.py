@@ -68,7 +68,7 @@ def test_a_large_mosaic_waits_on_the_disk(tmp_path: Path) -> None:
         )
         until_sample(service, "engine_running", 1)
         before = psutil.Process(service.process.pid).memory_info().rss
-        photos = [("images", upload("") + bytes(10_000_000)) for _ in range(6)]
+        photos = [("images", upload("") + b" " * 10_000_000) for _ in range(6)]
         mosaic = clients.submit(httpx.post, service.url + "/mosaic", files=photos, timeout=60)
         until_sample(service, "engine_queue_depth", 1)
         grown = psutil.Process(service.process.pid).memory_info().rss - before

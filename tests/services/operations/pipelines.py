@@ -53,7 +53,7 @@ class MosaicPipeline:
 
     def __call__(self, photos: Any, parameters: Any, exif_focal_lengths_px: Any, ocr: Any) -> MosaicResult:
         self.calls.append(([photo.shape for photo in photos], parameters, exif_focal_lengths_px, ocr))
-        mesh = np.array([[[0, 1 / 3], [9, 0]], [[0, 9], [np.inf, np.nan]]], np.float64)
+        mesh = np.array([[[0, 1 / 3], [9, 0]], [[0, 9], [9, 9]]], np.float64)
         return MosaicResult(
             photos[0],
             0,

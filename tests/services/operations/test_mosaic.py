@@ -35,7 +35,7 @@ def run(uploads: list[bytes], encoding: EncodingOptions | None = None) -> PageRe
 def test_the_answer_is_the_contracts() -> None:
     document = json.loads(json.dumps(run(PNGS).document), parse_constant=reject_constant)
     assert list(document.pop("timings_ms")) == ["decode", "registration", "composition", "encode"]
-    mesh = {"rows": 2, "columns": 2, "target": [[[0, 0.333], [9, 0]], [[0, 9], None]]}
+    mesh = {"rows": 2, "columns": 2, "target": [[[0, 0.333], [9, 0]], [[0, 9], [9, 9]]]}
     placed = {"placed": True, "mesh": mesh, "scale": 1.2346, "sharpness": 1.0}
     assert document == {
         "width": 60,

@@ -9,6 +9,7 @@ import pytest
 from services.arrays import Points, RgbImage
 from services.developable.surface import bend_basis
 from services.geometry.homographies import transform_points, translation
+from services.imaging import node_grid
 from services.rectify import drawing
 from services.rectify.curved_framing import CurvedFrame, frame_curved_page
 from services.rectify.drawing import draw_flat_view, draw_gray_view
@@ -90,7 +91,7 @@ def test_bands_leave_no_seams(photo: RgbImage, band: int, monkeypatch: pytest.Mo
 def test_a_coarse_grid_is_as_good_as_a_fine_one(photo: RgbImage, monkeypatch: pytest.MonkeyPatch) -> None:
     frame = SEEN.frame()
     usual = draw_flat_view(photo, frame).astype(int)
-    monkeypatch.setattr(drawing, "GRID_STEP_PX", 2)
+    monkeypatch.setattr(node_grid, "GRID_STEP_PX", 2)
     fine = draw_flat_view(photo, frame)
     shown = (usual < 255).all(axis=2) & (fine < 255).all(axis=2)
     assert 0 < np.abs(usual - fine)[shown].mean() < 0.5

@@ -1,0 +1,124 @@
+"""Pictures of a page, told from shaded paper by its levels."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Mask
+from services.imaging.illumination import Levels
+
+
+@dataclass(frozen=True, slots=True)
+class PictureParameters:
+    """Lengths are shares of the page's long side; levels of ink are shares of its paper's."""
+
+    window: float = 0.45
+    """Pictures are narrower than this, one way."""
+    darkest_paper: float = 0.88
+    """Against the paper round about; wrinkles and see-through print take off less."""
+    largest_paper_ink: float = 0.45
+    """Where the page's ink is lighter, strokes are not resolved: the depth of ink says nothing then."""
+    similar_ink: tuple[float, float] = (1.3, 0.05)
+    """Ink in a shadow is at most so much lighter than elsewhere, as a factor and a summand: its share of its paper's
+    level is what it is in full light. In a picture the darks beside its lights are higher."""
+    other_ink: tuple[float, float] = (1.5, 0.1)
+    """Ink that is lighter than this is none."""
+    shadow_share: float = 0.9
+    """A dark part is a shadow only when more of it than this holds ink as dark as elsewhere."""
+    picture_share: float = 0.5
+    """A dark part that the page's end cuts is a picture only when as much of it holds no such ink."""
+    holes: float = 1 / 24
+    """Lights within a picture, such as print in white on it, are narrower."""
+    ring: float = 1 / 60
+    """Width of the rings within and round about a dark part in which its edge is looked for."""
+    edge: float = 0.07
+    """A picture's edge is sharp: across the rings the logarithm of the level falls by this. What is darker than this
+    only further within is uneven light."""
+    rim: float = 1 / 100
+    """Beside a picture the background is not yet the paper's."""
+
+
+def find_pictures(levels: Levels, parameters: PictureParameters | None = None) -> Mask:
+    """Where the page (h, w as the levels) shows a picture, though its levels may look like paper's.
+
+    A picture is darker than the paper round about on all sides, and so is a shadow amid the page; but in a shadow ink
+    darkens as its paper does. What is dark up to the page's end is a picture only when its ink says so.
+    """
+    p = parameters or PictureParameters()
+    height, width = levels.paper.shape
+    long_side = max(height, width)
+    window = _odd(p.window * long_side)
+    amid = _dark_amid_paper(levels.paper, window, p.darkest_paper, to_border=False)
+    to_border = _dark_amid_paper(levels.paper, window, p.darkest_paper, to_border=True)
+    plain = ~to_border & (levels.measured > 0.5) & (levels.ink > 0)
+    ink = float(np.median(levels.ink[plain])) if plain.any() else 1.0
+    resolved = 0.0 < ink <= p.largest_paper_ink
+    is_similar = resolved & (levels.ink <= p.similar_ink[0] * ink + p.similar_ink[1])
+    is_other = resolved & (levels.ink > p.other_ink[0] * ink + p.other_ink[1])
+    holes, rim = _odd(p.holes * long_side), _odd(2 * p.rim * long_side)
+    ring = _odd(p.ring * long_side)
+    amid_parts, amid_count = _parts(amid, holes)
+    is_picture = _edges(np.log(levels.paper), amid_parts, amid_count, ring) >= p.edge
+    is_picture &= _shares(amid_parts, amid_count, is_similar) <= p.shadow_share
+    is_picture[0] = False
+    cut_parts, cut_count = _parts(to_border, holes)
+    is_cut_picture = _shares(cut_parts, cut_count, is_other) >= p.picture_share
+    is_cut_picture[0] = False
+    found = is_picture[amid_parts] | is_cut_picture[cut_parts]
+    grown = cv2.dilate(found.astype(np.uint8), np.ones((rim, rim), np.uint8))
+    return np.asarray(grown > 0)
+
+
+def _parts(mask: Mask, holes: int) -> tuple[NDArray[np.int32], int]:
+    """Label of the connected part of `mask` at every pixel, 0 for none, and the number of labels.
+
+    Holes of the given size are filled, and what is two pixels wide is dropped.
+    """
+    opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    padded = cv2.copyMakeBorder(opened, holes, holes, holes, holes, cv2.BORDER_CONSTANT, value=0)
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((holes, holes), np.uint8))
+    height, width = mask.shape
+    count, labels = cv2.connectedComponents(closed[holes : holes + height, holes : holes + width])
+    return np.asarray(labels, np.int32), count
+
+
+def _shares(parts: NDArray[np.int32], count: int, evidence: Mask) -> Floats:
+    """Share of `evidence` in each part (count,)."""
+    area = np.bincount(parts.ravel(), minlength=count)
+    return np.asarray(np.bincount(parts.ravel(), evidence.ravel(), count) / np.maximum(area, 1))
+
+
+def _edges(level: NDArray[np.float32], parts: NDArray[np.int32], count: int, ring: int) -> Floats:
+    """Mean of `level` in the ring round about each part less that in the ring within it, (count,)."""
+    kernel = np.ones((2 * ring + 1,) * 2, np.uint8)
+    # Labels are small integers, which single precision holds exactly.
+    round_about = cv2.dilate(parts.astype(np.float32), kernel).astype(np.int32)
+    round_about[parts > 0] = 0
+    within = np.where(cv2.erode((parts > 0).astype(np.uint8), kernel) > 0, 0, parts)
+
+    def means(labels: NDArray[np.int32]) -> Floats:
+        area = np.bincount(labels.ravel(), minlength=count)
+        return np.asarray(np.bincount(labels.ravel(), level.ravel(), count) / np.maximum(area, 1))
+
+    return means(round_about) - means(within)
+
+
+def _odd(size: float) -> int:
+    return 2 * int(size / 2) + 1
+
+
+def _dark_amid_paper(paper: NDArray[np.float32], window: int, darkest: float, to_border: bool) -> Mask:
+    """Where `paper` is a dip narrower than `window`; with `to_border` also one that the page's end cuts.
+
+    A slope that only descends towards the page's end is no dip without `to_border`.
+    """
+    pad = window // 2
+    padded = paper
+    if not to_border:
+        padded = np.asarray(cv2.copyMakeBorder(paper, pad, pad, pad, pad, cv2.BORDER_REPLICATE), np.float32)
+    around = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((window, window), np.uint8))
+    if not to_border:
+        around = around[pad : pad + paper.shape[0], pad : pad + paper.shape[1]]
+    return np.asarray(paper < darkest * around)
