@@ -104,8 +104,8 @@ def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch
     if factor < 1.0:
         size = (max(round(source.shape[1] * factor), 1), max(round(source.shape[0] * factor), 1))
         source = np.asarray(cv2.resize(source, size, interpolation=cv2.INTER_AREA), np.uint8)
-    step = float(np.max(_enlargement(placed.placement.to_flat, inside))) * GRID_STEP_PX
-    side = 2 * int(np.ceil(1.5 * step)) + 1
+    step = float(np.nan_to_num(_enlargement(placed.placement.to_flat, inside)).max()) * GRID_STEP_PX
+    side = 2 * int(np.ceil(min(1.5 * step, float(max(shown.shape))))) + 1
     well_shown = cv2.erode(
         shown, np.ones((side, side), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
     )

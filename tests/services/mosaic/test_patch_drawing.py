@@ -163,3 +163,12 @@ def test_a_frame_is_seen_through() -> None:
     patch = prepare_patch(replace(placed, flat=flat, placement=Placement(scaling(2.0))), WIDTH, HEIGHT)
     found = mapped(patch, Rectangle(100, 100, 500, 400))
     assert np.abs(draw_patch(patch, found).astype(int) - page[100:500, 100:600]).max() <= 1
+
+
+@pytest.mark.parametrize("scale", [1e-4, 300.0])
+def test_a_wild_placement_costs_no_more(scale: float) -> None:
+    """A photo of a pixel's size, or of which a pixel fills the page."""
+    patch = prepare_patch(place(in_color(prose().image), scaling(scale)), 400, 300)
+    found = map_patch(patch, Rectangle(0, 0, 400, 300))
+    assert patch.source.size <= prose().image.size * 3
+    assert found is None or found.covered.shape == (300, 400)
