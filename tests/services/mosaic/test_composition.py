@@ -231,6 +231,6 @@ def test_memory_does_not_grow_with_the_page(page: RgbImage, how: Composition) ->
         tracemalloc.stop()
         return (peak - image.nbytes) / 1e6
 
-    small, large = beyond(2.0), beyond(4.0)
+    small, large = beyond(1.5), beyond(3.0)
     assert small < 120
     assert large < small + 10
