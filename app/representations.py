@@ -137,7 +137,8 @@ def image_headers(document: Mapping[str, object]) -> dict[str, str]:
     if isinstance(unplaced, list | tuple):
         headers["Document-Unplaced"] = ", ".join(map(str, unplaced))
     if isinstance(warnings, list | tuple):
-        headers["Document-Warnings"] = ", ".join(str(warning["code"]) for warning in warnings)
+        codes = dict.fromkeys(str(warning["code"]) for warning in warnings)  # photos share some
+        headers["Document-Warnings"] = ", ".join(codes)
     if isinstance(timings, Mapping):
         headers["Server-Timing"] = ", ".join(
             f"{name.replace('_', '-')};dur={float(ms):.1f}" for name, ms in timings.items()

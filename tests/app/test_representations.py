@@ -94,3 +94,12 @@ def test_headers_of_a_result_without_warnings() -> None:
         "Document-Warnings": "",
         "Server-Timing": "texture-flow;dur=1.0",
     }
+
+
+def test_headers_of_a_mosaic() -> None:
+    warnings = [{"code": code, "detail": ""} for code in ("unplaced", "curved-page", "unplaced")]
+    assert image_headers({"unplaced": [0, 12], "warnings": warnings}) == {
+        "Document-Unplaced": "0, 12",
+        "Document-Warnings": "unplaced, curved-page",
+    }
+    assert image_headers({"unplaced": []}) == {"Document-Unplaced": ""}
