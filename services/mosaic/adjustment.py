@@ -14,10 +14,14 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from services.arrays import Floats, Homography, Vector
+from services.geometry.homographies import transform_points
+from services.mosaic.frontal_frame import ViewInWorld, agree_on_views
 from services.mosaic.homography_bundle import (
+    PRIOR_POINTS,
     Bundle,
     BundleParameters,
     BundleSolution,
+    FrontalPrior,
     solve_bundle,
     transfer_distances,
 )
@@ -34,6 +38,12 @@ class AdjustmentParameters:
     """A pair whose matches keep less than this on average is seven deviations off."""
     contradicted_residual: float = 0.001
     """Of the diagonal; half a character: less is an inaccuracy, no contradiction."""
+    least_departure: float = 0.0015
+    """RMS, relative to half a diagonal, by which good rectifications differ from a similarity: a pixel or two."""
+    prior_share: float = 0.7
+    """Of the median departure that is found, which holds errors of the matches too: it shrinks from pass to pass."""
+    prior_passes: int = 4
+    """From a hundredth to the least."""
     suspicious_weight: float = 0.4
     """A pair that keeps less is tried to be left out: three deviations off."""
     most_suspects: int = 5
@@ -79,7 +89,7 @@ def adjust_globally(
     """Homographies of all photos of a connected part, from all its pairs at once.
 
     `sizes` are widths and heights of the flat views by photo index. The result, up to one homography for all, depends
-    neither on the order of photos nor on that of pairs.
+    neither on the order of photos nor on that of pairs. Views are taken to be frontal but for errors that are alike.
 
     Raises
     ------
@@ -92,13 +102,14 @@ def adjust_globally(
         return GlobalAdjustment({photos[0]: np.eye(3)}, (), 0.0, True)
     bundle = Bundle.of(photos, sizes, pairs)
     own = np.array([_own_deviation(bundle, k, p.bundle) for k in range(len(pairs))])
-    solution = _without_contradictions(bundle, len(photos), own, p)
+    solution, left_out = _without_contradictions(bundle, len(photos), own, p)
+    solution = _as_frontal_as_known(bundle, solution, own, p, left_out)
     maps = solution.maps
     adjusted = []
     for k, (pair, weight) in enumerate(zip(pairs, solution.weights, strict=True)):
         off = k in _suspects(bundle, solution, p.contradicted_weight, p)
         adjusted.append(AdjustedPair(pair.a, pair.b, float(weight), bool(off)))
-    # The world is the view of a photo of the best pair, for want of a better one.
+    # The world is, to a pixel, the view of a photo of the best pair.
     root = bundle.halves[int(np.argmax(bundle.evidence))][0].target
     H_world = np.linalg.inv(maps[root] @ bundle.normalisations[root])
     H_world_flat = {}
@@ -118,8 +129,8 @@ def residual_px(pair: PairRegistration, placement_a: Placement, placement_b: Pla
 
 def _without_contradictions(
     bundle: Bundle, count: int, own: Vector, p: AdjustmentParameters
-) -> BundleSolution:
-    """The solution of all pairs, or of all but the few that contradict them.
+) -> tuple[BundleSolution, frozenset[int]]:
+    """The solution of all pairs, or of all but the few that contradict them, and these.
 
     A false pair among few can bend the others so far that the loss alone finds no way back, so each suspicious one is
     left out in turn; it stays out where the loss of all pairs together, its own included, then falls clearly.
@@ -147,7 +158,34 @@ def _without_contradictions(
         best, left_out = trials[int(np.argmin(losses))]
     if left_out:
         best = solve_bundle(bundle, best.maps, own, p.bundle, left_out)
-    return best
+    return best, left_out
+
+
+def _as_frontal_as_known(
+    bundle: Bundle, solution: BundleSolution, own: Vector, p: AdjustmentParameters, left_out: frozenset[int]
+) -> BundleSolution:
+    """The solution when the views' rectifications have a say beside the matches.
+
+    Where two views share a strip, its matches hardly tell how either foreshortens, and a hundredth of a pixel in the
+    strip is pixels at the far end. That all views are nearly frontal tells it well enough. How nearly is learnt from
+    the views themselves (empirical Bayes), so that it says little where they are not; matches that say enough are not
+    overruled.
+    """
+    points = PRIOR_POINTS[:, 0] + 1j * PRIOR_POINTS[:, 1]
+    expected, prior = np.inf, None
+    roughly = replace(p.bundle, step_px=1000 * p.bundle.step_px)
+    for _ in range(p.prior_passes):
+        views = [ViewInWorld(points, transform_points(A, PRIOR_POINTS), 1.0) for A in solution.maps]
+        agreed = agree_on_views(views, np.full(len(views), 1 / len(views)))
+        usual = max(p.prior_share * float(np.median(agreed.departures)), p.least_departure)
+        if usual > 0.8 * expected:
+            break
+        expected = usual
+        # One that departs further than the others is expected to.
+        prior = FrontalPrior(usual / np.sqrt(np.maximum(agreed.trust / agreed.trust.max(), 1e-12)))
+        start = agreed.H_frontal_world @ solution.maps
+        solution = solve_bundle(bundle, start, own, roughly, left_out, prior)
+    return solution if prior is None else solve_bundle(bundle, solution.maps, own, p.bundle, left_out, prior)
 
 
 def _disagreement(bundle: Bundle, maps: Floats, widths: Vector) -> float:

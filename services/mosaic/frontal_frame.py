@@ -59,7 +59,7 @@ class FrontalFrame:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _View:
+class ViewInWorld:
     """Points of a view: normalised (N,), complex, with half its diagonal 1, and in the world (N, 2)."""
 
     normalised: Complex
@@ -68,8 +68,10 @@ class _View:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Agreement:
-    """`factors` (n,), complex: normalised view over frontal frame, of the best similarity of each view."""
+class Agreement:
+    """The frame, and per view (n,): its best similarity as a complex factor (normalised over frontal), its departure
+    from that, RMS relative to half its diagonal, and its share in the agreement.
+    """
 
     H_frontal_world: Homography
     factors: Complex
@@ -92,7 +94,7 @@ def agree_on_frontal_frame(
     weights = np.array([max(photos[k].weight, 1e-9) for k in order])
     outlines = [_outline(photos[k].shown) for k in order]
     views = [_view(outline, H_world_flat[k]) for k, outline in zip(order, outlines, strict=True)]
-    agreed = _agree(views, weights / weights.sum(), p)
+    agreed = agree_on_views(views, weights / weights.sum(), p)
     H_frontal_flat = [agreed.H_frontal_world @ H_world_flat[k] for k in order]
     # Frontal units per flat pixel.
     scales = np.array([1 / (abs(a) * v.half_diagonal_px) for a, v in zip(agreed.factors, views, strict=True)])
@@ -134,21 +136,28 @@ def _outline(shown: Mask) -> Points:
     return np.stack([x, y], axis=1).astype(np.float64)
 
 
-def _view(outline: Points, H_world_flat: Homography, points: int = 7) -> _View:
+def _view(outline: Points, H_world_flat: Homography, points: int = 7) -> ViewInWorld:
     """A grid over the box that `outline` (flat pixels) fills."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     grid = np.stack(np.meshgrid(*np.linspace(low, high, points).T), axis=-1).reshape(-1, 2)
     half_diagonal = max(0.5 * float(np.hypot(*(high - low))), 1.0)
     centred = (grid - 0.5 * (low + high)) / half_diagonal
-    return _View(centred[:, 0] + 1j * centred[:, 1], transform_points(H_world_flat, grid), half_diagonal)
+    return ViewInWorld(
+        centred[:, 0] + 1j * centred[:, 1], transform_points(H_world_flat, grid), half_diagonal
+    )
 
 
-def _agree(views: list[_View], weights: Vector, p: FrontalFrameParameters) -> _Agreement:
-    """Gauss-Newton on the departures from similarities, reweighted by Geman and McClure's loss.
+def agree_on_views(
+    views: list[ViewInWorld], weights: Vector, parameters: FrontalFrameParameters | None = None
+) -> Agreement:
+    """The frame that `views` of `weights` (n,), which add up to 1, agree on.
+
+    Gauss-Newton on the departures from similarities, reweighted by Geman and McClure's loss.
 
     Each view's own similarity is eliminated (variable projection, with Kaufman's Jacobian), so that four parameters of
     the frame remain: its aspect, its shear and two of foreshortening.
     """
+    p = parameters or FrontalFrameParameters()
     H = _frontal_of(views[int(np.argmax(weights))])
     every = transform_points(H, np.concatenate([view.world for view in views]))
     middle, extent = every.mean(axis=0), float(np.abs(every - every.mean(axis=0)).max())
@@ -172,10 +181,10 @@ def _agree(views: list[_View], weights: Vector, p: FrontalFrameParameters) -> _A
         before, trust = trust, _trusted(departures, weights, p)
         if max(np.abs([aspect, shear, across, down]).max(), np.abs(trust - before).max()) < 1e-12:
             break
-    return _Agreement(H, factors, departures, trust)
+    return Agreement(H, factors, departures, trust)
 
 
-def _frontal_of(view: _View) -> Homography:
+def _frontal_of(view: ViewInWorld) -> Homography:
     """The homography that makes one view, by itself, a similarity: world -> its normalised points."""
     x, y, u, v = *view.world.T, view.normalised.real, view.normalised.imag
     zero, one = np.zeros_like(x), np.ones_like(x)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.homographies import jacobians, transform_points
@@ -11,6 +12,13 @@ from services.mosaic.pair_registration import PairRegistration
 
 FREE = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1)]
 """Entries of a homography near the identity, in the order of the parameters; the last, (2, 2), stays."""
+
+PRIOR_POINTS = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 7), np.linspace(-0.7, 0.7, 7)), axis=-1).reshape(
+    -1, 2
+)
+"""Points (N, 2) that stand for a normalised view."""
+PRIOR_PRECISION = 4 * 0.5 / (0.5 * 2.385**2)
+"""Four independent errors, as likely as a match's in units of its loss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +113,44 @@ class Bundle:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FrontalPrior:
+    """What is known of the views beforehand: each is a similarity of the frontal frame, but for its rectification.
+
+    `deviations` (n,) are the RMS departures to be expected, relative to half a view's diagonal; infinite for a view of
+    which nothing is known. With a prior the world is the frontal frame.
+    """
+
+    deviations: Vector
+
+    def departures(self, maps: Floats) -> tuple[Floats, Floats]:
+        """Departures (n, 2 N) of points of each view from its best similarity, and their derivatives (n, 2 N, 8)."""
+        departures, derivatives = [], []
+        for A in maps:
+            z = _complex(transform_points(A, PRIOR_POINTS))
+            span, _ = np.linalg.qr(np.stack([np.ones_like(z), z], axis=1))
+            around, here = z - z.mean(), _complex(PRIOR_POINTS)
+            factor = np.vdot(around, here) / np.vdot(around, around)
+            motions = _complex(jacobians(A, PRIOR_POINTS) @ _basis(PRIOR_POINTS))
+            r = here - span @ (span.conj().T @ here)
+            J = -factor * (motions - span @ (span.conj().T @ motions))
+            departures.append(np.concatenate([r.real, r.imag]))
+            derivatives.append(np.concatenate([J.real, J.imag]))
+        share = np.sqrt(len(PRIOR_POINTS))
+        return np.array(departures) / share, np.array(derivatives) / share
+
+    def precisions(self) -> Vector:
+        """Weights (n,) of squared departures beside Cauchy's loss of the matches, four parameters to each view."""
+        return PRIOR_PRECISION / self.deviations**2
+
+
 def solve_bundle(
     bundle: Bundle,
     start: Floats,
     own: Vector,
     p: BundleParameters,
     left_out: frozenset[int] = frozenset(),
+    prior: FrontalPrior | None = None,
 ) -> BundleSolution:
     """Gauss-Newton on reweighted squares, Cauchy's loss.
 
@@ -135,13 +175,13 @@ def solve_bundle(
         width = p.loss_width * deviation if settled else width * p.annealing
         widths = np.maximum(width, p.loss_width * np.minimum(own, most))
         robust = [1 / (1 + (d / w) ** 2) for d, w in zip(distances, widths, strict=True)]
-        A, g = _normal_equations(bundle, maps, robust, widths)
-        cost = _cost(bundle, distances, widths)
+        A, g = _normal_equations(bundle, maps, robust, widths, prior)
+        cost = _cost(bundle, distances, widths, maps, prior)
         for _ in range(8):
             step = _step(A, g, damping)
             moved = _moved(maps, step)
             distances_moved = transfer_distances(bundle, moved)
-            if _cost(bundle, distances_moved, widths) <= cost * (1 + 1e-12):
+            if _cost(bundle, distances_moved, widths, moved, prior) <= cost * (1 + 1e-12):
                 break
             damping = max(damping * 100, 1e-6)
         else:
@@ -160,10 +200,15 @@ def solve_bundle(
     )
 
 
-def _cost(bundle: Bundle, distances: Sequence[Vector], widths: Vector) -> float:
-    """Cauchy's loss of all matches."""
+def _cost(
+    bundle: Bundle, distances: Sequence[Vector], widths: Vector, maps: Floats, prior: FrontalPrior | None
+) -> float:
+    """Cauchy's loss of all matches, and the prior's squares."""
     losses = zip(bundle.confidences, distances, widths, strict=True)
-    return sum(float((c * np.log1p((d / w) ** 2)).sum()) for c, d, w in losses)
+    total = sum(float((c * np.log1p((d / w) ** 2)).sum()) for c, d, w in losses)
+    if prior is not None:
+        total += float((prior.precisions() * (prior.departures(maps)[0] ** 2).sum(axis=1)).sum())
+    return total
 
 
 def transfer_distances(bundle: Bundle, maps: Floats) -> list[Vector]:
@@ -187,7 +232,7 @@ def _residuals(half: _Half, maps: Floats, unit: float) -> tuple[Vector, Vector, 
 
 
 def _normal_equations(
-    bundle: Bundle, maps: Floats, robust: Sequence[Vector], widths: Vector
+    bundle: Bundle, maps: Floats, robust: Sequence[Vector], widths: Vector, prior: FrontalPrior | None
 ) -> tuple[Floats, Vector]:
     """Matrix (8 n, 8 n) and right side of the step that each map makes in its own view."""
     size = 8 * len(maps)
@@ -204,6 +249,13 @@ def _normal_equations(
             both = np.r_[8 * half.target : 8 * half.target + 8, 8 * half.source : 8 * half.source + 8]
             A[np.ix_(both, both)] += J.T @ J
             g[both] -= J.T @ (r * root[:, None]).ravel()
+    if prior is not None:
+        departures, derivatives = prior.departures(maps)
+        for k, (r, J, precision) in enumerate(zip(departures, derivatives, prior.precisions(), strict=True)):
+            own = slice(8 * k, 8 * k + 8)
+            # Matches count in both directions, so the prior twice.
+            A[own, own] += 2 * precision * J.T @ J
+            g[own] -= 2 * precision * J.T @ r
     return A, g
 
 
@@ -236,6 +288,11 @@ def _resolutions(count: int, ends: Sequence[tuple[int, int]], pairs: Sequence[Pa
         right[k] = 0.5 * np.log(abs(np.linalg.det(jacobians(pair.H_a_b, middle)[0])))
     # The solution of least norm: the geometric mean is 1, whichever photo comes first.
     return np.asarray(np.exp(np.linalg.lstsq(rows, right, rcond=None)[0]))
+
+
+def _complex(vectors: Floats) -> NDArray[np.complex128]:
+    """x + i y of (N, 2) or (N, 2, M)."""
+    return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])
 
 
 def _basis(points: Points) -> Floats:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from services.arrays import Homography
 from services.geometry.homographies import transform_points, translation
-from services.mosaic.adjustment import adjust_globally, residual_px
+from services.mosaic.adjustment import AdjustmentParameters, adjust_globally, residual_px
 from services.mosaic.placement import Placement
 from tests.services.mosaic.synthetic_views import SIZE, grid, grid_views, match, match_all, renumber
 
@@ -118,6 +118,27 @@ def test_what_curvature_leaves_is_shared_not_rejected() -> None:
     assert not any(pair.contradicted for pair in adjusted.pairs)
     assert min(pair.kept_weight for pair in adjusted.pairs) > 0.3
     assert error_px(adjusted.H_world_flat, views) < 5
+
+
+def test_nearly_frontal_views_tell_what_a_strip_does_not() -> None:
+    with_prior, without = [], []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        views = grid_views(rng, 1, 3, overlap=0.15, error=0.002)
+        pairs = match_all(rng, views, noise_px=0.15, count=20)
+        sizes = dict.fromkeys(views, SIZE)
+        with_prior.append(error_px(adjust_globally(sizes, pairs).H_world_flat, views))
+        alone = adjust_globally(sizes, pairs, AdjustmentParameters(prior_passes=0))
+        without.append(error_px(alone.H_world_flat, views))
+    assert np.mean(with_prior) < 0.5 * np.mean(without)
+
+
+@pytest.mark.parametrize("noise_px", [0.0, 0.1])
+def test_views_that_are_not_frontal_are_placed_by_their_matches(noise_px: float) -> None:
+    rng = np.random.default_rng(11)
+    views = grid_views(rng, 2, 2, overlap=0.4, error=0.06)
+    adjusted = adjust_globally(dict.fromkeys(views, SIZE), match_all(rng, views, noise_px))
+    assert error_px(adjusted.H_world_flat, views) < 0.01 + 2 * noise_px
 
 
 def test_views_that_differ_by_a_quarter_turn() -> None:
