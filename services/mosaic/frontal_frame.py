@@ -25,7 +25,9 @@ class FrontalFrameParameters:
     usual_departure: float = 0.004
     """What a good rectification leaves; a view must depart further before it is trusted less."""
     spread: float = 2.0
-    """Or this many times the median departure, where all are worse."""
+    """Or this many times the departure that most keep within, where all are worse."""
+    most: float = 0.6
+    """Two of three, three of four: two against two are no majority."""
     usual_turn_deg: float = 0.5
     """The same for the direction of the text."""
     detail_share: float = 0.85
@@ -211,7 +213,7 @@ def _trusted(departures: Vector, weights: Vector, p: FrontalFrameParameters) -> 
     """Shares (n,) of the views: less for one that departs further than most. Of two, none can tell which is wrong."""
     if len(weights) < 3:
         return weights
-    usual = max(p.usual_departure, p.spread * _percentile(departures, weights, 0.5))
+    usual = max(p.usual_departure, p.spread * _percentile(departures, weights, p.most))
     trust = weights / (1 + (departures / usual) ** 2) ** 2
     return np.asarray(trust / trust.sum())
 
