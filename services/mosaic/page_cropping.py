@@ -1,5 +1,6 @@
 """Where the sheet ends on the whole mosaic, as `rectify` finds it on one photo."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -9,8 +10,13 @@ from services.arrays import Mask, Points, RgbImage
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import certain_sheet, model_paper
 from services.imaging.sheet_edges import find_sheet_edges
+from services.mosaic.photo_graph import is_shown
+from services.mosaic.placed_photo import PlacedPhoto
 from services.rectify.edge_cropping import LONG_SIDE_PX
 from services.texture_flow.text_identification import identify_text
+
+COVERED_LONG_SIDE_PX = 400
+"""Size at which it is told what the photos cover; `Paper` looks for the sheet at the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +81,18 @@ def find_page_crop(
     left, top = side(edges.left, 0, width - 1), side(edges.top, 0, height - 1)
     right, bottom = side(edges.right, width - 1, width - 1), side(edges.bottom, height - 1, height - 1)
     return PageCrop(left, top, right + 1, bottom + 1) if left < right and top < bottom else whole
+
+
+def covered_by(placed: Sequence[PlacedPhoto], width: int, height: int) -> Mask:
+    """Where at least one photo shows the page of `width` x `height`; (h, w), reduced."""
+    factor = COVERED_LONG_SIDE_PX / max(width, height)
+    columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
+    x, y = np.meshgrid((np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows)
+    grid = np.stack([x, y], axis=-1).reshape(-1, 2) - 0.5
+    covered = np.zeros(len(grid), bool)
+    for photo in placed:
+        covered |= is_shown(photo.flat, photo.placement.to_flat(grid))
+    return np.asarray(covered.reshape(rows, columns))
 
 
 def crop_page(page: RgbImage, crop: PageCrop) -> RgbImage:

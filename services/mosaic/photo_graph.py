@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.arrays import Homography, Points
 from services.errors import NotOverlapping
@@ -61,7 +62,7 @@ def _share_within(of: FlatPhoto, other: FlatPhoto, H_other_of: Homography, point
     return float(is_shown(other, transform_points(H_other_of, seen)).mean())
 
 
-def is_shown(photo: FlatPhoto, flat: Points) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def is_shown(photo: FlatPhoto, flat: Points) -> NDArray[np.bool_]:
     """Which flat pixels (N, 2) the photo's view shows."""
     width, height = photo.size
     with np.errstate(invalid="ignore"):

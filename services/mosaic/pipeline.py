@@ -1,12 +1,35 @@
 """The steps of `mosaic`, in their order."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-from services.arrays import RgbImage
-from services.errors import NotOverlapping
-from services.mosaic.parameters import MosaicParameters
+import cv2
+import numpy as np
+
+from services.arrays import GrayImage, RgbImage
+from services.errors import DocumentError, InvalidOption, NoText, NotOverlapping
+from services.geometry.homographies import translation
+from services.imaging.illumination import flatten_illumination
+from services.mosaic.composition import compose_page
+from services.mosaic.evidence import describe_pairs, describe_patches, notices_of, unplaced_notices
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.flattening import flatten_photo, take_as_flat
+from services.mosaic.page_cropping import covered_by, crop_page, find_page_crop
+from services.mosaic.parameters import FEWEST_PHOTOS, MOST_PHOTOS, MosaicParameters
+from services.mosaic.placed_photo import PlacedPhoto
+from services.mosaic.placing import PlacedPart, place_photos
+from services.mosaic.registration import register_photos
 from services.mosaic.results import MosaicResult
+from services.mosaic.tone_matching import match_tones
 from services.ocr.engine import OcrEngine
+from services.rectify.framing import turning
+from services.rectify.parameters import Illumination
+from services.rectify.pipeline import tell_orientation
+from services.rectify.results import Orientation
+from services.rectify.stage_clock import StageClock
+
+READING_TEXT_HEIGHT_PX = 20.0
+"""Text height at which the page is read to tell which way up it is, as `AnalysisParameters` has it for photos."""
 
 
 def mosaic(
@@ -22,8 +45,133 @@ def mosaic(
     InvalidOption
         When there are too few or too many photos, or the base is none of them.
     NoText
-        When fewer than two of the photos show enough printed text; the detail names the others.
+        When no two photos overlap, and fewer than two show enough printed text; the detail names the others.
     NotOverlapping
-        When no two of them show the same part of a page.
+        When no two photos show the same part of a page, or none the same as the base.
     """
-    raise NotOverlapping("photos are not registered yet.")
+    check_parameters(len(photos), parameters)
+    clock = StageClock()
+    flats, textless = flatten_photos(photos, parameters.rectify, exif_focal_lengths_px, clock)
+    with clock.stage("registration"):
+        pairs = register_photos(list(flats.values()))
+    with clock.stage("adjustment"):
+        try:
+            part = place_photos(flats, pairs, parameters.base)
+        except NotOverlapping as refusal:
+            raise explain_refusal(refusal, textless, len(photos)) from None
+    with clock.stage("illumination"):
+        placed = match_light(flats, part, parameters.illumination)
+    with clock.stage("composition"):
+        text_height_px = typical_text_height_px(placed)
+        composed = compose_page(placed, part.width, part.height, text_height_px, parameters.composition)
+    with clock.stage("framing"):
+        crop = find_page_crop(composed.image, covered_by(placed, part.width, part.height))
+        page = crop_page(composed.image, crop)
+    orientation, notice = Orientation(0, False, None), None
+    if parameters.upright:
+        with clock.stage("orientation"):
+            orientation, notice = tell_orientation(lambda: draw_reading_view(page, text_height_px), ocr)
+    turn, _, _ = turning(page.shape[1], page.shape[0], orientation.rotation_deg, orientation.mirrored)
+    H_final_mosaic = np.linalg.inv(turn) @ translation(-crop.left, -crop.top)
+    patches = describe_patches(len(photos), placed, composed.sharpness, H_final_mosaic)
+    unplaced = tuple(index for index, patch in enumerate(patches) if not patch.placed)
+    notices = [*notices_of(placed), *unplaced_notices(unplaced, textless, pairs)]
+    return MosaicResult(
+        turn_image(page, orientation),
+        part.base,
+        patches,
+        describe_pairs(flats, part),
+        unplaced,
+        orientation,
+        (*notices, notice) if notice else tuple(notices),
+        clock.timings_ms,
+    )
+
+
+def check_parameters(count: int, parameters: MosaicParameters) -> None:
+    """The number of photos, and the base among them."""
+    if count < FEWEST_PHOTOS:
+        raise InvalidOption(
+            f"images: expected {FEWEST_PHOTOS} to {MOST_PHOTOS} photos, got {count}; a single photo is for /rectify."
+        )
+    if count > MOST_PHOTOS:
+        raise InvalidOption(f"images: expected {FEWEST_PHOTOS} to {MOST_PHOTOS} photos, got {count}.")
+    if parameters.base is not None and not 0 <= parameters.base < count:
+        raise InvalidOption(
+            f"base: there is no photo {parameters.base}; expected auto or an index from 0 to {count - 1}."
+        )
+
+
+def flatten_photos(
+    photos: Sequence[RgbImage],
+    rectify: bool,
+    exif_focal_lengths_px: Sequence[float | None] | None,
+    clock: StageClock,
+) -> tuple[dict[int, FlatPhoto], Mapping[int, DocumentError]]:
+    """Flat view of every photo by index, and why those that show no text could not be rectified.
+
+    A photo without text is taken as it is: it may show a picture on the page, and be placed by its neighbours.
+    """
+    flats, textless = {}, {}
+    focal_lengths_px = exif_focal_lengths_px or [None] * len(photos)
+    for index, (photo, focal_length_px) in enumerate(zip(photos, focal_lengths_px, strict=True)):
+        if rectify:
+            try:
+                flats[index] = flatten_photo(index, photo, focal_length_px, clock)
+                continue
+            except NoText as refusal:
+                textless[index] = refusal
+        flats[index] = take_as_flat(index, photo, clock)
+    known = [flat.text_height_px for index, flat in flats.items() if index not in textless]
+    for index in textless if known else ():
+        flats[index] = replace(flats[index], text_height_px=float(np.median(known)), weight=0.0)
+    return flats, textless
+
+
+def explain_refusal(
+    refusal: NotOverlapping, textless: Mapping[int, DocumentError], count: int
+) -> DocumentError:
+    """What a person can do about photos that do not connect."""
+    if not textless:
+        return refusal
+    named = " ".join(f"images[{index}]: {reason.detail}" for index, reason in sorted(textless.items()))
+    return (
+        NoText(named)
+        if count - len(textless) < FEWEST_PHOTOS
+        else NotOverlapping(f"{refusal.detail} {named}")
+    )
+
+
+def match_light(
+    flats: Mapping[int, FlatPhoto], part: PlacedPart, illumination: Illumination
+) -> tuple[PlacedPhoto, ...]:
+    """The photos of the page, in their places and in one light, in the order of the upload."""
+    order = sorted(part.placements)
+    photos, placements = [flats[index] for index in order], [part.placements[index] for index in order]
+    tones = match_tones(photos, placements, illumination)
+    return tuple(map(PlacedPhoto, photos, placements, tones))
+
+
+def typical_text_height_px(placed: Sequence[PlacedPhoto]) -> float:
+    """Text height in mosaic pixels, the median over the photos."""
+    heights = []
+    for photo in placed:
+        width, height = photo.flat.size
+        middle = np.array([[(width - 1) / 2, (height - 1) / 2]])
+        square = photo.placement.to_mosaic(middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+        heights.append(photo.flat.text_height_px * float(np.sqrt(abs(np.linalg.det(square[1:] - square[0])))))
+    return float(np.median(heights))
+
+
+def draw_reading_view(page: RgbImage, text_height_px: float) -> GrayImage:
+    """The page in gray, flat-fielded, at the size at which it is read."""
+    factor = min(1.0, READING_TEXT_HEIGHT_PX / text_height_px)
+    size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
+    gray = cv2.cvtColor(cv2.resize(page, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
+    return flatten_illumination(np.asarray(gray, np.uint8), text_height_px * factor)
+
+
+def turn_image(page: RgbImage, orientation: Orientation) -> RgbImage:
+    """`page` flipped left to right if it was mirrored, then turned clockwise."""
+    flipped = page[:, ::-1] if orientation.mirrored else page
+    return np.ascontiguousarray(np.rot90(flipped, -(orientation.rotation_deg // 90)))

@@ -1,0 +1,81 @@
+"""What is told of every photo and every pair beside the page."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from services.arrays import Homography
+from services.errors import DocumentError
+from services.mosaic.adjustment import residual_px
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.pair_registration import PairRegistration
+from services.mosaic.patch_mesh import mesh_of_patch, scale_of_patch
+from services.mosaic.photo_graph import connect_photos, overlap_fraction
+from services.mosaic.placed_photo import PlacedPhoto
+from services.mosaic.placing import PlacedPart
+from services.mosaic.results import Pair, Patch
+from services.rectify.results import Notice
+
+
+def describe_patches(
+    count: int, placed: Sequence[PlacedPhoto], sharpness: Sequence[float], H_final_mosaic: Homography
+) -> tuple[Patch, ...]:
+    """One patch for each of `count` photos; meshes are in the final page, after crop and turn."""
+    patches = [Patch(False)] * count
+    sharpest = max(*sharpness, 1e-12)
+    for photo, sharp in zip(placed, sharpness, strict=True):
+        final = photo.placement.within(H_final_mosaic)
+        patches[photo.flat.index] = Patch(
+            True,
+            np.asarray(mesh_of_patch(photo.flat, final), np.float64),
+            scale_of_patch(photo.flat, final),
+            sharp / sharpest,
+        )
+    return tuple(patches)
+
+
+def describe_pairs(flats: Mapping[int, FlatPhoto], part: PlacedPart) -> tuple[Pair, ...]:
+    """The pairs that the page hangs together by."""
+    return tuple(
+        Pair(
+            pair.a,
+            pair.b,
+            pair.matches,
+            pair.votes,
+            pair.runner_up_votes,
+            overlap_fraction(flats[pair.a], flats[pair.b], pair.H_a_b),
+            residual_px(pair, part.placements[pair.a], part.placements[pair.b]),
+        )
+        for pair in part.pairs
+    )
+
+
+def notices_of(placed: Sequence[PlacedPhoto]) -> list[Notice]:
+    """What rectification said of the photos of the page, each with its name."""
+    return [
+        Notice(notice.code, f"images[{photo.flat.index}]: {notice.detail}")
+        for photo in placed
+        for notice in photo.flat.notices
+    ]
+
+
+def unplaced_notices(
+    unplaced: Sequence[int], textless: Mapping[int, DocumentError], pairs: Sequence[PairRegistration]
+) -> list[Notice]:
+    """Why each photo that is not on the page is not."""
+    beside = [pair for pair in pairs if pair.a in unplaced and pair.b in unplaced]
+    parts = connect_photos(unplaced, [(pair.a, pair.b) for pair in beside])
+    notices = []
+    for index in unplaced:
+        others = [other for part in parts if index in part for other in part if other != index]
+        if index in textless:
+            reason = textless[index].detail
+        elif others:
+            names = ", ".join(f"images[{other}]" for other in others)
+            reason = f"it overlaps {names}, but nothing that connects with the rest of the page."
+        else:
+            reason = (
+                "it overlaps none of the photos of the page, or too little. Photograph what lies between too."
+            )
+        notices.append(Notice("unplaced", f"images[{index}] is not on the page: {reason}"))
+    return notices
