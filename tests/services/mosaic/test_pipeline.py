@@ -1,0 +1,198 @@
+"""Photos in, the page out."""
+
+import itertools
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from services.arrays import Homography, Points, RgbImage
+from services.errors import InvalidOption, NoText, NotOverlapping
+from services.geometry.homographies import translation
+from services.mosaic.parameters import MosaicParameters
+from services.mosaic.pipeline import mosaic
+from services.mosaic.results import MosaicResult
+from tests.services.mosaic.views import look_at, page_image, photograph
+
+AS_LAID = MosaicParameters(upright=False)
+SCANS = MosaicParameters(upright=False, rectify=False)
+SIZE = (820, 900)
+"""Of the photos."""
+CAMERAS: tuple[Homography, ...] = (
+    look_at((400.0, 430.0), 15.0, 30.0, 0.95, *SIZE),
+    look_at((600.0, 780.0), 20.0, 200.0, 0.9, *SIZE),
+    look_at((480.0, 1120.0), 12.0, 110.0, 0.85, *SIZE),
+)
+"""Three photos down the page, each overlapping the next by more than a third."""
+
+
+def photos() -> list[RgbImage]:
+    return [photograph(page_image(), H, *SIZE) for H in CAMERAS]
+
+
+def on_mosaic(mesh: Points, photo_points: Points, size: tuple[int, int]) -> Points:
+    """Mosaic points (N, 2) of photo pixels (N, 2), by the mesh alone."""
+    rows, columns = mesh.shape[:2]
+    at = [
+        photo_points[:, 1] * (rows - 1) / (size[1] - 1),
+        photo_points[:, 0] * (columns - 1) / (size[0] - 1),
+    ]
+    return np.stack([map_coordinates(mesh[..., k], at, order=3, mode="nearest") for k in (0, 1)], axis=1)
+
+
+def seen_points(H_photo_page: Homography, size: tuple[int, int] = SIZE) -> tuple[Points, Points]:
+    """Page points that a photo shows, and where: (N, 2) each."""
+    page = np.stack(np.meshgrid(np.linspace(60, 940, 23), np.linspace(60, 1500, 37)), axis=-1).reshape(-1, 2)
+    seen = cv2.perspectiveTransform(page[None], H_photo_page)[0]
+    inside = (seen > 5).all(axis=1) & (seen < np.array(size) - 6).all(axis=1)
+    return page[inside], seen[inside]
+
+
+def registration_error_px(
+    result: MosaicResult, cameras: Sequence[Homography], size: tuple[int, int] = SIZE
+) -> float:
+    """RMS distance in page pixels after the best homography mosaic -> page, over all photos."""
+    page, laid = [], []
+    for patch, H in zip(result.patches, cameras, strict=True):
+        assert patch.mesh is not None
+        shown, seen = seen_points(H, size)
+        page.append(shown)
+        laid.append(on_mosaic(patch.mesh, seen, size))
+    wanted, found = np.concatenate(page), np.concatenate(laid)
+    fitted, _ = cv2.findHomography(found, wanted)
+    apart = cv2.perspectiveTransform(found[None], fitted)[0] - wanted
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+
+
+@pytest.fixture(scope="module")
+def three() -> MosaicResult:
+    return mosaic(photos(), AS_LAID)
+
+
+def test_three_photos_become_the_page(three: MosaicResult) -> None:
+    assert three.unplaced == ()
+    assert all(patch.placed for patch in three.patches)
+    assert registration_error_px(three, CAMERAS) < 0.3
+    height, width = three.image.shape[:2]
+    # The views meet in the page's own proportions, but for the rim that no photo shows.
+    assert 0.55 < width / height < 0.8
+    assert {"text", "registration", "adjustment", "illumination", "composition"} <= set(three.timings_ms)
+
+
+def test_pairs_carry_their_evidence(three: MosaicResult) -> None:
+    found = {(pair.a, pair.b): pair for pair in three.pairs}
+    assert {(0, 1), (1, 2)} <= set(found)
+    for pair in found.values():
+        assert pair.a < pair.b
+        assert pair.runner_up_votes < pair.votes <= pair.matches
+        assert 0.0 < pair.overlap_fraction <= 1.0
+        assert pair.residual_px < 0.5
+    assert found[(0, 1)].overlap_fraction > found.get((0, 2), found[(0, 1)]).overlap_fraction - 1e-9
+
+
+def test_the_page_is_white_and_its_ink_is_dark(three: MosaicResult) -> None:
+    height, width = three.image.shape[:2]
+    middle = three.image[height // 10 : -height // 10, width // 5 : -width // 5]
+    assert np.percentile(middle, 60) > 250
+    assert np.percentile(middle, 2) < 60
+
+
+def test_scale_and_sharpness_of_every_patch(three: MosaicResult) -> None:
+    scales = [patch.scale for patch in three.patches]
+    assert all(scale is not None and 0.8 < scale < 1.6 for scale in scales)
+    assert max(patch.sharpness or 0.0 for patch in three.patches) == 1.0
+
+
+def assert_same_page(one: MosaicResult, other: MosaicResult, order: Sequence[int]) -> None:
+    """Photo k of `other` is photo order.index(k) of `one`."""
+    assert one.image.shape == other.image.shape
+    for patch, k in zip(one.patches, order, strict=True):
+        expected = other.patches[k].mesh
+        assert patch.mesh is not None
+        assert expected is not None
+        assert np.abs(patch.mesh - expected).max() < 0.05
+    difference = np.abs(one.image.astype(np.int16) - other.image)
+    assert (difference > 40).mean() < 1e-3
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3)))[1:])
+def test_the_order_of_upload_does_not_change_the_page(three: MosaicResult, order: tuple[int, ...]) -> None:
+    assert_same_page(mosaic([photos()[k] for k in order], AS_LAID), three, order)
+
+
+@pytest.mark.parametrize("base", [0, 1, 2])
+def test_the_base_does_not_change_the_page(three: MosaicResult, base: int) -> None:
+    result = mosaic(photos(), MosaicParameters(upright=False, base=base))
+    assert result.base == base
+    assert_same_page(result, three, range(3))
+
+
+def test_a_photo_from_the_other_side_of_the_table_is_turned(three: MosaicResult) -> None:
+    turned = photos()
+    turned[1] = np.ascontiguousarray(turned[1][::-1, ::-1])
+    half_turn = np.array([[-1.0, 0.0, SIZE[0] - 1], [0.0, -1.0, SIZE[1] - 1], [0.0, 0.0, 1.0]])
+    result = mosaic(turned, AS_LAID)
+    assert result.unplaced == ()
+    assert registration_error_px(result, [CAMERAS[0], half_turn @ CAMERAS[1], CAMERAS[2]]) < 0.3
+
+
+def test_scans_are_joined_as_they_are() -> None:
+    cuts = [translation(0.0, 0.0), translation(-20.0, -500.0)]
+    scans = [photograph(page_image(), H, 950, 800) for H in cuts]
+    result = mosaic(scans, SCANS)
+    assert registration_error_px(result, cuts, (950, 800)) < 0.1
+    assert result.image.shape[0] > 1200
+    for patch in result.patches:
+        assert patch.scale == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_same_photo_twice_is_one_page() -> None:
+    result = mosaic([photos()[0]] * 2, AS_LAID)
+    assert result.unplaced == ()
+    assert registration_error_px(result, [CAMERAS[0]] * 2) < 0.1
+
+
+def test_a_blank_photo_is_named_and_the_page_is_made_without_it(three: MosaicResult) -> None:
+    blank = np.full((900, 820, 3), 225, np.uint8)
+    result = mosaic([photos()[0], blank, *photos()[1:]], AS_LAID)
+    assert result.unplaced == (1,)
+    assert result.patches[1].mesh is None
+    assert any(notice.code == "unplaced" and "images[1]" in notice.detail for notice in result.warnings)
+    assert result.image.shape == three.image.shape
+
+
+def test_a_photo_of_another_page_is_named(three: MosaicResult) -> None:
+    other = photograph(page_image(1), CAMERAS[1], *SIZE)
+    result = mosaic([*photos(), other], AS_LAID)
+    assert result.unplaced == (3,)
+    assert any("images[3]" in notice.detail for notice in result.warnings)
+
+
+def test_photos_of_two_pages_do_not_become_one() -> None:
+    with pytest.raises(NotOverlapping, match="no two of the photos"):
+        mosaic([photos()[0], photograph(page_image(1), CAMERAS[0], *SIZE)], AS_LAID)
+
+
+def test_a_base_beside_the_page_is_a_problem() -> None:
+    other = photograph(page_image(1), CAMERAS[1], *SIZE)
+    with pytest.raises(NotOverlapping, match=r"images\[0\]"):
+        mosaic([other, *photos()], MosaicParameters(upright=False, base=0))
+
+
+def test_blank_photos_are_named() -> None:
+    blank = np.full((300, 400, 3), 225, np.uint8)
+    with pytest.raises(NoText, match=r"images\[0\].*images\[1\]"):
+        mosaic([blank, blank], AS_LAID)
+
+
+@pytest.mark.parametrize("count", [1, 17])
+def test_too_few_and_too_many_photos(count: int) -> None:
+    with pytest.raises(InvalidOption, match="images: expected 2 to 16"):
+        mosaic([np.zeros((8, 8, 3), np.uint8)] * count, AS_LAID)
+
+
+def test_a_base_that_does_not_exist() -> None:
+    with pytest.raises(InvalidOption, match="base"):
+        mosaic(photos(), MosaicParameters(base=3))
