@@ -1,4 +1,4 @@
-"""Where the sheet ends on the whole mosaic, as `rectify` finds it on one photo."""
+"""Where the sheet ends on the whole mosaic: straight edges between paper and what it lies on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,86 +6,82 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from services.arrays import Mask, Points, RgbImage
+from services.arrays import Floats, Mask, Points, RgbImage
 from services.imaging.illumination import flatten_illumination
-from services.imaging.paper import certain_sheet, model_paper
-from services.imaging.sheet_edges import find_sheet_edges
+from services.imaging.paper import PaperParameters, model_paper
 from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
-from services.rectify.edge_cropping import LONG_SIDE_PX
 from services.texture_flow.text_identification import identify_text
-
-COVERED_LONG_SIDE_PX = 400
-"""Size at which it is told what the photos cover; `Paper` looks for the sheet at the same."""
 
 
 @dataclass(frozen=True, slots=True)
 class PageCroppingParameters:
-    """Sizes of the reduced pages on which the sheet is looked for."""
+    """Lengths are cells: pixels of a reduced page of `long_side_px`, or shares of it."""
 
+    long_side_px: int = 600
+    """The sheet is looked for at this size: a cell is then half a millimetre of an A4 page."""
     text_long_side_px: int = 1600
     """As in `AnalysisParameters`."""
     min_components: int = 30
-    rim: float = 0.01
-    """Of the sheet's size, kept beside it (as `FramingParameters.paper_margin`)."""
+    steepest: float = 0.04
+    """Sheets are cut parallel to their print to two degrees."""
+    straightness: float = 1.5
+    """Cells by which points of an edge may lie off it."""
+    support: float = 0.12
+    """Share of the page's height (width) along which an edge must be seen between paper and ground."""
+    consent: float = 0.5
+    """Of the places where paper borders on ground, so many lie on the edge."""
+    beyond: float = 0.004
+    """Of the paper at most this share lies beyond an edge."""
+    ground: int = 3
+    """Cells beside the paper that must be ground, so that a photo's border is not taken for the sheet's."""
+    inset: float = 0.75
+    """Cells by which the cut lies within the edge, whose own pixels are half paper, half ground."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageCrop:
-    """Columns `left` to `right` and rows `top` to `bottom`, ends left out.
+    """Columns `left` to `right` and rows `top` to `bottom`, ends left out, and the edges of the sheet that are seen.
 
-    `sheet` (N, 2) is the convex outline, pixels before cropping, of a sheet that is surely seen whole.
+    `edges` (K, 3) are lines a x + b y + c = 0 in pixels before cropping, positive on the sheet's side.
     """
 
     left: int
     top: int
     right: int
     bottom: int
-    sheet: Points | None = None
+    edges: Floats
 
 
 def find_page_crop(
     page: RgbImage, covered: Mask, parameters: PageCroppingParameters | None = None
 ) -> PageCrop:
-    """The part of `page` (H, W, 3) that is the sheet; `covered` (h, w), of any size, tells where photos show it."""
+    """The part of `page` (H, W, 3) that is the sheet; `covered` (h, w), of any size, tells where photos show it.
+
+    What lies beyond an edge is not the page. Where no edge is seen the page goes on to the end of the photos.
+    """
     p = parameters or PageCroppingParameters()
     height, width = page.shape[:2]
-    whole = PageCrop(0, 0, width, height)
-    small, factor = _reduce(page, p.text_long_side_px)
-    gray = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)
-    text = identify_text(flatten_illumination(gray))
-    if len(text.components.sizes) < p.min_components:
-        return whole
-    outline = model_paper(_black_beside(small, covered), text.components.centres).outline(
-        text.components.centres
-    )
-    sheet = None if outline is None else certain_sheet(outline)
-    characters = (text.components.centres + 0.5) / factor - 0.5
-    if sheet is not None:
-        sheet = (sheet + 0.5) / factor - 0.5
-        rim = p.rim * float(np.ptp(sheet, axis=0).max())
-        low = np.clip(np.floor(sheet.min(axis=0) - rim), 0, [width - 1, height - 1]).astype(int)
-        high = np.clip(np.ceil(sheet.max(axis=0) + rim), low + 1, [width, height]).astype(int)
-        return PageCrop(int(low[0]), int(low[1]), int(high[0]), int(high[1]), sheet)
-    view, factor = _reduce(page, LONG_SIDE_PX)
-    seen = cv2.resize(
-        covered.astype(np.uint8), (view.shape[1], view.shape[0]), interpolation=cv2.INTER_NEAREST
-    )
-    edges = find_sheet_edges(
-        view, (characters + 0.5) * factor - 0.5, text.text_height_px * factor, seen.astype(bool)
-    )
-
-    def side(edge: float | None, otherwise: int, limit: int) -> int:
-        return otherwise if edge is None else int(np.clip(round((edge + 0.5) / factor - 0.5), 0, limit))
-
-    left, top = side(edges.left, 0, width - 1), side(edges.top, 0, height - 1)
-    right, bottom = side(edges.right, width - 1, width - 1), side(edges.bottom, height - 1, height - 1)
-    return PageCrop(left, top, right + 1, bottom + 1) if left < right and top < bottom else whole
+    factor = min(1.0, p.long_side_px / max(width, height))
+    size = (max(round(width * factor), 1), max(round(height * factor), 1))
+    seen = cv2.resize(covered.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool)
+    paper = _find_paper(page, seen, p)
+    edges = np.zeros((0, 3)) if paper is None else _find_edges(paper, seen, p)
+    kept = seen & _within(edges, seen.shape)
+    if not kept.any():
+        return PageCrop(0, 0, width, height, np.zeros((0, 3)))
+    rows, columns = np.flatnonzero(kept.any(axis=1)), np.flatnonzero(kept.any(axis=0))
+    left, right = round(columns[0] / factor), min(round((columns[-1] + 1) / factor), width)
+    top, bottom = round(rows[0] / factor), min(round((rows[-1] + 1) / factor), height)
+    # A line of cells holds at (x + 0.5) factor - 0.5 for pixel x.
+    shift = (0.5 * factor - 0.5) * (edges[:, 0] + edges[:, 1])
+    in_pixels = np.column_stack([edges[:, :2] * factor, edges[:, 2] + shift])
+    return PageCrop(left, top, right, bottom, in_pixels)
 
 
-def covered_by(placed: Sequence[PlacedPhoto], width: int, height: int) -> Mask:
+def covered_by(placed: Sequence[PlacedPhoto], width: int, height: int, long_side_px: int = 600) -> Mask:
     """Where at least one photo shows the page of `width` x `height`; (h, w), reduced."""
-    factor = COVERED_LONG_SIDE_PX / max(width, height)
+    factor = min(1.0, long_side_px / max(width, height))
     columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
     x, y = np.meshgrid((np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows)
     grid = np.stack([x, y], axis=-1).reshape(-1, 2) - 0.5
@@ -96,24 +92,110 @@ def covered_by(placed: Sequence[PlacedPhoto], width: int, height: int) -> Mask:
 
 
 def crop_page(page: RgbImage, crop: PageCrop) -> RgbImage:
-    """The cropped page, a view; what lies beside a sheet that is seen whole becomes white, in place."""
+    """The cropped page, a view; what lies beyond the sheet's edges becomes white, in place."""
     part = page[crop.top : crop.bottom, crop.left : crop.right]
-    if crop.sheet is not None:
-        beside = np.full(part.shape[:2], 255, np.uint8)
-        corners = np.round(crop.sheet - [crop.left, crop.top]).astype(np.int32)
-        cv2.fillConvexPoly(beside, corners, (0,))
-        part[beside > 0] = 255
+    height, width = part.shape[:2]
+    for a, b, c in crop.edges:
+        # The half plane beyond, cut to a box round the page.
+        box = np.array([[-1.0, -1.0], [width, -1.0], [width, height], [-1.0, height]])
+        beyond = _clip(box, np.array([-a, -b, -(a * crop.left + b * crop.top + c)]))
+        if len(beyond) >= 3:
+            cv2.fillPoly(part, [np.round(beyond).astype(np.int32)], (255, 255, 255))
     return part
 
 
-def _black_beside(page: RgbImage, covered: Mask) -> RgbImage:
-    """`page` with black where no photo shows it: what is white there is not paper."""
-    height, width = page.shape[:2]
-    mask = cv2.resize(covered.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
-    return np.asarray(cv2.bitwise_and(page, page, mask=mask), np.uint8)
+def _find_paper(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> Mask | None:
+    """Cells of paper, as far as it hangs together; None where no ground beside it is seen, or no text on it."""
+    factor = min(1.0, p.text_long_side_px / max(page.shape[:2]))
+    size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
+    small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
+    text = identify_text(flatten_illumination(np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)))
+    characters = text.components.centres
+    if len(characters) < p.min_components:
+        return None
+    # What is white because no photo shows it is not paper.
+    mask = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    small = np.asarray(cv2.bitwise_and(small, small, mask=mask), np.uint8)
+    sizes = PaperParameters(long_side_px=p.long_side_px)
+    outline = model_paper(small, characters, sizes).outline(characters, sizes)
+    if outline is None:
+        return None
+    cells = np.round((outline + 0.5) * seen.shape[1] / size[0] - 0.5).astype(np.int32)
+    paper = np.zeros(seen.shape, np.uint8)
+    cv2.fillPoly(paper, [cells], (1,))
+    return np.asarray(paper.astype(bool) & seen)
 
 
-def _reduce(image: RgbImage, long_side_px: int) -> tuple[RgbImage, float]:
-    factor = min(1.0, long_side_px / max(image.shape[:2]))
-    size = (max(round(image.shape[1] * factor), 1), max(round(image.shape[0] * factor), 1))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), factor
+def _find_edges(paper: Mask, seen: Mask, p: PageCroppingParameters) -> Floats:
+    """Edges (K, 3) of the sheet in cells, positive on the sheet's side."""
+    edges = []
+    for quarters in range(4):
+        # Turned so that the side in question is the left one.
+        edge = _find_left_edge(np.rot90(paper, quarters), np.rot90(seen, quarters), p)
+        if edge is not None:
+            edges.append(_turned_back(edge, quarters, paper.shape))
+    return np.array(edges).reshape(-1, 3)
+
+
+def _find_left_edge(paper: Mask, seen: Mask, p: PageCroppingParameters) -> Floats | None:
+    """Line (a, b, c) along the left end of `paper`, where ground is seen beside it."""
+    rows = np.flatnonzero(paper.any(axis=1))
+    first = paper[rows].argmax(axis=1)
+    clear = first >= p.ground
+    rows, first = rows[clear], first[clear]
+    ground = np.all([seen[rows, first - step] for step in range(1, p.ground + 1)], axis=0)
+    y, x = rows[ground].astype(np.float64), first[ground].astype(np.float64)
+    needed = p.support * len(paper)
+    if len(y) < needed:
+        return None
+    best = np.zeros(len(y), bool)
+    for slope in np.linspace(-p.steepest, p.steepest, 41):
+        # The line of this slope that most points lie on: the densest window of their intercepts.
+        intercept = x - slope * y
+        order = np.sort(intercept)
+        last = np.searchsorted(order, order + 2 * p.straightness, side="right")
+        start = int(np.argmax(last - np.arange(len(order))))
+        on = (intercept >= order[start]) & (intercept <= order[start] + 2 * p.straightness)
+        best = on if on.sum() > best.sum() else best
+    if best.sum() < max(needed, p.consent * len(y)):
+        return None
+    slope, intercept = np.polyfit(y[best], x[best], 1)
+    columns, lines = np.meshgrid(np.arange(paper.shape[1]), np.arange(paper.shape[0]))
+    beyond = columns < intercept + slope * lines - 2 * p.straightness
+    if (paper & beyond).sum() > p.beyond * paper.sum():
+        return None
+    # x counts the first cell of paper, whose left border is half a cell before.
+    return np.array([1.0, -slope, -(intercept - 0.5 + p.inset)])
+
+
+def _turned_back(edge: Floats, quarters: int, shape: tuple[int, ...]) -> Floats:
+    """`edge` of an image turned counter-clockwise by `quarters`, in the image of `shape` before."""
+    height, width = shape
+    for left in range(quarters, 0, -1):
+        # The turned point (x, y) was (w - 1 - y, x) in the image of width w before.
+        w = width if left % 2 else height
+        a, b, c = edge
+        edge = np.array([-b, a, c + b * (w - 1)])
+    return edge
+
+
+def _within(edges: Floats, shape: tuple[int, ...]) -> Mask:
+    x, y = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
+    inside = np.ones(shape, bool)
+    for a, b, c in edges:
+        inside &= a * x + b * y + c >= 0
+    return inside
+
+
+def _clip(polygon: Points, line: Floats) -> Points:
+    """The part (N, 2) of a convex polygon where the line is positive (Sutherland and Hodgman 1974)."""
+    values = polygon @ line[:2] + line[2]
+    kept = []
+    for k in range(len(polygon)):
+        following = (k + 1) % len(polygon)
+        if values[k] >= 0:
+            kept.append(polygon[k])
+        if values[k] * values[following] < 0:
+            share = values[k] / (values[k] - values[following])
+            kept.append(polygon[k] + share * (polygon[following] - polygon[k]))
+    return np.array(kept).reshape(-1, 2)

@@ -63,7 +63,7 @@ def mosaic(
         placed = match_light(flats, part, parameters.illumination)
     with clock.stage("composition"):
         text_height_px = typical_text_height_px(placed)
-        composed = compose_page(placed, part.width, part.height, text_height_px, parameters.composition)
+        composed = compose_page(placed, part.width, part.height, parameters.composition, text_height_px)
     with clock.stage("framing"):
         crop = find_page_crop(composed.image, covered_by(placed, part.width, part.height))
         page = crop_page(composed.image, crop)

@@ -3,20 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from services.geometry.homographies import resizing
 from services.mosaic.adjustment import adjust_globally
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.frontal_frame import agree_on_frontal_frame
 from services.mosaic.pair_registration import PairRegistration
 from services.mosaic.photo_graph import choose_part, connect_photos
 from services.mosaic.placement import Placement
-from services.mosaic.residual_warp import estimate_residual_warps
-
-MOST_PIXELS = 80e6
-"""A3 at 600 dots per inch; a page of more is drawn smaller."""
-LONGEST_SIDE_PX = 20000.0
+from services.mosaic.residual_warp import estimate_residual_warp
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,17 +45,8 @@ def place_photos(
         if not contradicted:
             break
         agreeing = tuple(pair for pair in agreeing if (pair.a, pair.b) not in contradicted)
-    frontal = agree_on_frontal_frame([photos[index] for index in part], adjustment.H_world_flat)
-    factor = min(
-        1.0,
-        float(np.sqrt(MOST_PIXELS / (frontal.width * frontal.height))),
-        LONGEST_SIDE_PX / max(frontal.width, frontal.height),
-    )
-    H_mosaic_world = resizing(factor) @ frontal.H_frontal_world
-    placements = estimate_residual_warps(
-        [photos[index] for index in part],
-        {index: Placement(H_mosaic_world @ adjustment.H_world_flat[index]) for index in part},
-        within,
-    )
-    width, height = (max(round(side * factor), 1) for side in (frontal.width, frontal.height))
-    return PlacedPart(chosen, placements, within, width, height)
+    frontal = agree_on_frontal_frame({index: photos[index] for index in part}, adjustment.H_world_flat)
+    H_mosaic_flat = {index: frontal.H_mosaic_world @ adjustment.H_world_flat[index] for index in part}
+    warp = estimate_residual_warp({index: photos[index] for index in part}, H_mosaic_flat, within)
+    placements = {index: Placement(H_mosaic_flat[index], warp.displacements[index]) for index in part}
+    return PlacedPart(chosen, placements, within, frontal.width, frontal.height)

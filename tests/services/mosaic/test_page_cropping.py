@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+import pytest
 
 from services.mosaic.page_cropping import crop_page, find_page_crop
 from tests.services.mosaic.views import page_image
@@ -13,15 +14,29 @@ def on_desk(border: int = 60) -> np.ndarray:
     return cv2.copyMakeBorder(page_image(), *(border,) * 4, cv2.BORDER_CONSTANT, value=(90, 70, 50))
 
 
-def test_a_sheet_on_a_desk_is_cut_out() -> None:
-    crop = find_page_crop(on_desk(), ALL)
-    assert crop.sheet is not None
-    page = crop_page(on_desk(), crop)
-    assert abs(page.shape[1] - 1000) < 45
-    assert abs(page.shape[0] - 1560) < 45
-    # The rim round the sheet comes out white, like paper.
-    assert page[:, :3].min() > 250
-    assert page[-3:].min() > 250
+@pytest.mark.parametrize("turned_deg", [0.0, 1.2])
+def test_a_sheet_on_a_desk_is_cut_out(turned_deg: float) -> None:
+    desk = on_desk()
+    height, width = desk.shape[:2]
+    turn = cv2.getRotationMatrix2D((width / 2, height / 2), turned_deg, 1.0)
+    desk = np.asarray(cv2.warpAffine(desk, turn, (width, height), borderValue=(90, 70, 50)), np.uint8)
+    crop = find_page_crop(desk, ALL)
+    assert len(crop.edges) == 4
+    page = crop_page(desk, crop)
+    grown = 1 + 1.7 * abs(np.sin(np.radians(turned_deg)))
+    assert 985 < page.shape[1] < 1006 * grown
+    assert 1545 < page.shape[0] < 1566 * grown
+    # Nothing of the desk is left, and nothing of the print is lost.
+    assert (page.max(axis=2) < 120).sum() == pytest.approx((page_image()[..., 0] < 120).sum(), rel=0.02)
+    assert np.median(page[:, :4]) == np.median(page[-4:]) == 255
+
+
+def test_only_the_edges_that_are_seen_are_cut() -> None:
+    beside = cv2.copyMakeBorder(page_image(), 0, 0, 70, 0, cv2.BORDER_CONSTANT, value=(90, 70, 50))
+    crop = find_page_crop(beside, ALL)
+    assert len(crop.edges) == 1
+    assert (crop.top, crop.right, crop.bottom) == (0, 1070, 1560)
+    assert 68 < crop.left < 76
 
 
 def test_a_page_that_fills_the_mosaic_is_left_alone() -> None:
@@ -31,19 +46,28 @@ def test_a_page_that_fills_the_mosaic_is_left_alone() -> None:
     assert np.array_equal(crop_page(before.copy(), crop), before)
 
 
-def test_white_that_no_photo_shows_is_no_paper() -> None:
-    # The sheet's lower right quarter was not photographed; beside the sheet lies the desk.
+def test_a_picture_at_the_border_of_the_page_is_no_desk() -> None:
+    page = page_image().copy()
+    page[300:800, :330] = (60, 90, 70)
+    crop = find_page_crop(page, ALL)
+    assert (crop.left, crop.top, crop.right, crop.bottom) == (0, 0, 1000, 1560)
+
+
+def test_the_border_of_the_photos_is_no_edge_of_the_sheet() -> None:
+    # Three quarters were photographed; beside the sheet lies the desk.
     mosaic = on_desk()
     covered = np.ones(mosaic.shape[:2], bool)
     covered[900:, 600:] = False
     mosaic[~covered] = 255
     crop = find_page_crop(mosaic, covered)
     page = crop_page(mosaic.copy(), crop)
-    kept = page_image()[:800, :500]
+    assert len(crop.edges) == 4
     left, top = 60 - crop.left, 60 - crop.top
-    assert np.array_equal(page[top + 20 : top + 800, left + 20 : left + 500], kept[20:, 20:])
+    kept = page_image()
+    assert np.array_equal(page[top + 20 : top + 830, left + 20 : left + 980], kept[20:830, 20:980])
+    assert np.array_equal(page[top + 850 : top + 1500, left + 20 : left + 530], kept[850:1500, 20:530])
 
 
 def test_without_text_nothing_is_cropped() -> None:
     crop = find_page_crop(np.full((300, 200, 3), 255, np.uint8), ALL)
-    assert (crop.left, crop.top, crop.right, crop.bottom, crop.sheet) == (0, 0, 200, 300, None)
+    assert (crop.left, crop.top, crop.right, crop.bottom, len(crop.edges)) == (0, 0, 200, 300, 0)

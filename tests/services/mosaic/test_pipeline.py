@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
+from scipy.interpolate import RectBivariateSpline
 
 from services.arrays import Homography, Points, RgbImage
 from services.errors import InvalidOption, NoText, NotOverlapping
@@ -35,11 +35,9 @@ def photos() -> list[RgbImage]:
 def on_mosaic(mesh: Points, photo_points: Points, size: tuple[int, int]) -> Points:
     """Mosaic points (N, 2) of photo pixels (N, 2), by the mesh alone."""
     rows, columns = mesh.shape[:2]
-    at = [
-        photo_points[:, 1] * (rows - 1) / (size[1] - 1),
-        photo_points[:, 0] * (columns - 1) / (size[0] - 1),
-    ]
-    return np.stack([map_coordinates(mesh[..., k], at, order=3, mode="nearest") for k in (0, 1)], axis=1)
+    x, y = np.linspace(0, size[0] - 1, columns), np.linspace(0, size[1] - 1, rows)
+    splines = [RectBivariateSpline(y, x, mesh[..., k]) for k in (0, 1)]
+    return np.stack([spline.ev(photo_points[:, 1], photo_points[:, 0]) for spline in splines], axis=1)
 
 
 def seen_points(H_photo_page: Homography, size: tuple[int, int] = SIZE) -> tuple[Points, Points]:
