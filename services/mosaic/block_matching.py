@@ -33,6 +33,8 @@ class BlockParameters:
     least_side_px: float = 18.0
     """Blocks of a narrow overlap are this narrow at least, and longer in return."""
     longest_side_px: float = 112.0
+    breadth_share: float = 0.45
+    """A block's side over the overlap's breadth, so that two find room beside each other."""
     most_blocks: int = 280
     """They are spread over the overlap."""
     ink: float = 14.0
@@ -155,15 +157,14 @@ def centroids(weights: NDArray[np.float32]) -> Points:
 
 def _block_size(both: Mask, side: float, p: BlockParameters) -> tuple[int, int] | None:
     """Width and height of the blocks of an overlap: narrow where it is narrow."""
-    area, (height, width) = float(both.sum()), both.shape
-    across, down = area / height, area / width
-    short = float(np.clip(0.45 * min(across, down), p.least_side_px, side))
-    if min(across, down) < p.least_side_px:
+    framed = np.pad(both.view(np.uint8), 1)
+    breadth = 2 * float(cv2.distanceTransform(framed, cv2.DIST_L2, 3).max())
+    if breadth < p.least_side_px:
         return None
-    long = min(side**2 / short, p.longest_side_px, 0.9 * max(across, down))
-    long = max(long, short)
-    size = (short, long) if across < down else (long, short)
-    return round(size[0]), round(size[1])
+    short = float(np.clip(p.breadth_share * breadth, p.least_side_px, side))
+    height, width = both.shape
+    long = max(short, min(side**2 / short, p.longest_side_px, 0.9 * max(height, width)))
+    return (round(short), round(long)) if width < height else (round(long), round(short))
 
 
 def _choose_blocks(

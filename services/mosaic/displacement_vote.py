@@ -93,19 +93,20 @@ def _outstanding_bin(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vect
     at = np.floor(bins[row, match]).astype(np.intp)
     low = at.min(axis=0)
     columns, rows = at.max(axis=0) - low + 1
-    flat = (row * rows + at[:, 1] - low[1]) * columns + at[:, 0] - low[0]
-    counts = np.bincount(flat, minlength=len(bins) * rows * columns).astype(np.float32)
-    histograms = counts.reshape(len(bins), rows, columns)
-    surprise = np.stack([_surprise(h) for h in histograms])
-    k, y, x = np.unravel_index(int(np.argmax(surprise)), surprise.shape)
-    return int(k), np.array([x + low[0] + 0.5, y + low[1] + 0.5])
+    # The histograms of all scales lie below each other, far enough apart not to see each other.
+    pitch = rows + SURROUNDINGS
+    flat = (row * pitch + at[:, 1] - low[1]) * columns + at[:, 0] - low[0]
+    counts = np.bincount(flat, minlength=len(bins) * pitch * columns).astype(np.float32)
+    surprise = _surprise(counts.reshape(len(bins) * pitch, columns))
+    y, x = np.unravel_index(int(np.argmax(surprise)), surprise.shape)
+    return int(y) // int(pitch), np.array([x, y % pitch]) + low + 0.5
 
 
-def _surprise(histogram: NDArray[np.float32]) -> NDArray[np.float32]:
+def _surprise(histograms: NDArray[np.float32]) -> NDArray[np.float32]:
     """By how many deviations of a Poisson count each sum over 3 x 3 bins exceeds what lies round it."""
     near, wide = (
-        np.asarray(cv2.boxFilter(histogram, -1, (n, n), normalize=False, borderType=cv2.BORDER_CONSTANT))
+        np.asarray(cv2.boxFilter(histograms, -1, (n, n), normalize=False, borderType=cv2.BORDER_CONSTANT))
         for n in (3, SURROUNDINGS)
     )
     expected = (wide - near) * (9 / (SURROUNDINGS**2 - 9))
-    return np.asarray((near - expected) / np.sqrt(expected + 1), np.float32)
+    return np.asarray((near - expected) / np.sqrt(np.maximum(expected, 0) + 1), np.float32)

@@ -41,7 +41,7 @@ class RegistrationParameters:
     """Predicted overlaps below this share of the smaller view are not looked for."""
     guided_search: float = 2.5
     """Text heights that a prediction may be off, per photo in between."""
-    guided_found: int = 6
+    guided_found: int = 5
     """A predicted pair connects nothing that was not connected; fewer blocks do."""
     contradiction: float = 4.0
     """Text heights, per photo in between, by which a pair and a way round it may differ."""

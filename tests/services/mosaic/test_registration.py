@@ -61,8 +61,8 @@ def test_a_twentieth_of_the_view_is_enough() -> None:
 
 
 def test_different_pages_in_the_same_type_are_refused() -> None:
-    a = draw_view(page(0), part(0, 0), (1200, 1200), 0)
-    b = draw_view(page(3), part(0, 300), (1200, 1200), 1, Flaws(seed=1))
+    a = draw_view(page(0), part(0, 0), (800, 900), 0)
+    b = draw_view(page(3), part(0, 300), (800, 900), 1, Flaws(seed=1))
     assert register_photos([a, b]) == ()
     refused = register_pair(a, b)
     assert isinstance(refused, Unregistered)
