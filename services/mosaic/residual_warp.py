@@ -26,11 +26,13 @@ Nodes = NDArray[np.intp]
 class ResidualWarpParameters:
     """Lengths are relative to the text height, shares to one."""
 
-    node_spacing: float = 5.0
-    """Pages curve over tens of text heights; blocks lie every two or so."""
+    node_spacing: float = 4.0
+    """Pages curve over tens of text heights, creases over a few; blocks lie every two or so."""
     most_nodes: int = 24
     """Along a side."""
-    reach: float = 0.2
+    most_nodes_in_all: int = 3000
+    """Of all views, so that 16 photos take a second or two; about."""
+    reach: float = 0.1
     """Of a view's diagonal: over this a displacement changes and, beyond the overlaps, dies out."""
     worthwhile: float = 0.02
     """RMS that is worth it: half a pixel at 300 dpi."""
@@ -54,7 +56,7 @@ class ResidualWarpParameters:
     """Cauchy's width over the standard deviation: 95 % efficiency on normal errors (Holland and Welsch 1977)."""
     least_deviation: float = 0.001
     """Block matching is no better."""
-    reweightings: int = 5
+    reweightings: int = 4
     """The weights hardly change after."""
     stiffer: float = 5.0
     """Where the bounds do not hold the fields are made stiffer by this factor, twice, before none is taken."""
@@ -171,14 +173,17 @@ def _scale(photo: FlatPhoto, H_mosaic_flat: Homography) -> float:
 def _grids(
     photos: Mapping[int, FlatPhoto], H_mosaic_flat: Mapping[int, Homography], p: ResidualWarpParameters
 ) -> dict[int, _Grid]:
+    spacings = {k: max(p.node_spacing * photos[k].text_height_px, 1.0) for k in H_mosaic_flat}
+    sides = {
+        k: [int(np.clip(np.ceil(side / spacings[k]) + 1, 4, p.most_nodes)) for side in photos[k].size]
+        for k in H_mosaic_flat
+    }
+    total = sum(columns * rows for columns, rows in sides.values())
+    fewer = min(1.0, float(np.sqrt(p.most_nodes_in_all / total)))
     grids, first = {}, 0
-    for k in H_mosaic_flat:
-        width, height = photos[k].size
-        spacing = max(p.node_spacing * photos[k].text_height_px, 1.0)
-        columns, rows = (
-            int(np.clip(np.ceil(side / spacing) + 1, 4, p.most_nodes)) for side in (width, height)
-        )
-        grids[k] = _Grid(first, rows, columns, width, height)
+    for k, counts in sides.items():
+        columns, rows = (max(round(count * fewer), 4) for count in counts)
+        grids[k] = _Grid(first, rows, columns, *photos[k].size)
         first += grids[k].count
     return grids
 
