@@ -18,7 +18,7 @@ class PictureParameters:
     """Pictures are narrower than this, one way."""
     darkest_paper: float = 0.88
     """Against the paper round about; wrinkles and see-through print take off less."""
-    largest_paper_ink: float = 0.45
+    largest_paper_ink: float = 0.35
     """Where the page's ink is lighter, strokes are not resolved: the depth of ink says nothing then."""
     similar_ink: tuple[float, float] = (1.3, 0.05)
     """Ink in a shadow is at most so much lighter than elsewhere, as a factor and a summand: its share of its paper's
@@ -36,6 +36,8 @@ class PictureParameters:
     edge: float = 0.07
     """A picture's edge is sharp: across the rings the logarithm of the level falls by this. What is darker than this
     only further within is uneven light."""
+    box_share: float = 0.8
+    """A picture that fills this share of its upright box fills it all: the rest are its lights."""
     rim: float = 1 / 100
     """Beside a picture the background is not yet the paper's."""
 
@@ -55,7 +57,10 @@ def find_pictures(levels: Levels, parameters: PictureParameters | None = None) -
     plain = ~to_border & (levels.measured > 0.5) & (levels.ink > 0)
     ink = float(np.median(levels.ink[plain])) if plain.any() else 1.0
     resolved = 0.0 < ink <= p.largest_paper_ink
-    is_similar = resolved & (levels.ink <= p.similar_ink[0] * ink + p.similar_ink[1])
+    # A shadow's paper is paper everywhere, whereas the levels of a picture look like paper's here and there.
+    is_similar = (
+        resolved & (levels.measured > 0.5) & (levels.ink <= p.similar_ink[0] * ink + p.similar_ink[1])
+    )
     is_other = resolved & (levels.ink > p.other_ink[0] * ink + p.other_ink[1])
     holes, rim = _odd(p.holes * long_side), _odd(2 * p.rim * long_side)
     ring = _odd(p.ring * long_side)
@@ -66,8 +71,12 @@ def find_pictures(levels: Levels, parameters: PictureParameters | None = None) -
     cut_parts, cut_count = _parts(to_border, holes)
     is_cut_picture = _shares(cut_parts, cut_count, is_other) >= p.picture_share
     is_cut_picture[0] = False
-    found = is_picture[amid_parts] | is_cut_picture[cut_parts]
-    grown = cv2.dilate(found.astype(np.uint8), np.ones((rim, rim), np.uint8))
+    found = (is_picture[amid_parts] | is_cut_picture[cut_parts]).astype(np.uint8)
+    _, _, boxes, _ = cv2.connectedComponentsWithStats(found)
+    for left, top, across, down, area in boxes[1:]:
+        if area >= p.box_share * across * down:
+            found[top : top + down, left : left + across] = 1
+    grown = cv2.dilate(found, np.ones((rim, rim), np.uint8))
     return np.asarray(grown > 0)
 
 

@@ -40,6 +40,13 @@ def test_a_shadow_is_none_since_its_ink_darkens_with_its_paper() -> None:
     assert not find_pictures(levels_with(0.5, 0.27)).any()
 
 
+def test_a_picture_may_have_dark_ink_where_its_levels_are_hardly_paper() -> None:
+    shadow = levels_with(0.5, 0.27)
+    holes = shadow.measured.copy()
+    holes[120:150, 80:200] = 0.0
+    assert share(find_pictures(Levels(shadow.paper, shadow.ink, holes))) > 0.97
+
+
 def test_uneven_light_is_none_since_it_has_no_edge() -> None:
     unresolved = levels_with(0.3, 0.6, softness=25.0)
     blurred = Levels(unresolved.paper, np.full(SHAPE, 0.6, np.float32), unresolved.measured)
