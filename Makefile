@@ -55,7 +55,7 @@ help:
 	@echo 'make bench-rectify    the experiments on simulated photos, clean and degraded (BENCH_OPTIONS=...)'
 	@echo 'make bench-photos     the real photos, peers side by side (BENCH_OPTIONS=...)'
 	@echo 'make bench-speed      time and memory of an upload against its size, page-dewarp beside it'
-	@echo 'make bench-mosaic     mosaics of simulated photos, peers on the same photos (BENCH_OPTIONS=...)'
+	@echo 'make bench-mosaic     mosaics of simulated photos, peers on the same photos; then the checks (BENCH_OPTIONS=...)'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
 	@echo 'make clean            remove what these targets made'
@@ -88,6 +88,7 @@ bench-speed: venv-dev venv-bench
 
 bench-mosaic: venv-dev
 	@$(BIN)/python -m benchmarks.mosaic_simulated --peers $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks.mosaic_checks
 
 # Debian's packages: Tesseract's language data, and python3-venv where this Python cannot make environments
 # without it. Whoever may not install them is told, and gets a service without OCR.
