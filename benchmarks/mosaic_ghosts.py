@@ -63,7 +63,8 @@ def measure_mixture(
 
     Each photo is drawn where its mesh, and its injected `shift` (photo, pixels), say. A word's grays are fitted
     by those of all photos that show it whole, and an offset; a photo's share is its coefficient times its
-    contrast. Only words that the shifted photo shows are counted, where there is one.
+    contrast. With a shifted photo, only the words that it shows are counted, and its share is held against
+    all others' together: these lie on each other, and who of them it was cannot be told.
     """
     gray = np.asarray(cv2.cvtColor(page, cv2.COLOR_RGB2GRAY), np.float64)
     H = [_photo_from_mosaic(made, k, mesh, shift) for k, mesh in enumerate(meshes)]
@@ -82,15 +83,20 @@ def measure_mixture(
         if np.any(low < 0) or np.any(high > gray.shape[::-1]):
             continue
         window = (slice(low[1], high[1]), slice(low[0], high[0]))
-        share = mixed_share(gray[window], [drawn[k][window] for k in showing])  # type: ignore[index]
+        apart = None if shift is None else showing.index(shift[0])
+        share = mixed_share(gray[window], [drawn[k][window] for k in showing], apart)  # type: ignore[index]
         if share is not None:
             shares.append(share)
     mixed = sum(share > MIXED_FROM for share in shares)
     return WordMixture(len(shares), mixed, float(np.mean(shares)) if shares else float("nan"))
 
 
-def mixed_share(word: NDArray[np.float64], photos: Sequence[NDArray[np.float64]]) -> float | None:
+def mixed_share(
+    word: NDArray[np.float64], photos: Sequence[NDArray[np.float64]], apart: int | None = None
+) -> float | None:
     """Share of the word's contrast that is not of the photo it is most of, 0-1; None where there is no contrast.
+
+    With `apart`, the smaller one of that photo's share and of all others'.
 
     Coefficients are non-negative: what two photos agree on cannot be had by taking one from the other.
     """
@@ -103,7 +109,10 @@ def mixed_share(word: NDArray[np.float64], photos: Sequence[NDArray[np.float64]]
     )
     weights, _ = nnls(design, word.ravel() - word.mean())
     total = float(weights.sum())
-    return None if total <= 0 else 1.0 - float(weights.max()) / total
+    if total <= 0:
+        return None
+    most = float(weights.max() if apart is None else max(weights[apart], total - weights[apart]))
+    return 1.0 - most / total
 
 
 def _photo_from_mosaic(
