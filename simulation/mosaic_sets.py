@@ -260,7 +260,8 @@ def _take(truth: Truth, desk: RgbImage, rng: np.random.Generator) -> SimulatedPh
     # The desk goes on as its own mirror image.
     last = np.float32(_DESK_PX - 1)
     place = last - np.abs(np.mod(sheet * np.float32(_DESK_PX_PER_UNIT), 2 * last) - last)
-    beside = np.asarray(cv2.remap(desk, place, np.empty(0, np.float32), cv2.INTER_LINEAR), np.uint8)
+    x, y = (np.ascontiguousarray(place[..., k]) for k in (0, 1))
+    beside = np.asarray(cv2.remap(desk, x, y, cv2.INTER_LINEAR), np.uint8)
     clean = simulate_photo(
         truth.page, truth.shape, truth.skew_rad, truth.pose, camera, background=beside, close_up=True
     )
