@@ -27,6 +27,7 @@ class FlatPhoto:
     native_scale : flat pixels over photo pixels where the photo shows most detail (below 1: the view is reduced).
     weight : how far its rectification is to be trusted, relative to the others' (its number of characters).
     notices : what is to be said of it.
+    sheet : (N, 2) photo pixels, outline of the sheet where its edge is seen against what it lies on; else None.
     """
 
     index: int
@@ -38,6 +39,7 @@ class FlatPhoto:
     native_scale: float
     weight: float
     notices: tuple[Notice, ...] = ()
+    sheet: Points | None = None
 
     @property
     def size(self) -> tuple[int, int]:

@@ -1,6 +1,6 @@
 """From a photo to its flat view, the first step of a mosaic."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -14,7 +14,6 @@ from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame, resize_frame
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import estimate_page, frame_photo
-from services.rectify.results import Notice
 from services.rectify.stage_clock import StageClock
 from services.texture_flow.text_identification import identify_text
 
@@ -51,9 +50,11 @@ def flatten_photo(
     page = estimate_page(photo, RectifyParameters(upright=False), exif_focal_length_px, clock)
     with clock.stage("framing"):
         characters = page.analysis.characters
-        frame = frame_photo(photo, page, page.analysis.paper.outline(characters))
-        notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
-        return view_photo(index, photo, frame, page.analysis.text_height_px, float(len(characters)), notices)
+        sheet = page.analysis.paper.outline(characters)
+        frame = frame_photo(photo, page, sheet)
+        flat = view_photo(index, photo, frame, page.analysis.text_height_px, float(len(characters)))
+    notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
+    return replace(flat, notices=notices, sheet=sheet)
 
 
 def take_as_flat(
@@ -81,7 +82,6 @@ def view_photo(
     frame: FlatFrame | CurvedFrame,
     text_height_px: float,
     weight: float,
-    notices: tuple[Notice, ...] = (),
     parameters: FlatteningParameters | None = None,
 ) -> FlatPhoto:
     """`photo` seen through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
@@ -104,7 +104,6 @@ def view_photo(
         flat_height_px,
         1.0 / reduction,
         weight,
-        notices,
     )
 
 

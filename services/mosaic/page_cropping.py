@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import PaperParameters, model_paper
+from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
 from services.texture_flow.text_identification import identify_text
@@ -27,7 +29,7 @@ class PageCroppingParameters:
     """Sheets are cut parallel to their print to two degrees."""
     straightness: float = 1.5
     """Cells by which points of an edge may lie off it."""
-    support: float = 0.12
+    support: float = 0.05
     """Share of the page's height (width) along which an edge must be seen between paper and ground."""
     consent: float = 0.5
     """Of the places where paper borders on ground, so many lie on the edge."""
@@ -53,42 +55,58 @@ class PageCrop:
     edges: Floats
 
 
-def find_page_crop(
-    page: RgbImage, covered: Mask, parameters: PageCroppingParameters | None = None
-) -> PageCrop:
-    """The part of `page` (H, W, 3) that is the sheet; `covered` (h, w), of any size, tells where photos show it.
+@dataclass(frozen=True, slots=True, eq=False)
+class PageCells:
+    """Reduced maps (h, w) of the mosaic: where photos show it, and where what they show is the sheet."""
 
-    What lies beyond an edge is not the page. Where no edge is seen the page goes on to the end of the photos.
+    seen: Mask
+    paper: Mask
+
+
+def see_sheet(
+    placed: Sequence[PlacedPhoto], width: int, height: int, parameters: PageCroppingParameters | None = None
+) -> PageCells:
+    """What the photos tell of the sheet on a page of `width` x `height`: most of those that show a cell decide."""
+    p = parameters or PageCroppingParameters()
+    factor = min(1.0, p.long_side_px / max(width, height))
+    columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
+    x, y = np.meshgrid((np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows)
+    grid = np.stack([x, y], axis=-1).reshape(-1, 2) - 0.5
+    votes = np.zeros((2, len(grid)), np.int16)
+    for photo in placed:
+        flat = photo.placement.to_flat(grid)
+        shown = np.flatnonzero(is_shown(photo.flat, flat))
+        on_sheet = _on_sheet(photo.flat, photo.flat.to_photo(flat[shown]), p)
+        votes[0, shown] += 1
+        votes[1, shown[on_sheet]] += 2
+    seen = (votes[0] > 0).reshape(rows, columns)
+    return PageCells(seen, np.asarray(seen & (votes[1] >= votes[0]).reshape(rows, columns)))
+
+
+def find_page_crop(
+    page: RgbImage, cells: PageCells, parameters: PageCroppingParameters | None = None
+) -> PageCrop:
+    """The part of the mosaic `page` (H, W, 3) that is the sheet.
+
+    Ground is what the photos or the page itself tell from paper: a bright desk differs in the photos' own light, a dark
+    one where a photo shows too little of it. What lies beyond an edge is not the page. Where no edge is seen the page
+    goes on to the end of the photos.
     """
     p = parameters or PageCroppingParameters()
     height, width = page.shape[:2]
-    factor = min(1.0, p.long_side_px / max(width, height))
-    size = (max(round(width * factor), 1), max(round(height * factor), 1))
-    seen = cv2.resize(covered.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool)
-    paper = _find_paper(page, seen, p)
-    edges = np.zeros((0, 3)) if paper is None else _find_edges(paper, seen, p)
-    kept = seen & _within(edges, seen.shape)
+    factor = cells.seen.shape[1] / width
+    edges = _find_edges(cells.paper & _paper_of_page(page, cells.seen, p), cells.seen, p)
+    kept = cells.seen & _within(edges, cells.seen.shape)
     if not kept.any():
         return PageCrop(0, 0, width, height, np.zeros((0, 3)))
     rows, columns = np.flatnonzero(kept.any(axis=1)), np.flatnonzero(kept.any(axis=0))
-    left, right = round(columns[0] / factor), min(round((columns[-1] + 1) / factor), width)
-    top, bottom = round(rows[0] / factor), min(round((rows[-1] + 1) / factor), height)
+    down, across = height / cells.seen.shape[0], width / cells.seen.shape[1]
+    left, right = int(columns[0] * across), int(np.ceil((columns[-1] + 1) * across))
+    top, bottom = int(rows[0] * down), int(np.ceil((rows[-1] + 1) * down))
     # A line of cells holds at (x + 0.5) factor - 0.5 for pixel x.
     shift = (0.5 * factor - 0.5) * (edges[:, 0] + edges[:, 1])
     in_pixels = np.column_stack([edges[:, :2] * factor, edges[:, 2] + shift])
     return PageCrop(left, top, right, bottom, in_pixels)
-
-
-def covered_by(placed: Sequence[PlacedPhoto], width: int, height: int, long_side_px: int = 600) -> Mask:
-    """Where at least one photo shows the page of `width` x `height`; (h, w), reduced."""
-    factor = min(1.0, long_side_px / max(width, height))
-    columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
-    x, y = np.meshgrid((np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows)
-    grid = np.stack([x, y], axis=-1).reshape(-1, 2) - 0.5
-    covered = np.zeros(len(grid), bool)
-    for photo in placed:
-        covered |= is_shown(photo.flat, photo.placement.to_flat(grid))
-    return np.asarray(covered.reshape(rows, columns))
 
 
 def crop_page(page: RgbImage, crop: PageCrop) -> RgbImage:
@@ -104,26 +122,39 @@ def crop_page(page: RgbImage, crop: PageCrop) -> RgbImage:
     return part
 
 
-def _find_paper(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> Mask | None:
-    """Cells of paper, as far as it hangs together; None where no ground beside it is seen, or no text on it."""
+def _on_sheet(photo: FlatPhoto, points: Points, p: PageCroppingParameters) -> NDArray[np.bool_]:
+    """Which photo pixels (N, 2) lie on the sheet; all where its edge is not seen."""
+    if photo.sheet is None:
+        return np.ones(len(points), bool)
+    height, width = photo.photo.shape[:2]
+    factor = min(1.0, p.long_side_px / max(width, height))
+    inside = np.zeros((round(height * factor) + 1, round(width * factor) + 1), np.uint8)
+    cv2.fillPoly(inside, [np.round((photo.sheet + 0.5) * factor - 0.5).astype(np.int32)], (1,))
+    at = np.round((points + 0.5) * factor - 0.5).astype(int)
+    at = np.clip(at, 0, np.array(inside.shape[::-1]) - 1)
+    return np.asarray(inside[at[:, 1], at[:, 0]] > 0)
+
+
+def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> Mask:
+    """Cells of the page that are paper; all where no ground is told from it, or there is no text on it."""
     factor = min(1.0, p.text_long_side_px / max(page.shape[:2]))
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
     small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
     text = identify_text(flatten_illumination(np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)))
     characters = text.components.centres
     if len(characters) < p.min_components:
-        return None
+        return np.ones(seen.shape, bool)
     # What is white because no photo shows it is not paper.
     mask = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     small = np.asarray(cv2.bitwise_and(small, small, mask=mask), np.uint8)
     sizes = PaperParameters(long_side_px=p.long_side_px)
     outline = model_paper(small, characters, sizes).outline(characters, sizes)
     if outline is None:
-        return None
+        return np.ones(seen.shape, bool)
     cells = np.round((outline + 0.5) * seen.shape[1] / size[0] - 0.5).astype(np.int32)
     paper = np.zeros(seen.shape, np.uint8)
     cv2.fillPoly(paper, [cells], (1,))
-    return np.asarray(paper.astype(bool) & seen)
+    return np.asarray(paper > 0)
 
 
 def _find_edges(paper: Mask, seen: Mask, p: PageCroppingParameters) -> Floats:

@@ -14,7 +14,7 @@ from services.mosaic.composition import compose_page
 from services.mosaic.evidence import describe_pairs, describe_patches, notices_of, unplaced_notices
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import flatten_photo, take_as_flat
-from services.mosaic.page_cropping import covered_by, crop_page, find_page_crop
+from services.mosaic.page_cropping import crop_page, find_page_crop, see_sheet
 from services.mosaic.parameters import FEWEST_PHOTOS, MOST_PHOTOS, MosaicParameters
 from services.mosaic.placed_photo import PlacedPhoto
 from services.mosaic.placing import PlacedPart, place_photos
@@ -65,7 +65,7 @@ def mosaic(
         text_height_px = typical_text_height_px(placed)
         composed = compose_page(placed, part.width, part.height, parameters.composition, text_height_px)
     with clock.stage("framing"):
-        crop = find_page_crop(composed.image, covered_by(placed, part.width, part.height))
+        crop = find_page_crop(composed.image, see_sheet(placed, part.width, part.height))
         page = crop_page(composed.image, crop)
     orientation, notice = Orientation(0, False, None), None
     if parameters.upright:

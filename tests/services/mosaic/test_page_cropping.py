@@ -4,10 +4,16 @@ import cv2
 import numpy as np
 import pytest
 
-from services.mosaic.page_cropping import crop_page, find_page_crop
+from services.mosaic.page_cropping import PageCells, crop_page, find_page_crop
 from tests.services.mosaic.views import page_image
 
-ALL = np.ones((50, 40), bool)
+
+def seen_all(page: np.ndarray) -> PageCells:
+    """Photos that show all of the page, and tell no edge."""
+    cells = np.ones(
+        (round(page.shape[0] * 600 / max(page.shape)), round(page.shape[1] * 600 / max(page.shape))), bool
+    )
+    return PageCells(cells, cells)
 
 
 def on_desk(border: int = 60) -> np.ndarray:
@@ -20,7 +26,7 @@ def test_a_sheet_on_a_desk_is_cut_out(turned_deg: float) -> None:
     height, width = desk.shape[:2]
     turn = cv2.getRotationMatrix2D((width / 2, height / 2), turned_deg, 1.0)
     desk = np.asarray(cv2.warpAffine(desk, turn, (width, height), borderValue=(90, 70, 50)), np.uint8)
-    crop = find_page_crop(desk, ALL)
+    crop = find_page_crop(desk, seen_all(desk))
     assert len(crop.edges) == 4
     page = crop_page(desk, crop)
     grown = 1 + 1.7 * abs(np.sin(np.radians(turned_deg)))
@@ -33,14 +39,14 @@ def test_a_sheet_on_a_desk_is_cut_out(turned_deg: float) -> None:
 
 def test_only_the_edges_that_are_seen_are_cut() -> None:
     beside = cv2.copyMakeBorder(page_image(), 0, 0, 70, 0, cv2.BORDER_CONSTANT, value=(90, 70, 50))
-    crop = find_page_crop(beside, ALL)
+    crop = find_page_crop(beside, seen_all(beside))
     assert len(crop.edges) == 1
     assert (crop.top, crop.right, crop.bottom) == (0, 1070, 1560)
     assert 68 < crop.left < 76
 
 
 def test_a_page_that_fills_the_mosaic_is_left_alone() -> None:
-    crop = find_page_crop(page_image(), ALL)
+    crop = find_page_crop(page_image(), seen_all(page_image()))
     assert (crop.left, crop.top, crop.right, crop.bottom) == (0, 0, 1000, 1560)
     before = page_image()
     assert np.array_equal(crop_page(before.copy(), crop), before)
@@ -49,7 +55,7 @@ def test_a_page_that_fills_the_mosaic_is_left_alone() -> None:
 def test_a_picture_at_the_border_of_the_page_is_no_desk() -> None:
     page = page_image().copy()
     page[300:800, :330] = (60, 90, 70)
-    crop = find_page_crop(page, ALL)
+    crop = find_page_crop(page, seen_all(page))
     assert (crop.left, crop.top, crop.right, crop.bottom) == (0, 0, 1000, 1560)
 
 
@@ -59,7 +65,8 @@ def test_the_border_of_the_photos_is_no_edge_of_the_sheet() -> None:
     covered = np.ones(mosaic.shape[:2], bool)
     covered[900:, 600:] = False
     mosaic[~covered] = 255
-    crop = find_page_crop(mosaic, covered)
+    cells = cv2.resize(covered.astype(np.uint8), (400, 600), interpolation=cv2.INTER_NEAREST).astype(bool)
+    crop = find_page_crop(mosaic, PageCells(cells, cells))
     page = crop_page(mosaic.copy(), crop)
     assert len(crop.edges) == 4
     left, top = 60 - crop.left, 60 - crop.top
@@ -69,5 +76,7 @@ def test_the_border_of_the_photos_is_no_edge_of_the_sheet() -> None:
 
 
 def test_without_text_nothing_is_cropped() -> None:
-    crop = find_page_crop(np.full((300, 200, 3), 255, np.uint8), ALL)
+    crop = find_page_crop(
+        np.full((300, 200, 3), 255, np.uint8), seen_all(np.full((300, 200, 3), 255, np.uint8))
+    )
     assert (crop.left, crop.top, crop.right, crop.bottom, len(crop.edges)) == (0, 0, 200, 300, 0)
