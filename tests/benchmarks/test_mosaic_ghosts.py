@@ -69,6 +69,8 @@ def test_the_share_is_measured(share: float) -> None:
     one, other = rng.random((20, 50)), rng.random((20, 50))
     word = 7 + 90 * ((1 - share) * one + share * other)
     assert mixed_share(word, [one, 40 * other]) == pytest.approx(share, abs=0.02)
+    assert mixed_share(word, [one, other, rng.random((20, 50))], 1) == pytest.approx(share, abs=0.02)
+    assert mixed_share(word, [one, other, rng.random((20, 50))], 2) == pytest.approx(0, abs=0.03)
     assert mixed_share(word, [one, np.ones((20, 50))]) is None
 
 
