@@ -13,6 +13,7 @@ from services.mosaic.displacement_vote import CompatibleGroup, vote_displacement
 from services.mosaic.features import FeatureMatches, match_features
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.homography_fit import fit_homography, is_sane
+from services.mosaic.pair_consistency import Pairs, drop_contradictions, find_ways
 from services.mosaic.pair_registration import PairRegistration
 from services.mosaic.pair_verification import (
     Overlap,
@@ -35,6 +36,8 @@ class RegistrationParameters:
     """Of the first fit, in pixels of the word scale (as in the prototype)."""
     finer: float = 1.5
     """The second pass's resolution over the first's."""
+    most_retries: int = 45
+    """Pairs of ten photos: more that did not connect are not of one page, and the finer passes are left out."""
     ambiguity: float = 0.7
     """Two places of which the second has this share of the first's found blocks are not told apart."""
     least_overlap: float = 0.01
@@ -44,7 +47,8 @@ class RegistrationParameters:
     guided_found: int = 5
     """A predicted pair connects nothing that was not connected; fewer blocks do."""
     contradiction: float = 4.0
-    """Text heights, per photo in between, by which a pair and a way round it may differ."""
+    """Text heights, per photo in between, by which a pair and a way round it may differ. True ones differ by less than
+    one; a false pair is off by words and lines at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,23 +90,30 @@ def register_photos(
     prepared = {photo.index: PreparedPhoto(photo) for photo in photos}
     # Nothing below depends on the order of the upload, but on the order of content.
     order = sorted(prepared, key=lambda index: prepared[index].key)
+    heights = {index: one.photo.text_height_px for index, one in prepared.items()}
     pairs: dict[tuple[int, int], PairRegistration] = {}
-    for turns, fineness in ((0, 1.0), (2, 1.0), (0, p.finer), (2, p.finer), (1, 1.0), (3, 1.0)):
+    looks = (0, 1.0), (2, 1.0), (0, p.finer), (2, p.finer), (1, 1.0), (3, 1.0)
+    for number, (turns, fineness) in enumerate(looks):
         part_of = {i: part for part in connect_photos(order, pairs) for i in part}
-        for i, j in combinations(order, 2):
-            if part_of[i] != part_of[j]:
-                registered = _register(prepared[i], prepared[j], turns, fineness, p)
-                if isinstance(registered, PairRegistration):
-                    pairs[registered.a, registered.b] = registered
+        apart = [(i, j) for i, j in combinations(order, 2) if part_of[i] != part_of[j]]
+        if number > 2:
+            # Photos that found others had several chances already.
+            apart = [(i, j) for i, j in apart if min(len(part_of[i]), len(part_of[j])) == 1]
+        if number > 1 and len(apart) > p.most_retries:
+            continue
+        for i, j in apart:
+            registered = _register(prepared[i], prepared[j], turns, fineness, p)
+            if isinstance(registered, PairRegistration):
+                pairs[registered.a, registered.b] = registered
         if len(connect_photos(order, pairs)) == 1:
             break
-    pairs = _without_contradictions(pairs, order, prepared, p)
+    pairs = drop_contradictions(pairs, order, heights, p.contradiction)
     for _ in range(2):
         added = dict(_guided(pairs, order, prepared, p))
         pairs |= added
         if not added:
             break
-    pairs = _without_contradictions(pairs, order, prepared, p)
+    pairs = drop_contradictions(pairs, order, heights, p.contradiction)
     return tuple(pairs[key] for key in sorted(pairs))
 
 
@@ -186,56 +197,11 @@ def _refined(
     )
 
 
-Pairs = Mapping[tuple[int, int], PairRegistration]
-
-
-def _strength(pair: PairRegistration) -> float:
-    return float(pair.weights.sum()) * pair.agreement
-
-
-def _between(pairs: Pairs, i: int, j: int) -> Homography:
-    """H_i_j of a registered pair, in either order."""
-    return pairs[i, j].H_a_b if i < j else np.linalg.inv(pairs[j, i].H_a_b)
-
-
-def _ways(
-    pairs: Pairs, order: Sequence[int], strongest: bool
-) -> dict[tuple[int, int], tuple[int, Homography]]:
-    """Photos in between and H_i_j along the best way from i to j, for all i, j that are connected.
-
-    Along the tree of the strongest pairs, or, otherwise, over as few photos as possible (the strongest of such).
-    """
-    rank = {index: n for n, index in enumerate(order)}
-    edges = sorted(pairs, key=lambda e: (-_strength(pairs[e]), sorted((rank[e[0]], rank[e[1]]))))
-    if strongest:
-        tree: list[tuple[int, int]] = []
-        for edge in edges:
-            if not any(edge[0] in part and edge[1] in part for part in connect_photos(order, tree)):
-                tree.append(edge)
-        edges = tree
-    ways: dict[tuple[int, int], tuple[int, Homography]] = {}
-    for start in order:
-        reached: dict[int, tuple[int, Homography]] = {start: (0, np.eye(3))}
-        queue = [start]
-        for here in queue:
-            steps, H = reached[here]
-            for a, b in edges:
-                if here in (a, b):
-                    there = b if here == a else a
-                    if there not in reached:
-                        reached[there] = steps + 1, H @ _between(pairs, here, there)
-                        queue.append(there)
-        ways |= {
-            (start, end): (steps - 1, H / H[2, 2]) for end, (steps, H) in reached.items() if end != start
-        }
-    return ways
-
-
 def _guided(
     pairs: Pairs, order: Sequence[int], prepared: Mapping[int, PreparedPhoto], p: RegistrationParameters
 ) -> Iterator[tuple[tuple[int, int], PairRegistration]]:
     """Pairs that were not found but should overlap as the others lie."""
-    ways = _ways(pairs, order, strongest=False)
+    ways = find_ways(pairs, order)
     for i, j in combinations(order, 2):
         key = min(i, j), max(i, j)
         if key in pairs or (i, j) not in ways:
@@ -260,24 +226,3 @@ def _quarter_turns(H_a_b: Homography, b: FlatPhoto) -> int:
     x, y = (width - 1) / 2, (height - 1) / 2
     start, end = transform_points(H_a_b, np.array([[x, y], [x + 1, y]]))
     return round(float(np.arctan2(start[1] - end[1], end[0] - start[0])) / (np.pi / 2)) % 4
-
-
-def _without_contradictions(
-    pairs: Pairs, order: Sequence[int], prepared: Mapping[int, PreparedPhoto], p: RegistrationParameters
-) -> dict[tuple[int, int], PairRegistration]:
-    """Pairs that agree with the tree of the strongest pairs; one that does not is the weakest of a loop."""
-    ways = _ways(pairs, order, strongest=True)
-    return {key: pair for key, pair in pairs.items() if _agrees(pair, ways[key], prepared, p)}
-
-
-def _agrees(
-    pair: PairRegistration,
-    way: tuple[int, Homography],
-    prepared: Mapping[int, PreparedPhoto],
-    p: RegistrationParameters,
-) -> bool:
-    between, H = way
-    apart = np.linalg.norm(transform_points(H, pair.points_b) - pair.points_a, axis=1)
-    return (
-        float(np.median(apart)) <= p.contradiction * max(between, 1) * prepared[pair.a].photo.text_height_px
-    )
