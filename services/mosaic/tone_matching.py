@@ -45,6 +45,9 @@ class ToneParameters:
     brightest_paper: float = 250.0
     """The light that photos agree on is lowered until paper stays below this, or as bright as in the brightest of
     them."""
+    tints_of_light: tuple[float, float] = (1.25, 1.5)
+    """Ratio of paper's strongest channel to its weakest that white balance may leave, and from which on the paper
+    itself is coloured (lamps that a phone does not make up for leave 1.1 to 1.3; pink and blue forms have 1.3 to 2)."""
     map_long_side: int = 400
     """Of a tone map that carries levels: these are measured on a copy of this size, and follow a shadow's edge."""
     gray_paper: float = 230.0
@@ -66,9 +69,10 @@ def match_tones(
     """What brings the light of `photos`, which lie on the mosaic as `placements` say, in line; one map each.
 
     "keep": where two photos show the same place their colours agree, and the mean over all photos stays, unless paper
-    would be clipped. "normalize": paper becomes white besides, and the ink of every photo equally dark, by levels of
-    the page as a whole: a photo that shows little paper takes them from the photos around. Pictures take the light of
-    the paper beside them. Without print on paper only the gains are matched. Nothing depends on the order of photos.
+    would be clipped. "normalize": paper becomes white besides, also in hue unless it is clearly coloured, and the ink
+    of every photo equally dark, by levels of the page as a whole: a photo that shows little paper takes them from the
+    photos around. Pictures take the light of the paper beside them. Without print on paper only the gains are matched.
+    Nothing depends on the order of photos.
     """
     if not photos:
         return ()
@@ -79,6 +83,8 @@ def match_tones(
         for photo, placement, box in zip(photos, placements, boxes, strict=True)
     ]
     lights = match_light(views, canvas, p)
+    if illumination == "normalize":
+        lights = _with_neutral_paper(lights, p)
     grids = [
         _FlatGrid.over(photo, placement, canvas, p.map_long_side)
         for photo, placement in zip(photos, placements, strict=True)
@@ -139,6 +145,19 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) 
         followed.append(to_cells(gain) * (there + 1) / (here + 1))
     overall = _overall_gain(views, page, bright, p.brightest_paper)
     return MatchedLight(tuple(gain * overall for gain in followed), page * overall, weight > 0)
+
+
+def _with_neutral_paper(lights: MatchedLight, p: ToneParameters) -> MatchedLight:
+    """The same with paper gray where its tint may be one of the light; what is clearly coloured paper stays so."""
+    bright = bright_parts(lights.page, p.light)[::CELL_PX, ::CELL_PX] * lights.shown[::CELL_PX, ::CELL_PX] > 0
+    if not bright.any():
+        return lights
+    paper = np.median(lights.page[::CELL_PX, ::CELL_PX][bright], axis=0)
+    gains = paper.max() / np.maximum(paper, 1.0)
+    least, most = p.tints_of_light
+    share = np.clip((most - gains.max()) / (most - least), 0, 1)
+    gains = (gains**share).astype(np.float32)
+    return MatchedLight(tuple(field * gains for field in lights.fields), lights.page * gains, lights.shown)
 
 
 def _overall_gain(

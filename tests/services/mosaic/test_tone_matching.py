@@ -153,7 +153,9 @@ def test_photos_agree_where_they_overlap(page: NDArray[np.float64], illumination
     with np.errstate(invalid="ignore"):
         ratio = (first / second)[620:880, 20:-20]
     assert abs(np.median(ratio) - 1) < 0.003
-    assert np.quantile(np.abs(ratio - 1), 0.95) < (0.01 if noise == 0 else 0.015)
+    # Levels of ink that are measured photo by photo, and stretched, leave more than gains.
+    bound = 0.015 if illumination == "keep" else 0.02
+    assert np.quantile(np.abs(ratio - 1), 0.95) < (0.01 if (illumination, noise) == ("keep", 0.0) else bound)
     # The match follows light and not content.
     assert np.quantile(np.abs(ratio - 1), 0.5) < 0.004
 
@@ -190,12 +192,28 @@ def test_normalized_paper_is_white_and_ink_is_dark_in_every_photo(page: NDArray[
         seen = np.isfinite(layer[..., 0])
         white = layer[seen & paper]
         medians.append(np.median(white, axis=0))
-        # The page's tint, which photos agree on, stays: the strongest channel is white.
         assert np.median(white.max(axis=1)) >= 253
         assert np.quantile(white.max(axis=1), 0.03) >= 248
         if (seen & ink).any():
             assert 5 < np.median(layer[seen & ink]) < 45
     assert np.ptp(medians, axis=0).max() <= 2
+
+
+@pytest.mark.parametrize(("tint", "stays"), [((1.0, 0.97, 0.86), False), ((1.0, 0.7, 0.62), True)])
+def test_a_tint_of_the_light_goes_and_coloured_paper_stays(
+    page: NDArray[np.float64], tint: tuple[float, float, float], stays: bool
+) -> None:
+    def tinted(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        return even(x, y)[..., None] * np.array(tint)
+
+    photos = [take(page, UPPER, tinted, 0), take(page, LOWER, tinted, 1)]
+    paper = cv2.erode(page.min(axis=2), np.ones((7, 7))) > 0.999
+    for layer in on_page(photos, "normalize"):
+        weakest = np.nanmedian(layer[paper], axis=0).min()
+        assert weakest < 235 if stays else weakest > 250
+    for layer in on_page(photos, "keep"):
+        hue = np.nanmedian(layer[paper], axis=0)
+        assert np.allclose(hue / hue.max(), tint, atol=0.02)
 
 
 def test_ink_of_a_blurred_photo_is_as_dark_as_that_of_a_sharp_one(page: NDArray[np.float64]) -> None:
