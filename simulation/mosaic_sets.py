@@ -34,7 +34,7 @@ SMALLEST_SIZE = 1 / 1.5
 
 _SMALLEST_TILT_RAD = float(np.radians(5.0))
 _SMALLEST_SHARE = 0.02
-"""Neighbours that share less of their area than this do not hold a set together."""
+"""Photos that share less of their ink than this do not hold a set together: bare paper cannot be registered."""
 _LARGEST_EXCESS = 0.3
 """No two neighbours share more than this above the wanted mean, so that the mean is of like pairs."""
 _UNSEEN = 0.002
@@ -43,6 +43,7 @@ _TRIES_A_LEVEL = 10
 _LEVELS = 16
 _CALMER = 0.9
 """After ten draws that leave a gap, or no common area, tilts and rolls are drawn this much smaller."""
+_INK_POINTS = 6000
 _GRID_POINTS = 90
 """Points across the page at which shares of area are counted."""
 _DESK_PX = 1024
@@ -122,12 +123,23 @@ def neighbours(cells: tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
 
 def printed_box(page: Page) -> tuple[float, float, float, float]:
     """Box (x0, y0, x1, y1) of all ink, page pixels; the whole page where there is none."""
-    gray = page.image if page.image.ndim == 2 else page.image.min(axis=2)
-    ink = gray < page.paper - 48
+    ink = _ink(page)
     rows, columns = np.flatnonzero(ink.any(axis=1)), np.flatnonzero(ink.any(axis=0))
     if not len(rows):
         return 0.0, 0.0, page.width - 1.0, page.height - 1.0
     return float(columns[0]), float(rows[0]), float(columns[-1]), float(rows[-1])
+
+
+def _ink(page: Page) -> NDArray[np.bool_]:
+    gray = page.image if page.image.ndim == 2 else page.image.min(axis=2)
+    return np.asarray(gray < page.paper - 48)
+
+
+def _ink_points(page: Page) -> Points:
+    """Some thousand page pixels (N, 2) that are ink, spread evenly over all of it."""
+    places = np.flatnonzero(_ink(page))
+    chosen = places[np.linspace(0, len(places) - 1, min(_INK_POINTS, len(places))).astype(np.intp)]
+    return np.stack([chosen % page.width, chosen // page.width], axis=1).astype(np.float64)
 
 
 def _draw_truths(
@@ -142,6 +154,7 @@ def _draw_truths(
     grid = _page_grid(page)
     box = printed_box(page)
     printed = np.all((grid >= box[:2]) & (grid <= box[2:]), axis=1)
+    ink = _ink_points(page)
     pairs = neighbours(tuple(cells))
     for level in range(_LEVELS):
         for _ in range(_TRIES_A_LEVEL):
@@ -154,8 +167,10 @@ def _draw_truths(
             reached = (
                 abs(beside.mean() - overlap) < 0.1 * overlap and beside.max() < overlap + _LARGEST_EXCESS
             )
-            if reached and seen >= 1 - _UNSEEN and _hangs_together(len(cells), shares):
-                return truths
+            if reached and seen >= 1 - _UNSEEN:
+                shared_ink = _shares([_shown(truth, ink) for truth in truths])
+                if _hangs_together(len(cells), shared_ink):
+                    return truths
     raise ValueError("no poses were found that show all of the page at this overlap")
 
 

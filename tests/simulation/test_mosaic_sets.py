@@ -1,5 +1,9 @@
 """Sets of photos of one page: each with its truth, together all of the page, overlapping by what was asked."""
 
+import functools
+import itertools
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 import pytest
@@ -18,10 +22,13 @@ from simulation.mosaic_sets import (
 from simulation.surfaces import Plane
 
 
-@pytest.fixture(autouse=True)
-def _small_photos(monkeypatch: pytest.MonkeyPatch) -> None:
-    for count, (width, height) in PHOTO_SIZES.items():
-        monkeypatch.setitem(PHOTO_SIZES, count, (width // 4, height // 4))
+@pytest.fixture(autouse=True, scope="module")
+def _small_photos() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        for count, (width, height) in PHOTO_SIZES.items():
+            patch.setitem(PHOTO_SIZES, count, (width // 4, height // 4))
+        yield
+        _set.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +36,12 @@ def page() -> Page:
     return letter_pages(638, 825)[0]
 
 
+@functools.cache
 def _set(page: Page, count: int, overlap: float, seed: int = 3, **options: object) -> MosaicSet:
+    return _set_anew(page, count, overlap, seed, **options)
+
+
+def _set_anew(page: Page, count: int, overlap: float, seed: int = 3, **options: object) -> MosaicSet:
     return photograph_set(page, count, overlap, np.random.default_rng(seed), **options)  # type: ignore[arg-type]
 
 
@@ -54,6 +66,37 @@ def test_neighbours_overlap_by_the_wanted_share(page: Page, count: int, overlap:
     assert np.mean(shares) == pytest.approx(made.mean_overlap, abs=0.01)
     x0, y0, x1, y1 = map(int, printed_box(page))
     assert np.any(shown, axis=0)[y0:y1, x0:x1].mean() > 0.99
+
+
+def test_photos_hang_together_by_print_that_they_share(page: Page) -> None:
+    y, x = np.nonzero(page.image < 128)
+    ink = np.stack([x, y], axis=1)[::50].astype(float)
+    seen = []
+    for photo in _set(page, 8, 0.1).photos:
+        there = photo.truth.page_to_photo(ink)
+        with np.errstate(invalid="ignore"):
+            seen.append(np.all((there > -0.5) & (there < np.array(photo.image.shape[1::-1]) - 0.5), axis=1))
+    reached = {0}
+    for _ in seen:
+        for one, other in itertools.permutations(range(8), 2):
+            if one in reached and _ink_share(seen[one], seen[other]) >= 0.015:
+                reached.add(other)
+    assert len(reached) == 8
+
+
+def test_bare_paper_in_common_does_not_hold_a_set_together(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    image = page.image.copy()
+    image[page.height * 3 // 10 : page.height * 7 // 10] = 255
+    monkeypatch.setattr("simulation.mosaic_sets._LEVELS", 1)
+    with pytest.raises(ValueError, match="no poses"):
+        _set_anew(Page(image), 2, 0.1)
+    assert _set_anew(page, 2, 0.1).mean_overlap == pytest.approx(0.1, rel=0.1)
+
+
+def _ink_share(one: np.ndarray, other: np.ndarray) -> float:
+    return float((one & other).sum() / max(min(one.sum(), other.sum()), 1))
 
 
 @pytest.mark.parametrize("shape", [Plane(), GENTLE_CURVE])
@@ -92,7 +135,8 @@ def test_a_flat_photo_is_the_page_through_its_homography(page: Page) -> None:
 
 
 def test_the_same_seed_gives_the_same_photos(page: Page) -> None:
-    one, again, other = _set(page, 2, 0.2), _set(page, 2, 0.2), _set(page, 2, 0.2, seed=4)
+    one, again = (_set_anew(page, 2, 0.2) for _ in range(2))
+    other = _set_anew(page, 2, 0.2, seed=4)
     assert all(np.array_equal(a, b) for a, b in zip(one.images, again.images, strict=True))
     assert not any(np.array_equal(a, b) for a, b in zip(one.images, other.images, strict=True))
     assert (one.overlaps, one.cells) == (again.overlaps, again.cells)
