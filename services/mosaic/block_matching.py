@@ -37,6 +37,8 @@ class BlockParameters:
     """A block's side over the overlap's breadth, so that two find room beside each other."""
     most_blocks: int = 280
     """They are spread over the overlap."""
+    ink: float = 14.0
+    """Standard deviation of gray values in a block that holds print; bare paper's is below 5."""
     detail: float = 4.0
     """Gray values a pixel: root of the structure tensor's smaller eigenvalue in a block that can be found again. Text
     has 5.6 and more, paper, rules and soft pictures, which are found in many places or in none, at most 3."""
@@ -57,27 +59,30 @@ class BlockMatches:
     """Blocks of a, of which those `found` were found again in b.
 
     `points_a` (N, 2) is where their print lies and `displacements` (N, 2) how far from the place that the homography
-    says, both in reduced pixels of a; `correlations` (N,) are those of the best place.
+    says, both in reduced pixels of a; `correlations` (N,) are those of the best place. Those that are `telling` (N,)
+    have detail in all directions: not to find them speaks against the homography.
     """
 
     points_a: Points
     displacements: Points
     correlations: Vector
     found: NDArray[np.bool_]
+    telling: NDArray[np.bool_]
 
     @property
     def agreement(self) -> float:
-        """Share of the blocks that were found."""
-        return float(self.found.mean()) if len(self.found) else 0.0
+        """Share of the telling blocks that were found."""
+        return float(self.found[self.telling].mean()) if self.telling.any() else 0.0
 
-    def kept(self, which: NDArray[np.bool_]) -> "BlockMatches":
-        """Some of the blocks."""
-        return BlockMatches(
-            self.points_a[which], self.displacements[which], self.correlations[which], self.found[which]
-        )
+    @property
+    def evidence(self) -> int:
+        """Number of telling blocks that were found."""
+        return int(np.count_nonzero(self.found & self.telling))
 
 
-NO_BLOCKS = BlockMatches(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0, bool))
+NO_BLOCKS = BlockMatches(
+    np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0, bool), np.zeros(0, bool)
+)
 
 
 def match_blocks(
@@ -117,7 +122,7 @@ def match_blocks(
         if block is None:
             return NO_BLOCKS
         w, h = block
-        corners_ij = _choose_blocks(
+        corners_ij, telling = _choose_blocks(
             own, np.asarray(other[inner]), both, block, most_blocks or p.most_blocks, p
         )
         if len(corners_ij) >= p.few_blocks:
@@ -133,7 +138,7 @@ def match_blocks(
     candidates = correlations >= p.correlation
     found = candidates.copy()
     found[candidates] = support_blocks(points[candidates], displacements[candidates], p)
-    return BlockMatches(points, displacements, correlations, found)
+    return BlockMatches(points, displacements, correlations, found, telling)
 
 
 def ink_centres(image: GrayImage, corners: NDArray[np.intp], width: int, height: int) -> Points:
@@ -170,8 +175,8 @@ def _block_size(both: Mask, side: float, p: BlockParameters) -> tuple[int, int] 
 
 def _choose_blocks(
     own: GrayImage, other: GrayImage, both: Mask, block: tuple[int, int], most: int, p: BlockParameters
-) -> NDArray[np.intp]:
-    """Top left corners (N, 2) of blocks that both views show, with text in one of them at least.
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Top left corners (N, 2) of blocks that both views show, with print in one at least, and which are telling (N,).
 
     What can be found in one place only has detail in all directions (Shi and Tomasi 1994, Good features to track).
     """
@@ -184,22 +189,31 @@ def _choose_blocks(
         total = integral[y + h, x + w] - integral[y, x + w] - integral[y + h, x] + integral[y, x]
         return np.asarray(total / area, float)
 
-    tensors = [_structure(image) for image in (own, other)]
+    sums = [
+        [
+            np.asarray(total, np.float64)
+            for total in cv2.integral2(image, sdepth=cv2.CV_64F, sqdepth=cv2.CV_64F)
+        ]
+        for image in (own, other)
+    ]
     # Half a block apart, unless that is too many; the finest grid that is not.
     apart = np.array([max(4, w // 2), max(4, h // 2)])
     for _ in range(12):
         xs, ys = (np.arange(0, n - m + 1, s) for n, m, s in ((width, w, apart[0]), (height, h, apart[1])))
         x, y = (g.ravel() for g in np.meshgrid(xs, ys))
         if not len(x):
-            return np.zeros((0, 2), np.intp)
+            return np.zeros((0, 2), np.intp), np.zeros(0, bool)
         usable = box(shown, y, x) > 0.98
-        least = [_least_eigenvalue(*(box(entry, y, x) for entry in tensor)) for tensor in tensors]
-        usable &= np.maximum(*least) > p.detail**2
+        variances = [box(squared, y, x) - box(plain, y, x) ** 2 for plain, squared in sums]
+        usable &= np.maximum(*variances) > p.ink**2
         if np.count_nonzero(usable) <= most:
             break
         apart = np.ceil(apart * 1.2).astype(int)
     chosen = np.stack([x, y], axis=1)[usable]
-    return chosen[:: -(-len(chosen) // most)] if len(chosen) > most else chosen
+    chosen = chosen[:: -(-len(chosen) // most)] if len(chosen) > most else chosen
+    x, y = chosen.T
+    least = [_least_eigenvalue(*(box(entry, y, x) for entry in _structure(image))) for image in (own, other)]
+    return chosen, np.maximum(*least) > p.detail**2
 
 
 def _integral(values: NDArray[np.float32]) -> Floats:

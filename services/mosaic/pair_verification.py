@@ -91,8 +91,8 @@ class Overlap:
 
     @property
     def found(self) -> int:
-        """Number of found blocks."""
-        return int(np.count_nonzero(self.blocks.found))
+        """Number of telling blocks that were found."""
+        return self.blocks.evidence
 
     def matches(self) -> tuple[Points, Points]:
         """Found blocks (N, 2), reduced pixels of a and of b."""
@@ -138,7 +138,7 @@ def verify_overlap(
     for _ in range(p.rounds):
         H_blocks = H
         found = match_blocks(view_a, view_b, H, math.ceil(radius), most, q)
-        if np.count_nonzero(found.found) < least or found.agreement < share:
+        if found.evidence < least or found.agreement < share:
             return None
         points = found.points_a[found.found]
         moved = points + found.displacements[found.found]
