@@ -105,7 +105,7 @@ def match_blocks(
     size = int(width + 2 * search_px), int(height + 2 * search_px)
     warp = cv2.WARP_INVERSE_MAP
     other = cv2.warpPerspective(
-        b.gray,
+        b.unruled,
         H_b_window,
         size,
         flags=cv2.INTER_LINEAR | warp,
@@ -114,7 +114,7 @@ def match_blocks(
     )
     seen = cv2.warpPerspective(b.shown.view(np.uint8), H_b_window, size, flags=cv2.INTER_NEAREST | warp)
     inner = slice(search_px, search_px + height), slice(search_px, search_px + width)
-    own = a.gray[low[1] : high[1], low[0] : high[0]]
+    own = a.unruled[low[1] : high[1], low[0] : high[0]]
     both = seen[inner].astype(bool) & a.shown[low[1] : high[1], low[0] : high[0]]
     side = p.block_px
     for _ in range(3):

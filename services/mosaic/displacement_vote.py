@@ -34,7 +34,8 @@ class VoteParameters:
     least_scale: float = 0.55
     greatest_scale: float = 1.8
     scales: int = 41
-    """Steps of 3 %: within half a step, a match half a view off the middle moves by less than a bin."""
+    """Steps of 3 %: within half a step, a match half a view off the middle moves by less than a bin. Where text sizes
+    tell that scales differ by more, the range goes on to them in the same steps."""
     bins_per_diagonal: float = 90.0
     """Bins are a's diagonal over this wide. The dissertation says 20 and that it is not critical; finer bins hold
     fewer false matches: of pairs that share less than 8 % of the page, 90 rank the truth higher than 60, as 130 do."""
@@ -63,11 +64,17 @@ class CompatibleGroup:
 
 
 def vote_displacements(
-    matches: FeatureMatches, diagonal: float, parameters: VoteParameters | None = None
+    matches: FeatureMatches,
+    diagonal: float,
+    parameters: VoteParameters | None = None,
+    expected_scale: float = 1.0,
 ) -> tuple[CompatibleGroup, ...]:
-    """Compatible groups in places that differ, the one that stands out most first; `diagonal` of view a in pixels."""
+    """Compatible groups in places that differ, the one that stands out most first; `diagonal` of view a in pixels.
+
+    `expected_scale` is what the sizes of text in a and b say; headings and notes may make it wrong.
+    """
     p = parameters or VoteParameters()
-    scales = np.geomspace(p.least_scale, p.greatest_scale, p.scales)
+    scales = _scales(p, expected_scale)
     bin_px = diagonal / p.bins_per_diagonal
     # (scales, matches, 2), in bins, from the least displacement on with one empty bin as a border.
     bins = (matches.points_a - scales[:, None, None] * matches.points_b) / bin_px
@@ -85,6 +92,13 @@ def vote_displacements(
         groups.append(CompatibleGroup(scale, displacement, members))
         voting = voting & (away > p.reach)
     return tuple(groups)
+
+
+def _scales(p: VoteParameters, expected: float) -> Vector:
+    """The range and, as far beyond, what is expected."""
+    least, greatest = p.least_scale * min(expected, 1.0), p.greatest_scale * max(expected, 1.0)
+    step = math.log(p.greatest_scale / p.least_scale) / (p.scales - 1)
+    return np.geomspace(least, greatest, 1 + round(math.log(greatest / least) / step))
 
 
 def _outstanding_bin(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vector]:

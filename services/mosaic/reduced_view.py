@@ -8,6 +8,9 @@ import numpy as np
 from services.arrays import GrayImage, Homography, Mask, Points
 from services.mosaic.flat_photo import FlatPhoto
 
+RULE_PX = 49
+"""Unbroken ink of this length, across or down, is a rule: as long as a block of text is wide, or four characters high."""
+
 
 class ReducedView:
     """A view turned counter-clockwise by quarters and reduced.
@@ -33,6 +36,11 @@ class ReducedView:
         x0, x1, y0, y1 = columns[0], columns[-1], rows[0], rows[-1]
         return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)
 
+    @cached_property
+    def unruled(self) -> GrayImage:
+        """`gray` without rules: one cell of a table or a grid looks like the others as long as these are in it."""
+        return remove_rules(self.gray)
+
 
 def reduce_view(gray: GrayImage, shown: Mask, factor: float) -> tuple[GrayImage, Mask, Homography]:
     """The view at `factor` of its size (1 at most), and the homography from the view's pixels to the reduced ones'."""
@@ -45,6 +53,17 @@ def reduce_view(gray: GrayImage, shown: Mask, factor: float) -> tuple[GrayImage,
     H = np.diag([size[0] / width, size[1] / height, 1.0])
     H[:2, 2] = 0.5 * np.diag(H)[:2] - 0.5
     return reduced, mask, H
+
+
+def remove_rules(gray: GrayImage) -> GrayImage:
+    """`gray` with long straight lines, across and down, made as bright as what they lie on."""
+    ink = cv2.bitwise_not(gray)
+    rules = np.zeros_like(ink)
+    for long, thick in (((1, RULE_PX), (3, 1)), ((RULE_PX, 1), (1, 3))):
+        # A rule that is not quite straight passes from one row of pixels to the next.
+        wide = cv2.dilate(ink, np.ones(thick, np.uint8))
+        rules = cv2.max(rules, cv2.morphologyEx(wide, cv2.MORPH_OPEN, np.ones(long, np.uint8)))
+    return np.asarray(cv2.bitwise_not(cv2.subtract(ink, rules)), np.uint8)
 
 
 def quarter_turn(turns: int, width: int, height: int) -> Homography:

@@ -38,6 +38,8 @@ class RegistrationParameters:
     """The second pass's resolution over the first's."""
     most_retries: int = 45
     """Pairs of ten photos: more that did not connect are not of one page, and the finer passes are left out."""
+    largest_scale: float = 4.0
+    """Between two views by their text sizes; what is smaller than a quarter can hardly be read."""
     ambiguity: float = 0.7
     """Two places of which the second has this share of the first's found blocks are not told apart."""
     least_overlap: float = 0.01
@@ -124,7 +126,9 @@ def _register(
         a, b, turns = b, a, -turns % 4
     features = a.features(fineness, 0), b.features(fineness, turns)
     matches = match_features(*features)
-    groups = vote_displacements(matches, float(np.hypot(*a.photo.size)))
+    expected = a.photo.text_height_px / max(b.photo.text_height_px, 1e-6)
+    expected = float(np.clip(expected, 1 / p.largest_scale, p.largest_scale))
+    groups = vote_displacements(matches, float(np.hypot(*a.photo.size)), expected_scale=expected)
     votes = sorted((group.votes for group in groups), reverse=True)
     evidence = Evidence(len(matches.points_a), *(*votes, 0, 0)[:2])
     if not groups:

@@ -3,6 +3,7 @@
 import functools
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -108,3 +109,29 @@ def test_pair_is_the_same_from_both_sides() -> None:
     assert isinstance(two, PairRegistration)
     assert (one.a, one.b) == (two.a, two.b) == (0, 1)
     np.testing.assert_array_equal(one.points_a, two.points_a)
+
+
+def test_cells_of_a_table_are_not_taken_for_each_other() -> None:
+    # Ruled cells of numbers that differ: the rules fit on each other at every row.
+    rng = np.random.default_rng(4)
+    table = np.full_like(page(), 255)
+    for y in range(40, table.shape[0], 50):
+        table[y : y + 3, 40:1160] = 0
+        for x in range(40, 1000, 160):
+            text = f"{rng.integers(0, 99999) / 100:.2f}"
+            cv2.putText(table, text, (x + 12, y + 38), cv2.FONT_HERSHEY_SIMPLEX, 0.95, (0,), 2, cv2.LINE_AA)
+    table[40:, 40:1160:160] = 0
+    table[40:, 41:1160:160] = 0
+    a = draw_view(table, part(0, 0), (1200, 800), 0)
+    below = draw_view(table, part(0, 1000.5), (1200, 800), 1, Flaws(seed=1))
+    assert register_photos([a, below]) == ()
+    beside = draw_view(table, part(0.4, 450.5), (1200, 800), 1, Flaws(seed=1))
+    (pair,) = register_photos([a, beside])
+    assert registration_error(a, beside, pair.H_a_b) < 0.4
+
+
+def test_photo_from_three_times_as_far_registers() -> None:
+    near = draw_view(page(), part(100, 300), (900, 900), 0)
+    far = draw_view(page(), part(-20, 10, 3.0), (400, 620), 1, Flaws(seed=1))
+    (pair,) = register_photos([near, far])
+    assert registration_error(near, far, pair.H_a_b) < 1.0
