@@ -9,7 +9,7 @@ from services.arrays import GrayImage, Homography, Mask, Points
 from services.mosaic.flat_photo import FlatPhoto
 
 RULE_PX = 49
-"""Unbroken ink of this length, across or down, is a rule: as long as a block of text is wide, or four characters high."""
+"""Unbroken ink of this length, across or down, is a rule: four characters high, as wide as a block of text."""
 
 
 class ReducedView:
