@@ -9,9 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.mosaic_ghosts import shifted_photo
 from benchmarks.plots import make_strip, save_picture
 from services.arrays import RgbImage
 from services.geometry.vanishing_points import estimate_vanishing_point
+from services.mosaic.parameters import Composition, MosaicParameters
+from services.mosaic.pipeline import mosaic
 from services.operations import ocr_engine
 from services.rectify.analysis import analyse_photo
 from services.rectify.parameters import RectifyParameters
@@ -19,10 +22,14 @@ from services.rectify.pipeline import rectify
 from services.rectify.results import StripsSurface
 from services.texture_flow.field import FlowSamples
 from simulation.degradation import PHONE
+from simulation.letter_pages import colour_page
+from simulation.mosaic_sets import MosaicSet, photograph_set
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, photograph
 
 SEED = 7
+COLOURS = ((220, 60, 40), (40, 130, 60), (50, 90, 210), (170, 90, 190))
+COMPOSITIONS: tuple[Composition, ...] = ("average", "selective")
 
 
 def before_and_after(photo: RgbImage) -> RgbImage:
@@ -75,16 +82,53 @@ def draw_flow(photo: RgbImage, samples: FlowSamples, length_px: float) -> RgbIma
     return canvas
 
 
+def four_photos(made: MosaicSet) -> RgbImage:
+    """The photos of a page, where each of them came to lie, and the page."""
+    result = mosaic(made.images, MosaicParameters(), None, ocr_engine())
+    side = max(max(image.shape[:2]) for image in made.images)
+    tiles = [
+        cv2.copyMakeBorder(
+            image, 0, side - image.shape[0], 0, side - image.shape[1], cv2.BORDER_CONSTANT, value=(255,) * 3
+        )
+        for image in made.images
+    ]
+    photos = np.vstack([np.hstack(tiles[:2]), np.hstack(tiles[2:])])
+    drawn = (0.4 * result.image + 153).astype(np.uint8)
+    for patch, colour in zip(result.patches, COLOURS, strict=True):
+        assert patch.mesh is not None
+        mesh = patch.mesh
+        border = np.concatenate([mesh[0], mesh[1:, -1], mesh[-1, -2::-1], mesh[-2:0:-1, 0]])
+        cv2.polylines(drawn, [np.round(border).astype(np.int32)], True, colour, 14, cv2.LINE_AA)
+    captions = ["photos", "where they lie", "POST /mosaic"]
+    return make_strip([np.asarray(photos, np.uint8), drawn, result.image], captions)
+
+
+def ghosts(made: MosaicSet) -> RgbImage:
+    """A detail of both compositions when one photo is laid three pixels beside its place on purpose."""
+    details = []
+    for composition in COMPOSITIONS:
+        with shifted_photo(1, (2.2, 2.0)):
+            parameters = MosaicParameters(composition=composition, upright=False)
+            page = mosaic(made.images, parameters, None, None).image
+        row, column = round(0.5 * page.shape[0]), round(0.5 * page.shape[1])
+        details.append(page[row - 150 : row + 150, column - 300 : column + 300])
+    captions = [f"one photo shifted by 3 px, composition={name}" for name in COMPOSITIONS]
+    return make_strip(details, captions, height=300)
+
+
 def main() -> int:
     """Write the pictures into the folder that is named, else docs/pictures."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent.parent / "docs" / "pictures"
     page = own_pages()[2]
     photo = photograph(page, POSES[3], 0.0, dirt=PHONE, rng=np.random.default_rng(SEED)).image
     bent = photograph(own_pages()[0], POSES[1], 0.0, BOOK, dirt=PHONE, rng=np.random.default_rng(SEED)).image
+    made = photograph_set(colour_page(), 4, 0.3, np.random.default_rng(SEED))
     pictures = {
         "before-after": before_and_after(photo),
         "curved-page": curved_page(bent),
         "texture-flow": texture_flow(photo),
+        "mosaic": four_photos(made),
+        "ghosts": ghosts(made),
     }
     for name, picture in pictures.items():
         save_picture(folder / f"{name}.jpg", picture)
