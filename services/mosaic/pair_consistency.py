@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from services.arrays import Homography
+from services.arrays import Homography, Points
 from services.geometry.homographies import transform_points
 from services.mosaic.pair_registration import PairRegistration
 from services.mosaic.photo_graph import connect_photos
@@ -45,6 +45,61 @@ def drop_contradictions(
         if float(np.median(apart)) <= allowed:
             kept[a, b] = pair
     return kept
+
+
+def drop_lonely_lines(
+    pairs: Pairs,
+    order: Sequence[int],
+    text_heights_px: Mapping[int, float],
+    tolerance: float,
+    lines: float,
+    long_line: float,
+) -> dict[tuple[int, int], PairRegistration]:
+    """Pairs without those that join two parts of the graph by a piece of one line of text.
+
+    A phrase may be printed twice: 33 characters at the borders of two photos of different places were seen. Print that
+    extends over `lines` text heights across the lines, or `long_line` along them, is not; a shorter piece of one line
+    joins two parts when further pairs between them agree, to `tolerance` text heights, and all together extend so far.
+    """
+
+    def tells(points: Points, height_px: float) -> bool:
+        along, across = np.ptp(points, axis=0) / height_px
+        return bool(across >= lines or along >= long_line)
+
+    kept = {edge: pair for edge, pair in pairs.items() if tells(pair.points_a, text_heights_px[edge[0]])}
+    doubtful = [edge for edge in _by_strength(pairs, order) if edge not in kept]
+    for _ in range(len(doubtful)):
+        part_of = {i: part for part in connect_photos(order, kept) for i in part}
+        joining = [edge for edge in doubtful if part_of[edge[0]] != part_of[edge[1]]]
+        for first in joining:
+            ways = find_ways({**kept, first: pairs[first]}, order)
+            ends = {part_of[first[0]], part_of[first[1]]}
+            agreeing, places = [], []
+            for edge in joining:
+                if {part_of[edge[0]], part_of[edge[1]]} == ends:
+                    points, apart = _seen_from(first[0], edge, pairs[edge], ways)
+                    if apart <= tolerance * text_heights_px[first[0]]:
+                        agreeing.append(edge)
+                        places.append(points)
+            if tells(np.concatenate(places), text_heights_px[first[0]]):
+                kept |= {edge: pairs[edge] for edge in agreeing}
+                break
+        else:
+            break
+    # Within a part a pair joins nothing.
+    part_of = {i: part for part in connect_photos(order, kept) for i in part}
+    return {
+        edge: pair for edge, pair in pairs.items() if edge in kept or part_of[edge[0]] == part_of[edge[1]]
+    }
+
+
+def _seen_from(photo: int, edge: tuple[int, int], pair: PairRegistration, ways: Ways) -> tuple[Points, float]:
+    """Points (N, 2) of a pair in flat pixels of `photo`, and the median distance of where its two photos see them."""
+    seen = [
+        points if end == photo else transform_points(ways[photo, end][1], points)
+        for end, points in zip(edge, (pair.points_a, pair.points_b), strict=True)
+    ]
+    return seen[0], float(np.median(np.linalg.norm(seen[0] - seen[1], axis=1)))
 
 
 def _by_strength(pairs: Pairs, order: Sequence[int]) -> list[tuple[int, int]]:

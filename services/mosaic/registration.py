@@ -13,7 +13,7 @@ from services.mosaic.displacement_vote import CompatibleGroup, vote_displacement
 from services.mosaic.features import FeatureMatches, match_features
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.homography_fit import fit_homography, is_sane
-from services.mosaic.pair_consistency import Pairs, drop_contradictions, find_ways
+from services.mosaic.pair_consistency import Pairs, drop_contradictions, drop_lonely_lines, find_ways
 from services.mosaic.pair_registration import PairRegistration
 from services.mosaic.pair_verification import (
     Overlap,
@@ -48,6 +48,10 @@ class RegistrationParameters:
     """Text heights that a prediction may be off, per photo in between."""
     guided_found: int = 5
     """A predicted pair connects nothing that was not connected; fewer blocks do."""
+    lines: float = 1.5
+    """Text heights across the lines, over which the matches of a pair extend if they are not of one line alone ..."""
+    long_line: float = 30.0
+    """... and along it, some fifty characters, which are hardly printed twice (33 were seen to be)."""
     contradiction: float = 4.0
     """Text heights, per photo in between, by which a pair and a way round it may differ. True ones differ by less than
     one; a false pair is off by words and lines at least."""
@@ -86,7 +90,8 @@ def register_photos(
 
     Pairs are looked for at word scale with the text the same way up; for photos that are then still in separate parts,
     turned upside down, at a finer scale, and on their sides. Pairs that the graph places on each other are matched
-    from there. A pair that contradicts stronger ones round it is dropped.
+    from there. A pair that contradicts stronger ones round it is dropped, and one that joins two parts by a piece of
+    a single line.
     """
     p = parameters or RegistrationParameters()
     prepared = {photo.index: PreparedPhoto(photo) for photo in photos}
@@ -110,6 +115,7 @@ def register_photos(
         if len(connect_photos(order, pairs)) == 1:
             break
     pairs = drop_contradictions(pairs, order, heights, p.contradiction)
+    pairs = drop_lonely_lines(pairs, order, heights, p.contradiction, p.lines, p.long_line)
     for _ in range(2):
         added = dict(_guided(pairs, order, prepared, p))
         pairs |= added
