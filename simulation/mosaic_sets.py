@@ -34,8 +34,8 @@ SMALLEST_SIZE = 1 / 1.5
 
 _SMALLEST_TILT_RAD = float(np.radians(5.0))
 _SMALLEST_SHARE = 0.04
-"""Photos that share less of their ink than this do not hold a set together: bare paper and pieces of a few letters cannot
-be registered. (The weakest links of the data's sets share 0.08.)"""
+"""Photos that share less of their ink than this do not hold a set together: bare paper and pieces of a few letters
+cannot be registered. (The weakest links of the data's sets share 0.08.)"""
 _LARGEST_EXCESS = 0.3
 """No two neighbours share more than this above the wanted mean, so that the mean is of like pairs."""
 _UNSEEN = 0.002
