@@ -1,6 +1,6 @@
 """What a graph of pairs says about each of them: ways round, and contradictions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -51,55 +51,28 @@ def drop_lonely_lines(
     pairs: Pairs,
     order: Sequence[int],
     text_heights_px: Mapping[int, float],
-    tolerance: float,
     lines: float,
-    long_line: float,
+    phrase: float,
+    contradicted: Callable[[Pairs, tuple[int, ...], tuple[int, ...]], bool],
 ) -> dict[tuple[int, int], PairRegistration]:
-    """Pairs without those that join two parts of the graph by a piece of one line of text.
+    """Pairs without those that join two parts of the graph by a piece of one line of text, and should not.
 
     A phrase may be printed twice: 33 characters at the borders of two photos of different places were seen. Print that
-    extends over `lines` text heights across the lines, or `long_line` along them, is not; a shorter piece of one line
-    joins two parts when further pairs between them agree, to `tolerance` text heights, and all together extend so far.
+    extends over `lines` text heights across the lines is not. A piece of one line joins two parts when it is as long as
+    `phrase` text heights, and the parts are not `contradicted` (pairs, photos, photos) where they then overlap.
     """
 
-    def tells(points: Points, height_px: float) -> bool:
-        along, across = np.ptp(points, axis=0) / height_px
-        return bool(across >= lines or along >= long_line)
+    def size(edge: tuple[int, int]) -> Points:
+        return np.asarray(np.ptp(pairs[edge].points_a, axis=0) / text_heights_px[edge[0]])
 
-    kept = {edge: pair for edge, pair in pairs.items() if tells(pair.points_a, text_heights_px[edge[0]])}
-    doubtful = [edge for edge in _by_strength(pairs, order) if edge not in kept]
-    for _ in range(len(doubtful)):
+    kept = {edge: pair for edge, pair in pairs.items() if size(edge)[1] >= lines}
+    for edge in _by_strength(pairs, order):
         part_of = {i: part for part in connect_photos(order, kept) for i in part}
-        joining = [edge for edge in doubtful if part_of[edge[0]] != part_of[edge[1]]]
-        for first in joining:
-            ways = find_ways({**kept, first: pairs[first]}, order)
-            ends = {part_of[first[0]], part_of[first[1]]}
-            agreeing, places = [], []
-            for edge in joining:
-                if {part_of[edge[0]], part_of[edge[1]]} == ends:
-                    points, apart = _seen_from(first[0], edge, pairs[edge], ways)
-                    if apart <= tolerance * text_heights_px[first[0]]:
-                        agreeing.append(edge)
-                        places.append(points)
-            if tells(np.concatenate(places), text_heights_px[first[0]]):
-                kept |= {edge: pairs[edge] for edge in agreeing}
-                break
-        else:
-            break
-    # Within a part a pair joins nothing.
-    part_of = {i: part for part in connect_photos(order, kept) for i in part}
-    return {
-        edge: pair for edge, pair in pairs.items() if edge in kept or part_of[edge[0]] == part_of[edge[1]]
-    }
-
-
-def _seen_from(photo: int, edge: tuple[int, int], pair: PairRegistration, ways: Ways) -> tuple[Points, float]:
-    """Points (N, 2) of a pair in flat pixels of `photo`, and the median distance of where its two photos see them."""
-    seen = [
-        points if end == photo else transform_points(ways[photo, end][1], points)
-        for end, points in zip(edge, (pair.points_a, pair.points_b), strict=True)
-    ]
-    return seen[0], float(np.median(np.linalg.norm(seen[0] - seen[1], axis=1)))
+        one, other = (part_of[photo] for photo in edge)
+        joined = {**kept, edge: pairs[edge]}
+        if one == other or (size(edge)[0] >= phrase and not contradicted(joined, one, other)):
+            kept = joined
+    return {edge: pair for edge, pair in pairs.items() if edge in kept}
 
 
 def _by_strength(pairs: Pairs, order: Sequence[int]) -> list[tuple[int, int]]:

@@ -126,12 +126,7 @@ def verify_overlap(
     `search` in text heights is how far off `H_a_b` may be.
     """
     p, q = parameters or VerificationParameters(), blocks or BlockParameters()
-    scale = local_scale(H_a_b, b.photo)
-    text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
-    factor = q.text_height_px / max(text, 1e-6)
-    factor = min(factor, 1.0, 1 / scale)
-    view_a, view_b = a.reduced(factor, 0), b.reduced(factor * scale, turns)
-    H = view_a.H_reduced_flat @ H_a_b @ np.linalg.inv(view_b.H_reduced_flat)
+    view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
     loss = p.coarse_loss * q.text_height_px
     radius = (search or p.search) * q.text_height_px
     most, share, least = p.first_blocks, p.first_share, 3
@@ -157,6 +152,28 @@ def verify_overlap(
         return None
     H_flat = np.linalg.inv(view_a.H_reduced_flat) @ H @ view_b.H_reduced_flat
     return Overlap(H_flat / H_flat[2, 2], turns, found, view_a, view_b, H_blocks)
+
+
+def shows_otherwise(a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns: int, search: float) -> bool:
+    """Whether there is print in the overlap that `H_a_b` predicts, and it is not the same in both views.
+
+    `search` in text heights is how far off `H_a_b` may be.
+    """
+    p, q = VerificationParameters(), BlockParameters()
+    view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
+    blocks = match_blocks(view_a, view_b, H, math.ceil(search * q.text_height_px), p.first_blocks, q)
+    return int(np.count_nonzero(blocks.telling)) >= p.found and blocks.agreement < p.first_share
+
+
+def _at_block_scale(
+    a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns: int, blocks: BlockParameters
+) -> tuple[ReducedView, ReducedView, Homography]:
+    """Both views, reduced to where blocks are matched, and `H_a_b` between their pixels."""
+    scale = local_scale(H_a_b, b.photo)
+    text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
+    factor = min(blocks.text_height_px / max(text, 1e-6), 1.0, 1 / scale)
+    view_a, view_b = a.reduced(factor, 0), b.reduced(factor * scale, turns)
+    return view_a, view_b, view_a.H_reduced_flat @ H_a_b @ np.linalg.inv(view_b.H_reduced_flat)
 
 
 def refine_overlap(

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,7 @@ from services.mosaic.pair_verification import (
     PreparedPhoto,
     VerificationParameters,
     refine_overlap,
+    shows_otherwise,
     verify_overlap,
 )
 from services.mosaic.photo_graph import connect_photos, overlap_fraction
@@ -50,8 +51,10 @@ class RegistrationParameters:
     """A predicted pair connects nothing that was not connected; fewer blocks do."""
     lines: float = 1.5
     """Text heights across the lines, over which the matches of a pair extend if they are not of one line alone ..."""
-    long_line: float = 30.0
-    """... and along it, some fifty characters, which are hardly printed twice (33 were seen to be)."""
+    phrase: float = 15.0
+    """... and along it, some twenty-five characters, which two parts must share at least."""
+    contradicting_overlap: float = 0.03
+    """Share of the smaller view in which parts that were joined so must show the same."""
     contradiction: float = 4.0
     """Text heights, per photo in between, by which a pair and a way round it may differ. True ones differ by less than
     one; a false pair is off by words and lines at least."""
@@ -115,7 +118,14 @@ def register_photos(
         if len(connect_photos(order, pairs)) == 1:
             break
     pairs = drop_contradictions(pairs, order, heights, p.contradiction)
-    pairs = drop_lonely_lines(pairs, order, heights, p.contradiction, p.lines, p.long_line)
+    pairs = drop_lonely_lines(
+        pairs,
+        order,
+        heights,
+        p.lines,
+        p.phrase,
+        lambda joined, one, other: _contradicted(joined, one, other, order, prepared, p),
+    )
     for _ in range(2):
         added = dict(_guided(pairs, order, prepared, p))
         pairs |= added
@@ -228,6 +238,26 @@ def _guided(
             refined = _refined(a, b, overlap, Evidence())
             if refined is not None:
                 yield key, refined
+
+
+def _contradicted(
+    pairs: Pairs,
+    one: tuple[int, ...],
+    other: tuple[int, ...],
+    order: Sequence[int],
+    prepared: Mapping[int, PreparedPhoto],
+    p: RegistrationParameters,
+) -> bool:
+    """Whether photos of two parts show different print where `pairs` lay them on each other."""
+    ways = find_ways(pairs, order)
+    for i, j in product(one, other):
+        between, H = ways[i, j]
+        a, b = prepared[i], prepared[j]
+        if not between or overlap_fraction(a.photo, b.photo, H) < p.contradicting_overlap:
+            continue
+        if shows_otherwise(a, b, H, _quarter_turns(H, b.photo), p.guided_search * between):
+            return True
+    return False
 
 
 def _quarter_turns(H_a_b: Homography, b: FlatPhoto) -> int:

@@ -7,8 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
+from services.geometry.homographies import translation
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.pair_registration import PairRegistration
+from services.mosaic.pair_verification import PreparedPhoto, shows_otherwise
 from services.mosaic.registration import Unregistered, register_pair, register_photos
 from tests.services.mosaic.warped_views import Flaws, draw_view, page, part, registration_error
 
@@ -135,3 +137,14 @@ def test_photo_from_three_times_as_far_registers() -> None:
     far = draw_view(page(), part(-20, 10, 3.0), (400, 620), 1, Flaws(seed=1))
     (pair,) = register_photos([near, far])
     assert registration_error(near, far, pair.H_a_b) < 1.0
+
+
+def test_print_that_differs_where_views_would_overlap_speaks_against_it() -> None:
+    a, same = draw_view(page(), part(0, 0), (800, 700), 0), draw_view(page(), part(0, 300), (800, 700), 1)
+    other = draw_view(page(3), part(0, 300), (800, 700), 1)
+    blank = replace(other, gray=np.full_like(other.gray, 255))
+    shift = translation(0.0, 300.0)
+    one = PreparedPhoto(a)
+    assert shows_otherwise(one, PreparedPhoto(other), shift, 0, 2.0)
+    assert not shows_otherwise(one, PreparedPhoto(same), shift, 0, 2.0)
+    assert not shows_otherwise(one, PreparedPhoto(blank), translation(0.0, 690.0), 0, 2.0)
