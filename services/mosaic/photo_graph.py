@@ -40,7 +40,8 @@ def choose_part(
 
     chosen = max(parts, key=print_of) if base is None else next(part for part in parts if base in part)
     if len(chosen) < 2:
-        who = "no two of the photos show" if base is None else f"images[{base}], the base, does not show"
+        names = ", ".join(f"images[{index}]" for index in sorted(photos))
+        who = f"no two of {names} show" if base is None else f"images[{base}], the base, does not show"
         raise NotOverlapping(
             f"{who} the same part of a page. Photograph the page in pieces that overlap by a fifth or more, sharp "
             "enough to read."

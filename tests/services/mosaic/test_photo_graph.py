@@ -47,7 +47,7 @@ def test_the_base_photo_chooses_its_part() -> None:
 
 
 def test_a_photo_alone_is_no_mosaic() -> None:
-    with pytest.raises(NotOverlapping, match="no two of the photos"):
+    with pytest.raises(NotOverlapping, match=r"no two of images\[0\], images\[1\] show"):
         choose_part([(0,), (1,)], views(1, 1), None)
 
 
