@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from services.arrays import Floats, GrayImage, Mask, RgbImage
+from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
 from services.imaging.illumination import flatten_illumination
 from services.mosaic.flat_photo import FlatPhoto
-from services.rectify.analysis import resize_gray
+from services.mosaic.print_beyond import find_print, is_print
+from services.rectify.analysis import PageAnalysis, resize_gray
 from services.rectify.curved_framing import CurvedFrame
 from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame, resize_frame
@@ -51,10 +52,23 @@ def flatten_photo(
     with clock.stage("framing"):
         characters = page.analysis.characters
         sheet = page.analysis.paper.outline(characters)
+        if sheet is not None and _is_print_beyond(page.analysis, sheet):
+            sheet = None
         frame = frame_photo(photo, page, sheet)
         flat = view_photo(index, photo, frame, page.analysis.text_height_px, float(len(characters)))
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
     return replace(flat, notices=notices, sheet=sheet)
+
+
+def _is_print_beyond(analysis: PageAnalysis, sheet: Points) -> bool:
+    """Whether `sheet` (N, 2) is the outline of a part of the page only, which has print elsewhere too."""
+    if analysis.facing_page:
+        return False
+    inside = np.zeros(analysis.reduced.shape, np.uint8)
+    cv2.fillPoly(inside, [np.round((sheet + 0.5) * analysis.factor - 0.5).astype(np.int32)], (1,))
+    printed = find_print(analysis.reduced, analysis.text.text_height_px)
+    x, y = np.floor(printed + 0.5).astype(int).T
+    return is_print(int(np.count_nonzero(inside[y, x] == 0)), 0, len(printed))
 
 
 def take_as_flat(

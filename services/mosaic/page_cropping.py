@@ -13,6 +13,7 @@ from services.imaging.paper import PaperParameters, model_paper
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
+from services.mosaic.print_beyond import find_print, is_print
 from services.texture_flow.text_identification import identify_text
 
 
@@ -95,7 +96,12 @@ def find_page_crop(
     p = parameters or PageCroppingParameters()
     height, width = page.shape[:2]
     factor = cells.seen.shape[1] / width
-    edges = _find_edges(cells.paper & _paper_of_page(page, cells.seen, p), cells.seen, p)
+    paper, printed = _paper_of_page(page, cells.seen, p)
+    edges = _find_edges(cells.paper & paper, cells.seen, p)
+    if printed:
+        dark, light = (centres @ edges[:, :2].T + edges[:, 2] < 0 for centres in printed)
+        counts = zip(dark.sum(axis=0).tolist(), light.sum(axis=0).tolist(), strict=True)
+        edges = edges[[not is_print(of_dark, of_light, len(dark)) for of_dark, of_light in counts]]
     kept = cells.seen & _within(edges, cells.seen.shape)
     if not kept.any():
         return PageCrop(0, 0, width, height, np.zeros((0, 3)))
@@ -135,26 +141,36 @@ def _on_sheet(photo: FlatPhoto, points: Points, p: PageCroppingParameters) -> ND
     return np.asarray(inside[at[:, 1], at[:, 0]] > 0)
 
 
-def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> Mask:
-    """Cells of the page that are paper; all where no ground is told from it, or there is no text on it."""
+def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tuple[Mask, list[Points]]:
+    """Cells of the page that are paper; all where no ground is told from it, or there is no text on it.
+
+    And, in cells, where print is, dark or light, on paper or not.
+    """
     factor = min(1.0, p.text_long_side_px / max(page.shape[:2]))
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
     small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
-    text = identify_text(flatten_illumination(np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)))
+    gray = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)
+    even = flatten_illumination(gray)
+    text = identify_text(even)
     characters = text.components.centres
     if len(characters) < p.min_components:
-        return np.ones(seen.shape, bool)
+        return np.ones(seen.shape, bool), []
     # What is white because no photo shows it is not paper.
     mask = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    negative = flatten_illumination(np.where(mask > 0, 255 - gray, 0).astype(np.uint8))
+    printed = [
+        (find_print(image, text.text_height_px) + 0.5) * seen.shape[1] / size[0] - 0.5
+        for image in (even, negative)
+    ]
     small = np.asarray(cv2.bitwise_and(small, small, mask=mask), np.uint8)
     sizes = PaperParameters(long_side_px=p.long_side_px)
     outline = model_paper(small, characters, sizes).outline(characters, sizes)
     if outline is None:
-        return np.ones(seen.shape, bool)
+        return np.ones(seen.shape, bool), printed
     cells = np.round((outline + 0.5) * seen.shape[1] / size[0] - 0.5).astype(np.int32)
     paper = np.zeros(seen.shape, np.uint8)
     cv2.fillPoly(paper, [cells], (1,))
-    return np.asarray(paper > 0)
+    return np.asarray(paper > 0), printed
 
 
 def _find_edges(paper: Mask, seen: Mask, p: PageCroppingParameters) -> Floats:

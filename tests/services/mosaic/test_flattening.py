@@ -68,3 +68,13 @@ def test_a_blank_photo_is_refused_and_can_still_be_taken_as_it_is() -> None:
     flat = take_as_flat(0, blank, StageClock())
     assert flat.weight == 0
     assert flat.text_height_px == pytest.approx(4.0)
+
+
+def test_a_coloured_head_with_print_is_part_of_the_sheet() -> None:
+    page = page_image().astype(np.float32)
+    page[:420] *= np.array([0.25, 0.4, 0.75], np.float32)
+    desk = np.full((1700, 1140, 3), (90, 70, 50), np.uint8)
+    desk[70:1630, 70:1070] = page.astype(np.uint8)
+    flat = flatten_photo(0, desk, None, StageClock())
+    corners = np.array([[0.0, 0.0], [flat.size[0], 0.0]])
+    assert flat.to_photo(corners)[:, 1].max() < 90

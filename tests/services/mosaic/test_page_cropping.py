@@ -80,3 +80,15 @@ def test_without_text_nothing_is_cropped() -> None:
         np.full((300, 200, 3), 255, np.uint8), seen_all(np.full((300, 200, 3), 255, np.uint8))
     )
     assert (crop.left, crop.top, crop.right, crop.bottom, len(crop.edges)) == (0, 0, 200, 300, 0)
+
+
+@pytest.mark.parametrize("ink", [0.0, 250.0])
+def test_a_coloured_head_with_print_on_it_is_not_cut_off(ink: float) -> None:
+    page = page_image().astype(np.float32)
+    page[:620] = ink + page[:620] / 255 * (np.array([110.0, 80, 60]) - ink)
+    seen = seen_all(page).seen
+    # The photos take the head for ground.
+    paper = seen.copy()
+    paper[: round(620 * seen.shape[0] / 1560)] = False
+    crop = find_page_crop(page.astype(np.uint8), PageCells(seen, paper))
+    assert (crop.left, crop.top, crop.right, crop.bottom) == (0, 0, 1000, 1560)

@@ -1,0 +1,39 @@
+"""Print that lies beyond what was taken for the edge of the sheet: then it is none.
+
+A coloured head or foot of a page, with print dark on it or light, differs from the paper as a desk does.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.arrays import GrayImage, Points
+from services.texture_flow.text_identification import identify_text
+
+
+@dataclass(frozen=True, slots=True)
+class PrintBeyondParameters:
+    """What is print of this page."""
+
+    characters: int = 15
+    """Dark ones: a desk gives single ones of the text's size at most."""
+    light_share: float = 0.3
+    """Light ones, of all dark ones: the grain of wood gives up to 0.15."""
+    sizes: tuple[float, float] = (0.5, 2.5)
+    """Of the page's text: what is smaller is texture, what is larger an object."""
+
+
+def find_print(
+    gray: GrayImage, text_height_px: float, parameters: PrintBeyondParameters | None = None
+) -> Points:
+    """Centres (N, 2) of dark characters of about the text's height, in pixels of `gray` (H, W), flat-fielded."""
+    p = parameters or PrintBeyondParameters()
+    found = identify_text(gray).components
+    low, high = (share * text_height_px for share in p.sizes)
+    return np.asarray(found.centres[(found.sizes >= low) & (found.sizes <= high)])
+
+
+def is_print(dark: int, light: int, all_dark: int, parameters: PrintBeyondParameters | None = None) -> bool:
+    """Whether so many dark and light characters beyond an edge, and `all_dark` on the page, are print."""
+    p = parameters or PrintBeyondParameters()
+    return dark >= p.characters or light >= max(p.characters, p.light_share * all_dark)
