@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from services.mosaic.block_matching import (
 from services.mosaic.block_refinement import RefinementParameters, refine_matches
 from services.mosaic.features import Features, detect_features, turn_features
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.homography_fit import fit_homography, is_sane
+from services.mosaic.homography_fit import FitParameters, fit_homography, is_sane
 from services.mosaic.reduced_view import ReducedView
 
 LEVELS_PER_OCTAVE = 4
@@ -49,6 +49,8 @@ class VerificationParameters:
     fine_agreement: float = 0.06
     fine_slope: float = 0.02
     """Refined neighbours differ by at most this, and this share of their distance."""
+    fit: FitParameters = field(default_factory=FitParameters)
+    """How far two views may differ from a similarity."""
 
 
 class PreparedPhoto:
@@ -138,8 +140,8 @@ def verify_overlap(
         points = found.points_a[found.found]
         moved = points + found.displacements[found.found]
         points_b = transform_points(np.linalg.inv(H), moved)
-        H, _ = fit_homography(points, points_b, found.correlations[found.found], H, radius, loss)
-        if not is_sane(H, view_b.corners, _scale_of(H, view_b.corners)):
+        H, _ = fit_homography(points, points_b, found.correlations[found.found], H, radius, loss, p.fit)
+        if not is_sane(H, view_b.corners, _scale_of(H, view_b.corners), p.fit):
             return None
         fitted = transform_points(H, points_b)
         left = np.linalg.norm(fitted - points, axis=1)
@@ -220,10 +222,10 @@ def refine_overlap(
     loss = p.fine_loss * a.photo.text_height_px
     left = np.linalg.norm(transform_points(overlap.H_a_b, points_b) - points_a, axis=1)
     loss = max(loss, float(np.median(left)))
-    H_a_b, _ = fit_homography(points_a, points_b, weights, overlap.H_a_b, 4 * loss, loss)
+    H_a_b, _ = fit_homography(points_a, points_b, weights, overlap.H_a_b, 4 * loss, loss, p.fit)
     left = np.linalg.norm(transform_points(H_a_b, points_b) - points_a, axis=1)
     loss = max(p.fine_loss * a.photo.text_height_px, 2 * float(np.median(left)))
-    H_a_b, _ = fit_homography(points_a, points_b, weights, H_a_b, loss, loss)
+    H_a_b, _ = fit_homography(points_a, points_b, weights, H_a_b, loss, loss, p.fit)
     return H_a_b, points_a, points_b, weights
 
 

@@ -1,7 +1,7 @@
 """Which photos overlap, and how (4.3)."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations, product
 from typing import Literal
 
@@ -12,7 +12,7 @@ from services.geometry.homographies import scaling, transform_points, translatio
 from services.mosaic.displacement_vote import CompatibleGroup, vote_displacements
 from services.mosaic.features import FeatureMatches, match_features
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.homography_fit import fit_homography, is_sane
+from services.mosaic.homography_fit import FitParameters, fit_homography, is_sane
 from services.mosaic.pair_consistency import Pairs, drop_contradictions, drop_lonely_lines, find_ways
 from services.mosaic.pair_registration import PairRegistration
 from services.mosaic.pair_verification import (
@@ -55,6 +55,12 @@ class RegistrationParameters:
     """... and along it, some twenty-five characters, which two parts must share at least."""
     contradicting_overlap: float = 0.03
     """Share of the smaller view in which parts that were joined so must show the same."""
+    skewed_votes: int = 40
+    """A group of so many votes, and so many times the second largest's, ..."""
+    skewed_lead: float = 3.0
+    """... that is not verified is of a view whose rectification failed, for pictures or for want of lines."""
+    skewed: FitParameters = field(default_factory=lambda: FitParameters(0.2, 0.3, 0.3, largest_stretch=2.5))
+    """What such a view may differ by: it was taken at up to 40 degrees from upright."""
     contradiction: float = 4.0
     """Text heights, per photo in between, by which a pair and a way round it may differ. True ones differ by less than
     one; a false pair is off by words and lines at least."""
@@ -158,6 +164,13 @@ def _register(
             overlap = verify_overlap(a, b, H_a_turned @ H_turned_b, turns)
             if overlap is not None:
                 overlaps.append((group, overlap))
+    verification = VerificationParameters()
+    if not overlaps and votes[0] >= max(p.skewed_votes, p.skewed_lead * (*votes, 0, 0)[1]):
+        verification = VerificationParameters(fit=p.skewed)
+        group = max(groups, key=lambda group: group.votes)
+        H_a_turned = _fit_skewed(group, matches, loss, p)
+        skewed = verify_overlap(a, b, H_a_turned @ H_turned_b, turns, None, verification)
+        overlaps = [(group, skewed)] if skewed else []
     overlaps.sort(key=lambda one: -one[1].found)
     reason: UnregisteredReason = "not-verified"
     if overlaps:
@@ -166,7 +179,7 @@ def _register(
         if not any(_elsewhere(best, o, b, p) for _, o in overlaps[1:]):
             rival = max((g.votes for g in groups if g is not group), default=0)
             evidence = Evidence(evidence.matches, group.votes, rival)
-            refined = _refined(a, b, best, evidence)
+            refined = _refined(a, b, best, evidence, verification)
             if refined is not None:
                 return refined
             reason = "not-refined"
@@ -183,6 +196,18 @@ def _fit_group(
     return H if is_sane(H, corners, group.scale) else None
 
 
+def _fit_skewed(
+    group: CompatibleGroup, matches: FeatureMatches, loss: float, p: RegistrationParameters
+) -> Homography:
+    """A homography that may foreshorten, first to the group, then to all matches that agree with it further out."""
+    points_a, points_b = matches.points_a, matches.points_b
+    H: Homography = translation(*group.displacement) @ scaling(group.scale)
+    for members, first_loss in ((group.members, 3 * loss), (np.arange(len(points_a)), 6 * loss)):
+        weights = np.ones(len(members))
+        H, _ = fit_homography(points_a[members], points_b[members], weights, H, first_loss, loss, p.skewed)
+    return H
+
+
 def _elsewhere(best: Overlap, other: Overlap, b: PreparedPhoto, p: RegistrationParameters) -> bool:
     """Whether another place is about as good."""
     if other.found < p.ambiguity * best.found:
@@ -194,9 +219,13 @@ def _elsewhere(best: Overlap, other: Overlap, b: PreparedPhoto, p: RegistrationP
 
 
 def _refined(
-    a: PreparedPhoto, b: PreparedPhoto, overlap: Overlap, evidence: Evidence
+    a: PreparedPhoto,
+    b: PreparedPhoto,
+    overlap: Overlap,
+    evidence: Evidence,
+    verification: VerificationParameters | None = None,
 ) -> PairRegistration | None:
-    refined = refine_overlap(a, b, overlap)
+    refined = refine_overlap(a, b, overlap, verification)
     if refined is None:
         return None
     H, points_a, points_b, weights = refined

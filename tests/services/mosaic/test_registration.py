@@ -148,3 +148,10 @@ def test_print_that_differs_where_views_would_overlap_speaks_against_it() -> Non
     assert shows_otherwise(one, PreparedPhoto(other), shift, 0, 2.0)
     assert not shows_otherwise(one, PreparedPhoto(same), shift, 0, 2.0)
     assert not shows_otherwise(one, PreparedPhoto(blank), translation(0.0, 690.0), 0, 2.0)
+
+
+def test_photo_that_could_not_be_rectified_registers() -> None:
+    flat = draw_view(page(), part(0, 0), (1200, 900), 0)
+    tilted = draw_view(page(), part(150, 250, 0.9, (0.05, -0.04, 25, 18)), (900, 800), 1, Flaws(seed=1))
+    (pair,) = register_photos([flat, tilted])
+    assert registration_error(flat, tilted, pair.H_a_b) < 0.5
