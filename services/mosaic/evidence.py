@@ -6,13 +6,13 @@ import numpy as np
 
 from services.arrays import Homography
 from services.errors import DocumentError
-from services.mosaic.adjustment import residual_px
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.pair_registration import PairRegistration
 from services.mosaic.patch_mesh import mesh_of_patch, scale_of_patch
 from services.mosaic.photo_graph import connect_photos, overlap_fraction
 from services.mosaic.placed_photo import PlacedPhoto
-from services.mosaic.placing import PlacedPart
+from services.mosaic.placing.adjustment import residual_px
+from services.mosaic.placing.placed_part import PlacedPart
+from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.results import Pair, Patch
 from services.rectify.results import Notice
 

@@ -5,7 +5,7 @@ import numpy as np
 from services.arrays import Floats, Points
 from services.geometry.homographies import denominators, transform_points
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.placement import Placement
+from services.mosaic.placing.placement import Placement
 from services.rectify.framing import FlatFrame, fill_unknown
 
 LARGEST_REACH = 3.0

@@ -10,17 +10,17 @@ from services.arrays import GrayImage, RgbImage
 from services.errors import DocumentError, InvalidOption, NoText, NotOverlapping
 from services.geometry.homographies import translation
 from services.imaging.illumination import flatten_illumination
-from services.mosaic.composition import compose_page
+from services.mosaic.composition.composed_page import compose_page
 from services.mosaic.evidence import describe_pairs, describe_patches, notices_of, unplaced_notices
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import flatten_photo, take_as_flat
+from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.page_cropping import crop_page, find_page_crop, see_sheet
 from services.mosaic.parameters import FEWEST_PHOTOS, MOST_PHOTOS, MosaicParameters
 from services.mosaic.placed_photo import PlacedPhoto
-from services.mosaic.placing import PlacedPart, place_photos
-from services.mosaic.registration import register_photos
+from services.mosaic.placing.placed_part import PlacedPart, place_photos
+from services.mosaic.registration.photo_pairs import register_photos
 from services.mosaic.results import MosaicResult
-from services.mosaic.tone_matching import match_tones
 from services.ocr.engine import OcrEngine
 from services.rectify.framing import turning
 from services.rectify.parameters import Illumination

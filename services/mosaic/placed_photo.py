@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from services.arrays import Points
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.placement import Placement
-from services.mosaic.tones import ToneMap
+from services.mosaic.light.tones import ToneMap
+from services.mosaic.placing.placement import Placement
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from benchmarks.mosaic_errors import mesh_of_homography
 from benchmarks.mosaic_ghosts import measure_mixture, mixed_share, mosaic_scale, shifted_photo
 from services.geometry.homographies import scaling, translation
 from services.mosaic import pipeline
-from services.mosaic.placement import Placement
+from services.mosaic.placing.placement import Placement
 from simulation.letter_pages import letter_pages
 from simulation.mosaic_sets import MosaicSet, photograph_set
 

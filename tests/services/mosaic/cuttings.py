@@ -9,9 +9,9 @@ import numpy as np
 from services.arrays import GrayImage, Homography, RgbImage
 from services.geometry.homographies import translation
 from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.light.tones import identity_tones
 from services.mosaic.placed_photo import PlacedPhoto
-from services.mosaic.placement import Placement
-from services.mosaic.tones import identity_tones
+from services.mosaic.placing.placement import Placement
 from services.rectify.framing import FlatFrame
 from simulation.flat_page import Page
 from simulation.pages import own_pages

@@ -7,7 +7,7 @@ import numpy as np
 
 from services.arrays import Homography, Points
 from services.geometry.homographies import scaling, transform_points, translation
-from services.mosaic.pair_registration import PairRegistration
+from services.mosaic.registration.pair_registration import PairRegistration
 
 SIZE = (1600, 1200)
 NORMALISED = np.array([[1e-3, 0, -0.8], [0, 1e-3, -0.6], [0, 0, 1.0]])

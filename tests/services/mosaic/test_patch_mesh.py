@@ -5,7 +5,7 @@ import numpy as np
 from services.geometry.homographies import scaling, transform_points, translation
 from services.mosaic.flattening import view_photo
 from services.mosaic.patch_mesh import flat_points, mesh_of_patch, scale_of_patch
-from services.mosaic.placement import Placement
+from services.mosaic.placing.placement import Placement
 from services.rectify.framing import FlatFrame
 from tests.services.mosaic.views import page_image, photograph
 

@@ -1,0 +1,169 @@
+"""One page of many patches (4.4)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from services.arrays import GrayImage, RgbImage
+from services.mosaic.composition.patch_drawing import (
+    DrawablePatch,
+    Rectangle,
+    draw_patch,
+    map_patch,
+    prepare_patch,
+)
+from services.mosaic.composition.sharpness import (
+    CellGrid,
+    FloatMap,
+    PatchMaps,
+    choose_cells,
+    measure_patch,
+    print_sharpness,
+)
+from services.mosaic.composition.word_votes import decide_cells, decide_words, fade_weights, unite_ink
+from services.mosaic.parameters import Composition
+from services.mosaic.placed_photo import PlacedPhoto
+
+
+@dataclass(frozen=True, slots=True)
+class CompositionParameters:
+    """Sizes of what is drawn at a time, and of borders."""
+
+    tile_px: int = 768
+    """Side of a tile: a few megabytes of maps and colours in floats."""
+    fade: float = 1.5
+    """Text heights over which one photo's background becomes another's."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComposedPage:
+    """The page (H, W, 3), white where no photo shows it, and the sharpness of each photo's print, in their order.
+
+    Sharpness is relative to the sharpest photo's: 0-1, 0 where a photo shows no print.
+    """
+
+    image: RgbImage
+    sharpness: tuple[float, ...]
+
+
+def compose_page(
+    placed: Sequence[PlacedPhoto],
+    width: int,
+    height: int,
+    composition: Composition,
+    text_height_px: float,
+    parameters: CompositionParameters | None = None,
+) -> ComposedPage:
+    """The page of `width` x `height` mosaic pixels that `placed` show; text on it is `text_height_px` high.
+
+    `selective` takes every word from the one photo that shows it sharpest (4.4); `average` is the mean of all photos,
+    weighted by the distance to their borders (4.1), to compare. Besides the page itself memory is bounded.
+    """
+    p = parameters or CompositionParameters()
+    patches = [prepare_patch(one, width, height) for one in placed]
+    grid = choose_cells(width, height, text_height_px)
+    maps = [measure_patch(patch, grid) for patch in patches]
+    selective = composition == "selective"
+    weights = select_photos(maps, grid, p) if selective else [_feather(patch) for patch in maps]
+    image = _draw_page(patches, [patch.box for patch in maps], weights, grid, p)
+    sharpness = [print_sharpness(patch) for patch in maps]
+    sharpest = max([*sharpness, 1e-9])
+    return ComposedPage(image, tuple(value / sharpest for value in sharpness))
+
+
+def select_photos(maps: Sequence[PatchMaps], grid: CellGrid, p: CompositionParameters) -> list[GrayImage]:
+    """Weights (0-255) of each photo in the cells of its box (4.4)."""
+    ink = unite_ink(maps, grid.rows, grid.columns)
+    cells = decide_cells(maps, ink, grid.text_height)
+    decisions = decide_words(maps, ink, cells, grid.text_height)
+    return fade_weights(maps, decisions, grid.text_height, p.fade)
+
+
+def _feather(patch: PatchMaps) -> GrayImage:
+    """Weights that fall towards the photo's border."""
+    if patch.inset.size == 0:
+        return np.zeros(patch.inset.shape, np.uint8)
+    relative = patch.inset / max(float(patch.inset.max()), 1.0)
+    return np.where(patch.covered > 0, 1 + np.round(254 * relative), 0).astype(np.uint8)
+
+
+def _draw_page(
+    patches: Sequence[DrawablePatch],
+    boxes: Sequence[Rectangle],
+    weights: Sequence[GrayImage],
+    grid: CellGrid,
+    p: CompositionParameters,
+) -> RgbImage:
+    """The mean of the patches by their weights, tile by tile."""
+    image = np.full((grid.height, grid.width, 3), 255, np.uint8)
+    page = Rectangle(0, 0, grid.width, grid.height)
+    step = max(p.tile_px // grid.side, 1)
+    for top in range(0, grid.rows, step):
+        for left in range(0, grid.columns, step):
+            cells = Rectangle(left, top, step, step)
+            tile = grid.pixels(cells).meet(page)
+            _draw_tile(patches, boxes, weights, grid, tile, image[tile.within(page)])
+    return image
+
+
+def _draw_tile(
+    patches: Sequence[DrawablePatch],
+    boxes: Sequence[Rectangle],
+    weights: Sequence[GrayImage],
+    grid: CellGrid,
+    tile: Rectangle,
+    into: RgbImage,
+) -> None:
+    """Draw one tile; only the part of a photo that has weight is drawn at all."""
+    parts = []
+    for patch, box, weight in zip(patches, boxes, weights, strict=True):
+        part = _weighted_part(box, weight, grid.cells(tile))
+        pixels = grid.pixels(part).meet(tile)
+        if pixels.width == 0 or pixels.height == 0:
+            continue
+        found = map_patch(patch, pixels)
+        if found is None:
+            continue
+        share = _enlarge(box, weight, part, grid, pixels)
+        share[found.covered == 0] = 0
+        parts.append((draw_patch(patch, found), share, pixels.within(tile)))
+    if not parts:
+        return
+    total = np.zeros(into.shape[:2], np.float32)
+    for _, share, at in parts:
+        total[at] += share
+    if len(parts) == 1:
+        drawn, share, at = parts[0]
+        np.copyto(into[at], drawn, where=(share > 0)[..., None])
+        return
+    mean = np.zeros(into.shape, np.float32)
+    for drawn, share, at in parts:
+        relative = share / np.maximum(total[at], 1e-6)
+        mean[at] += cv2.multiply(drawn.astype(np.float32), cv2.merge([relative, relative, relative]))
+    np.copyto(into, (mean + 0.5).astype(np.uint8), where=(total > 0)[..., None])
+
+
+def _weighted_part(box: Rectangle, weight: GrayImage, cells: Rectangle) -> Rectangle:
+    """Of the photo's cells those among `cells` round which it has weight."""
+    reach = Rectangle(cells.left - 1, cells.top - 1, cells.width + 2, cells.height + 2).meet(box)
+    if reach.width == 0 or reach.height == 0:
+        return Rectangle(cells.left, cells.top, 0, 0)
+    x, y, width, height = cv2.boundingRect(weight[reach.within(box)])
+    if width == 0 or height == 0:
+        return Rectangle(cells.left, cells.top, 0, 0)
+    return Rectangle(reach.left + x - 1, reach.top + y - 1, width + 2, height + 2).meet(cells)
+
+
+def _enlarge(
+    box: Rectangle, weight: GrayImage, part: Rectangle, grid: CellGrid, pixels: Rectangle
+) -> FloatMap:
+    """Weights (H, W) at `pixels`, which begin where the cells of `part` do, bilinear between the cells' centres."""
+    around = Rectangle(part.left - 1, part.top - 1, part.width + 2, part.height + 2)
+    cells = np.zeros((around.height, around.width), np.float32)
+    known = around.meet(box)
+    cells[known.within(around)] = weight[known.within(box)]
+    size = (around.width * grid.side, around.height * grid.side)
+    dense = cv2.resize(cells, size, interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(dense[grid.side :, grid.side :][: pixels.height, : pixels.width])

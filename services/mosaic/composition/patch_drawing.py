@@ -1,0 +1,217 @@
+"""A photo's patch of the mosaic, drawn a rectangle at a time by one remap of the photo."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import GrayImage, Points, RgbImage
+from services.imaging.node_grid import GRID_STEP_PX, between_nodes, continuous_nodes, node_grid
+from services.mosaic.light.tones import apply_tones
+from services.mosaic.placed_photo import PlacedPhoto
+
+LARGEST_REDUCTION = 1.3
+"""Photo pixels per mosaic pixel up to which interpolation does not step over any."""
+RIM_PX = 2.0
+"""The photo's outermost pixels are left out: interpolation reaches beyond them."""
+MAX_REDUCTION = 12.0
+"""Photo pixels per mosaic pixel: more is no page."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """Pixels, or cells, of the mosaic."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def right(self) -> int:
+        """First column beyond it."""
+        return self.left + self.width
+
+    @property
+    def bottom(self) -> int:
+        """First row beyond it."""
+        return self.top + self.height
+
+    def meet(self, other: "Rectangle") -> "Rectangle":
+        """What both share; its width and height are 0 where they share nothing."""
+        left, top = max(self.left, other.left), max(self.top, other.top)
+        right, bottom = min(self.right, other.right), min(self.bottom, other.bottom)
+        return Rectangle(left, top, max(right - left, 0), max(bottom - top, 0))
+
+    def within(self, other: "Rectangle") -> tuple[slice, slice]:
+        """Rows and columns of this rectangle in an array that spans `other`."""
+        top, left = self.top - other.top, self.left - other.left
+        return slice(top, top + self.height), slice(left, left + self.width)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawablePatch:
+    """A placed photo, ready to be drawn.
+
+    Attributes
+    ----------
+    placed : the photo and its place.
+    source : (h, w, 3) photo, reduced by areas where it has more detail than the mosaic.
+    factor : source pixels over photo pixels, 0-1.
+    box : rectangle of the mosaic, within the page, that holds all that the photo shows.
+    shown : (height, width) of the flat view, 255 where it shows the page.
+    well_shown : the same without a rim of more than one step of the node grid.
+    """
+
+    placed: PlacedPhoto
+    source: RgbImage
+    factor: float
+    box: Rectangle
+    shown: GrayImage
+    well_shown: GrayImage
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PatchMap:
+    """Where a rectangle of the mosaic is seen.
+
+    `source` (H, W, 2) float32 are source pixels; `covered` (H, W) is 255 where the photo shows the page, 0 elsewhere;
+    `flat_nodes` (N, 2) are flat pixels of the nodes, in `shape` rows and columns.
+    """
+
+    source: NDArray[np.float32]
+    covered: GrayImage
+    flat_nodes: Points
+    shape: tuple[int, int]
+
+
+def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch:
+    """`placed` made ready to be drawn on a page of `width` x `height` mosaic pixels."""
+    shown = np.asarray(placed.flat.shown, np.uint8) * np.uint8(255)
+    points = _outline(shown)
+    if len(points) == 0:
+        return DrawablePatch(placed, placed.flat.photo, 1.0, Rectangle(0, 0, 0, 0), shown, shown)
+    mosaic = placed.placement.to_mosaic(points)
+    low = np.floor(np.clip(mosaic.min(axis=0), 0, [width, height])).astype(int)
+    high = np.ceil(np.clip(mosaic.max(axis=0) + 1, 0, [width, height])).astype(int)
+    box = Rectangle(int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1]))
+    inside = _grid_inside(placed, shown)
+    detail = float(np.median(_enlargement(placed.to_photo, inside)))
+    factor = 1.0 / detail if np.isfinite(detail) and detail > LARGEST_REDUCTION else 1.0
+    source = placed.flat.photo
+    if factor < 1.0:
+        size = (max(round(source.shape[1] * factor), 1), max(round(source.shape[0] * factor), 1))
+        source = np.asarray(cv2.resize(source, size, interpolation=cv2.INTER_AREA), np.uint8)
+    step = float(np.nan_to_num(_enlargement(placed.placement.to_flat, inside)).max()) * GRID_STEP_PX
+    side = 2 * int(np.ceil(min(1.5 * step, float(max(shown.shape))))) + 1
+    well_shown = cv2.erode(
+        shown, np.ones((side, side), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
+    )
+    return DrawablePatch(placed, source, factor, box, shown, np.asarray(well_shown, np.uint8))
+
+
+def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
+    """Where `rectangle` of the mosaic is seen; None where the photo shows nothing of it."""
+    width, height = rectangle.width, rectangle.height
+    nodes, shape = node_grid(rectangle.left, rectangle.top, width, height)
+    flat = patch.placed.placement.to_flat(nodes)
+    photo = patch.placed.flat.to_photo(flat)
+    known = continuous_nodes(photo.reshape(*shape, 2), MAX_REDUCTION)
+    known &= np.isfinite(flat).all(axis=1).reshape(shape)
+    if not known.any():
+        return None
+    photo_size = np.array([patch.placed.flat.photo.shape[1], patch.placed.flat.photo.shape[0]])
+    safe_flat = np.where(known.reshape(-1, 1), flat, -1e4).astype(np.float32)
+    source_size = np.array([patch.source.shape[1], patch.source.shape[0]])
+    scale = source_size / photo_size
+    source_nodes = (np.where(known.reshape(-1, 1), photo, -1e4) + 0.5) * scale - 0.5
+    source = between_nodes(source_nodes.reshape(*shape, 2).astype(np.float32), width, height)
+    with np.errstate(invalid="ignore"):
+        inside = ((photo >= RIM_PX) & (photo <= photo_size - 1 - RIM_PX)).all(axis=1)
+    well = inside & (_look_up(patch.well_shown, safe_flat[:, None]).ravel() > 0) & known.ravel()
+    if well.all():
+        covered = np.full((height, width), 255, np.uint8)
+    else:
+        covered = _cover(patch, source, safe_flat.reshape(*shape, 2), known, scale)
+        if not covered.any():
+            return None
+    return PatchMap(np.ascontiguousarray(source), covered, np.where(np.isfinite(flat), flat, 0.0), shape)
+
+
+def draw_gray_patch(gray_source: GrayImage, patch_map: PatchMap) -> GrayImage:
+    """The patch in gray, from the source in gray; beyond the photo its border goes on, so that no edge arises."""
+    return _draw(gray_source, patch_map.source)
+
+
+def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
+    """The patch in its colours and its light; what is not covered is not to be shown."""
+    drawn = _draw(patch.source, patch_map.source)
+    tones = patch.placed.tones
+    if (tones.coefficients == np.array([1, 1, 1, 1, 0, 0], np.float32)).all():
+        return drawn
+    height, width = drawn.shape[:2]
+    coefficients = tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6)
+    return apply_tones(drawn, between_nodes(coefficients, width, height))
+
+
+def _cover(
+    patch: DrawablePatch,
+    source: NDArray[np.float32],
+    flat_nodes: NDArray[np.float32],
+    known: NDArray[np.bool_],
+    scale: NDArray[np.float64],
+) -> GrayImage:
+    """Where the photo, but for its rim, shows the page, pixel by pixel."""
+    height, width = source.shape[:2]
+    photo_height, photo_width = patch.placed.flat.photo.shape[:2]
+    low = (RIM_PX + 0.5) * scale - 0.5
+    high = (np.array([photo_width, photo_height]) - 0.5 - RIM_PX) * scale - 0.5
+    covered = cv2.inRange(source, low, high)
+    dense = np.ascontiguousarray(between_nodes(flat_nodes, width, height))
+    shown = _look_up(patch.shown, dense)
+    cv2.bitwise_and(covered, shown, dst=covered)
+    if not known.all():
+        share = between_nodes(known.astype(np.float32), width, height)
+        covered[share < 0.999] = 0
+    return np.asarray(covered, np.uint8)
+
+
+def _draw(image: NDArray[np.uint8], at: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """`image` at pixels `at` (H, W, 2)."""
+    x, y = cv2.split(at)
+    return np.asarray(cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+
+
+def _look_up(mask: GrayImage, at: NDArray[np.float32]) -> GrayImage:
+    """Values (H, W) of `mask` at flat pixels `at` (H, W, 2), 0 beyond it."""
+    x, y = cv2.split(at)
+    found = cv2.remap(mask, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+    return np.asarray(found, np.uint8)
+
+
+def _outline(shown: GrayImage) -> Points:
+    """Points (N, 2) round what is shown."""
+    contours, _ = cv2.findContours(shown, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    if not contours:
+        return np.empty((0, 2))
+    return np.concatenate([contour.reshape(-1, 2) for contour in contours]).astype(np.float64)
+
+
+def _grid_inside(placed: PlacedPhoto, shown: GrayImage, count: int = 24) -> Points:
+    """Mosaic points (N, 2) on a grid over what is shown."""
+    height, width = shown.shape
+    grid = np.stack(
+        np.meshgrid(np.linspace(0, width - 1, count), np.linspace(0, height - 1, count)), axis=-1
+    ).reshape(-1, 2)
+    at = np.round(grid).astype(int)
+    kept = grid[shown[at[:, 1], at[:, 0]] > 0]
+    return placed.placement.to_mosaic(kept if len(kept) else grid)
+
+
+def _enlargement(to: Callable[[Points], Points], mosaic: Points) -> NDArray[np.float64]:
+    """Square root (N,) of the area that `to` makes of one mosaic pixel at points (N, 2)."""
+    here, steps = to(mosaic), np.eye(2)
+    right, down = to(mosaic + steps[0]) - here, to(mosaic + steps[1]) - here
+    return np.sqrt(np.abs(right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]))

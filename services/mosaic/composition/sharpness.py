@@ -1,0 +1,222 @@
+"""How sharp each photo shows the print, on a reduced map of the mosaic (4.4).
+
+All photos are compared in *cells*, squares of mosaic pixels; what must be seen at full resolution (gradients, the exact
+border of a photo) is measured tile by tile and only its means are kept.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import GrayImage
+from services.mosaic.composition.patch_drawing import DrawablePatch, Rectangle, draw_gray_patch, map_patch
+
+FloatMap = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class SharpnessParameters:
+    """Lengths in text heights, brightness relative to the bare paper's."""
+
+    cells_per_text_height: float = 9.0
+    """A stroke is then about one cell wide, and the gap between two lines of text a few."""
+    most_cells: float = 3e6
+    """Of the whole page, whatever its size: bounds the memory of all maps."""
+    tile_px: int = 1024
+    """Side of the tiles in which gradients are measured."""
+    paper_window: float = 2.5
+    """Window, wider than any stroke of text, in which the brightest is the paper."""
+    ink_contrast: float = 0.1
+    """What is darker than the paper by this, in the mean of a cell, is print; show-through is less."""
+    ink_gradient: float = 0.04
+    """RMS gradient per mosaic pixel, which light print and pictures have and paper has not."""
+    ink_share: float = 0.25
+    """Of the contrast, and of the gradient, of the strongest print within a text height: what is weaker beside it is
+    its blurred rim, which would tie words together."""
+    noise_factor: float = 3.0
+    """A gradient is none of print unless it is this much stronger than that of the bare paper."""
+    window: float = 3.0
+    """Over which sharpness is averaged: wide, since focus changes slowly and what is printed there quickly."""
+
+
+@dataclass(frozen=True, slots=True)
+class CellGrid:
+    """The page of `width` x `height` mosaic pixels in square cells of `side` pixels."""
+
+    width: int
+    height: int
+    side: int
+    text_height: float
+    """In cells."""
+
+    @property
+    def columns(self) -> int:
+        """Cells across, the last one possibly beyond the page in part."""
+        return -(-self.width // self.side)
+
+    @property
+    def rows(self) -> int:
+        """Cells down."""
+        return -(-self.height // self.side)
+
+    def cells(self, pixels: Rectangle) -> Rectangle:
+        """The cells that `pixels` touch."""
+        left, top = pixels.left // self.side, pixels.top // self.side
+        right, bottom = -(-pixels.right // self.side), -(-pixels.bottom // self.side)
+        if pixels.width == 0 or pixels.height == 0:
+            return Rectangle(left, top, 0, 0)
+        return Rectangle(left, top, right - left, bottom - top)
+
+    def pixels(self, cells: Rectangle) -> Rectangle:
+        """The pixels of `cells`."""
+        return Rectangle(
+            cells.left * self.side, cells.top * self.side, cells.width * self.side, cells.height * self.side
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PatchMaps:
+    """What one photo shows, in cells.
+
+    Attributes
+    ----------
+    box : of the mosaic's cells, which the maps span.
+    covered : 255 where the photo shows the whole cell, 0 where nothing of it.
+    ink : strength of what is printed, relative to the strongest print within a text height (255); 0 where nothing is.
+    energy : (rows, columns, 2) mean squared gradient of brightness over the paper's, per mosaic pixel, across and down,
+        without that of noise.
+    inset : distance, in cells, to the next one that is not wholly shown.
+    """
+
+    box: Rectangle
+    covered: GrayImage
+    ink: GrayImage
+    energy: FloatMap
+    inset: FloatMap
+
+
+def choose_cells(
+    width: int, height: int, text_height_px: float, parameters: SharpnessParameters | None = None
+) -> CellGrid:
+    """Cells in which text of `text_height_px` mosaic pixels can be told from its background."""
+    p = parameters or SharpnessParameters()
+    fine = max(1, round(text_height_px / p.cells_per_text_height))
+    side = max(fine, int(np.ceil(np.sqrt(width * height / p.most_cells))))
+    return CellGrid(width, height, side, max(text_height_px / side, 1.0))
+
+
+def measure_patch(
+    patch: DrawablePatch, grid: CellGrid, parameters: SharpnessParameters | None = None
+) -> PatchMaps:
+    """The maps of one photo, drawn in gray in tiles."""
+    p = parameters or SharpnessParameters()
+    box = grid.cells(patch.box)
+    shape = (box.height, box.width)
+    covered, gray = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
+    energy = np.zeros((*shape, 2), np.float32)
+    gray_source = np.asarray(cv2.cvtColor(patch.source, cv2.COLOR_RGB2GRAY), np.uint8)
+    step = max(p.tile_px // grid.side, 1)
+    for top in range(box.top, box.bottom, step):
+        for left in range(box.left, box.right, step):
+            cells = Rectangle(left, top, step, step).meet(box)
+            tile = grid.pixels(cells)
+            # One more pixel all round, for the gradient.
+            found = map_patch(patch, Rectangle(tile.left - 1, tile.top - 1, tile.width + 2, tile.height + 2))
+            if found is None:
+                continue
+            at, size = cells.within(box), (cells.width, cells.height)
+            drawn = draw_gray_patch(gray_source, found)
+            inner = np.ascontiguousarray(drawn[1:-1, 1:-1])
+            gray[at] = cv2.resize(inner, size, interpolation=cv2.INTER_AREA)
+            energy[at] = _squared_gradient(drawn, size)
+            whole = np.ascontiguousarray(found.covered[1:-1, 1:-1])
+            covered[at] = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
+    return _relate_to_paper(box, covered, gray, energy, grid.text_height, p)
+
+
+def compare_sharpness(
+    maps: PatchMaps, ink: GrayImage, text_height: float, parameters: SharpnessParameters | None = None
+) -> FloatMap:
+    """Gradient of the print round each cell of `maps.box`; near 0 where nothing is printed.
+
+    It is the geometric mean of the RMS gradients across and down: print seen obliquely, or blurred by motion, is sharp
+    in one direction only, and cannot be read. `ink` (rows, columns) of the whole mosaic is what any photo shows as
+    printed, so that all are asked about the same places.
+    """
+    p = parameters or SharpnessParameters()
+    printed = ink[maps.box.within(Rectangle(0, 0, ink.shape[1], ink.shape[0]))]
+    asked = ((printed > 0) & (maps.covered == 255)).astype(np.float32)
+    share = _average(asked, p.window * text_height)
+    total = _average(maps.energy * asked[..., None], p.window * text_height)
+    # Where hardly anything is printed nothing is to be compared.
+    both = np.maximum(total[..., 0] * total[..., 1], 0) / np.square(share + np.float32(0.005))
+    return np.asarray(np.sqrt(np.sqrt(both)), np.float32)
+
+
+def print_sharpness(maps: PatchMaps) -> float:
+    """The same of all print of the photo, 0 where it shows none."""
+    printed = (maps.ink > 0) & (maps.covered == 255)
+    return float(np.prod(maps.energy[printed].mean(axis=0)) ** 0.25) if printed.any() else 0.0
+
+
+def _squared_gradient(gray: GrayImage, size: tuple[int, int]) -> FloatMap:
+    """Squared gradients (rows, columns, 2), across and down (Sobel), per pixel within the outermost ones of `gray`.
+
+    `size` are the columns and rows of the cells over which they are averaged.
+    """
+    means = []
+    for x, y in ((1, 0), (0, 1)):
+        slope = np.ascontiguousarray(cv2.Sobel(gray, cv2.CV_32F, x, y, scale=1 / 8)[1:-1, 1:-1])
+        means.append(cv2.resize(cv2.multiply(slope, slope), size, interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.merge(means), np.float32)
+
+
+def _relate_to_paper(
+    box: Rectangle,
+    covered: GrayImage,
+    gray: GrayImage,
+    energy: FloatMap,
+    text_height: float,
+    p: SharpnessParameters,
+) -> PatchMaps:
+    """Brightness and gradients relative to the paper's, so that neither light nor exposure counts."""
+    if covered.size == 0:
+        return PatchMaps(box, covered, gray, energy, energy[..., 0])
+    shown = covered == 255
+    side = 2 * round(0.5 * p.paper_window * text_height) + 1
+    kernel = np.ones((side, side), np.uint8)
+    brightest = cv2.dilate(np.where(shown, gray, 0).astype(np.uint8), kernel)
+    paper = cv2.erode(np.where(shown, brightest, 255).astype(np.uint8), kernel).astype(np.float32)
+    weight = shown.astype(np.float32)
+    window = p.paper_window * text_height
+    smooth = _average(paper * weight, window) / np.maximum(_average(weight, window), 1e-3)
+    smooth = np.maximum(smooth, 1.0).astype(np.float32)
+    relative = gray / smooth
+    energy = np.where(shown[..., None], energy / np.square(smooth)[..., None], 0).astype(np.float32)
+    near = np.ones((2 * round(0.5 * text_height) + 1,) * 2, np.uint8)
+    contrast = np.where(shown, 1 - relative, 0).astype(np.float32)
+    dark = _strength(contrast, near, p.ink_contrast, p.ink_share)
+    bare = shown & (relative > 1 - 0.5 * p.ink_contrast)
+    noise = np.median(energy[bare], axis=0) if bare.any() else np.zeros(2)
+    least = max(p.ink_gradient, p.noise_factor * float(np.sqrt(noise.sum())))
+    ink = cv2.max(dark, _strength(np.sqrt(energy.sum(axis=2)), near, least, p.ink_share))
+    without_noise = np.maximum(energy - noise.astype(np.float32), 0)
+    # Beyond the box the photo shows nothing; beyond the page there is nothing to be shown.
+    inset = cv2.distanceTransform(np.pad(shown.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
+    return PatchMaps(box, covered, np.asarray(ink, np.uint8), without_noise, np.ascontiguousarray(inset))
+
+
+def _strength(values: FloatMap, near: GrayImage, least: float, share: float) -> GrayImage:
+    """`values` over the largest `near` (255); 0 below `share` of it and where they are below `least`."""
+    largest = np.maximum(cv2.dilate(values, near), np.float32(least))
+    relative = np.clip(values / largest, 0, 1)
+    return np.where((values > least) & (relative > share), 255 * relative, 0).astype(np.uint8)
+
+
+def _average(values: FloatMap, window: float) -> FloatMap:
+    """Mean within about `window` cells, as smooth as two boxes make it; nothing lies beyond the border."""
+    side = 2 * round(0.5 * window) + 1
+    once = cv2.blur(values, (side, side), borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(cv2.blur(once, (side, side), borderType=cv2.BORDER_CONSTANT), np.float32)

@@ -1,0 +1,165 @@
+"""Reduced views of photos in the mosaic's frame, on which their light is compared."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Mask, Points, RgbImage
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.placing.placement import Placement
+
+FloatImage = NDArray[np.float32]
+"""(H, W) or (H, W, 3) float32."""
+
+CELL_PX = 4
+"""Canvas pixels on a side of a cell: light is told by the cell."""
+BLOCK_PX = 24
+"""Canvas pixels on a side of a block; views begin and end with blocks, so that the cells of all of them coincide."""
+LARGEST_SIDE_PX = 2400
+"""Bound of the canvas, whatever the number and the size of the photos."""
+NODE_STEP_PX = 16
+"""The way from a view to its photo is exact at every 16th pixel, as in `rectify.drawing`."""
+RIM_PX = 2
+"""Pixels beside the border of what is shown mix with what is beyond it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Canvas:
+    """The mosaic, reduced: canvas pixel p shows mosaic pixel (p + 1/2) / scale - 1/2 + origin."""
+
+    scale: float
+    origin: tuple[float, float]
+    width: int
+    height: int
+
+    def to_mosaic(self, pixels: Points) -> Points:
+        """Mosaic pixels (N, 2) of canvas pixels (N, 2)."""
+        return np.asarray((pixels + 0.5) / self.scale - 0.5 + np.asarray(self.origin))
+
+    def from_mosaic(self, mosaic: Points) -> Points:
+        """Canvas pixels (N, 2) of mosaic pixels (N, 2)."""
+        return np.asarray((mosaic - np.asarray(self.origin) + 0.5) * self.scale - 0.5)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CanvasView:
+    """One photo on the canvas: a box of it, whose sides are multiples of `BLOCK_PX`, as its corner is.
+
+    Attributes
+    ----------
+    left, top : canvas pixel of the view's first pixel.
+    image : (h, w, 3) float32, 0-255.
+    shown : (h, w).
+    feather : (h, w) distance to the border of what is shown, in pixels; 0 beyond it.
+    """
+
+    left: int
+    top: int
+    image: FloatImage
+    shown: Mask
+    feather: FloatImage
+
+    @property
+    def box(self) -> tuple[slice, slice]:
+        """Rows and columns of the canvas."""
+        height, width = self.shown.shape
+        return slice(self.top, self.top + height), slice(self.left, self.left + width)
+
+
+def frame_canvas(
+    photos: Sequence[FlatPhoto], placements: Sequence[Placement], view_long_side_px: int
+) -> tuple[Canvas, list[tuple[int, int, int, int]]]:
+    """A canvas on which a photo's long side has the given length, and the box of each: left, top, right, bottom."""
+    outlines = [
+        place.to_mosaic(_border(*photo.size)) for photo, place in zip(photos, placements, strict=True)
+    ]
+    low = np.array([outline.min(axis=0) for outline in outlines]) - 0.5
+    high = np.array([outline.max(axis=0) for outline in outlines]) + 0.5
+    origin = low.min(axis=0)
+    extent = float((high.max(axis=0) - origin).max())
+    typical = float(np.median((high - low).max(axis=1)))
+    scale = min(view_long_side_px / typical, LARGEST_SIDE_PX / extent, 1.0)
+    first = np.floor((low - origin) * scale / BLOCK_PX).astype(int) * BLOCK_PX
+    last = np.maximum(np.ceil((high - origin) * scale / BLOCK_PX).astype(int) * BLOCK_PX, first + BLOCK_PX)
+    width, height = last.max(axis=0)
+    boxes = [(int(a[0]), int(a[1]), int(b[0]), int(b[1])) for a, b in zip(first, last, strict=True)]
+    return Canvas(scale, (float(origin[0]) + 0.5, float(origin[1]) + 0.5), int(width), int(height)), boxes
+
+
+def _border(width: int, height: int) -> Points:
+    """Points round a view of the given size."""
+    x, y = np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    return np.concatenate([grid[0], grid[-1], grid[1:-1, 0], grid[1:-1, -1]])
+
+
+def draw_on_canvas(
+    photo: FlatPhoto, placement: Placement, canvas: Canvas, box: tuple[int, int, int, int]
+) -> CanvasView:
+    """`photo` within `box` of the canvas."""
+    left, top, right, bottom = box
+    corner = np.array([left, top])
+    image, shown = draw_reduced(
+        photo, lambda p: placement.to_flat(canvas.to_mosaic(p + corner)), right - left, bottom - top
+    )
+    padded = np.pad(shown.astype(np.uint8), 1)
+    feather = cv2.distanceTransform(padded, cv2.DIST_L2, 3)[1:-1, 1:-1]
+    return CanvasView(left, top, image.astype(np.float32), shown, np.asarray(feather, np.float32))
+
+
+def draw_reduced(
+    photo: FlatPhoto, to_flat: Callable[[Points], Points], width: int, height: int
+) -> tuple[RgbImage, Mask]:
+    """A small view (height, width, 3) of `photo`, whose pixel p shows flat pixel `to_flat(p)`, and where it shows any.
+
+    The photo is first reduced by area averages to the view's own resolution, so that nothing aliases.
+    """
+    columns, rows = -(-width // NODE_STEP_PX) + 2, -(-height // NODE_STEP_PX) + 2
+    x = (np.arange(columns) - 0.5) * NODE_STEP_PX - 0.5
+    y = (np.arange(rows) - 0.5) * NODE_STEP_PX - 0.5
+    flat = to_flat(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    seen = photo.to_photo(flat).reshape(rows, columns, 2)
+    flat = flat.reshape(rows, columns, 2)
+    seen = np.where(np.isfinite(seen).all(axis=-1, keepdims=True), seen, -1e6)
+    steps = np.linalg.norm(np.diff(seen, axis=1), axis=-1)
+    within = _inside(seen[:, 1:], photo.photo.shape) & _inside(seen[:, :-1], photo.photo.shape)
+    step = float(np.median(steps[within])) / NODE_STEP_PX if within.any() else 1.0
+    factor = min(1.0, 1.0 / max(step, 1e-6))
+    source = photo.photo
+    if factor < 1.0:
+        size = (max(round(source.shape[1] * factor), 1), max(round(source.shape[0] * factor), 1))
+        source = np.asarray(cv2.resize(source, size, interpolation=cv2.INTER_AREA), np.uint8)
+    ratio = np.array([source.shape[1] / photo.photo.shape[1], source.shape[0] / photo.photo.shape[0]])
+    dense = _between_nodes((seen + 0.5) * ratio - 0.5, width, height)
+    x_source, y_source = cv2.split(dense)
+    image = cv2.remap(source, x_source, y_source, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    flat_x, flat_y = cv2.split(_between_nodes(flat, width, height))
+    on_page = cv2.remap(
+        photo.shown.view(np.uint8),
+        flat_x,
+        flat_y,
+        cv2.INTER_NEAREST,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=0.0,
+    )
+    shown = (on_page > 0) & _inside(dense, source.shape)
+    rim = np.ones((2 * RIM_PX + 1,) * 2, np.uint8)
+    shown = cv2.erode(shown.astype(np.uint8), rim, borderType=cv2.BORDER_REPLICATE) > 0
+    return np.asarray(image, np.uint8), np.asarray(shown)
+
+
+def _inside(points: Floats | FloatImage, shape: tuple[int, ...]) -> Mask:
+    """Where `points` (..., 2) lie in an image of the given shape."""
+    x, y = points[..., 0], points[..., 1]
+    return np.asarray((x >= 0) & (y >= 0) & (x <= shape[1] - 1) & (y <= shape[0] - 1))
+
+
+def _between_nodes(nodes: Floats, width: int, height: int) -> FloatImage:
+    """Values (height, width, 2) at all pixels from those at every `NODE_STEP_PX`-th."""
+    size = (nodes.shape[1] * NODE_STEP_PX, nodes.shape[0] * NODE_STEP_PX)
+    dense = cv2.resize(nodes.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    dense = dense[NODE_STEP_PX : NODE_STEP_PX + height, NODE_STEP_PX : NODE_STEP_PX + width]
+    return np.ascontiguousarray(dense)

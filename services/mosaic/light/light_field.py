@@ -1,0 +1,188 @@
+"""Smooth gains that bring the light of overlapping views in line (4.4)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from services.arrays import Floats
+from services.mosaic.light.canvas import BLOCK_PX, CELL_PX, CanvasView, FloatImage
+
+DARKEST = 16.0
+"""Gray levels below which a colour is noise and the black level of the camera."""
+
+
+@dataclass(frozen=True, slots=True)
+class LightParameters:
+    """Lengths relative to a view's long side; gains are compared as logarithms."""
+
+    nodes: int = 7
+    """Nodes of the smooth field along the long side: a vignette is followed within half a per cent by them."""
+    stiffness: float = 1.0
+    """Cost of a unit difference between neighbouring nodes, against that of a block's residual: a twentieth of what
+    the blocks in a node's square weigh, so that data decide where there are any."""
+    robust_scale: float = 0.03
+    """Cauchy's scale of residuals: light that a smooth field follows leaves less, a shadow's edge or glare more."""
+    iterations: int = 8
+    """Of reweighting; weights settle to a few per cent in six."""
+    closing_px: int = 15
+    """Canvas pixels; wider than the strokes of a headline on a view of 600."""
+    bright_share: float = 0.85
+    """Light is compared where colours are at least this share of the brightest beside them: ink is deeper in a sharp
+    photo than in a blurred one, or one with haze, and says nothing of light."""
+    gauge: float = 1e-6
+    """Pull of every node to 1, which decides what nothing else decides: the mean over all photos stays."""
+
+
+def fit_light(views: Sequence[CanvasView], parameters: LightParameters | None = None) -> list[Floats]:
+    """Log gains (rows, columns, 3) of each view, at nodes that span its box corner to corner.
+
+    With them, views agree where they overlap: one robust least squares over the ratios of the colours of all blocks
+    that two of them share, with fields that are as even as that allows. Nothing depends on the order of the views.
+    """
+    p = parameters or LightParameters()
+    shapes = [_node_shape(view.shown.shape, p.nodes) for view in views]
+    starts = np.concatenate([[0], np.cumsum([rows * columns for rows, columns in shapes])])
+    normal = np.zeros((starts[-1], starts[-1]))
+    for shape, start, end in zip(shapes, starts[:-1], starts[1:], strict=True):
+        normal[start:end, start:end] = p.stiffness * _roughness(*shape) + p.gauge * np.eye(end - start)
+    pairs = _shared_blocks(views, shapes, p)
+    logs: Floats = np.zeros((starts[-1], 3))
+    for _ in range(p.iterations):
+        A, b = normal.copy(), np.zeros_like(logs)
+        for i, j, Bi, Bj, ratio, weight in pairs:
+            si, sj = slice(starts[i], starts[i + 1]), slice(starts[j], starts[j + 1])
+            residual = Bi @ logs[si] - Bj @ logs[sj] - ratio
+            robust = weight / (1 + (residual**2).mean(axis=1) / p.robust_scale**2)
+            Wi, Wj = Bi.T * robust, Bj.T * robust
+            A[si, si] += Wi @ Bi
+            A[sj, sj] += Wj @ Bj
+            cross = Wi @ Bj
+            A[si, sj] -= cross
+            A[sj, si] -= cross.T
+            b[si] += Wi @ ratio
+            b[sj] -= Wj @ ratio
+        logs = np.linalg.solve(A, b)
+    return [
+        logs[start:end].reshape(*shape, 3)
+        for shape, start, end in zip(shapes, starts[:-1], starts[1:], strict=True)
+    ]
+
+
+def _node_shape(shape: tuple[int, ...], nodes: int) -> tuple[int, int]:
+    longest = max(shape[:2])
+    rows, columns = (max(2, round((nodes - 1) * side / longest) + 1) for side in shape[:2])
+    return rows, columns
+
+
+def _roughness(rows: int, columns: int) -> Floats:
+    """Quadratic form (N, N) of the differences between neighbouring nodes."""
+
+    def along(count: int) -> Floats:
+        difference = np.diff(np.eye(count), axis=0)
+        return np.asarray(difference.T @ difference)
+
+    return np.asarray(np.kron(along(rows), np.eye(columns)) + np.kron(np.eye(rows), along(columns)))
+
+
+def _interpolation(count: int, nodes: int) -> Floats:
+    """Linear interpolation (count, nodes) from nodes at both ends of a side to the middles of its `count` parts."""
+    place = (np.arange(count) + 0.5) / count * (nodes - 1)
+    return np.asarray(np.maximum(1 - np.abs(place[:, None] - np.arange(nodes)), 0))
+
+
+def node_field(nodes: Floats, height: int, width: int) -> FloatImage:
+    """Field (height, width, 3) float32 at pixels, bilinear between `nodes` as `fit_light` places them."""
+    down, across = _interpolation(height, nodes.shape[0]), _interpolation(width, nodes.shape[1])
+    return np.asarray(np.einsum("yr,xc,rck->yxk", down, across, nodes, optimize=True), np.float32)
+
+
+def bright_parts(image: FloatImage, parameters: LightParameters) -> FloatImage:
+    """1 where `image` (H, W, 3) is as bright as the brightest beside it, but for ink, else 0; (H, W)."""
+    gray = strongest_channel(image)
+    around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((parameters.closing_px,) * 2, np.uint8))
+    return np.asarray((gray >= parameters.bright_share * around) & (gray >= DARKEST), np.float32)
+
+
+def strongest_channel(image: FloatImage) -> FloatImage:
+    """(H, W) of (H, W, 3)."""
+    red, green, blue = cv2.split(image)
+    return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32)
+
+
+def _shared_blocks(
+    views: Sequence[CanvasView], shapes: Sequence[tuple[int, int]], p: LightParameters
+) -> list[tuple[int, int, Floats, Floats, Floats, Floats]]:
+    """For every two views that share blocks: their indices, the blocks' interpolation (N, nodes) in each, the log of
+    the ratio of their colours (N, 3), and weights (N,)."""
+    blocks = [_measure_blocks(view, p) for view in views]
+    bases = [
+        np.kron(_interpolation(color.shape[0], rows), _interpolation(color.shape[1], columns)).reshape(
+            *color.shape[:2], rows * columns
+        )
+        for (color, _), (rows, columns) in zip(blocks, shapes, strict=True)
+    ]
+    pairs: list[tuple[int, int, Floats, Floats, Floats, Floats]] = []
+    for j, second in enumerate(views):
+        for i, first in enumerate(views[:j]):
+            top, left = max(first.top, second.top), max(first.left, second.left)
+            bottom = min(first.box[0].stop, second.box[0].stop)
+            right = min(first.box[1].stop, second.box[1].stop)
+            if bottom <= top or right <= left:
+                continue
+            parts = [
+                np.s_[
+                    (top - v.top) // BLOCK_PX : (bottom - v.top) // BLOCK_PX,
+                    (left - v.left) // BLOCK_PX : (right - v.left) // BLOCK_PX,
+                ]
+                for v in (first, second)
+            ]
+            weight = np.minimum(blocks[i][1][parts[0]], blocks[j][1][parts[1]])
+            known = weight > 0
+            if not known.any():
+                continue
+            ratio = blocks[j][0][parts[1]][known] - blocks[i][0][parts[0]][known]
+            pairs.append((i, j, bases[i][parts[0]][known], bases[j][parts[1]][known], ratio, weight[known]))
+    return pairs
+
+
+def _measure_blocks(view: CanvasView, p: LightParameters) -> tuple[Floats, Floats]:
+    """Log colour (rows, columns, 3) of the bright parts of every block, and its weight, 0 where it is not known."""
+    bright = bright_parts(view.image, p) * view.shown
+    size = (view.shown.shape[1] // BLOCK_PX, view.shown.shape[0] // BLOCK_PX)
+    share = cv2.resize(bright, size, interpolation=cv2.INTER_AREA).astype(np.float64)
+    shown = cv2.resize(view.shown.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    color = cv2.resize(view.image * bright[..., None], size, interpolation=cv2.INTER_AREA).astype(np.float64)
+    clipped = (strongest_channel(view.image) >= 254).astype(np.float32) * bright
+    clipped_share = cv2.resize(clipped, size, interpolation=cv2.INTER_AREA) / np.maximum(share, 1e-6)
+    # A block that is half seen shows other paper in either photo; a clipped colour is a bound, not a measurement.
+    weight = np.where(shown > 0.7, share * (1 - 0.9 * clipped_share), 0.0)
+    weight[share < 0.1] = 0.0
+    return np.log(np.maximum(color / np.maximum(share, 1e-6)[..., None], 1.0)), weight
+
+
+def to_cells(image: FloatImage) -> FloatImage:
+    """Means over the cells of an image, of which at least one is left."""
+    size = (max(1, image.shape[1] // CELL_PX), max(1, image.shape[0] // CELL_PX))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def spread(weighted: FloatImage, weight: FloatImage, sigmas: Sequence[float]) -> FloatImage:
+    """Means of `weighted` / `weight`, (H, W, C) and (H, W), at each place by Gaussian windows of the given sizes.
+
+    Each window weighs a hundredth of the one before: the narrowest decides where it holds anything. The mean of
+    all is the last.
+    """
+    total = 1e-12 + float(weight.mean())
+    share = np.full(weight.shape, total, np.float32)
+    value = np.broadcast_to(weighted.mean(axis=(0, 1)), weighted.shape).astype(np.float32)
+    for sigma in reversed(sigmas):
+        share = share * 0.01 + _gaussian(weight, sigma)
+        value = value * 0.01 + _gaussian(weighted, sigma)
+    return np.asarray(value / share[..., None], np.float32)
+
+
+def _gaussian(image: FloatImage, sigma: float) -> FloatImage:
+    blurred = cv2.GaussianBlur(np.ascontiguousarray(image), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(blurred, np.float32).reshape(image.shape)

@@ -1,0 +1,302 @@
+"""Light within and between photos: localized histogram normalization (4.4), gains matched."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Mask, Points
+from services.imaging.illumination import (
+    Levels,
+    NormalizationParameters,
+    level_coefficients,
+    measure_levels,
+)
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.light.canvas import (
+    CELL_PX,
+    Canvas,
+    CanvasView,
+    FloatImage,
+    draw_on_canvas,
+    draw_reduced,
+    frame_canvas,
+)
+from services.mosaic.light.light_field import (
+    LightParameters,
+    bright_parts,
+    fit_light,
+    node_field,
+    spread,
+    to_cells,
+)
+from services.mosaic.light.pictures import find_pictures
+from services.mosaic.light.tones import ToneMap
+from services.mosaic.placing.placement import Placement
+from services.rectify.parameters import Illumination
+
+
+@dataclass(frozen=True, slots=True)
+class ToneParameters:
+    """How light is matched and levels are taken."""
+
+    light: LightParameters = field(default_factory=LightParameters)
+    levels: NormalizationParameters = field(default_factory=NormalizationParameters)
+    view_long_side_px: int = 600
+    """A photo's view on the canvas: what is left of text there still has paper between its lines."""
+    windows_cells: tuple[float, ...] = (1.5, 6.0, 24.0)
+    """Gaussians in which a photo's light follows the consensus: the first is as wide as two lines of text, and the
+    others decide in the dark parts of pictures."""
+    brightest_paper: float = 250.0
+    """The light that photos agree on is lowered until paper stays below this, or as bright as in the brightest of
+    them."""
+    tints_of_light: tuple[float, float] = (1.25, 1.5)
+    """Ratio of paper's strongest channel to its weakest that white balance may leave, and from which on the paper
+    itself is coloured (lamps that a phone does not make up for leave 1.1 to 1.3; pink and blue forms have 1.3 to 2)."""
+    map_long_side: int = 400
+    """Of a tone map that carries levels: these are measured on a copy of this size, and follow a shadow's edge."""
+    gray_paper: float = 230.0
+    """Level to which paper is brought before each photo's own levels are measured: below white, so that nothing is
+    clipped."""
+    largest_correction: float = 0.25
+    """Share by which a photo's own paper may differ from all photos': more is no paper."""
+    lightest_ink: float = 0.55
+    """Share of its paper's level up to which ink is made dark: contrast is doubled then, and the strokes of a photo
+    that is more blurred than that would close up."""
+
+
+def match_tones(
+    photos: Sequence[FlatPhoto],
+    placements: Sequence[Placement],
+    illumination: Illumination,
+    parameters: ToneParameters | None = None,
+) -> tuple[ToneMap, ...]:
+    """What brings the light of `photos`, which lie on the mosaic as `placements` say, in line; one map each.
+
+    "keep": where two photos show the same place their colours agree, and the mean over all photos stays, unless paper
+    would be clipped. "normalize": paper becomes white besides, also in hue unless it is clearly coloured, and the ink
+    of every photo equally dark, by levels of the page as a whole: a photo that shows little paper takes them from the
+    photos around. Pictures take the light of the paper beside them. Without print on paper only the gains are matched.
+    Nothing depends on the order of photos.
+    """
+    if not photos:
+        return ()
+    p = parameters or ToneParameters()
+    canvas, boxes = frame_canvas(photos, placements, p.view_long_side_px)
+    views = [
+        draw_on_canvas(photo, placement, canvas, box)
+        for photo, placement, box in zip(photos, placements, boxes, strict=True)
+    ]
+    lights = match_light(views, canvas, p)
+    if illumination == "normalize":
+        lights = _with_neutral_paper(lights, p)
+    grids = [
+        _FlatGrid.over(photo, placement, canvas, p.map_long_side)
+        for photo, placement in zip(photos, placements, strict=True)
+    ]
+    gains = [
+        grid.sample(light, view.left, view.top, CELL_PX)
+        for grid, light, view in zip(grids, lights.fields, views, strict=True)
+    ]
+    levels = None
+    if illumination == "normalize":
+        levels = _page_levels(lights, p)
+    if levels is None:
+        identity = np.array([1, 0, 0], np.float32)
+        changes = [np.broadcast_to(identity, gain.shape) for gain in gains]
+    else:
+        changes = _normalizations(photos, grids, gains, levels, canvas, p)
+    return tuple(
+        ToneMap(np.dstack([gain, change]), *photo.size)
+        for photo, gain, change in zip(photos, gains, changes, strict=True)
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MatchedLight:
+    """Gains (h, w, 3) of every view at its cells, and the page in the light that results.
+
+    `page` (H, W, 3) float32 is the mean of all views, `shown` (H, W) where there is any.
+    """
+
+    fields: tuple[FloatImage, ...]
+    page: FloatImage
+    shown: Mask
+
+
+def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) -> MatchedLight:
+    """Gains that bring all views in line, first by smooth fields, then by following their mean where they overlap.
+
+    The mean weighs each view by the distance to its border. Therefore it passes into a view's own light where the
+    others end, and what shading fields do not follow, such as a shadow's edge, fades out towards the overlap's border.
+    """
+    fields = [
+        np.exp(node_field(nodes, *view.shown.shape))
+        for nodes, view in zip(fit_light(views, p.light), views, strict=True)
+    ]
+    page = np.zeros((canvas.height, canvas.width, 3), np.float32)
+    weight = np.zeros((canvas.height, canvas.width), np.float32)
+    for view, gain in zip(views, fields, strict=True):
+        page[view.box] += view.image * gain * view.feather[..., None]
+        weight[view.box] += view.feather
+    page /= np.maximum(weight, 1e-6)[..., None]
+    bright = bright_parts(page, p.light) * (weight > 0)
+    followed = []
+    for view, gain in zip(views, fields, strict=True):
+        compared = bright[view.box] * view.shown
+        share = to_cells(compared)
+        there = spread(to_cells(page[view.box] * compared[..., None]), share, p.windows_cells)
+        here = spread(to_cells(view.image * gain * compared[..., None]), share, p.windows_cells)
+        followed.append(to_cells(gain) * (there + 1) / (here + 1))
+    overall = _overall_gain(views, page, bright, p.brightest_paper)
+    return MatchedLight(tuple(gain * overall for gain in followed), page * overall, weight > 0)
+
+
+def _with_neutral_paper(lights: MatchedLight, p: ToneParameters) -> MatchedLight:
+    """The same with paper gray where its tint may be one of the light; what is clearly coloured paper stays so."""
+    bright = bright_parts(lights.page, p.light)[::CELL_PX, ::CELL_PX] * lights.shown[::CELL_PX, ::CELL_PX] > 0
+    if not bright.any():
+        return lights
+    paper = np.median(lights.page[::CELL_PX, ::CELL_PX][bright], axis=0)
+    gains = paper.max() / np.maximum(paper, 1.0)
+    least, most = p.tints_of_light
+    share = np.clip((most - gains.max()) / (most - least), 0, 1)
+    gains = (gains**share).astype(np.float32)
+    return MatchedLight(tuple(field * gains for field in lights.fields), lights.page * gains, lights.shown)
+
+
+def _overall_gain(
+    views: Sequence[CanvasView], page: FloatImage, bright: FloatImage, brightest_paper: float
+) -> float:
+    """Gain, at most 1, by which paper that the photos agree on stays below white."""
+    reached = _paper_level(page, bright)
+    limit = max(
+        [brightest_paper] + [_paper_level(view.image, bright[view.box] * view.shown) for view in views]
+    )
+    return min(1.0, limit / max(reached, 1.0))
+
+
+def _paper_level(image: FloatImage, bright: FloatImage) -> float:
+    """Level that paper in good light reaches."""
+    levels = image[::CELL_PX, ::CELL_PX].max(axis=2)[bright[::CELL_PX, ::CELL_PX] > 0]
+    return float(np.quantile(levels, 0.95)) if levels.size else 0.0
+
+
+def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
+    """Levels of the matched page, taken again with paper in the place of pictures; these count as not measured."""
+    image = _page_image(lights, p)
+    levels = measure_levels(image, p.levels)
+    if levels is None:
+        return None
+    pictures = find_pictures(levels)
+    if not pictures.any():
+        return levels
+    beside = (levels.measured * ~pictures).astype(np.float32)
+    filled = spread(to_cells(levels.paper * beside)[..., None], to_cells(beside), p.windows_cells)
+    size = (image.shape[1], image.shape[0])
+    covered = cv2.resize(pictures.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    paper = cv2.resize(filled[..., 0], size, interpolation=cv2.INTER_LINEAR)
+    image[covered] = np.clip(paper[covered] + 0.5, 1, 255).astype(np.uint8)[:, None]
+    again = measure_levels(image, p.levels)
+    if again is None:
+        return levels
+    softened = cv2.blur((~pictures).astype(np.float32), (5, 5))
+    return Levels(again.paper, again.ink, np.asarray(again.measured * softened, np.float32))
+
+
+def _page_image(lights: MatchedLight, p: ToneParameters) -> NDArray[np.uint8]:
+    """The matched page, 8 bits; where no photo shows it, paper like that nearby."""
+    known = bright_parts(lights.page, p.light) * lights.shown
+    share = to_cells(known)
+    around = spread(to_cells(lights.page * known[..., None]), share, p.windows_cells)
+    height, width = lights.shown.shape
+    filled = cv2.resize(around, (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.clip(np.where(lights.shown[..., None], lights.page, filled) + 0.5, 0, 255).astype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _FlatGrid:
+    """Places on the canvas of the cells of a photo's tone map."""
+
+    points: Points
+    rows: int
+    columns: int
+
+    @classmethod
+    def over(cls, photo: FlatPhoto, placement: Placement, canvas: Canvas, long_side: int) -> "_FlatGrid":
+        width, height = photo.size
+        factor = min(1.0, long_side / max(width, height))
+        columns, rows = max(1, round(width * factor)), max(1, round(height * factor))
+        x = (np.arange(columns) + 0.5) * width / columns - 0.5
+        y = (np.arange(rows) + 0.5) * height / rows - 0.5
+        flat = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return cls(canvas.from_mosaic(placement.to_mosaic(flat)), rows, columns)
+
+    def sample(self, values: FloatImage, left: float, top: float, step: float) -> FloatImage:
+        """(rows, columns, C) of `values`, each of which stands for `step` canvas pixels, from (left, top) on."""
+        places = (self.points - (left, top) + 0.5) / step - 0.5
+        places = places.reshape(self.rows, self.columns, 2).astype(np.float32)
+        x, y = cv2.split(places)
+        return np.asarray(
+            cv2.remap(values, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE),
+            np.float32,
+        )
+
+
+def _normalizations(
+    photos: Sequence[FlatPhoto],
+    grids: Sequence[_FlatGrid],
+    gains: Sequence[FloatImage],
+    levels: Levels,
+    canvas: Canvas,
+    p: ToneParameters,
+) -> list[FloatImage]:
+    """Coefficients (rows, columns, 3) of `level_coefficients` for every photo, after its gains."""
+    step = canvas.width / levels.paper.shape[1]
+    papers, inks, shares = [], [], []
+    for photo, grid, gain in zip(photos, grids, gains, strict=True):
+        paper = grid.sample(levels.paper, 0, 0, step)
+        measured = grid.sample(levels.measured, 0, 0, step)
+        own = measure_levels(_gray_paper_view(photo, gain / paper[..., None], measured, p), p.levels)
+        ink = None
+        if own is not None:
+            size = (grid.columns, grid.rows)
+            rest = np.log(cv2.resize(own.paper, size) / p.gray_paper)
+            trusted = cv2.resize(own.measured, size) * measured
+            limit = np.log1p(p.largest_correction)
+            # It fades out at the limit: what differs more is no paper, or not this paper.
+            trusted = trusted * np.clip(2 - 2 * np.abs(rest) / limit, 0, 1)
+            paper = paper * np.exp(rest * trusted).astype(np.float32)
+            ink = cv2.resize(own.ink, size) if own.ink.any() else None
+        papers.append(paper)
+        inks.append(ink)
+        shares.append(measured)
+    known = [float(np.median(ink)) for ink in inks if ink is not None]
+    typical = np.float32(np.median(known) if known else 0.0)
+    return [
+        level_coefficients(
+            paper, np.minimum(typical if ink is None else ink, p.lightest_ink) * measured, p.levels.black
+        )
+        for paper, ink, measured in zip(papers, inks, shares, strict=True)
+    ]
+
+
+def _gray_paper_view(
+    photo: FlatPhoto, gain: FloatImage, measured: FloatImage, p: ToneParameters
+) -> NDArray[np.uint8]:
+    """Flat view, reduced, with paper brought to `gray_paper` by `gain` (rows, columns, 3).
+
+    Bare paper where the page's was not `measured` (rows, columns): no desk and no pictures.
+    """
+    width, height = photo.size
+    factor = min(1.0, p.levels.working_long_side_px / max(width, height))
+    size = (max(1, round(width * factor)), max(1, round(height * factor)))
+    ratio = np.array([width / size[0], height / size[1]])
+    image, shown = draw_reduced(photo, lambda view: (view + 0.5) * ratio - 0.5, *size)
+    enlarged = cv2.resize(gain * np.float32(p.gray_paper), size, interpolation=cv2.INTER_LINEAR)
+    view = np.asarray(cv2.multiply(image, enlarged, dtype=cv2.CV_8U), np.uint8)
+    is_paper = cv2.resize(measured, size, interpolation=cv2.INTER_LINEAR) > 0.5
+    view[~(shown & is_paper)] = np.uint8(p.gray_paper)
+    return view

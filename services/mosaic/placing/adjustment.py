@@ -1,0 +1,246 @@
+"""One robust adjustment of all photos over all pairs, so that nothing drifts.
+
+The dissertation fits each pair by itself (4.3) and adds photo to photo (4.5); what is left at the end of
+such a chain is spread here over all pairs at once: a bundle of homographies, as for panoramas (Brown and Lowe 2007,
+section 4), its residual measured in the photos' own pixels, so that neither a choice of the world's frame nor a root
+has a say.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+
+from services.arrays import Floats, Homography, Vector
+from services.geometry.homographies import transform_points
+from services.mosaic.placing.frontal_frame import ViewInWorld, agree_on_views
+from services.mosaic.placing.homography_bundle import (
+    PRIOR_POINTS,
+    Bundle,
+    BundleParameters,
+    BundleSolution,
+    FrontalPrior,
+    solve_bundle,
+    transfer_distances,
+)
+from services.mosaic.placing.placement import Placement
+from services.mosaic.registration.pair_registration import PairRegistration
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustmentParameters:
+    """Lengths are relative to the mean of the views' diagonals."""
+
+    bundle: BundleParameters = field(default_factory=BundleParameters)
+    contradicted_weight: float = 0.1
+    """A pair whose matches keep less than this on average is seven deviations off."""
+    contradicted_residual: float = 0.001
+    """Of the diagonal; half a character: less is an inaccuracy, no contradiction."""
+    least_departure: float = 0.0015
+    """RMS, relative to half a diagonal, by which good rectifications differ from a similarity: a pixel or two."""
+    prior_share: float = 0.7
+    """Of the median departure that is found, which holds errors of the matches too: it shrinks from pass to pass."""
+    prior_passes: int = 4
+    """From a hundredth to the least."""
+    suspicious_weight: float = 0.4
+    """A pair that keeps less is tried to be left out: three deviations off."""
+    most_suspects: int = 5
+    """That many are tried in turn; a false pair drags its neighbours along, hardly more."""
+    most_left_out: int = 3
+    """Pairs are verified before: false ones are rare."""
+    gain: float = 0.8
+    """A pair is left out where the loss of all falls to this share."""
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustedPair:
+    """What became of a pair.
+
+    `kept_weight` is the mean of its matches' weights under the robust loss (1: all agree with the other pairs), and
+    `contradicted` whether the other pairs place the two photos elsewhere, so that it was left without influence.
+    """
+
+    a: int
+    b: int
+    kept_weight: float
+    contradicted: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GlobalAdjustment:
+    """Photo index -> `H_world_flat`, up to one homography of the world, and the pairs in their order.
+
+    `deviation_px` is the matches' standard deviation along an axis, in pixels of the views' mean resolution.
+    """
+
+    H_world_flat: dict[int, Homography]
+    pairs: tuple[AdjustedPair, ...]
+    deviation_px: float
+    converged: bool
+
+
+def adjust_globally(
+    sizes: Mapping[int, tuple[int, int]],
+    pairs: Sequence[PairRegistration],
+    parameters: AdjustmentParameters | None = None,
+) -> GlobalAdjustment:
+    """Homographies of all photos of a connected part, from all its pairs at once.
+
+    `sizes` are widths and heights of the flat views by photo index. The result, up to one homography for all, depends
+    neither on the order of photos nor on that of pairs. Views are taken to be frontal but for errors that are alike.
+
+    Raises
+    ------
+    ValueError
+        When the pairs do not connect the photos.
+    """
+    p = parameters or AdjustmentParameters()
+    photos = sorted(sizes)
+    if len(photos) == 1:
+        return GlobalAdjustment({photos[0]: np.eye(3)}, (), 0.0, True)
+    bundle = Bundle.of(photos, sizes, pairs)
+    own = np.array([_own_deviation(bundle, k, p.bundle) for k in range(len(pairs))])
+    solution, left_out = _without_contradictions(bundle, len(photos), own, p)
+    solution = _as_frontal_as_known(bundle, solution, own, p, left_out)
+    maps = solution.maps
+    adjusted = []
+    for k, (pair, weight) in enumerate(zip(pairs, solution.weights, strict=True)):
+        off = k in _suspects(bundle, solution, p.contradicted_weight, p)
+        adjusted.append(AdjustedPair(pair.a, pair.b, float(weight), bool(off)))
+    # The world is, to a pixel, the view of a photo of the best pair.
+    root = bundle.halves[int(np.argmax(bundle.evidence))][0].target
+    H_world = np.linalg.inv(maps[root] @ bundle.normalisations[root])
+    H_world_flat = {}
+    for k, photo in enumerate(photos):
+        H = H_world @ maps[k] @ bundle.normalisations[k]
+        width, height = sizes[photo]
+        H_world_flat[photo] = H / (H[2] @ [(width - 1) / 2, (height - 1) / 2, 1.0])
+    return GlobalAdjustment(H_world_flat, tuple(adjusted), solution.deviation_px, solution.converged)
+
+
+def residual_px(pair: PairRegistration, placement_a: Placement, placement_b: Placement) -> float:
+    """RMS distance of a pair's matches, weighted by their confidence, in mosaic pixels."""
+    apart = placement_a.to_mosaic(pair.points_a) - placement_b.to_mosaic(pair.points_b)
+    total = max(float(pair.weights.sum()), 1e-12)
+    return float(np.sqrt((pair.weights * (apart**2).sum(axis=1)).sum() / total))
+
+
+def _without_contradictions(
+    bundle: Bundle, count: int, own: Vector, p: AdjustmentParameters
+) -> tuple[BundleSolution, frozenset[int]]:
+    """The solution of all pairs, or of all but the few that contradict them, and these.
+
+    A false pair among few can bend the others so far that the loss alone finds no way back, so each suspicious one is
+    left out in turn; it stays out where the loss of all pairs together, its own included, then falls clearly.
+    """
+    left_out: frozenset[int] = frozenset()
+    best = solve_bundle(bundle, _chain(bundle, count, left_out), own, p.bundle, left_out)
+    # Which pair it is shows long before the last digit.
+    roughly = replace(p.bundle, step_px=0.01, most_steps=30)
+    for _ in range(p.most_left_out):
+        suspects = [k for k in _suspects(bundle, best, p.suspicious_weight, p) if k not in left_out]
+        trials = []
+        for k in suspects[: p.most_suspects]:
+            without = left_out | {k}
+            if _connected(bundle, count, without):
+                trials.append(
+                    (solve_bundle(bundle, _chain(bundle, count, without), own, roughly, without), without)
+                )
+        if not trials:
+            break
+        deviation = min(solution.deviation_px for solution, _ in trials)
+        widths = p.bundle.loss_width * np.maximum(own, min(deviation, best.deviation_px))
+        losses = [_disagreement(bundle, solution.maps, widths) for solution, _ in trials]
+        if min(losses) > p.gain * _disagreement(bundle, best.maps, widths):
+            break
+        best, left_out = trials[int(np.argmin(losses))]
+    if left_out:
+        best = solve_bundle(bundle, best.maps, own, p.bundle, left_out)
+    return best, left_out
+
+
+def _as_frontal_as_known(
+    bundle: Bundle, solution: BundleSolution, own: Vector, p: AdjustmentParameters, left_out: frozenset[int]
+) -> BundleSolution:
+    """The solution when the views' rectifications have a say beside the matches.
+
+    Where two views share a strip, its matches hardly tell how either foreshortens, and a hundredth of a pixel in the
+    strip is pixels at the far end. That all views are nearly frontal tells it well enough. How nearly is learnt from
+    the views themselves (empirical Bayes), so that it says little where they are not; matches that say enough are not
+    overruled.
+    """
+    points = PRIOR_POINTS[:, 0] + 1j * PRIOR_POINTS[:, 1]
+    expected, prior = np.inf, None
+    roughly = replace(p.bundle, step_px=1000 * p.bundle.step_px)
+    for _ in range(p.prior_passes):
+        views = [ViewInWorld(points, transform_points(A, PRIOR_POINTS), 1.0) for A in solution.maps]
+        agreed = agree_on_views(views, np.full(len(views), 1 / len(views)))
+        usual = max(p.prior_share * float(np.median(agreed.departures)), p.least_departure)
+        if usual > 0.8 * expected:
+            break
+        expected = usual
+        # One that departs further than the others is expected to.
+        prior = FrontalPrior(usual / np.sqrt(np.maximum(agreed.trust / agreed.trust.max(), 1e-12)))
+        start = agreed.H_frontal_world @ solution.maps
+        solution = solve_bundle(bundle, start, own, roughly, left_out, prior)
+    return solution if prior is None else solve_bundle(bundle, solution.maps, own, p.bundle, left_out, prior)
+
+
+def _disagreement(bundle: Bundle, maps: Floats, widths: Vector) -> float:
+    """Cauchy's loss of all pairs. The matches of a pair are right or wrong together: many count as their root."""
+    losses = []
+    for distances, width, confidence in zip(
+        transfer_distances(bundle, maps), widths, bundle.confidences, strict=True
+    ):
+        losses.append(
+            float((confidence * np.log1p((distances / width) ** 2)).sum() / np.sqrt(len(distances)))
+        )
+    return sum(losses)
+
+
+def _suspects(bundle: Bundle, solution: BundleSolution, weight: float, p: AdjustmentParameters) -> list[int]:
+    """Pairs that keep less than `weight` and disagree visibly, the lightest first."""
+    order = np.argsort(solution.weights, kind="stable")
+    far = p.contradicted_residual * bundle.diagonal
+    return [int(k) for k in order if solution.weights[k] < weight and solution.medians[k] > far]
+
+
+def _graph(bundle: Bundle, count: int, left_out: frozenset[int]) -> csr_array:
+    """Photos (count, count) joined by the pairs that count, their lengths falling with the evidence."""
+    ends = np.array([(first.target, first.source) for first, _ in bundle.halves])
+    kept = np.array([k not in left_out for k in range(len(ends))])
+    lengths = 1.0 / (1.0 + bundle.evidence[kept])
+    return csr_array((lengths, (ends[kept, 0], ends[kept, 1])), shape=(count, count))
+
+
+def _connected(bundle: Bundle, count: int, left_out: frozenset[int]) -> bool:
+    return int(connected_components(_graph(bundle, count, left_out), directed=False)[0]) == 1
+
+
+def _chain(bundle: Bundle, count: int, left_out: frozenset[int]) -> Floats:
+    """First maps (count, 3, 3) along the spanning tree of the strongest evidence."""
+    tree = minimum_spanning_tree(_graph(bundle, count, left_out))
+    root = bundle.halves[int(np.argmax(bundle.evidence))][0].target
+    order, parents = breadth_first_order(tree, root, directed=False)
+    if len(order) < count:
+        raise ValueError("the pairs do not connect the photos")
+    ends = [(first.target, first.source) for first, _ in bundle.halves]
+    between = dict(zip(ends, bundle.initial, strict=True))
+    maps = np.tile(np.eye(3), (count, 1, 1))
+    for k in order[1:]:
+        parent = int(parents[k])
+        M = between[parent, k] if (parent, k) in between else np.linalg.inv(between[k, parent])
+        maps[k] = maps[parent] @ M
+        maps[k] /= np.linalg.norm(maps[k])
+    return maps
+
+
+def _own_deviation(bundle: Bundle, k: int, p: BundleParameters) -> float:
+    """Standard deviation of a pair's matches about its own best homography, common pixels."""
+    first = bundle.halves[k][0]
+    pair = replace(bundle, halves=(bundle.halves[k],), confidences=(bundle.confidences[k],))
+    maps = np.tile(np.eye(3), (len(bundle.units), 1, 1))
+    maps[first.source] = bundle.initial[k]
+    return solve_bundle(pair, maps, np.zeros(1), replace(p, most_steps=6)).deviation_px

@@ -1,0 +1,308 @@
+"""A bundle of homographies: least squares over the matches of many pairs of views, and its robust loss."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Homography, Points, Vector
+from services.geometry.homographies import jacobians, transform_points
+from services.mosaic.registration.pair_registration import PairRegistration
+
+FREE = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1)]
+"""Entries of a homography near the identity, in the order of the parameters; the last, (2, 2), stays."""
+
+PRIOR_POINTS = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 7), np.linspace(-0.7, 0.7, 7)), axis=-1).reshape(
+    -1, 2
+)
+"""Points (N, 2) that stand for a normalised view."""
+PRIOR_PRECISION = 4 * 0.5 / (0.5 * 2.385**2)
+"""Four independent errors, as likely as a match's in units of its loss."""
+
+
+@dataclass(frozen=True, slots=True)
+class BundleParameters:
+    """Lengths are relative to the views' diagonals, or pixels of a common resolution (the views' geometric mean)."""
+
+    loss_width: float = 2.385
+    """Cauchy's width over the standard deviation: 95 % efficiency on normal errors (Holland and Welsch 1977)."""
+    least_deviation_px: float = 0.02
+    """Block matching is no better than this on print."""
+    greatest_deviation: float = 0.003
+    """Of the diagonal: what gently curved pages leave. More is a contradiction, to be taken out of some pair."""
+    annealing: float = 0.4
+    """The loss narrows by this factor a step, from the largest disagreement of a pair to the matches' own spread."""
+    most_steps: int = 80
+    """Enough for 20 halvings and as many steps that each win a digit or two."""
+    step_px: float = 1e-6
+    """Converged when no corner of a view moves further."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BundleSolution:
+    """Maps (n, 3, 3) normalised view -> world; per pair the mean weight and the median distance, common pixels."""
+
+    maps: Floats
+    deviation_px: float
+    weights: tuple[float, ...]
+    medians: tuple[float, ...]
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Half:
+    """One direction of a pair: matches (N, 2) of photos `source` and `target`, normalised."""
+
+    source: int
+    target: int
+    x: Points
+    y: Points
+    basis: Floats
+    """(N, 2, 8) of the source's points."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bundle:
+    """The matches of all pairs, normalised (Hartley): a view's middle is 0 and half its diagonal 1."""
+
+    normalisations: tuple[Homography, ...]
+    halves: tuple[tuple[_Half, _Half], ...]
+    """Both directions of each pair."""
+    confidences: tuple[Vector, ...]
+    initial: tuple[Homography, ...]
+    """Normalised `H_a_b` of each pair."""
+    units: Vector
+    """Pixels of the common resolution per normalised unit of each photo."""
+    evidence: Vector
+    diagonal: float
+    """Mean of the views', in pixels of the common resolution."""
+
+    @staticmethod
+    def of(
+        photos: list[int],
+        sizes: Mapping[int, tuple[int, int]],
+        pairs: Sequence[PairRegistration],
+    ) -> "Bundle":
+        """The bundle of `pairs`, whose photos are numbered by their places in `photos`."""
+        place = {photo: k for k, photo in enumerate(photos)}
+        ends = [(place[pair.a], place[pair.b]) for pair in pairs]
+        half_diagonals = np.array([0.5 * np.hypot(*sizes[photo]) for photo in photos])
+        normalisations = []
+        for photo, half in zip(photos, half_diagonals, strict=True):
+            width, height = sizes[photo]
+            normalisations.append(
+                np.array([[1, 0, -(width - 1) / 2], [0, 1, -(height - 1) / 2], [0, 0, half]]) / half
+            )
+        resolutions = _resolutions(len(photos), ends, pairs)
+        halves, initial = [], []
+        for (a, b), pair in zip(ends, pairs, strict=True):
+            x_a = transform_points(normalisations[a], pair.points_a)
+            x_b = transform_points(normalisations[b], pair.points_b)
+            halves.append((_Half(b, a, x_b, x_a, _basis(x_b)), _Half(a, b, x_a, x_b, _basis(x_a))))
+            initial.append(normalisations[a] @ pair.H_a_b @ np.linalg.inv(normalisations[b]))
+        units = half_diagonals / resolutions
+        return Bundle(
+            tuple(normalisations),
+            tuple(halves),
+            tuple(np.asarray(pair.weights, np.float64) for pair in pairs),
+            tuple(initial),
+            units,
+            np.array([float(pair.weights.sum()) * pair.agreement for pair in pairs]),
+            float(2 * units.mean()),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrontalPrior:
+    """What is known of the views beforehand: each is a similarity of the frontal frame, but for its rectification.
+
+    `deviations` (n,) are the RMS departures to be expected, relative to half a view's diagonal; infinite for a view of
+    which nothing is known. With a prior the world is the frontal frame.
+    """
+
+    deviations: Vector
+
+    def departures(self, maps: Floats) -> tuple[Floats, Floats]:
+        """Departures (n, 2 N) of points of each view from its best similarity, and their derivatives (n, 2 N, 8)."""
+        departures, derivatives = [], []
+        for A in maps:
+            z = _complex(transform_points(A, PRIOR_POINTS))
+            span, _ = np.linalg.qr(np.stack([np.ones_like(z), z], axis=1))
+            around, here = z - z.mean(), _complex(PRIOR_POINTS)
+            factor = np.vdot(around, here) / np.vdot(around, around)
+            motions = _complex(jacobians(A, PRIOR_POINTS) @ _basis(PRIOR_POINTS))
+            r = here - span @ (span.conj().T @ here)
+            J = -factor * (motions - span @ (span.conj().T @ motions))
+            departures.append(np.concatenate([r.real, r.imag]))
+            derivatives.append(np.concatenate([J.real, J.imag]))
+        share = np.sqrt(len(PRIOR_POINTS))
+        return np.array(departures) / share, np.array(derivatives) / share
+
+    def precisions(self) -> Vector:
+        """Weights (n,) of squared departures beside Cauchy's loss of the matches, four parameters to each view."""
+        return PRIOR_PRECISION / self.deviations**2
+
+
+def solve_bundle(
+    bundle: Bundle,
+    start: Floats,
+    own: Vector,
+    p: BundleParameters,
+    left_out: frozenset[int] = frozenset(),
+    prior: FrontalPrior | None = None,
+) -> BundleSolution:
+    """Gauss-Newton on reweighted squares, Cauchy's loss.
+
+    Its width begins where all pairs count and narrows to the matches' own spread (graduated non-convexity), so that a
+    pair that contradicts the rest has no say in the end, nor has the tree that was begun with. `own` are deviations of
+    each pair that it is not judged below.
+    """
+    count = len(bundle.halves)
+    counted = [k for k in range(count) if k not in left_out]
+    confidences = [c if k not in left_out else 0 * c for k, c in enumerate(bundle.confidences)]
+    bundle = replace(bundle, confidences=tuple(confidences))
+    least, most = p.least_deviation_px, max(p.greatest_deviation * bundle.diagonal, p.least_deviation_px)
+    maps, damping, converged = start, 1e-9, False
+    distances = transfer_distances(bundle, maps)
+    width = p.loss_width * max([least, *(float(np.median(distances[k])) for k in counted)])
+    deviation, robust = least, [np.ones(len(d)) for d in distances]
+    for _ in range(p.most_steps):
+        # The median length of normal vectors of the plane is 1.1774 deviations (Rayleigh).
+        middle = float(np.median(np.concatenate([distances[k] for k in counted]))) / 1.1774
+        deviation = float(np.clip(middle, least, most))
+        settled = width * p.annealing <= p.loss_width * deviation
+        width = p.loss_width * deviation if settled else width * p.annealing
+        widths = np.maximum(width, p.loss_width * np.minimum(own, most))
+        robust = [1 / (1 + (d / w) ** 2) for d, w in zip(distances, widths, strict=True)]
+        A, g = _normal_equations(bundle, maps, robust, widths, prior)
+        cost = _cost(bundle, distances, widths, maps, prior)
+        for _ in range(8):
+            step = _step(A, g, damping)
+            moved = _moved(maps, step)
+            distances_moved = transfer_distances(bundle, moved)
+            if _cost(bundle, distances_moved, widths, moved, prior) <= cost * (1 + 1e-12):
+                break
+            damping = max(damping * 100, 1e-6)
+        else:
+            converged = settled
+            break
+        maps, distances, damping = moved, distances_moved, max(damping * 0.1, 1e-12)
+        if settled and np.abs(step).sum(axis=1).max() * bundle.units.max() < p.step_px:
+            converged = True
+            break
+    return BundleSolution(
+        maps,
+        deviation,
+        tuple(float(r.mean()) for r in robust),
+        tuple(float(np.median(d)) for d in distances),
+        converged,
+    )
+
+
+def _cost(
+    bundle: Bundle, distances: Sequence[Vector], widths: Vector, maps: Floats, prior: FrontalPrior | None
+) -> float:
+    """Cauchy's loss of all matches, and the prior's squares."""
+    losses = zip(bundle.confidences, distances, widths, strict=True)
+    total = sum(float((c * np.log1p((d / w) ** 2)).sum()) for c, d, w in losses)
+    if prior is not None:
+        total += float((prior.precisions() * (prior.departures(maps)[0] ** 2).sum(axis=1)).sum())
+    return total
+
+
+def transfer_distances(bundle: Bundle, maps: Floats) -> list[Vector]:
+    """Distances (N,) of each pair's matches, common pixels: the root mean square of both directions."""
+    distances = []
+    for halves in bundle.halves:
+        squares = [
+            (_residuals(half, maps, float(bundle.units[half.target]))[0] ** 2).sum(axis=1) for half in halves
+        ]
+        distances.append(np.asarray(np.sqrt(0.5 * (squares[0] + squares[1]))))
+    return distances
+
+
+def _residuals(half: _Half, maps: Floats, unit: float) -> tuple[Vector, Vector, Homography]:
+    """Distances left (N, 2), common pixels, and where the source's points fall (N, 2), normalised, by which map."""
+    M = np.linalg.solve(maps[half.target], maps[half.source])
+    there = transform_points(M, half.x)
+    behind = (half.x @ M[2, :2] + M[2, 2]) * M[2, 2] <= 0
+    there[behind] = half.y[behind] + 1e3  # Beyond the vanishing line: as far as can be.
+    return (half.y - there) * unit, there, M
+
+
+def _normal_equations(
+    bundle: Bundle, maps: Floats, robust: Sequence[Vector], widths: Vector, prior: FrontalPrior | None
+) -> tuple[Floats, Vector]:
+    """Matrix (8 n, 8 n) and right side of the step that each map makes in its own view."""
+    size = 8 * len(maps)
+    A, g = np.zeros((size, size)), np.zeros(size)
+    for k, halves in enumerate(bundle.halves):
+        root = np.sqrt(bundle.confidences[k] * robust[k]) / widths[k]
+        for half in halves:
+            unit = float(bundle.units[half.target])
+            r, there, M = _residuals(half, maps, unit)
+            # M = A_t^-1 A_s becomes (I - D_t) M (I + D_s).
+            J_t = _basis(there) * (unit * root)[:, None, None]
+            J_s = -(jacobians(M, half.x) * (unit * root)[:, None, None]) @ half.basis
+            J = np.concatenate([J_t, J_s], axis=2).reshape(-1, 16)
+            both = np.r_[8 * half.target : 8 * half.target + 8, 8 * half.source : 8 * half.source + 8]
+            A[np.ix_(both, both)] += J.T @ J
+            g[both] -= J.T @ (r * root[:, None]).ravel()
+    if prior is not None:
+        departures, derivatives = prior.departures(maps)
+        for k, (r, J, precision) in enumerate(zip(departures, derivatives, prior.precisions(), strict=True)):
+            own = slice(8 * k, 8 * k + 8)
+            # Matches count in both directions, so the prior twice.
+            A[own, own] += 2 * precision * J.T @ J
+            g[own] -= 2 * precision * J.T @ r
+    return A, g
+
+
+def _step(A: Floats, g: Vector, damping: float) -> Floats:
+    """Changes (n, 8) of all maps.
+
+    The world's own homography is free: the damping, relative to each parameter's weight, keeps it where it is.
+    """
+    scale = np.sqrt(np.maximum(np.diag(A), 1e-12 * max(float(np.diag(A).max()), 1e-300)))
+    scaled = A / np.outer(scale, scale) + damping * np.eye(len(A))
+    step = np.linalg.lstsq(scaled, g / scale, rcond=1e-11)[0] / scale
+    return np.asarray(step.reshape(-1, 8))
+
+
+def _moved(maps: Floats, step: Floats) -> Floats:
+    """Maps after each changed by I + D in its own view."""
+    D = np.zeros_like(maps)
+    for column, (i, j) in enumerate(FREE):
+        D[:, i, j] = step[:, column]
+    moved = maps @ (np.eye(3) + D)
+    return np.asarray(moved / np.linalg.norm(moved, axis=(1, 2), keepdims=True))
+
+
+def _resolutions(count: int, ends: Sequence[tuple[int, int]], pairs: Sequence[PairRegistration]) -> Vector:
+    """Flat pixels of each photo per common pixel: the scales between the pairs, least squares of their logarithms."""
+    rows, right = np.zeros((len(pairs), count)), np.zeros(len(pairs))
+    for k, ((a, b), pair) in enumerate(zip(ends, pairs, strict=True)):
+        middle = np.median(pair.points_b, axis=0)[None]
+        rows[k, a], rows[k, b] = 1.0, -1.0
+        right[k] = 0.5 * np.log(abs(np.linalg.det(jacobians(pair.H_a_b, middle)[0])))
+    # The solution of least norm: the geometric mean is 1, whichever photo comes first.
+    return np.asarray(np.exp(np.linalg.lstsq(rows, right, rcond=None)[0]))
+
+
+def _complex(vectors: Floats) -> NDArray[np.complex128]:
+    """x + i y of (N, 2) or (N, 2, M)."""
+    return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])
+
+
+def _basis(points: Points) -> Floats:
+    """Motions (N, 2, 8) of `points` (N, 2) under I + D, D small, by the entries `FREE` of D."""
+    x, y = points.T
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    return np.stack(
+        [
+            np.stack([x, y, one, zero, zero, zero, -x * x, -x * y], axis=1),
+            np.stack([zero, zero, zero, x, y, one, -x * y, -y * y], axis=1),
+        ],
+        axis=1,
+    )

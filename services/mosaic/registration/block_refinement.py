@@ -1,0 +1,141 @@
+"""Matched blocks to a small fraction of a pixel, by least squares on gray values.
+
+The peak of a correlation, interpolated by a parabola, is biased toward whole pixels. From it on, Gauss-Newton steps
+minimize the squared difference of the two blocks after each is brought to mean 0 and deviation 1, which leaves gain
+and offset out, as the correlation does (Lucas and Kanade 1981; the reference's gradients serve all steps: Baker and
+Matthews 2004). At the true place the gradients are odd and a difference of sharpness is even about every stroke, so
+that a blurred view does not pull.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import GrayImage, Homography, Points, Vector
+from services.geometry.homographies import transform_points
+from services.mosaic.registration.block_matching import centroids
+from services.mosaic.registration.reduced_view import ReducedView
+
+
+@dataclass(frozen=True, slots=True)
+class RefinementParameters:
+    """Pixels are those of the reference view, reduced for this step."""
+
+    text_height_px: float = 18.0
+    """Of the reference; finer costs more and gains nothing that can be measured."""
+    block_px: int = 48
+    blur_px: float = 1.0
+    """Of both views: widens the reach and keeps interpolation from leaving its own pattern."""
+    steps: int = 5
+    furthest_px: float = 3.0
+    """Blocks that move further were not at their place."""
+    least_shown: float = 0.25
+    """Share of a block that both views must show."""
+    correlation: float = 0.7
+    """Least final correlation."""
+
+
+def refine_matches(
+    reference: ReducedView,
+    other: ReducedView,
+    H_reference_other: Homography,
+    points_reference: Points,
+    displacements: Points,
+    parameters: RefinementParameters | None = None,
+) -> tuple[Points, Points, Vector]:
+    """Matched points (M, 2) of reference and other, and their correlations (M,); M <= N, in reduced pixels.
+
+    The block round `points_reference` (N, 2) is looked for at that place plus `displacements` (N, 2) in the other
+    view as `H_reference_other` lays it on the reference.
+    """
+    p = parameters or RefinementParameters()
+    if not len(points_reference):
+        return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
+    height, width = reference.gray.shape
+    half = p.block_px // 2
+    H_other_reference = np.linalg.inv(H_reference_other)
+    own = cv2.GaussianBlur(reference.gray.astype(np.float32), (0, 0), p.blur_px)
+    laid, seen = _lay(other, H_other_reference, width, height)
+    blurred = np.asarray(cv2.GaussianBlur(laid.astype(np.float32), (0, 0), p.blur_px), np.float32)
+    # Blur and displacements reach beyond what is shown; blocks of a narrow overlap are used as far as it goes.
+    rim = np.ones((2 * int(p.furthest_px) + 1,) * 2, np.uint8)
+    both = cv2.copyMakeBorder(
+        reference.shown.astype(np.uint8) & seen, *(half,) * 4, cv2.BORDER_CONSTANT, value=0
+    )
+    both = cv2.erode(both, rim, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    padded = np.asarray(cv2.copyMakeBorder(own, *(half,) * 4, cv2.BORDER_REPLICATE), np.float32)
+    middles = np.clip(np.round(points_reference), 0, [width - 1, height - 1])
+    steps = np.arange(-half, half + 1)
+    rows = (middles[:, 1, None] + steps).astype(np.intp)[:, :, None] + half
+    columns = (middles[:, 0, None] + steps).astype(np.intp)[:, None, :] + half
+    mask = both[rows, columns].astype(np.float32)
+    blocks, deviation = _normalized(padded[rows, columns], mask)
+    gy, gx = np.gradient(blocks, axis=(1, 2))
+    gx, gy = gx * mask, gy * mask
+    xx, xy, yy = (np.einsum("nij,nij->n", g, h) for g, h in ((gx, gx), (gx, gy), (gy, gy)))
+    determinant = xx * yy - xy**2
+    good = (
+        (deviation > 1.0) & (determinant > 1e-3 * (xx + yy) ** 2) & (mask.mean(axis=(1, 2)) > p.least_shown)
+    )
+    determinant = np.where(good, determinant, 1.0)
+    moved = displacements.copy()
+    correlations = np.zeros(len(middles))
+    for _ in range(p.steps + 1):
+        sampled, _ = _normalized(_sample(blurred, (middles + moved).astype(np.float32), steps), mask)
+        area = np.maximum(mask.sum(axis=(1, 2)), 1)
+        correlations = np.einsum("nij,nij,nij->n", sampled, blocks, mask) / area
+        error = sampled - blocks
+        ex, ey = np.einsum("nij,nij->n", gx, error), np.einsum("nij,nij->n", gy, error)
+        step = np.stack([yy * ex - xy * ey, xx * ey - xy * ex], axis=1) / determinant[:, None]
+        moved = moved - np.clip(step, -1, 1) * good[:, None]
+    far = np.linalg.norm(moved - displacements, axis=1)
+    good &= (correlations >= p.correlation) & (far <= p.furthest_px)
+    # The displacement is that of the gradients that measured it, not of the block's middle.
+    points = middles + centroids(gx**2 + gy**2 + np.float32(1e-9)) - half
+    return points[good], transform_points(H_other_reference, points + moved)[good], correlations[good]
+
+
+def _lay(
+    view: ReducedView, H_view_reference: Homography, width: int, height: int
+) -> tuple[GrayImage, NDArray[np.uint8]]:
+    """The view as the reference's pixels see it, and where it shows the page."""
+    warp = cv2.WARP_INVERSE_MAP
+    size = width, height
+    laid = cv2.warpPerspective(
+        view.gray, H_view_reference, size, flags=cv2.INTER_CUBIC | warp, borderValue=255
+    )
+    seen = cv2.warpPerspective(
+        view.shown.view(np.uint8), H_view_reference, size, flags=cv2.INTER_NEAREST | warp
+    )
+    return np.asarray(laid, np.uint8), np.asarray(seen, np.uint8)
+
+
+def _normalized(
+    blocks: NDArray[np.float32], mask: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Blocks (N, h, w) of mean 0 and deviation 1 where `mask` is 1, and the deviations (N,) they had."""
+    area = np.maximum(mask.sum(axis=(1, 2)), 1)
+    means = np.einsum("nij,nij->n", blocks, mask) / area
+    centred = blocks - means[:, None, None]
+    deviation = np.sqrt(np.einsum("nij,nij,nij->n", centred, centred, mask) / area)
+    return centred / np.maximum(deviation, 1e-3)[:, None, None], deviation
+
+
+def _sample(
+    image: NDArray[np.float32], middles: NDArray[np.float32], steps: NDArray[np.intp]
+) -> NDArray[np.float32]:
+    """Blocks (N, h, w) of `image` round `middles` (N, 2), cubic."""
+    n, side = len(middles), len(steps)
+    x = np.broadcast_to(middles[:, 0, None, None] + steps.astype(np.float32)[None, None, :], (n, side, side))
+    y = np.broadcast_to(middles[:, 1, None, None] + steps.astype(np.float32)[None, :, None], (n, side, side))
+    shape = (n * side, side)
+    sampled = cv2.remap(
+        image,
+        np.ascontiguousarray(x, np.float32).reshape(shape),
+        np.ascontiguousarray(y, np.float32).reshape(shape),
+        cv2.INTER_CUBIC,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(sampled, np.float32).reshape(n, side, side)

@@ -1,0 +1,103 @@
+"""What a graph of pairs says about each of them: ways round, and contradictions."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from services.arrays import Homography, Points
+from services.geometry.homographies import transform_points
+from services.mosaic.photo_graph import connect_photos
+from services.mosaic.registration.pair_registration import PairRegistration
+
+Pairs = Mapping[tuple[int, int], PairRegistration]
+"""By their photos' indices, the smaller one first."""
+Ways = dict[tuple[int, int], tuple[int, Homography]]
+"""By two photos' indices i, j: how many photos lie in between, and H_i_j along them."""
+MOST_BETWEEN = 3
+"""Errors of a chain are allowed to grow over so many photos."""
+
+
+def find_ways(pairs: Pairs, order: Sequence[int]) -> Ways:
+    """Ways over as few photos as possible, and of such the one that begins with the strongest pairs.
+
+    `order` sorts the photos by content; it decides between pairs that are equally strong.
+    """
+    return _follow(pairs, order, _by_strength(pairs, order))
+
+
+def drop_contradictions(
+    pairs: Pairs, order: Sequence[int], text_heights_px: Mapping[int, float], tolerance: float
+) -> dict[tuple[int, int], PairRegistration]:
+    """Pairs that agree with the tree of the strongest ones, to `tolerance` text heights per photo in between.
+
+    A pair outside that tree is the weakest of the loop that it closes: where the loop does not close, it goes.
+    """
+    tree: list[tuple[int, int]] = []
+    for edge in _by_strength(pairs, order):
+        if not any(edge[0] in part and edge[1] in part for part in connect_photos(order, tree)):
+            tree.append(edge)
+    ways = _follow(pairs, order, tree)
+    kept = {}
+    for (a, b), pair in pairs.items():
+        between, H_a_b = ways[a, b]
+        apart = np.linalg.norm(transform_points(H_a_b, pair.points_b) - pair.points_a, axis=1)
+        allowed = tolerance * min(max(between, 1), MOST_BETWEEN) * text_heights_px[a]
+        if float(np.median(apart)) <= allowed:
+            kept[a, b] = pair
+    return kept
+
+
+def drop_lonely_lines(
+    pairs: Pairs,
+    order: Sequence[int],
+    text_heights_px: Mapping[int, float],
+    lines: float,
+    phrase: float,
+    contradicted: Callable[[Pairs, tuple[int, ...], tuple[int, ...]], bool],
+) -> dict[tuple[int, int], PairRegistration]:
+    """Pairs without those that join two parts of the graph by a piece of one line of text, and should not.
+
+    A phrase may be printed twice: 33 characters at the borders of two photos of different places were seen. Print that
+    extends over `lines` text heights across the lines is not. A piece of one line joins two parts when it is as long as
+    `phrase` text heights, and the parts are not `contradicted` (pairs, photos, photos) where they then overlap.
+    """
+
+    def size(edge: tuple[int, int]) -> Points:
+        return np.asarray(np.ptp(pairs[edge].points_a, axis=0) / text_heights_px[edge[0]])
+
+    kept = {edge: pair for edge, pair in pairs.items() if size(edge)[1] >= lines}
+    for edge in _by_strength(pairs, order):
+        part_of = {i: part for part in connect_photos(order, kept) for i in part}
+        one, other = (part_of[photo] for photo in edge)
+        joined = {**kept, edge: pairs[edge]}
+        if one == other or (size(edge)[0] >= phrase and not contradicted(joined, one, other)):
+            kept = joined
+    return {edge: pair for edge, pair in pairs.items() if edge in kept}
+
+
+def _by_strength(pairs: Pairs, order: Sequence[int]) -> list[tuple[int, int]]:
+    rank = {index: n for n, index in enumerate(order)}
+
+    def weakness(edge: tuple[int, int]) -> tuple[float, list[int]]:
+        pair = pairs[edge]
+        return -float(pair.weights.sum()) * pair.agreement, sorted((rank[edge[0]], rank[edge[1]]))
+
+    return sorted(pairs, key=weakness)
+
+
+def _follow(pairs: Pairs, order: Sequence[int], edges: Sequence[tuple[int, int]]) -> Ways:
+    """Ways along `edges`, breadth first, from every photo."""
+    ways: Ways = {}
+    for start in order:
+        reached: dict[int, tuple[int, Homography]] = {start: (-1, np.eye(3))}
+        queue = [start]
+        for here in queue:
+            between, H_start_here = reached[here]
+            for a, b in edges:
+                there = b if here == a else a
+                if here in (a, b) and there not in reached:
+                    H = H_start_here @ (pairs[a, b].H_a_b if here == a else np.linalg.inv(pairs[a, b].H_a_b))
+                    reached[there] = between + 1, H / H[2, 2]
+                    queue.append(there)
+        ways |= {(start, end): way for end, way in reached.items() if end != start}
+    return ways

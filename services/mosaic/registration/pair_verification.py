@@ -1,0 +1,233 @@
+"""Whether two views overlap as a homography says, and their dense matches if they do (4.3)."""
+
+import hashlib
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from services.arrays import Homography, Points, Vector
+from services.geometry.homographies import jacobians, transform_points
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.registration.block_matching import (
+    BlockMatches,
+    BlockParameters,
+    match_blocks,
+    support_blocks,
+)
+from services.mosaic.registration.block_refinement import RefinementParameters, refine_matches
+from services.mosaic.registration.features import Features, detect_features, turn_features
+from services.mosaic.registration.homography_fit import FitParameters, fit_homography, is_sane
+from services.mosaic.registration.reduced_view import ReducedView
+
+LEVELS_PER_OCTAVE = 4
+"""Reductions are rounded to these, so that a photo's reduced views serve many pairs."""
+
+
+@dataclass(frozen=True, slots=True)
+class VerificationParameters:
+    """Lengths are relative to the text height."""
+
+    search: float = 2.0
+    """How far from where the homography says blocks are looked for at first."""
+    least_search: float = 0.7
+    first_blocks: int = 40
+    first_share: float = 0.25
+    """Of the first few blocks, so many are found where there is any truth in a homography (false: below 0.06)."""
+    rounds: int = 5
+    settled: float = 0.04
+    """Blocks are matched and the homography is fitted until it moves them by no more than this."""
+    later_share: float = 0.4
+    """Of all blocks, so many are found while the homography still moves."""
+    agreement: float = 0.6
+    """Least share of found blocks: true pairs have 0.85-1, false ones below 0.1."""
+    found: int = 8
+    """Least number of found blocks; they overlap each other by half."""
+    coarse_loss: float = 0.25
+    """Of the fit on found blocks; what is smooth but not projective is kept as matches in any case."""
+    fine_loss: float = 0.04
+    fine_agreement: float = 0.06
+    fine_slope: float = 0.02
+    """Refined neighbours differ by at most this, and this share of their distance."""
+    fit: FitParameters = field(default_factory=FitParameters)
+    """How far two views may differ from a similarity."""
+
+
+class PreparedPhoto:
+    """A photo with its features and reduced views, made when they are asked for."""
+
+    def __init__(self, photo: FlatPhoto) -> None:
+        self.photo = photo
+        digest = hashlib.blake2b(photo.gray.tobytes(), digest_size=16)
+        self.key = (round(photo.text_height_px, 6), photo.size, digest.hexdigest())
+        """Sorts photos by what they show, so that the order of the upload plays no part."""
+        self._features: dict[float, Features] = {}
+        self._views: dict[tuple[int, int], ReducedView] = {}
+
+    def features(self, fineness: float, turns: int) -> Features:
+        """Features at `fineness` times the word scale, of the view turned by quarters."""
+        if fineness not in self._features:
+            self._features[fineness] = detect_features(self.photo, fineness)
+        return turn_features(self._features[fineness], turns)
+
+    def reduced(self, factor: float, turns: int) -> ReducedView:
+        """The view reduced by about `factor` and turned by quarters."""
+        level = min(0, round(LEVELS_PER_OCTAVE * math.log2(max(factor, 1e-3))))
+        key = level, turns % 4
+        if key not in self._views:
+            self._views[key] = ReducedView(self.photo, turns, 2 ** (level / LEVELS_PER_OCTAVE))
+        return self._views[key]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Overlap:
+    """A homography between flat pixels `H_a_b`, what was found of it, and the views in which."""
+
+    H_a_b: Homography
+    turns: int
+    blocks: BlockMatches
+    view_a: ReducedView
+    view_b: ReducedView
+    H_blocks: Homography
+    """Reduced pixels of b -> those of a; the blocks' displacements refer to it."""
+
+    @property
+    def found(self) -> int:
+        """Number of telling blocks that were found."""
+        return self.blocks.evidence
+
+    def matches(self) -> tuple[Points, Points]:
+        """Found blocks (N, 2), reduced pixels of a and of b."""
+        points = self.blocks.points_a[self.blocks.found]
+        moved = points + self.blocks.displacements[self.blocks.found]
+        return points, transform_points(np.linalg.inv(self.H_blocks), moved)
+
+
+def local_scale(H_a_b: Homography, b: FlatPhoto) -> float:
+    """Pixels of a over pixels of b in the middle of b's view."""
+    width, height = b.size
+    return _scale_of(H_a_b, np.array([[0.0, 0.0], [width - 1.0, height - 1.0]]))
+
+
+def _scale_of(H: Homography, corners: Points) -> float:
+    middle = corners.mean(axis=0, keepdims=True)
+    return math.sqrt(max(abs(float(np.linalg.det(jacobians(H, middle)[0]))), 1e-12))
+
+
+def verify_overlap(
+    a: PreparedPhoto,
+    b: PreparedPhoto,
+    H_a_b: Homography,
+    turns: int,
+    search: float | None = None,
+    parameters: VerificationParameters | None = None,
+    blocks: BlockParameters | None = None,
+) -> Overlap | None:
+    """The overlap that `H_a_b` (flat pixels, b turned by `turns` quarters in it) is near to; None where there is none.
+
+    `search` in text heights is how far off `H_a_b` may be.
+    """
+    p, q = parameters or VerificationParameters(), blocks or BlockParameters()
+    view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
+    loss = p.coarse_loss * q.text_height_px
+    radius = (search or p.search) * q.text_height_px
+    most, share, least = p.first_blocks, p.first_share, 3
+    for _ in range(p.rounds):
+        H_blocks = H
+        found = match_blocks(view_a, view_b, H, math.ceil(radius), most, q)
+        if found.evidence < least or found.agreement < share:
+            return None
+        points = found.points_a[found.found]
+        moved = points + found.displacements[found.found]
+        points_b = transform_points(np.linalg.inv(H), moved)
+        H, _ = fit_homography(points, points_b, found.correlations[found.found], H, radius, loss, p.fit)
+        if not is_sane(H, view_b.corners, _scale_of(H, view_b.corners), p.fit):
+            return None
+        fitted = transform_points(H, points_b)
+        left = np.linalg.norm(fitted - points, axis=1)
+        change = np.linalg.norm(fitted - moved, axis=1)
+        radius = min(radius, max(p.least_search * q.text_height_px, 3 * float(np.percentile(left, 90))))
+        if most == q.most_blocks and float(np.percentile(change, 90)) < p.settled * q.text_height_px:
+            break
+        most, share, least = q.most_blocks, p.later_share, p.found
+    if found.agreement < p.agreement:
+        return None
+    H_flat = np.linalg.inv(view_a.H_reduced_flat) @ H @ view_b.H_reduced_flat
+    return Overlap(H_flat / H_flat[2, 2], turns, found, view_a, view_b, H_blocks)
+
+
+def shows_otherwise(a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns: int, search: float) -> bool:
+    """Whether there is print in the overlap that `H_a_b` predicts, and it is not the same in both views.
+
+    `search` in text heights is how far off `H_a_b` may be.
+    """
+    p, q = VerificationParameters(), BlockParameters()
+    view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
+    blocks = match_blocks(view_a, view_b, H, math.ceil(search * q.text_height_px), p.first_blocks, q)
+    return int(np.count_nonzero(blocks.telling)) >= p.found and blocks.agreement < p.first_share
+
+
+def _at_block_scale(
+    a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns: int, blocks: BlockParameters
+) -> tuple[ReducedView, ReducedView, Homography]:
+    """Both views, reduced to where blocks are matched, and `H_a_b` between their pixels."""
+    scale = local_scale(H_a_b, b.photo)
+    text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
+    factor = min(blocks.text_height_px / max(text, 1e-6), 1.0, 1 / scale)
+    view_a, view_b = a.reduced(factor, 0), b.reduced(factor * scale, turns)
+    return view_a, view_b, view_a.H_reduced_flat @ H_a_b @ np.linalg.inv(view_b.H_reduced_flat)
+
+
+def refine_overlap(
+    a: PreparedPhoto,
+    b: PreparedPhoto,
+    overlap: Overlap,
+    parameters: VerificationParameters | None = None,
+    refinement: RefinementParameters | None = None,
+) -> tuple[Homography, Points, Points, Vector] | None:
+    """`H_a_b`, points of a and b (N, 2) in flat pixels, and weights (N,), from the found blocks; None if too few hold.
+
+    The coarser view is the reference, because the finer one can be brought to its resolution and not the other way.
+    """
+    p, q = parameters or VerificationParameters(), refinement or RefinementParameters()
+    scale = local_scale(overlap.H_a_b, b.photo)
+    text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
+    factor = min(q.text_height_px / max(text, 1e-6), 1.0, 1 / scale)
+    fine_a, fine_b = a.reduced(factor, 0), b.reduced(factor * scale, overlap.turns)
+    points_a, points_b = overlap.matches()
+    points_a = _between(overlap.view_a, fine_a, points_a)
+    points_b = _between(overlap.view_b, fine_b, points_b)
+    H = fine_a.H_reduced_flat @ overlap.H_a_b @ np.linalg.inv(fine_b.H_reduced_flat)
+    if scale <= 1:
+        views, H_reference_other, near, far = (fine_a, fine_b), H, points_a, points_b
+    else:
+        views, H_reference_other, near, far = (fine_b, fine_a), np.linalg.inv(H), points_b, points_a
+    displacements = transform_points(H_reference_other, far) - near
+    near, far, correlations = refine_matches(*views, H_reference_other, near, displacements, q)
+    if len(near) < 4:
+        return None
+    displacements = transform_points(H_reference_other, far) - near
+    kept = support_blocks(
+        near,
+        displacements,
+        BlockParameters(agreement_px=p.fine_agreement * q.text_height_px, agreement_slope=p.fine_slope),
+    )
+    if np.count_nonzero(kept) < 4:
+        return None
+    near, far, correlations = near[kept], far[kept], correlations[kept]
+    points_a, points_b = (near, far) if scale <= 1 else (far, near)
+    points_a = transform_points(np.linalg.inv(fine_a.H_reduced_flat), points_a)
+    points_b = transform_points(np.linalg.inv(fine_b.H_reduced_flat), points_b)
+    weights = np.clip((correlations - q.correlation) / (1 - q.correlation), 0.05, 1)
+    loss = p.fine_loss * a.photo.text_height_px
+    left = np.linalg.norm(transform_points(overlap.H_a_b, points_b) - points_a, axis=1)
+    loss = max(loss, float(np.median(left)))
+    H_a_b, _ = fit_homography(points_a, points_b, weights, overlap.H_a_b, 4 * loss, loss, p.fit)
+    left = np.linalg.norm(transform_points(H_a_b, points_b) - points_a, axis=1)
+    loss = max(p.fine_loss * a.photo.text_height_px, 2 * float(np.median(left)))
+    H_a_b, _ = fit_homography(points_a, points_b, weights, H_a_b, loss, loss, p.fit)
+    return H_a_b, points_a, points_b, weights
+
+
+def _between(old: ReducedView, new: ReducedView, points: Points) -> Points:
+    return transform_points(new.H_reduced_flat @ np.linalg.inv(old.H_reduced_flat), points)

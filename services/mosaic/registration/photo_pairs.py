@@ -1,0 +1,302 @@
+"""Which photos overlap, and how (4.3)."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, product
+from typing import Literal
+
+import numpy as np
+
+from services.arrays import Homography
+from services.geometry.homographies import scaling, transform_points, translation
+from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.photo_graph import connect_photos, overlap_fraction
+from services.mosaic.registration.displacement_vote import CompatibleGroup, vote_displacements
+from services.mosaic.registration.features import FeatureMatches, match_features
+from services.mosaic.registration.homography_fit import FitParameters, fit_homography, is_sane
+from services.mosaic.registration.pair_consistency import (
+    Pairs,
+    drop_contradictions,
+    drop_lonely_lines,
+    find_ways,
+)
+from services.mosaic.registration.pair_registration import PairRegistration
+from services.mosaic.registration.pair_verification import (
+    Overlap,
+    PreparedPhoto,
+    VerificationParameters,
+    refine_overlap,
+    shows_otherwise,
+    verify_overlap,
+)
+from services.mosaic.registration.reduced_view import quarter_turn
+
+UnregisteredReason = Literal["few-matches", "not-verified", "ambiguous", "not-refined"]
+
+
+@dataclass(frozen=True, slots=True)
+class RegistrationParameters:
+    """How pairs are looked for."""
+
+    group_loss_px: float = 5.0
+    """Of the first fit, in pixels of the word scale (as in the prototype)."""
+    finer: float = 1.5
+    """The second pass's resolution over the first's."""
+    most_retries: int = 45
+    """Pairs of ten photos: more that did not connect are not of one page, and the finer passes are left out."""
+    largest_scale: float = 4.0
+    """Between two views by their text sizes; what is smaller than a quarter can hardly be read."""
+    ambiguity: float = 0.7
+    """Two places of which the second has this share of the first's found blocks are not told apart."""
+    least_overlap: float = 0.01
+    """Predicted overlaps below this share of the smaller view are not looked for."""
+    guided_search: float = 2.5
+    """Text heights that a prediction may be off, per photo in between."""
+    guided_found: int = 5
+    """A predicted pair connects nothing that was not connected; fewer blocks do."""
+    lines: float = 1.5
+    """Text heights across the lines, over which the matches of a pair extend if they are not of one line alone ..."""
+    phrase: float = 15.0
+    """... and along it, some twenty-five characters, which two parts must share at least."""
+    contradicting_overlap: float = 0.03
+    """Share of the smaller view in which parts that were joined so must show the same."""
+    skewed_votes: int = 40
+    """A group of so many votes, and so many times the second largest's, ..."""
+    skewed_lead: float = 3.0
+    """... that is not verified is of a view whose rectification failed, for pictures or for want of lines."""
+    skewed: FitParameters = field(default_factory=lambda: FitParameters(0.2, 0.3, 0.3, largest_stretch=2.5))
+    """What such a view may differ by: it was taken at up to 40 degrees from upright."""
+    contradiction: float = 4.0
+    """Text heights, per photo in between, by which a pair and a way round it may differ. True ones differ by less than
+    one; a false pair is off by words and lines at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unregistered:
+    """Two photos that were not found to overlap, why, and the largest groups of compatible matches."""
+
+    reason: UnregisteredReason
+    matches: int
+    votes: int
+    runner_up_votes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What the vote said."""
+
+    matches: int = 0
+    votes: int = 0
+    runner_up_votes: int = 0
+
+
+def register_pair(
+    a: FlatPhoto, b: FlatPhoto, turns: int = 0, fineness: float = 1.0
+) -> PairRegistration | Unregistered:
+    """How b, turned counter-clockwise by `turns` quarters, lies on a."""
+    return _register(PreparedPhoto(a), PreparedPhoto(b), turns, fineness, RegistrationParameters())
+
+
+def register_photos(
+    photos: Sequence[FlatPhoto], parameters: RegistrationParameters | None = None
+) -> tuple[PairRegistration, ...]:
+    """All pairs that overlap, whatever the order of `photos`.
+
+    Pairs are looked for at word scale with the text the same way up; for photos that are then still in separate parts,
+    turned upside down, at a finer scale, and on their sides. Pairs that the graph places on each other are matched
+    from there. A pair that contradicts stronger ones round it is dropped, and one that joins two parts by a piece of
+    a single line.
+    """
+    p = parameters or RegistrationParameters()
+    prepared = {photo.index: PreparedPhoto(photo) for photo in photos}
+    # Nothing below depends on the order of the upload, but on the order of content.
+    order = sorted(prepared, key=lambda index: prepared[index].key)
+    heights = {index: one.photo.text_height_px for index, one in prepared.items()}
+    pairs: dict[tuple[int, int], PairRegistration] = {}
+    looks = (0, 1.0), (2, 1.0), (0, p.finer), (2, p.finer), (1, 1.0), (3, 1.0)
+    for number, (turns, fineness) in enumerate(looks):
+        part_of = {i: part for part in connect_photos(order, pairs) for i in part}
+        apart = [(i, j) for i, j in combinations(order, 2) if part_of[i] != part_of[j]]
+        if number > 2:
+            # Photos that found others had several chances already.
+            apart = [(i, j) for i, j in apart if min(len(part_of[i]), len(part_of[j])) == 1]
+        if number > 1 and len(apart) > p.most_retries:
+            continue
+        for i, j in apart:
+            registered = _register(prepared[i], prepared[j], turns, fineness, p)
+            if isinstance(registered, PairRegistration):
+                pairs[registered.a, registered.b] = registered
+        if len(connect_photos(order, pairs)) == 1:
+            break
+    pairs = drop_contradictions(pairs, order, heights, p.contradiction)
+    pairs = drop_lonely_lines(
+        pairs,
+        order,
+        heights,
+        p.lines,
+        p.phrase,
+        lambda joined, one, other: _contradicted(joined, one, other, order, prepared, p),
+    )
+    for _ in range(2):
+        added = dict(_guided(pairs, order, prepared, p))
+        pairs |= added
+        if not added:
+            break
+    pairs = drop_contradictions(pairs, order, heights, p.contradiction)
+    return tuple(pairs[key] for key in sorted(pairs))
+
+
+def _register(
+    a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: RegistrationParameters
+) -> PairRegistration | Unregistered:
+    if b.key < a.key:
+        a, b, turns = b, a, -turns % 4
+    features = a.features(fineness, 0), b.features(fineness, turns)
+    matches = match_features(*features)
+    expected = a.photo.text_height_px / max(b.photo.text_height_px, 1e-6)
+    expected = float(np.clip(expected, 1 / p.largest_scale, p.largest_scale))
+    groups = vote_displacements(matches, float(np.hypot(*a.photo.size)), expected_scale=expected)
+    votes = sorted((group.votes for group in groups), reverse=True)
+    evidence = Evidence(len(matches.points_a), *(*votes, 0, 0)[:2])
+    if not groups:
+        return Unregistered("few-matches", evidence.matches, evidence.votes, evidence.runner_up_votes)
+    H_turned_b = quarter_turn(turns, *b.photo.size)
+    loss = p.group_loss_px / features[0].reduction
+    overlaps: list[tuple[CompatibleGroup, Overlap]] = []
+    for group in groups:
+        H_a_turned = _fit_group(group, matches, loss, features[1].width, features[1].height)
+        if H_a_turned is not None:
+            overlap = verify_overlap(a, b, H_a_turned @ H_turned_b, turns)
+            if overlap is not None:
+                overlaps.append((group, overlap))
+    verification = VerificationParameters()
+    if not overlaps and votes[0] >= max(p.skewed_votes, p.skewed_lead * (*votes, 0, 0)[1]):
+        verification = VerificationParameters(fit=p.skewed)
+        group = max(groups, key=lambda group: group.votes)
+        H_a_turned = _fit_skewed(group, matches, loss, p)
+        skewed = verify_overlap(a, b, H_a_turned @ H_turned_b, turns, None, verification)
+        overlaps = [(group, skewed)] if skewed else []
+    overlaps.sort(key=lambda one: -one[1].found)
+    reason: UnregisteredReason = "not-verified"
+    if overlaps:
+        group, best = overlaps[0]
+        reason = "ambiguous"
+        if not any(_elsewhere(best, o, b, p) for _, o in overlaps[1:]):
+            rival = max((g.votes for g in groups if g is not group), default=0)
+            evidence = Evidence(evidence.matches, group.votes, rival)
+            refined = _refined(a, b, best, evidence, verification)
+            if refined is not None:
+                return refined
+            reason = "not-refined"
+    return Unregistered(reason, evidence.matches, evidence.votes, evidence.runner_up_votes)
+
+
+def _fit_group(
+    group: CompatibleGroup, matches: FeatureMatches, loss: float, width: int, height: int
+) -> Homography | None:
+    points_a, points_b = matches.points_a[group.members], matches.points_b[group.members]
+    initial = translation(*group.displacement) @ scaling(group.scale)
+    H, _ = fit_homography(points_a, points_b, np.ones(group.votes), initial, 3 * loss, loss)
+    corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
+    return H if is_sane(H, corners, group.scale) else None
+
+
+def _fit_skewed(
+    group: CompatibleGroup, matches: FeatureMatches, loss: float, p: RegistrationParameters
+) -> Homography:
+    """A homography that may foreshorten, first to the group, then to all matches that agree with it further out."""
+    points_a, points_b = matches.points_a, matches.points_b
+    H: Homography = translation(*group.displacement) @ scaling(group.scale)
+    for members, first_loss in ((group.members, 3 * loss), (np.arange(len(points_a)), 6 * loss)):
+        weights = np.ones(len(members))
+        H, _ = fit_homography(points_a[members], points_b[members], weights, H, first_loss, loss, p.skewed)
+    return H
+
+
+def _elsewhere(best: Overlap, other: Overlap, b: PreparedPhoto, p: RegistrationParameters) -> bool:
+    """Whether another place is about as good."""
+    if other.found < p.ambiguity * best.found:
+        return False
+    width, height = b.photo.size
+    middle = np.array([[(width - 1) / 2, (height - 1) / 2]])
+    apart = transform_points(best.H_a_b, middle) - transform_points(other.H_a_b, middle)
+    return float(np.linalg.norm(apart)) > p.contradiction * b.photo.text_height_px
+
+
+def _refined(
+    a: PreparedPhoto,
+    b: PreparedPhoto,
+    overlap: Overlap,
+    evidence: Evidence,
+    verification: VerificationParameters | None = None,
+) -> PairRegistration | None:
+    refined = refine_overlap(a, b, overlap, verification)
+    if refined is None:
+        return None
+    H, points_a, points_b, weights = refined
+    i, j = a.photo.index, b.photo.index
+    if i > j:
+        i, j, H, points_a, points_b = j, i, np.linalg.inv(H), points_b, points_a
+    return PairRegistration(
+        i,
+        j,
+        H / H[2, 2],
+        points_a,
+        points_b,
+        weights,
+        evidence.matches,
+        evidence.votes,
+        evidence.runner_up_votes,
+        overlap.blocks.agreement,
+    )
+
+
+def _guided(
+    pairs: Pairs, order: Sequence[int], prepared: Mapping[int, PreparedPhoto], p: RegistrationParameters
+) -> Iterator[tuple[tuple[int, int], PairRegistration]]:
+    """Pairs that were not found but should overlap as the others lie."""
+    ways = find_ways(pairs, order)
+    for i, j in combinations(order, 2):
+        key = min(i, j), max(i, j)
+        if key in pairs or (i, j) not in ways:
+            continue
+        between, H = ways[i, j]
+        a, b = prepared[i], prepared[j]
+        if overlap_fraction(a.photo, b.photo, H) < p.least_overlap:
+            continue
+        turns = _quarter_turns(H, b.photo)
+        overlap = verify_overlap(
+            a, b, H, turns, p.guided_search * between, VerificationParameters(found=p.guided_found)
+        )
+        if overlap is not None:
+            refined = _refined(a, b, overlap, Evidence())
+            if refined is not None:
+                yield key, refined
+
+
+def _contradicted(
+    pairs: Pairs,
+    one: tuple[int, ...],
+    other: tuple[int, ...],
+    order: Sequence[int],
+    prepared: Mapping[int, PreparedPhoto],
+    p: RegistrationParameters,
+) -> bool:
+    """Whether photos of two parts show different print where `pairs` lay them on each other."""
+    ways = find_ways(pairs, order)
+    for i, j in product(one, other):
+        between, H = ways[i, j]
+        a, b = prepared[i], prepared[j]
+        if not between or overlap_fraction(a.photo, b.photo, H) < p.contradicting_overlap:
+            continue
+        if shows_otherwise(a, b, H, _quarter_turns(H, b.photo), p.guided_search * between):
+            return True
+    return False
+
+
+def _quarter_turns(H_a_b: Homography, b: FlatPhoto) -> int:
+    """By how many quarters b is turned counter-clockwise on a."""
+    width, height = b.size
+    x, y = (width - 1) / 2, (height - 1) / 2
+    start, end = transform_points(H_a_b, np.array([[x, y], [x + 1, y]]))
+    return round(float(np.arctan2(start[1] - end[1], end[0] - start[0])) / (np.pi / 2)) % 4
