@@ -36,17 +36,22 @@ class PictureParameters:
     edge: float = 0.07
     """A picture's edge is sharp: across the rings the logarithm of the level falls by this. What is darker than this
     only further within is uneven light."""
+    sure_edge: float = 0.3
+    """Of its rings, so much lies within photos, or nothing is known of its edge."""
     box_share: float = 0.8
     """A picture that fills this share of its upright box fills it all: the rest are its lights."""
     rim: float = 1 / 100
     """Beside a picture the background is not yet the paper's."""
 
 
-def find_pictures(levels: Levels, parameters: PictureParameters | None = None) -> Mask:
+def find_pictures(
+    levels: Levels, inner: Mask | None = None, parameters: PictureParameters | None = None
+) -> Mask:
     """Where the page (h, w as the levels) shows a picture, though its levels may look like paper's.
 
     A picture is darker than the paper round about on all sides, and so is a shadow amid the page; but in a shadow ink
-    darkens as its paper does. What is dark up to the page's end is a picture only when its ink says so.
+    darkens as its paper does. What is dark up to the page's end is a picture only when its ink says so. An edge
+    is sure where it is `inner` (of any size) to a photo; at the borders of photos it may be one of their light.
     """
     p = parameters or PictureParameters()
     height, width = levels.paper.shape
@@ -65,7 +70,10 @@ def find_pictures(levels: Levels, parameters: PictureParameters | None = None) -
     holes, rim = _odd(p.holes * long_side), _odd(2 * p.rim * long_side)
     ring = _odd(p.ring * long_side)
     amid_parts, amid_count = _parts(amid, holes)
-    is_picture = _edges(np.log(levels.paper), amid_parts, amid_count, ring) >= p.edge
+    sure = np.ones((height, width), bool)
+    if inner is not None:
+        sure = cv2.resize(inner.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+    is_picture = _edges(np.log(levels.paper), amid_parts, amid_count, ring, sure, p.sure_edge) >= p.edge
     is_picture &= _shares(amid_parts, amid_count, is_similar) <= p.shadow_share
     is_picture[0] = False
     cut_parts, cut_count = _parts(to_border, holes)
@@ -99,19 +107,28 @@ def _shares(parts: NDArray[np.int32], count: int, evidence: Mask) -> Floats:
     return np.asarray(np.bincount(parts.ravel(), evidence.ravel(), count) / np.maximum(area, 1))
 
 
-def _edges(level: NDArray[np.float32], parts: NDArray[np.int32], count: int, ring: int) -> Floats:
-    """Mean of `level` in the ring round about each part less that in the ring within it, (count,)."""
+def _edges(
+    level: NDArray[np.float32], parts: NDArray[np.int32], count: int, ring: int, sure: Mask, least: float
+) -> Floats:
+    """Mean of `level` in the ring round about each part less that in the ring within it, (count,).
+
+    Only what is `sure` counts; 0 where that is less than the share `least` of both rings.
+    """
     kernel = np.ones((2 * ring + 1,) * 2, np.uint8)
     # Labels are small integers, which single precision holds exactly.
     round_about = cv2.dilate(parts.astype(np.float32), kernel).astype(np.int32)
     round_about[parts > 0] = 0
     within = np.where(cv2.erode((parts > 0).astype(np.uint8), kernel) > 0, 0, parts)
 
-    def means(labels: NDArray[np.int32]) -> Floats:
-        area = np.bincount(labels.ravel(), minlength=count)
-        return np.asarray(np.bincount(labels.ravel(), level.ravel(), count) / np.maximum(area, 1))
+    def areas(labels: NDArray[np.int32], counted: Mask | Floats) -> Floats:
+        return np.asarray(np.bincount(labels.ravel(), np.ravel(counted), count), np.float64)
 
-    return means(round_about) - means(within)
+    def means(labels: NDArray[np.int32]) -> Floats:
+        return areas(labels, level * sure) / np.maximum(areas(labels, sure), 1)
+
+    known = areas(round_about, sure) + areas(within, sure)
+    whole = areas(round_about, np.ones_like(sure)) + areas(within, np.ones_like(sure))
+    return np.where(known >= least * whole, means(round_about) - means(within), 0.0)
 
 
 def _odd(size: float) -> int:

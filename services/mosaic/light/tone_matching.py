@@ -1,7 +1,7 @@
 """Light within and between photos: localized histogram normalization (4.4), gains matched."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -60,6 +60,8 @@ class ToneParameters:
     gray_paper: float = 230.0
     """Level to which paper is brought before each photo's own levels are measured: below white, so that nothing is
     clipped."""
+    well_within: float = 1 / 30
+    """Of the page's long side: the rings in which the edge of a picture is looked for are half as wide each."""
     largest_correction: float = 0.25
     """Share by which a photo's own paper may differ from all photos': more is no paper."""
     lightest_ink: float = 0.55
@@ -118,12 +120,14 @@ def match_tones(
 class MatchedLight:
     """Gains (h, w, 3) of every view at its cells, and the page in the light that results.
 
-    `page` (H, W, 3) float32 is the mean of all views, `shown` (H, W) where there is any.
+    `page` (H, W, 3) float32 is the mean of all views, `shown` (H, W) where there is any, and `inner` (H, W) where one
+    shows it well within its borders.
     """
 
     fields: tuple[FloatImage, ...]
     page: FloatImage
     shown: Mask
+    inner: Mask
 
 
 def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) -> MatchedLight:
@@ -138,7 +142,10 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) 
     ]
     page = np.zeros((canvas.height, canvas.width, 3), np.float32)
     weight = np.zeros((canvas.height, canvas.width), np.float32)
+    inner = np.zeros((canvas.height, canvas.width), bool)
+    well_within = p.well_within * max(canvas.height, canvas.width)
     for view, gain in zip(views, fields, strict=True):
+        inner[view.box] |= view.feather > well_within
         page[view.box] += view.image * gain * view.feather[..., None]
         weight[view.box] += view.feather
     page /= np.maximum(weight, 1e-6)[..., None]
@@ -151,7 +158,7 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) 
         here = spread(to_cells(view.image * gain * compared[..., None]), share, p.windows_cells)
         followed.append(to_cells(gain) * (there + 1) / (here + 1))
     overall = _overall_gain(views, page, bright, p.brightest_paper)
-    return MatchedLight(tuple(gain * overall for gain in followed), page * overall, weight > 0)
+    return MatchedLight(tuple(gain * overall for gain in followed), page * overall, weight > 0, inner)
 
 
 def _with_neutral_paper(lights: MatchedLight, p: ToneParameters) -> MatchedLight:
@@ -164,7 +171,7 @@ def _with_neutral_paper(lights: MatchedLight, p: ToneParameters) -> MatchedLight
     least, most = p.tints_of_light
     share = np.clip((most - gains.max()) / (most - least), 0, 1)
     gains = (gains**share).astype(np.float32)
-    return MatchedLight(tuple(field * gains for field in lights.fields), lights.page * gains, lights.shown)
+    return replace(lights, fields=tuple(field * gains for field in lights.fields), page=lights.page * gains)
 
 
 def _overall_gain(
@@ -190,7 +197,7 @@ def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
     levels = measure_levels(image, p.levels)
     if levels is None:
         return None
-    pictures = find_pictures(levels)
+    pictures = find_pictures(levels, lights.inner)
     if not pictures.any():
         return levels
     beside = (levels.measured * ~pictures).astype(np.float32)

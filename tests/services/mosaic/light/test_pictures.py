@@ -67,3 +67,16 @@ def test_plain_paper_has_no_pictures() -> None:
     assert not find_pictures(Levels(slope, 0.3 * ones, ones)).any()
     assert not find_pictures(Levels(slope, 0 * ones, ones)).any()
     assert find_pictures(Levels(slope[:1, :1], ones[:1, :1], ones[:1, :1])).shape == (1, 1)
+
+
+def test_an_edge_at_the_borders_of_photos_is_one_of_their_light() -> None:
+    sharp = levels_with(0.3, 0.6)
+    unresolved = Levels(sharp.paper, np.full(SHAPE, 0.6, np.float32), sharp.measured)
+    around = np.ones(SHAPE, bool)
+    around[95:245, 55:225] = False
+    around[145:195, 105:175] = True
+    # Where no photo shows the dip's edge well within, nothing is known of it.
+    assert not find_pictures(unresolved, around).any()
+    one_side = around.copy()
+    one_side[:, :140] = True
+    assert share(find_pictures(unresolved, one_side)) > 0.97
