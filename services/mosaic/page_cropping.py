@@ -33,9 +33,19 @@ class PageCroppingParameters:
     support: float = 0.05
     """Share of the page's height (width) along which an edge must be seen between paper and ground."""
     consent: float = 0.5
-    """Of the places where paper borders on ground, so many lie on the edge."""
+    """Where paper is on the inner side of an edge, on so much of its length something else is on the outer one."""
     beyond: float = 0.004
-    """Of the paper at most this share lies beyond an edge."""
+    """Of the paper at most this share lies beyond such an edge."""
+    sure_consent: float = 0.75
+    """On so much of its length a picture on the page has no straight end, nor the paper on its other side..."""
+    sure_beyond: float = 0.15
+    """...so that this share of what is taken for paper may be a bright desk."""
+    step: float = 0.25
+    """Of the logarithm of a colour across an edge, in a photo's own light: paper on paper has 0.05, on wood 0.5."""
+    closing: int = 7
+    """Cells: wider than a line of print."""
+    candidates: int = 4
+    """Lines that are tried on each side: a bright spot of the desk has a border too."""
     ground: int = 3
     """Cells beside the paper that must be ground, so that a photo's border is not taken for the sheet's."""
     inset: float = 0.75
@@ -58,10 +68,14 @@ class PageCrop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageCells:
-    """Reduced maps (h, w) of the mosaic: where photos show it, and where what they show is the sheet."""
+    """Reduced maps (h, w) of the mosaic: where photos show it, and where what they show is the sheet.
+
+    `views` are (h, w, 3) each: what a photo shows of it, in its own light and free of print; black where it does not.
+    """
 
     seen: Mask
     paper: Mask
+    views: tuple[RgbImage, ...] = ()
 
 
 def see_sheet(
@@ -73,15 +87,20 @@ def see_sheet(
     columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
     x, y = np.meshgrid((np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows)
     grid = np.stack([x, y], axis=-1).reshape(-1, 2) - 0.5
-    votes = np.zeros((2, len(grid)), np.int16)
+    votes, views = np.zeros((2, len(grid)), np.int16), []
     for photo in placed:
         flat = photo.placement.to_flat(grid)
         shown = np.flatnonzero(is_shown(photo.flat, flat))
-        on_sheet = _on_sheet(photo.flat, photo.flat.to_photo(flat[shown]), p)
+        at = photo.flat.to_photo(flat[shown])
+        view = np.zeros((len(grid), 3), np.uint8)
+        view[shown] = _colours(photo.flat.photo, at, p)
+        views.append(view.reshape(rows, columns, 3))
+        on_sheet = _on_sheet(photo.flat, at, p)
         votes[0, shown] += 1
         votes[1, shown[on_sheet]] += 2
     seen = (votes[0] > 0).reshape(rows, columns)
-    return PageCells(seen, np.asarray(seen & (votes[1] >= votes[0]).reshape(rows, columns)))
+    paper = np.asarray(seen & (votes[1] >= votes[0]).reshape(rows, columns))
+    return PageCells(seen, paper, tuple(views))
 
 
 def find_page_crop(
@@ -90,14 +109,15 @@ def find_page_crop(
     """The part of the mosaic `page` (H, W, 3) that is the sheet.
 
     Ground is what the photos or the page itself tell from paper: a bright desk differs in the photos' own light, a dark
-    one where a photo shows too little of it. What lies beyond an edge is not the page. Where no edge is seen the page
-    goes on to the end of the photos.
+    one where a photo shows too little of it. A desk that is like paper in places is known by the step across the edge
+    there in the photos' own light. What lies beyond an edge is not the page. Where no edge is seen the page goes on to
+    the end of the photos.
     """
     p = parameters or PageCroppingParameters()
     height, width = page.shape[:2]
     factor = cells.seen.shape[1] / width
     paper, printed = _paper_of_page(page, cells.seen, p)
-    edges = _find_edges(cells.paper & paper, cells.seen, p)
+    edges = _find_edges(PageCells(cells.seen, cells.paper & paper, cells.views), p)
     if printed:
         dark, light = (centres @ edges[:, :2].T + edges[:, 2] < 0 for centres in printed)
         counts = zip(dark.sum(axis=0).tolist(), light.sum(axis=0).tolist(), strict=True)
@@ -141,6 +161,16 @@ def _on_sheet(photo: FlatPhoto, points: Points, p: PageCroppingParameters) -> ND
     return np.asarray(inside[at[:, 1], at[:, 0]] > 0)
 
 
+def _colours(photo: RgbImage, points: Points, p: PageCroppingParameters) -> NDArray[np.uint8]:
+    """Colours (N, 3) of a photo's ground at `points` (N, 2), never quite black."""
+    factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
+    size = (max(round(photo.shape[1] * factor), 1), max(round(photo.shape[0] * factor), 1))
+    kernel = np.ones((p.closing, p.closing), np.uint8)
+    blank = cv2.morphologyEx(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), cv2.MORPH_CLOSE, kernel)
+    at = np.clip(np.round((points + 0.5) * factor - 0.5).astype(int), 0, np.array(size) - 1)
+    return np.asarray(np.maximum(blank[at[:, 1], at[:, 0]], 1), np.uint8)
+
+
 def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tuple[Mask, list[Points]]:
     """Cells of the page that are paper; all where no ground is told from it, or there is no text on it.
 
@@ -173,29 +203,50 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
     return np.asarray(paper > 0), printed
 
 
-def _find_edges(paper: Mask, seen: Mask, p: PageCroppingParameters) -> Floats:
+def _find_edges(cells: PageCells, p: PageCroppingParameters) -> Floats:
     """Edges (K, 3) of the sheet in cells, positive on the sheet's side."""
     edges = []
     for quarters in range(4):
         # Turned so that the side in question is the left one.
-        edge = _find_left_edge(np.rot90(paper, quarters), np.rot90(seen, quarters), p)
+        views = tuple(np.rot90(view, quarters) for view in cells.views)
+        turned = PageCells(np.rot90(cells.seen, quarters), np.rot90(cells.paper, quarters), views)
+        edge = _find_left_edge(turned, p)
         if edge is not None:
-            edges.append(_turned_back(edge, quarters, paper.shape))
+            edges.append(_turned_back(edge, quarters, cells.seen.shape))
     return np.array(edges).reshape(-1, 3)
 
 
-def _find_left_edge(paper: Mask, seen: Mask, p: PageCroppingParameters) -> Floats | None:
-    """Line (a, b, c) along the left end of `paper`, where ground is seen beside it."""
-    rows = np.flatnonzero(paper.any(axis=1))
-    first = paper[rows].argmax(axis=1)
-    clear = first >= p.ground
-    rows, first = rows[clear], first[clear]
-    ground = np.all([seen[rows, first - step] for step in range(1, p.ground + 1)], axis=0)
-    y, x = rows[ground].astype(np.float64), first[ground].astype(np.float64)
-    needed = p.support * len(paper)
-    if len(y) < needed:
-        return None
+def _find_left_edge(cells: PageCells, p: PageCroppingParameters) -> Floats | None:
+    """Line (a, b, c) along the left side of the sheet, where ground is seen beside it."""
+    y, x = _left_borders(cells.paper, cells.seen, p)
+    for _ in range(p.candidates):
+        best = _on_one_line(y, x, p)
+        if best.sum() < p.support * len(cells.paper):
+            return None
+        slope, intercept = np.polyfit(y[best], x[best], 1)
+        if _is_edge(cells, slope, intercept, y[best].astype(int), p):
+            # x counts the first cell of paper, whose left border is half a cell before.
+            return np.array([1.0, -slope, -(intercept - 0.5 + p.inset)])
+        y, x = y[~best], x[~best]
+    return None
+
+
+def _left_borders(paper: Mask, seen: Mask, p: PageCroppingParameters) -> tuple[Floats, Floats]:
+    """Rows and columns (N,) of cells of paper with ground to the left of them, and more paper to the right."""
+    ground = seen & ~paper
+    width = paper.shape[1] - 2 * p.ground + 1
+    border = np.ones((len(paper), max(width, 0)), bool)
+    for step in range(p.ground):
+        border &= ground[:, step : step + width] & paper[:, p.ground + step : p.ground + step + width]
+    y, x = np.nonzero(border)
+    return y.astype(np.float64), x.astype(np.float64) + p.ground
+
+
+def _on_one_line(y: Floats, x: Floats, p: PageCroppingParameters) -> NDArray[np.bool_]:
+    """Which points (N,) lie on the steep line that most lie on."""
     best = np.zeros(len(y), bool)
+    if len(y) == 0:
+        return best
     for slope in np.linspace(-p.steepest, p.steepest, 41):
         # The line of this slope that most points lie on: the densest window of their intercepts.
         intercept = x - slope * y
@@ -204,15 +255,49 @@ def _find_left_edge(paper: Mask, seen: Mask, p: PageCroppingParameters) -> Float
         start = int(np.argmax(last - np.arange(len(order))))
         on = (intercept >= order[start]) & (intercept <= order[start] + 2 * p.straightness)
         best = on if on.sum() > best.sum() else best
-    if best.sum() < max(needed, p.consent * len(y)):
-        return None
-    slope, intercept = np.polyfit(y[best], x[best], 1)
+    return best
+
+
+def _is_edge(
+    cells: PageCells, slope: float, intercept: float, borders: NDArray[np.int_], p: PageCroppingParameters
+) -> bool:
+    """Whether the sheet ends at x = slope y + intercept, which has ground beside paper in the rows `borders`."""
+    paper, seen = cells.paper, cells.seen
     columns, lines = np.meshgrid(np.arange(paper.shape[1]), np.arange(paper.shape[0]))
-    beyond = columns < intercept + slope * lines - 2 * p.straightness
-    if (paper & beyond).sum() > p.beyond * paper.sum():
-        return None
-    # x counts the first cell of paper, whose left border is half a cell before.
-    return np.array([1.0, -slope, -(intercept - 0.5 + p.inset)])
+    off = columns - (intercept + slope * lines)
+    beyond = (paper & (off < -2 * p.straightness)).sum() / paper.sum()
+    # Rows in which the line has paper on its inner side and something seen on its outer one.
+    reach = 2 * p.straightness + 1
+    inner = (paper & (off >= 0) & (off < reach)).any(axis=1)
+    outer = (seen & (off < -1) & (off >= -reach)).any(axis=1)
+    differs = _steps(cells.views, slope, intercept, p) if cells.views else np.zeros(len(paper), bool)
+    differs[borders] = True
+    both = inner & outer
+    consent = (both & differs).sum() / max(both.sum(), 1)
+    return bool(
+        (beyond <= p.beyond and consent >= p.consent)
+        or (beyond <= p.sure_beyond and consent >= p.sure_consent)
+    )
+
+
+def _steps(
+    views: tuple[RgbImage, ...], slope: float, intercept: float, p: PageCroppingParameters
+) -> NDArray[np.bool_]:
+    """Rows (h,) in which photos show something else left of the line than right of it: most of those that show both."""
+    height, width = views[0].shape[:2]
+    rows = np.arange(height)
+    line = intercept + slope * rows
+    inside, outside = (
+        np.clip(np.round(line + shift).astype(int), 0, width - 1) for shift in (p.ground, -p.ground - 1)
+    )
+    votes = np.zeros((2, height), np.int16)
+    for view in views:
+        inner, outer = view[rows, inside].astype(np.float64), view[rows, outside].astype(np.float64)
+        shown = inner.any(axis=1) & outer.any(axis=1)
+        step = np.abs(np.log((inner + 1) / (outer + 1))).max(axis=1)
+        votes[0] += shown
+        votes[1] += 2 * (shown & (step > p.step))
+    return np.asarray((votes[1] > 0) & (votes[1] >= votes[0]))
 
 
 def _turned_back(edge: Floats, quarters: int, shape: tuple[int, ...]) -> Floats:

@@ -4,7 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from services.mosaic.page_cropping import PageCells, crop_page, find_page_crop
+from services.geometry.homographies import translation
+from services.mosaic.page_cropping import PageCells, crop_page, find_page_crop, see_sheet
+from tests.services.mosaic.cuttings import place
 from tests.services.mosaic.views import page_image
 
 
@@ -92,3 +94,37 @@ def test_a_coloured_head_with_print_on_it_is_not_cut_off(ink: float) -> None:
     paper[: round(620 * seen.shape[0] / 1560)] = False
     crop = find_page_crop(page.astype(np.uint8), PageCells(seen, paper))
     assert (crop.left, crop.top, crop.right, crop.bottom) == (0, 0, 1000, 1560)
+
+
+@pytest.mark.parametrize("desk_in_photo", [True, False])
+def test_what_is_as_bright_as_paper_is_told_in_the_photos_own_light(desk_in_photo: bool) -> None:
+    # Beside the right edge a part of the desk came out white, as would a margin with a picture in it.
+    bordered = cv2.copyMakeBorder(page_image(), 0, 0, 0, 160, cv2.BORDER_CONSTANT, value=(90, 70, 50))
+    mosaic = np.asarray(bordered, np.uint8)
+    mosaic[500:1100, 1000:1120] = 255
+    cells = seen_all(mosaic)
+    view = np.full((*cells.seen.shape, 3), 170, np.uint8)
+    if desk_in_photo:
+        view[:, round(1000 * view.shape[1] / mosaic.shape[1]) :] = (150, 110, 70)
+    crop = find_page_crop(mosaic, PageCells(cells.seen, cells.paper, (view,)))
+    if desk_in_photo:
+        assert len(crop.edges) == 1
+        assert 994 < crop.right < 1003
+    else:
+        assert crop.right > 1100
+    assert (crop.left, crop.top, crop.bottom) == (0, 0, 1560)
+
+
+def test_what_photos_show_of_the_sheet_is_in_their_own_light() -> None:
+    page = page_image()
+    upper, lower = page[:900], (page[700:] * 0.4).astype(np.uint8)
+    placed = [place(upper, translation(0, 0)), place(lower, translation(0, 700), 1)]
+    cells = see_sheet(placed, 1000, 1560)
+    assert cells.seen.all()
+    # Rows of 600 in which the photos show all of the page, or nothing.
+    shown = np.array([view.max(axis=(1, 2)) > 0 for view in cells.views])
+    assert shown[0, :340].all()
+    assert shown[1, 275:].all()
+    assert not shown[0, 350:].any()
+    assert not shown[1, :265].any()
+    assert [np.median(view[view > 0]) for view in cells.views] == [255, 102]
