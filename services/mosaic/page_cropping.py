@@ -36,7 +36,7 @@ class PageCroppingParameters:
     """Where paper is on the inner side of an edge, on so much of its length something else is on the outer one."""
     beyond: float = 0.004
     """Of the paper at most this share lies beyond such an edge."""
-    sure_consent: float = 0.75
+    sure_consent: float = 0.96
     """On so much of its length a picture on the page has no straight end, nor the paper on its other side..."""
     sure_beyond: float = 0.15
     """...so that this share of what is taken for paper may be a bright desk."""
