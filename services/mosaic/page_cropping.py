@@ -42,6 +42,8 @@ class PageCroppingParameters:
     """...so that this share of what is taken for paper may be a bright desk."""
     step: float = 0.25
     """Of the logarithm of a colour across an edge, in a photo's own light: paper on paper has 0.05, on wood 0.5."""
+    hue: float = 0.15
+    """Of the logarithms of colours over their mean: the sheet's keep within 0.03 along an edge, wood has 0.2 to 0.6."""
     closing: int = 7
     """Cells: wider than a line of print."""
     candidates: int = 4
@@ -270,9 +272,13 @@ def _is_edge(
     reach = 2 * p.straightness + 1
     inner = (paper & (off >= 0) & (off < reach)).any(axis=1)
     outer = (seen & (off < -1) & (off >= -reach)).any(axis=1)
-    differs = _steps(cells.views, slope, intercept, p) if cells.views else np.zeros(len(paper), bool)
-    differs[borders] = True
+    differs = np.zeros(len(paper), bool)
     both = inner & outer
+    if cells.views:
+        differs, other = _steps(cells.views, slope, intercept, p)
+        # Past the sheet's corners the line has the desk on both sides.
+        both &= ~other
+    differs[borders] = True
     consent = (both & differs).sum() / max(both.sum(), 1)
     return bool(
         (beyond <= p.beyond and consent >= p.consent)
@@ -282,22 +288,30 @@ def _is_edge(
 
 def _steps(
     views: tuple[RgbImage, ...], slope: float, intercept: float, p: PageCroppingParameters
-) -> NDArray[np.bool_]:
-    """Rows (h,) in which photos show something else left of the line than right of it: most of those that show both."""
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Rows (h,) in which photos show something else left of the line than right of it: most of those that show both.
+
+    And rows in which what they show right of it has another hue than along most of the line.
+    """
     height, width = views[0].shape[:2]
     rows = np.arange(height)
     line = intercept + slope * rows
     inside, outside = (
         np.clip(np.round(line + shift).astype(int), 0, width - 1) for shift in (p.ground, -p.ground - 1)
     )
-    votes = np.zeros((2, height), np.int16)
+    votes = np.zeros((3, height), np.int16)
     for view in views:
         inner, outer = view[rows, inside].astype(np.float64), view[rows, outside].astype(np.float64)
         shown = inner.any(axis=1) & outer.any(axis=1)
         step = np.abs(np.log((inner + 1) / (outer + 1))).max(axis=1)
         votes[0] += shown
         votes[1] += 2 * (shown & (step > p.step))
-    return np.asarray((votes[1] > 0) & (votes[1] >= votes[0]))
+        if shown.any():
+            hue = np.log((inner + 1) / (inner.mean(axis=1, keepdims=True) + 1))
+            away = np.linalg.norm(hue - np.median(hue[shown], axis=0), axis=1)
+            votes[2] += 2 * (shown & (away > p.hue))
+    differs, other = (votes[1:] > 0) & (votes[1:] >= votes[0])
+    return differs, other
 
 
 def _turned_back(edge: Floats, quarters: int, shape: tuple[int, ...]) -> Floats:
