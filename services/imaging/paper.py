@@ -31,6 +31,8 @@ class PaperParameters:
     """Corners add at most this much to the area."""
     hull_share: float = 0.96
     """Of its convex hull, a flat sheet seen whole covers at least this much."""
+    part_share: float = 0.05
+    """Of the text, a part of a divided sheet holds at least this share."""
     text_share: float = 0.96
     """The sheet holds at least this share of the text, or its outline is not believed."""
 
@@ -70,12 +72,35 @@ class Paper:
         outline = max(contours, key=len)[:, 0, :].astype(np.float64)
         return np.asarray((outline + 0.5) / self.factor - 0.5)
 
-    def _sheet(self, text_points: Points, p: PaperParameters) -> Mask | None:
+    def hull(self, text_points: Points, parameters: PaperParameters | None = None) -> Points | None:
+        """Convex hull (N, 2), photo pixels, of all paper that holds text: a sheet that a picture divides.
+
+        None when it is nearly all of the photo.
+        """
+        p = parameters or PaperParameters()
+        _, labels, _ = self._parts(p)
+        found = labels[self._pixels(text_points)]
+        counts = np.bincount(found, minlength=int(labels.max()) + 1)
+        counts[0] = 0
+        mask = (counts >= p.part_share * len(found))[labels] & (labels > 0)
+        if not mask.any():
+            return None
+        hull = cv2.convexHull(np.argwhere(mask)[:, ::-1].astype(np.int32))
+        if cv2.contourArea(hull) >= 0.97 * mask.size:
+            return None
+        return np.asarray((hull[:, 0, :].astype(np.float64) + 0.5) / self.factor - 0.5)
+
+    def _parts(self, p: PaperParameters) -> tuple[Mask, NDArray[np.int32], NDArray[np.uint8]]:
+        """What is like the paper, its parts without narrow bridges (labels, 0 for none), and the kernel of that."""
         alike = (np.abs(self.near_contrast) < p.contrast) & (self.chroma < p.chroma)
         side = max(int(p.opening * max(alike.shape)) | 1, 3)
-        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+        kernel = np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
         opened = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, kernel)
         _, labels = cv2.connectedComponents(opened)
+        return np.asarray(alike), np.asarray(labels, np.int32), kernel
+
+    def _sheet(self, text_points: Points, p: PaperParameters) -> Mask | None:
+        alike, labels, kernel = self._parts(p)
         found = labels[self._pixels(text_points)]
         if not (found > 0).any():
             return None

@@ -56,6 +56,10 @@ def flatten_photo(
             sheet = None
         frame = frame_photo(photo, page, sheet)
         flat = view_photo(index, photo, frame, page.analysis.text_height_px, float(len(characters)))
+        if sheet is None:
+            # A picture may divide the sheet; its hull is still known where a desk lies beside it.
+            sheet = page.analysis.paper.hull(characters)
+            sheet = None if sheet is None or _is_print_beyond(page.analysis, sheet) else sheet
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
     return replace(flat, notices=notices, sheet=sheet)
 

@@ -257,3 +257,21 @@ def test_nearest_light_is_that_of_the_nearest_text() -> None:
     for x, y in ((0, 0), (69, 49), (69, 0), (12, 20), (50, 45)):
         nearest = at[np.argmin(np.hypot(*(at - [x, y]).T))]
         assert found[y, x] == pytest.approx(values[nearest[1], nearest[0]])
+
+
+def test_the_hull_of_a_sheet_that_a_picture_divides() -> None:
+    photo = draw_sheet((90, 60, 40))
+    x0, _, x1, _ = SHEET
+    photo[420:560, x0:x1] = (40, 70, 60)
+    points = print_points()
+    points = points[(points[:, 1] < 410) | (points[:, 1] > 570)]
+    paper = model_paper(photo, points)
+    assert paper.outline(points) is None
+    hull = paper.hull(points)
+    assert hull is not None
+    assert 0.9 < overlap(hull, sheet_mask()) <= 1.0
+
+
+def test_there_is_no_hull_where_paper_fills_the_photo() -> None:
+    photo = draw_sheet((225, 222, 214))
+    assert model_paper(photo, print_points()).hull(print_points()) is None
