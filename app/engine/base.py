@@ -76,6 +76,15 @@ class Spooled(Protocol):
         ...
 
 
+async def unspool(argument: object) -> object:
+    """What a worker gets for `argument`: bytes for what is spooled, one after another for a list of it."""
+    if isinstance(argument, Spooled):
+        return await argument.read()
+    if isinstance(argument, list) and all(isinstance(part, Spooled) for part in argument):
+        return [await part.read() for part in argument]
+    return argument
+
+
 class Admission(Protocol):
     """A seat in the engine, held from before a body is read until its job is over."""
 

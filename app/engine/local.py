@@ -27,9 +27,9 @@ from app.engine.base import (
     JobTimedOut,
     OutOfMemory,
     ShuttingDown,
-    Spooled,
     TimeLimit,
     WorkerDied,
+    unspool,
 )
 from app.engine.process import WorkerGone, WorkerProcess
 from services.errors import DocumentError
@@ -66,15 +66,6 @@ class _Job:
     answer: "asyncio.Future[Any]"
     started: "asyncio.Future[None]"
     queued_at: float = field(default_factory=time.monotonic)
-
-
-async def _unspooled(argument: object) -> object:
-    """What a worker gets for `argument`: bytes for what is spooled, one after another for a list of it."""
-    if isinstance(argument, Spooled):
-        return await argument.read()
-    if isinstance(argument, list) and all(isinstance(part, Spooled) for part in argument):
-        return [await part.read() for part in argument]
-    return argument
 
 
 class _Seat:
@@ -340,7 +331,7 @@ class LocalEngine:
         value: object = None
         usable = False
         try:
-            arguments = [await _unspooled(argument) for argument in job.arguments]
+            arguments = [await unspool(argument) for argument in job.arguments]
             if job.answer.done():
                 return True
             # The alarm covers the whole exchange, so that a worker that stops reading or that hangs in the

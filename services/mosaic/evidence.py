@@ -20,16 +20,18 @@ from services.rectify.results import Notice
 def describe_patches(
     count: int, placed: Sequence[PlacedPhoto], sharpness: Sequence[float], H_final_mosaic: Homography
 ) -> tuple[Patch, ...]:
-    """One patch for each of `count` photos; meshes are in the final page, after crop and turn."""
+    """One patch for each of `count` photos; meshes are in the final page, after crop and turn.
+
+    `sharpness` is that of the placed photos' print, relative to the sharpest, as `ComposedPage` has it.
+    """
     patches = [Patch(False)] * count
-    sharpest = max(*sharpness, 1e-12)
     for photo, sharp in zip(placed, sharpness, strict=True):
         final = photo.placement.within(H_final_mosaic)
         patches[photo.flat.index] = Patch(
             True,
             np.asarray(mesh_of_patch(photo.flat, final), np.float64),
             scale_of_patch(photo.flat, final),
-            sharp / sharpest,
+            sharp,
         )
     return tuple(patches)
 

@@ -38,11 +38,6 @@ class ToneMap:
         return np.asarray((1 - t) * upper + t * lower, np.float32)
 
 
-def identity_tones(width: int, height: int) -> ToneMap:
-    """The map that changes nothing."""
-    return ToneMap(np.array([[[1, 1, 1, 1, 0, 0]]], np.float32), width, height)
-
-
 def apply_tones(tile: RgbImage, coefficients: NDArray[np.float32]) -> RgbImage:
     """`tile` (H, W, 3) with `coefficients` (H, W, 6) of a `ToneMap` at its pixels."""
     balanced = cv2.multiply(tile.astype(np.float32), np.ascontiguousarray(coefficients[..., :3]))

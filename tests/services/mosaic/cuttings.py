@@ -9,7 +9,7 @@ import numpy as np
 from services.arrays import GrayImage, Homography, RgbImage
 from services.geometry.homographies import translation
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.light.tones import identity_tones
+from services.mosaic.light.tones import ToneMap
 from services.mosaic.placed_photo import PlacedPhoto
 from services.mosaic.placing.placement import Placement
 from services.rectify.framing import FlatFrame
@@ -21,6 +21,11 @@ TEXT_HEIGHT_PX = 20.0
 
 
 @cache
+def identity_tones(width: int, height: int) -> ToneMap:
+    """The map that changes nothing."""
+    return ToneMap(np.array([[[1, 1, 1, 1, 0, 0]]], np.float32), width, height)
+
+
 def prose() -> Page:
     """Two paragraphs' worth of a page, 1000 x 700."""
     return own_pages(1000, 700)[0]

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.mosaic.light.tones import ToneMap, apply_tones, identity_tones
+from services.mosaic.light.tones import ToneMap, apply_tones
+from tests.services.mosaic.cuttings import identity_tones
 
 
 def test_identity_changes_nothing() -> None:
