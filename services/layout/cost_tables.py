@@ -27,11 +27,11 @@ class CostTables:
 
     @property
     def zones(self) -> int:
-        return self.node.shape[0]
+        return int(self.node.shape[0])
 
     @property
     def labels(self) -> int:
-        return self.node.shape[1]
+        return int(self.node.shape[1])
 
     def cost(self, labels: NDArray[np.intp]) -> float:
         """Cost of a labelling (N,), by the definition above."""
