@@ -63,4 +63,9 @@ class Page:
 
 def is_finite_number(value: Any) -> bool:
     """Whether `value` is a number of JSON that can be computed with (True and False are none)."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of JSON may be larger than any float
+        return False
