@@ -1,0 +1,189 @@
+"""Connections to the database: how they are opened, how transactions begin, how the schema is brought up to date.
+
+SQLite is set up so that many processes may write: write-ahead log, every commit on the disk before it is
+answered, and writers that take the lock when they begin (a plain BEGIN that turns into a writer later fails when
+another one wrote in between). Readers never wait. Other databases are used as SQLAlchemy opens them.
+"""
+
+import sqlite3
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
+
+from models.errors import StoreDamaged, StoreTooNew, StoreUnavailable
+from models.tables import Table
+
+BUSY_TIMEOUT_S = 5.0
+"""A writer waits so long for its turn; one takes 5 ms, so this is a queue of about a thousand."""
+_POOL_SIZE, _POOL_OVERFLOW = 8, 32
+"""Connections kept, and more at a rush: 40 in all, as many as anyio has threads."""
+_WRITER: Final = "store_writer"
+_MIGRATION_LOCK = 0x6C61796F75746D  # of PostgreSQL's advisory locks; any number that nobody else takes
+_migrating = threading.Lock()  # alembic keeps its context in globals
+_PRAGMAS = (
+    "PRAGMA synchronous=FULL",
+    "PRAGMA foreign_keys=ON",
+    "PRAGMA trusted_schema=OFF",
+    # A log that grew in a rush is cut back to this.
+    "PRAGMA journal_size_limit=67108864",
+)
+
+
+def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> Engine:
+    """An engine for a file of SQLite (made, with its folder, when absent) or for the URL of a database."""
+    url = _url_of(where)
+    with storage_errors():
+        if url.get_backend_name() != "sqlite":
+            return create_engine(
+                url,
+                hide_parameters=True,
+                pool_pre_ping=True,
+                pool_size=_POOL_SIZE,
+                max_overflow=_POOL_OVERFLOW,
+                pool_timeout=busy_timeout_s,
+            )
+        if not url.database or url.database == ":memory:":
+            raise StoreUnavailable("SQLite needs a file: without one nothing would be remembered")
+        Path(url.database).parent.mkdir(parents=True, exist_ok=True)
+        engine = create_engine(
+            url,
+            hide_parameters=True,
+            connect_args={"timeout": busy_timeout_s},
+            pool_size=_POOL_SIZE,
+            max_overflow=_POOL_OVERFLOW,
+            pool_timeout=busy_timeout_s,
+        )
+
+    @event.listens_for(engine, "connect")
+    def prepare(connection: sqlite3.Connection, _: object) -> None:
+        connection.isolation_level = None  # transactions begin below, not in the driver
+        _enter_wal(connection, busy_timeout_s)
+        for pragma in _PRAGMAS:
+            connection.execute(pragma)
+
+    @event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        is_writer = connection.get_execution_options().get(_WRITER, False)
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if is_writer else "BEGIN")
+
+    return engine
+
+
+def writers_of(engine: Engine) -> Engine:
+    """The same connections, for transactions that write."""
+    return engine.execution_options(**{_WRITER: True})
+
+
+def check_intact(engine: Engine) -> None:
+    """`StoreDamaged` when SQLite finds its pages in disorder; reads the whole file (100 MB in about 0.1 s)."""
+    if engine.dialect.name != "sqlite":
+        return
+    with storage_errors(), engine.connect() as connection:
+        verdict = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar_one()
+    if verdict != "ok":
+        raise StoreDamaged(f"the database is damaged: {verdict}")
+
+
+def upgrade_schema(engine: Engine) -> None:
+    """Run the migrations that the database has not seen, all in one transaction; one process does it.
+
+    `StoreTooNew` when it has seen some that this release does not know.
+    """
+    with _migrating, storage_errors():
+        config = _alembic_config()
+        script = ScriptDirectory.from_config(config)
+        with engine.connect() as connection:
+            if _revision_of(connection, script) == script.get_current_head():
+                return
+        with writers_of(engine).connect() as connection:
+            connection.detach()  # what is set for the migration ends with this connection
+            if engine.dialect.name == "sqlite":
+                # Batch mode drops tables that others refer to. Inside a transaction this would do nothing.
+                driver: Any = connection.connection.dbapi_connection
+                driver.execute("PRAGMA foreign_keys=OFF")
+            with connection.begin():
+                if engine.dialect.name == "postgresql":
+                    connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _MIGRATION_LOCK})
+                _migrate(connection, config, script)
+
+
+def _migrate(connection: Connection, config: Config, script: ScriptDirectory) -> None:
+    """The migrations, under the lock; another process may have run them while this one waited."""
+    if _revision_of(connection, script) is None:
+        ours = set(inspect(connection).get_table_names()) & set(Table.metadata.tables)
+        if ours:
+            raise StoreDamaged(f"the database has the tables {', '.join(sorted(ours))} and no version")
+    config.attributes["connection"] = connection
+    command.upgrade(config, "head")
+    if connection.dialect.name == "sqlite" and connection.exec_driver_sql("PRAGMA foreign_key_check").first():
+        raise StoreDamaged("rows refer to others that are not there")
+
+
+def _revision_of(connection: Connection, script: ScriptDirectory) -> str | None:
+    current = MigrationContext.configure(connection).get_current_revision()
+    known = {entry.revision for entry in script.walk_revisions()}
+    if current is not None and current not in known:
+        raise StoreTooNew(
+            f"the database is of version {current}, this release knows {script.get_current_head()} at most: "
+            "please run the newer release"
+        )
+    return current
+
+
+def _alembic_config() -> Config:
+    config = Config()
+    (folder,) = import_module("models.migrations").__path__
+    # A per cent sign is special in alembic's settings.
+    config.set_main_option("script_location", folder.replace("%", "%%"))
+    return config
+
+
+@contextmanager
+def storage_errors() -> Iterator[None]:
+    """What the database or the disk refuses comes out as an error of the store."""
+    try:
+        yield
+    except DBAPIError as error:
+        kind = getattr(error.orig, "sqlite_errorname", "")
+        if kind.startswith(("SQLITE_CORRUPT", "SQLITE_NOTADB")):
+            raise StoreDamaged(f"the database is damaged: {error.orig}") from error
+        raise StoreUnavailable(f"the database cannot be used: {error.orig}") from error
+    except SQLAlchemyError as error:
+        raise StoreUnavailable(f"the database cannot be used: {error}") from error
+    except OSError as error:
+        raise StoreUnavailable(f"the database cannot be used: {error.strerror or error}") from error
+
+
+def _url_of(where: Path | str) -> URL:
+    if isinstance(where, Path) or "://" not in where:
+        return URL.create("sqlite", database=str(where))
+    try:
+        url = make_url(where)
+        url.get_dialect()
+    except (ArgumentError, NoSuchModuleError) as error:
+        raise StoreUnavailable("the URL of the database is not one, or its dialect is not known") from error
+    return url
+
+
+def _enter_wal(connection: sqlite3.Connection, timeout_s: float) -> None:
+    """Switch to the write-ahead log; SQLite does not wait here while another process does the same."""
+    deadline = time.monotonic() + timeout_s
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode=WAL")
+            return
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or time.monotonic() > deadline:
+                raise
+        time.sleep(0.01)
