@@ -61,6 +61,77 @@ class Page:
     zones: tuple[Zone, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class NumericExpectation:
+    """Typical value of a numeric attribute of a model node; its weight is the inverse of `variance` (5.6.1)."""
+
+    value: float
+    variance: float
+
+
+@dataclass(frozen=True, slots=True)
+class ModelNode:
+    """One logical component of a class; `label` None is null, what zones without a label look like.
+
+    `zones` is how many zones of the samples had the label. `content` holds the expectation value, 0-1, of every
+    content feature (Equation 5.3). `count_costs[n]` is the cost of n zones with the label on a page, the last
+    one also of more; `count_costs[0]` is thus the cost of the component's absence.
+    """
+
+    label: str | None
+    zones: float
+    cost: float
+    numeric: Mapping[str, NumericExpectation]
+    content: Mapping[str, float]
+    count_costs: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelEdge:
+    """How zones of two components lie to each other, the `upper` one being the zone that starts higher.
+
+    `costs[relation][d]` is the cost of descriptor d of a qualitative relation: a look-up table that is least for
+    the dominant descriptor (5.6.1).
+    """
+
+    upper: str | None
+    lower: str | None
+    costs: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Cost a zone that pages of the class have when they are matched: its mean and standard deviation.
+
+    `pages` says from how many pages that had no part in the model it was measured; 0: both are assumed.
+    """
+
+    mean: float
+    deviation: float
+    pages: int
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutModel:
+    """Layout graph model of a document class (5.3): nodes, edges between all of them, and weights.
+
+    The first node is null. `scales` weigh every attribute by name; together with the variance of its node it
+    makes the attribute's weight. An edge that is not listed has no cost.
+    """
+
+    name: str
+    samples: int
+    nodes: tuple[ModelNode, ...]
+    edges: tuple[ModelEdge, ...]
+    scales: Mapping[str, float]
+    calibration: Calibration
+
+    @property
+    def labels(self) -> tuple[str | None, ...]:
+        """Label of every node, None for null."""
+        return tuple(node.label for node in self.nodes)
+
+
 def is_finite_number(value: Any) -> bool:
     """Whether `value` is a number of JSON that can be computed with (True and False are none)."""
     if isinstance(value, bool) or not isinstance(value, int | float):

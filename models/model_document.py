@@ -1,0 +1,200 @@
+"""Layout graph models as JSON documents, with their form's version; whatever comes from outside is checked."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from models.layout_graph import (
+    MODEL_FORMAT,
+    MODEL_FORMAT_VERSION,
+    Calibration,
+    InvalidLayout,
+    LayoutModel,
+    ModelEdge,
+    ModelNode,
+    NumericExpectation,
+    is_finite_number,
+)
+
+MOST_NODES = 100
+"""More labels than any class has; the tables of edges grow with its square."""
+MOST_NAMES = 500
+"""Of attributes, in one mapping."""
+MOST_DESCRIPTORS = 100
+LONGEST_NAME = 100
+LARGEST = 1e9
+
+
+def model_to_document(model: LayoutModel) -> dict[str, Any]:
+    """`model` as JSON can hold it; `model_from_document` reads it back."""
+    index = {node.label: position for position, node in enumerate(model.nodes)}
+    return {
+        "format": MODEL_FORMAT,
+        "format_version": MODEL_FORMAT_VERSION,
+        "name": model.name,
+        "samples": model.samples,
+        "nodes": [_node_document(node) for node in model.nodes],
+        "edges": [
+            {
+                "upper": index[edge.upper],
+                "lower": index[edge.lower],
+                "costs": {name: list(costs) for name, costs in edge.costs.items()},
+            }
+            for edge in model.edges
+        ],
+        "scales": dict(model.scales),
+        "calibration": {
+            "mean": model.calibration.mean,
+            "deviation": model.calibration.deviation,
+            "pages": model.calibration.pages,
+        },
+    }
+
+
+def _node_document(node: ModelNode) -> dict[str, Any]:
+    return {
+        "label": node.label,
+        "zones": node.zones,
+        "cost": node.cost,
+        "numeric": {
+            name: {"value": expected.value, "variance": expected.variance}
+            for name, expected in node.numeric.items()
+        },
+        "content": dict(node.content),
+        "count_costs": list(node.count_costs),
+    }
+
+
+def model_from_document(document: Any) -> LayoutModel:
+    """The model that a document describes.
+
+    Raises
+    ------
+    InvalidLayout
+        When it is not a layout graph model, one of a newer form, or damaged; the field is named.
+    """
+    told = _object(document, "the model")
+    if told.get("format") != MODEL_FORMAT:
+        raise InvalidLayout(
+            f"format: this is not a {MODEL_FORMAT}. Send what GET /layout/models/{{name}} answers.", "format"
+        )
+    version = told.get("format_version")
+    if version != MODEL_FORMAT_VERSION or isinstance(version, bool):
+        raise InvalidLayout(
+            f"format_version: this service reads version {MODEL_FORMAT_VERSION}, not {version!r:.40}. "
+            "Export the model from a service of the same release, or initialize it again from samples.",
+            "format_version",
+        )
+    nodes = tuple(
+        _read_node(each, f"nodes[{k}]")
+        for k, each in enumerate(_list(told.get("nodes"), "nodes", MOST_NODES))
+    )
+    labels = [node.label for node in nodes]
+    if not labels or labels[0] is not None:
+        raise InvalidLayout("nodes: the first node must be null, with label null.", "nodes")
+    if len(set(labels)) != len(labels):
+        raise InvalidLayout("nodes: every label may occur once.", "nodes")
+    edges = tuple(
+        _read_edge(each, labels, f"edges[{k}]")
+        for k, each in enumerate(_list(told.get("edges"), "edges", MOST_NODES**2))
+    )
+    if len({(edge.upper, edge.lower) for edge in edges}) != len(edges):
+        raise InvalidLayout("edges: every pair of labels may occur once.", "edges")
+    calibration = _object(told.get("calibration"), "calibration")
+    return LayoutModel(
+        name=_name(told.get("name"), "name"),
+        samples=_whole(told.get("samples"), "samples"),
+        nodes=nodes,
+        edges=edges,
+        scales=_numbers(told.get("scales"), "scales", 0.0, 1e3),
+        calibration=Calibration(
+            _number(calibration.get("mean"), "calibration.mean"),
+            _number(calibration.get("deviation"), "calibration.deviation", 1e-6),
+            _whole(calibration.get("pages"), "calibration.pages"),
+        ),
+    )
+
+
+def _read_node(document: Any, where: str) -> ModelNode:
+    told = _object(document, where)
+    label = told.get("label")
+    numeric = {}
+    for name, each in _mapping(told.get("numeric"), f"{where}.numeric").items():
+        place = f"{where}.numeric.{name}"
+        expected = _object(each, place)
+        numeric[name] = NumericExpectation(
+            _number(expected.get("value"), f"{place}.value"),
+            _number(expected.get("variance"), f"{place}.variance", 1e-9),
+        )
+    counts = _list(told.get("count_costs"), f"{where}.count_costs", MOST_DESCRIPTORS)
+    if len(counts) < 2:
+        raise InvalidLayout(f"{where}.count_costs: the costs of none and of one are needed.", where)
+    return ModelNode(
+        label=None if label is None else _name(label, f"{where}.label"),
+        zones=_number(told.get("zones"), f"{where}.zones", 0.0),
+        cost=_number(told.get("cost"), f"{where}.cost"),
+        numeric=numeric,
+        content=_numbers(told.get("content"), f"{where}.content", 0.0, 1.0),
+        count_costs=tuple(_number(cost, f"{where}.count_costs") for cost in counts),
+    )
+
+
+def _read_edge(document: Any, labels: list[str | None], where: str) -> ModelEdge:
+    told = _object(document, where)
+    ends = []
+    for end in ("upper", "lower"):
+        index = _whole(told.get(end), f"{where}.{end}")
+        if index >= len(labels):
+            raise InvalidLayout(f"{where}.{end}: there is no node {index}.", f"{where}.{end}")
+        ends.append(labels[index])
+    costs = {}
+    for name, each in _mapping(told.get("costs"), f"{where}.costs").items():
+        place = f"{where}.costs.{name}"
+        costs[name] = tuple(_number(cost, place) for cost in _list(each, place, MOST_DESCRIPTORS))
+    return ModelEdge(ends[0], ends[1], costs)
+
+
+def _object(value: Any, where: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise InvalidLayout(f"{where}: expected an object.", where)
+    return value
+
+
+def _mapping(value: Any, where: str) -> Mapping[str, Any]:
+    told = _object(value, where)
+    if len(told) > MOST_NAMES:
+        raise InvalidLayout(f"{where}: {len(told)} names; at most {MOST_NAMES} are read.", where)
+    for name in told:
+        _name(name, where)
+    return told
+
+
+def _numbers(value: Any, where: str, least: float, largest: float) -> dict[str, float]:
+    told = _mapping(value, where)
+    return {name: _number(number, f"{where}.{name}", least, largest) for name, number in told.items()}
+
+
+def _list(value: Any, where: str, most: int) -> list[Any]:
+    if not isinstance(value, list):
+        raise InvalidLayout(f"{where}: expected a list.", where)
+    if len(value) > most:
+        raise InvalidLayout(f"{where}: {len(value)} entries; at most {most} are read.", where)
+    return value
+
+
+def _name(value: Any, where: str) -> str:
+    if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME or not value.isprintable():
+        raise InvalidLayout(f"{where}: expected 1 to {LONGEST_NAME} printable characters.", where)
+    return value
+
+
+def _number(value: Any, where: str, least: float = -LARGEST, largest: float = LARGEST) -> float:
+    if not is_finite_number(value) or not least <= value <= largest:
+        raise InvalidLayout(f"{where}: expected a number from {least:g} to {largest:g}.", where)
+    return float(value)
+
+
+def _whole(value: Any, where: str) -> int:
+    number = _number(value, where, 0.0)
+    if number != int(number):
+        raise InvalidLayout(f"{where}: expected a whole number.", where)
+    return int(number)

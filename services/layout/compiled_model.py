@@ -1,0 +1,112 @@
+"""A layout graph model as arrays, in the order in which graphs have their attributes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.layout_graph import LayoutModel
+from services.layout.edge_attributes import RELATIONS
+from services.layout.graph import RELATION_OFFSETS
+from services.layout.node_attributes import NUMERIC_ATTRIBUTES
+
+CONTENT_SCALE = 0.5
+LABEL_SCALE = 0.35
+COUNT_SCALE = 0.3
+"""Weights of a content feature, of a label's own cost and of its count, until enough samples tell."""
+
+LABEL, COUNT = "label", "count"
+"""Names of the last two in a model's scales."""
+
+
+def content_scale_name(feature: str) -> str:
+    """Name of a content feature's weight in a model's scales."""
+    return f"content:{feature}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompiledModel:
+    """Arrays of a model with L nodes for A numeric attributes, C content features and D descriptors.
+
+    `values`, `variances` (L, A), NaN where the model has none; `content` (L, C) expectation values, NaN likewise;
+    `label_costs` (L,); `relations` (L, L, D) costs of descriptors by upper and lower label; `counts` (L, M) costs
+    of 0 .. M - 1 zones. `scales` weigh A numeric attributes, C features, the label's own cost, R relations, and
+    the counts, in this order.
+    """
+
+    labels: tuple[str | None, ...]
+    values: NDArray[np.float64]
+    variances: NDArray[np.float64]
+    content: NDArray[np.float64]
+    label_costs: NDArray[np.float64]
+    relations: NDArray[np.float64]
+    counts: NDArray[np.float64]
+    scales: NDArray[np.float64]
+
+
+def scale_names(content_names: Sequence[str]) -> tuple[str, ...]:
+    """Names of the scales in the order of `CompiledModel.scales`."""
+    return (
+        *(attribute.name for attribute in NUMERIC_ATTRIBUTES),
+        *(content_scale_name(name) for name in content_names),
+        LABEL,
+        *(relation.name for relation in RELATIONS),
+        COUNT,
+    )
+
+
+def default_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
+    """The weights before samples tell, in the order of `scale_names`."""
+    return np.array(
+        [
+            *(attribute.scale for attribute in NUMERIC_ATTRIBUTES),
+            *(CONTENT_SCALE for _ in content_names),
+            LABEL_SCALE,
+            *(relation.scale for relation in RELATIONS),
+            COUNT_SCALE,
+        ]
+    )
+
+
+def compile_model(model: LayoutModel, content_names: Sequence[str]) -> CompiledModel:
+    """Arrays of `model`; attributes that it does not know cost nothing, those that only it knows are left out."""
+    nodes, count = model.nodes, len(model.nodes)
+    values = np.full((count, len(NUMERIC_ATTRIBUTES)), np.nan)
+    variances = np.ones_like(values)
+    for row, node in enumerate(nodes):
+        for column, attribute in enumerate(NUMERIC_ATTRIBUTES):
+            expected = node.numeric.get(attribute.name)
+            if expected is not None:
+                values[row, column], variances[row, column] = expected.value, expected.variance
+    content = np.array(
+        [[node.content.get(name, np.nan) for name in content_names] for node in nodes], dtype=np.float64
+    ).reshape(count, len(content_names))
+    index = {node.label: position for position, node in enumerate(nodes)}
+    relations = np.zeros((count, count, RELATION_OFFSETS[-1]))
+    for edge in model.edges:
+        row = relations[index[edge.upper], index[edge.lower]]
+        for position, relation in enumerate(RELATIONS):
+            costs = edge.costs.get(relation.name)
+            if costs is not None and len(costs) == len(relation.descriptors):
+                row[RELATION_OFFSETS[position] : RELATION_OFFSETS[position + 1]] = costs
+    most = max(len(node.count_costs) for node in nodes)
+    counts = np.array(
+        [node.count_costs + (node.count_costs[-1],) * (most - len(node.count_costs)) for node in nodes]
+    )
+    return CompiledModel(
+        labels=model.labels,
+        values=values,
+        variances=variances,
+        content=content,
+        label_costs=np.array([node.cost for node in nodes]),
+        relations=relations,
+        counts=counts,
+        scales=_scales(model.scales, content_names),
+    )
+
+
+def _scales(told: Mapping[str, float], content_names: Sequence[str]) -> NDArray[np.float64]:
+    names = scale_names(content_names)
+    usual = default_scales(content_names)
+    return np.array([told.get(name, default) for name, default in zip(names, usual, strict=True)])

@@ -1,0 +1,75 @@
+"""The cost of a match between a model and a page (Equation 5.1), term by term and as tables for matching."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.compiled_model import CompiledModel
+from services.layout.cost_tables import CostTables
+from services.layout.edge_attributes import RELATIONS
+from services.layout.graph import RELATION_OFFSETS, LayoutGraph
+from services.layout.node_attributes import NUMERIC_ATTRIBUTES
+
+USUAL_CONTENT = 0.1
+"""How much of a content feature a zone of any page has; costs are relative to it."""
+
+_RELATION_OF_DESCRIPTOR = np.repeat(np.arange(len(RELATIONS)), np.diff(RELATION_OFFSETS))
+
+
+def node_terms(graph: LayoutGraph, model: CompiledModel) -> NDArray[np.float64]:
+    """Unweighted costs (N, L, A + C + 1) of giving zone z label l, attribute by attribute.
+
+    Each is relative to a zone of any page, so that 0 means that the attribute says nothing for or against the
+    label: numeric attributes, content features, and the label's own cost. What is unknown of the zone or in the
+    model costs 0.
+    """
+    zones, labels, attributes = graph.zones, len(model.labels), len(NUMERIC_ATTRIBUTES)
+    terms = np.empty((zones, labels, attributes + len(graph.content_names) + 1))
+    with np.errstate(invalid="ignore"):
+        for column, attribute in enumerate(NUMERIC_ATTRIBUTES):
+            values = graph.numeric[:, column, None]
+            mean, deviation = attribute.background
+            terms[:, :, column] = attribute.cost(
+                values, model.values[:, column], model.variances[:, column]
+            ) - attribute.cost(values, np.asarray(mean), np.asarray(deviation**2))
+        terms[:, :, attributes:-1] = content_cost(graph.content[:, None, :], model.content)
+    terms[:, :, -1] = model.label_costs
+    return np.nan_to_num(terms, copy=False, nan=0.0)
+
+
+def content_cost(confidence: NDArray[np.float64], expectation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cost of a content feature present with `confidence` p where its `expectation` value is e.
+
+    Equation 5.3, (1 - e) p + e (1 - p), with the two mismatches charged by their log likelihoods, so that what
+    never happens in a component costs more than what seldom does. Like 5.3 it is linear in p, falls with p for
+    an expectation above the usual and rises below it.
+    """
+    present = np.log(expectation / USUAL_CONTENT)
+    absent = np.log((1 - expectation) / (1 - USUAL_CONTENT))
+    return np.asarray(-(confidence * present + (1 - confidence) * absent))
+
+
+def relation_weight(zones: int) -> float:
+    """Share with which each of a zone's edges counts on a page of so many zones.
+
+    Edges are N - 1 for each node and tell the same thing over again; their sum grows as that of as many
+    independent errors would.
+    """
+    return float(1 / np.sqrt(max(1, zones - 1)))
+
+
+def build_cost_tables(graph: LayoutGraph, model: CompiledModel) -> CostTables:
+    """Tables of all costs of matching `graph` with `model`; label k is the model's node k."""
+    labels, nodes = len(model.labels), graph.content.shape[1] + len(NUMERIC_ATTRIBUTES) + 1
+    node = node_terms(graph, model) @ model.scales[:nodes]
+    weights = model.scales[nodes:-1][_RELATION_OF_DESCRIPTOR] * relation_weight(graph.zones)
+    by_descriptor = (model.relations * weights).reshape(labels * labels, -1)
+    edge = (graph.descriptor_indicators() @ by_descriptor.T).reshape(-1, labels, labels)
+    flipped = graph.pairs[:, 0] > graph.pairs[:, 1]
+    edge[flipped] = edge[flipped].transpose(0, 2, 1)
+    counted = np.minimum(np.arange(graph.zones + 1), model.counts.shape[1] - 1)
+    return CostTables(
+        node=node,
+        pairs=np.sort(graph.pairs, axis=1),
+        edge=edge,
+        count=model.scales[-1] * model.counts[:, counted],
+    )

@@ -1,0 +1,88 @@
+"""What samples say of a class: sums over labelled pages, from which pages can be taken away again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.graph import RELATION_OFFSETS, LayoutGraph
+
+MOST_COUNTED = 13
+"""Zones of one label on a page are counted so far; more count as many."""
+
+Sums = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledGraph:
+    """A graph and the labels of its zones, None for null."""
+
+    graph: LayoutGraph
+    labels: tuple[str | None, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelStatistics:
+    """Sums over pages for L labels, A numeric attributes, C content features and D descriptors.
+
+    `zones` (L,); `known`, `totals`, `squares` (L, A) of numeric values that are known; `read` (L,) zones of pages
+    that were read and `content` (L, C) the sums of their confidences; `descriptors` (L, L, D) by label of the upper
+    and of the lower zone; `counts` (L, MOST_COUNTED + 1) pages by the number of their zones with the label;
+    `pages` (1,).
+    """
+
+    zones: Sums
+    known: Sums
+    totals: Sums
+    squares: Sums
+    read: Sums
+    content: Sums
+    descriptors: Sums
+    counts: Sums
+    pages: Sums
+
+    def __add__(self, other: "LabelStatistics") -> "LabelStatistics":
+        return LabelStatistics(
+            *(getattr(self, each.name) + getattr(other, each.name) for each in fields(self))
+        )
+
+    def __sub__(self, other: "LabelStatistics") -> "LabelStatistics":
+        """What is left without the pages of `other`, which are among this one's."""
+        return LabelStatistics(
+            *(np.maximum(getattr(self, each.name) - getattr(other, each.name), 0.0) for each in fields(self))
+        )
+
+
+def label_indices(labels: Sequence[str | None], known: Sequence[str | None]) -> NDArray[np.intp]:
+    """Index of every label among the `known` ones."""
+    index = {label: position for position, label in enumerate(known)}
+    return np.array([index[label] for label in labels], dtype=np.intp)
+
+
+def gather_statistics(page: LabelledGraph, labels: Sequence[str | None]) -> LabelStatistics:
+    """Sums over the zones of one page; every label of its zones is one of `labels`."""
+    graph, count = page.graph, len(labels)
+    given = label_indices(page.labels, labels)
+    member = np.zeros((count, graph.zones))
+    member[given, np.arange(graph.zones)] = 1.0
+    known = np.isfinite(graph.numeric)
+    values = np.where(known, graph.numeric, 0.0)
+    read = np.asarray(np.isfinite(graph.content).all(axis=1))
+    upper, lower = given[graph.pairs.T]
+    descriptors = np.zeros((count * count, RELATION_OFFSETS[-1]))
+    np.add.at(descriptors, upper * count + lower, graph.descriptor_indicators())
+    zones = member.sum(axis=1)
+    counts = np.zeros((count, MOST_COUNTED + 1))
+    counts[np.arange(count), np.minimum(zones, MOST_COUNTED).astype(np.intp)] = 1.0
+    return LabelStatistics(
+        zones=zones,
+        known=member @ known,
+        totals=member @ values,
+        squares=member @ values**2,
+        read=member @ read,
+        content=member @ np.where(read[:, None], graph.content, 0.0),
+        descriptors=descriptors.reshape(count, count, -1),
+        counts=counts,
+        pages=np.ones(1),
+    )
