@@ -1,0 +1,95 @@
+"""Direct many-to-one labelling: a good labelling first, then the proof that there is none better, or the gap."""
+
+import time
+
+import numpy as np
+
+from services.layout.cost_tables import CostTables, Matching
+from services.layout.matching.bounded_problem import BoundedProblem, reduced, whole_problem
+from services.layout.matching.branch_and_bound import search
+from services.layout.matching.dual_ascent import DualAscent
+from services.layout.matching.labelling import Labels, Neighbours
+from services.layout.matching.local_search import improve, starts
+from services.layout.matching.parameters import MatchingParameters
+
+_TOLERANCE = 1e-10
+"""Of the cost's size: costs nearer than this are the same."""
+_FEW = 0.7
+"""A problem is written anew when no more than this share of its labels is left: passes over it are cheaper."""
+
+
+def match_directly(tables: CostTables, parameters: MatchingParameters) -> Matching:
+    """The labelling of least cost that was found, with what is proved of it.
+
+    Local search from a few starts gives an upper bound. Message passing lifts a lower one and drops labels which are
+    in no better labelling; what both leave open goes to branch and bound.
+    """
+    stop_at = time.perf_counter() + parameters.max_ms / 1000
+    if tables.zones == 0 or tables.labels == 1:
+        labels = np.zeros(tables.zones, np.intp)
+        cost = tables.cost(labels)
+        return Matching(labels, cost, cost, True, 0)
+    neighbours = Neighbours(tables)
+    found = _Found(tables, neighbours)
+    for start in starts(tables, neighbours):
+        found.offer(start)
+    problem = whole_problem(tables, neighbours)
+    problem = _raise_bound(problem, found, parameters.max_sweeps, stop_at)
+    bound, explored = problem.constant, 0
+    if bound < found.cost - found.tolerance:
+        result = search(problem, found.cost, found.tolerance, parameters.max_nodes, stop_at)
+        bound, explored = max(bound, result.lower_bound), result.explored
+        if result.choice is not None:
+            found.offer(problem.labelling(result.choice))
+    optimal = bound >= found.cost - 2 * found.tolerance
+    lower = found.cost if optimal else min(bound - found.tolerance, found.cost)
+    return Matching(found.labels, found.cost, lower, optimal, explored)
+
+
+class _Found:
+    """The best labelling so far."""
+
+    def __init__(self, tables: CostTables, neighbours: Neighbours) -> None:
+        self._tables, self._neighbours = tables, neighbours
+        self._offered: set[bytes] = set()
+        self.labels: Labels = np.zeros(tables.zones, np.intp)
+        self.cost = tables.cost(self.labels)
+
+    @property
+    def tolerance(self) -> float:
+        return _TOLERANCE * (1.0 + abs(self.cost))
+
+    def offer(self, start: Labels) -> None:
+        """Improve `start` by local search, once, and keep what is better."""
+        key = start.tobytes()
+        if key in self._offered:
+            return
+        self._offered.add(key)
+        labels, cost = improve(self._tables, self._neighbours, start)
+        self._offered.add(labels.tobytes())
+        if cost < self.cost:
+            self.labels, self.cost = labels, cost
+
+
+def _raise_bound(problem: BoundedProblem, found: _Found, max_sweeps: int, stop_at: float) -> BoundedProblem:
+    """Passes to and fro until the bound meets the cost, stands still or the budget ends; what is left."""
+    ascent = DualAscent(problem)
+    for step in range(max_sweeps):
+        choice = ascent.sweep(backward=step % 2 == 1)
+        if problem.constant >= found.cost - found.tolerance:
+            break
+        found.offer(problem.labelling(choice))
+        if step % 2 == 0:
+            ascent.price_counts(0.5)
+        keep = ascent.reach < found.cost - found.tolerance
+        keep[np.arange(problem.size), np.where(keep, ascent.seen, np.inf).argmin(1)] = True
+        if keep.sum() <= _FEW * problem.sizes.sum():
+            ascent.settle()
+            problem = reduced(problem, keep)
+            if problem.size == 0:
+                return problem
+            ascent = DualAscent(problem)
+        if time.perf_counter() > stop_at:
+            break
+    ascent.settle()
+    return problem

@@ -1,0 +1,97 @@
+"""Good labellings quickly: iterated conditional modes, then moves of several zones together."""
+
+import numpy as np
+
+from services.layout.cost_tables import CostTables
+from services.layout.matching.labelling import Floats, Labelling, Labels, Neighbours
+
+_LEAST_GAIN = 1e-10
+"""Relative to the costs; smaller gains are rounding, and could be won for ever."""
+_MOVES_PER_ZONE = 8
+"""Of single zones in one descent; more than any page needed, so that no descent is endless."""
+
+
+def descend(state: Labelling, least_gain: float) -> None:
+    """Iterated conditional modes: the single change that gains most, until none does."""
+    width = state.field.shape[1]
+    for _ in range(_MOVES_PER_ZONE * len(state.labels)):
+        changes = state.changes()
+        best = int(changes.argmin())
+        if changes.flat[best] > -least_gain:
+            return
+        state.change(*divmod(best, width))
+
+
+def exchange(state: Labelling, least_gain: float) -> bool:
+    """Let the two zones of one pair swap labels, if that gains; says whether it did."""
+    around, labels, field = state.neighbours, state.labels, state.field
+    first, second = labels[around.low], labels[around.high]
+    different = np.flatnonzero(first != second)
+    if len(different) == 0:
+        return False
+    i, j, a, b = around.low[different], around.high[different], first[different], second[different]
+    tables = around.edge
+    gain = field[i, b] - field[i, a] + field[j, a] - field[j, b]
+    gain += (
+        tables[different, b, a] - tables[different, b, b] - tables[different, a, a] + tables[different, a, b]
+    )
+    best = int(gain.argmin())
+    if gain[best] > -least_gain:
+        return False
+    z, w, other, own = int(i[best]), int(j[best]), int(b[best]), int(a[best])
+    state.change(z, other)
+    state.change(w, own)
+    return True
+
+
+def relabel_together(tables: CostTables, state: Labelling, least_gain: float) -> bool:
+    """Give all zones of one label another one, if that gains (as when a paragraph's zones vote together)."""
+    labels, counts, around = state.labels, state.counts, state.neighbours
+    used = np.flatnonzero(counts)
+    gains = np.full((len(used), tables.labels), np.inf)
+    same = labels[around.low] == labels[around.high]
+    for row, label in enumerate(used):
+        members = labels == label
+        size = int(counts[label])
+        # pairs inside the group are counted by both their zones, each against the other's old label
+        inner = around.edge[same & members[around.low]]
+        moved = np.einsum("ell->l", inner) - inner[:, :, label].sum(0) - inner[:, label].sum(0)
+        moved += inner[:, label, label].sum()
+        field = state.field[members]
+        now = tables.count[np.arange(tables.labels), counts]
+        more = tables.count[np.arange(tables.labels), np.minimum(counts + size, tables.zones)] - now
+        gains[row] = (
+            (field - field[:, label, None]).sum(0) + moved + more + tables.count[label, 0] - now[label]
+        )
+        gains[row, label] = np.inf
+    best, target = divmod(int(gains.argmin()), tables.labels)
+    if gains[best, target] > -least_gain:
+        return False
+    for zone in np.flatnonzero(labels == used[best]):
+        state.change(int(zone), target)
+    return True
+
+
+def improve(tables: CostTables, neighbours: Neighbours, start: Labels) -> tuple[Labels, float]:
+    """A labelling that no single change, exchange or change of a whole group makes better, and its cost."""
+    least_gain = _LEAST_GAIN * (1.0 + abs(tables.cost(start)))
+    state = Labelling(tables, neighbours, start)
+    for _ in range(4 * tables.zones):
+        descend(state, least_gain)
+        if not exchange(state, least_gain) and not relabel_together(tables, state, least_gain):
+            break
+    return state.labels, tables.cost(state.labels)
+
+
+def starts(tables: CostTables, neighbours: Neighbours) -> list[Labels]:
+    """Labellings to begin with: the zones for themselves, and with what their pairs expect of them."""
+    alone: Labels = tables.node.argmin(1)
+    if not len(neighbours.low):
+        return [alone]
+    # what pairs expect: the other zone's label as likely as its own cost alone says
+    weights: Floats = np.exp(np.minimum(tables.node.min(1, keepdims=True) - tables.node, 0.0))
+    weights /= weights.sum(1, keepdims=True)
+    of_low = np.matmul(neighbours.edge, weights[neighbours.high][:, :, None])[:, :, 0]
+    of_high = np.matmul(weights[neighbours.low][:, None, :], neighbours.edge)[:, 0]
+    expected = tables.node + neighbours.sum_by_zone(of_low, of_high)
+    return [alone, expected.argmin(1)]
