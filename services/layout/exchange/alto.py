@@ -1,0 +1,314 @@
+"""ALTO (Analyzed Layout and Text Object, loc.gov/standards/alto): versions 2 to 4 read, 4.4 written.
+
+Blocks are tagged with their logical labels (`TAGREFS` of a LayoutTag whose LABEL is the label).
+"""
+
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+from models.layout_graph import InvalidLayout, Kind, Page, Zone
+from services.layout.exchange.limits import ExchangeLimits
+from services.layout.exchange.page_json import page_from_document
+from services.layout.exchange.xml_reading import (
+    FIELD,
+    box_of,
+    children,
+    in_reading_order,
+    number,
+    polygon_box,
+    read_xml,
+)
+from services.layout.exchange.xml_writing import SOFTWARE, XSI, Names, clean, decimal, document, ordered
+from services.layout.results import LabelledZone, Recognition
+
+NAMESPACE = "http://www.loc.gov/standards/alto/ns-v4#"
+SCHEMA = "http://www.loc.gov/standards/alto/v4/alto-4-4.xsd"
+SCHEMA_VERSION = "4.4"
+
+_KINDS: Mapping[str, Kind] = {
+    "TextBlock": "text",
+    "Illustration": "figure",
+    "GraphicalElement": "rule",
+    "ComposedBlock": "figure",
+}
+_BLOCK_OF: Mapping[Kind, str] = {
+    "text": "TextBlock",
+    "figure": "Illustration",
+    "noise": "Illustration",
+    "rule": "GraphicalElement",
+}
+_NOISE = "noise"
+"""TYPE of the Illustrations that are noise; ALTO has no element for it."""
+_SPACES = ("TopMargin", "LeftMargin", "RightMargin", "BottomMargin", "PrintSpace")
+_LABEL_TAGS = ("LayoutTag", "StructureTag")
+_ALIGNMENTS = {"Left": "left", "Right": "right", "Center": "centre", "Block": "justified"}
+_MEASURES = ("lines", "font_size", "weight")
+"""Fields of a Zone that ALTO has no place for: OtherTags whose TYPE is their name and LABEL their value."""
+_ID = "id"
+"""Likewise the zone's id where it is no name of XML."""
+
+
+def read_alto(data: bytes, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
+    """Page of an ALTO file with one page, its zones in its reading order.
+
+    ReadingOrder tells the order, else IDNEXT, else the document. `pixels`, width and height of the page's image,
+    is needed where the file measures in tenths of a millimetre or 1/1200 inch, or does not tell the page's size.
+    Raises `InvalidLayout`; `zones[i]` counts the blocks from 0 in document order.
+    """
+    return page_of_alto(read_xml(data, limits), limits, pixels)
+
+
+def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
+    """The same of a document that is read."""
+    layout = next(children(root, "Layout"), None) if root.tag == "alto" else None
+    pages = [] if layout is None else list(children(layout, "Page"))
+    if len(pages) != 1:
+        raise InvalidLayout(f"Send ALTO with one page in its Layout; this file has {len(pages)}.", FIELD)
+    page = pages[0]
+    width, height, scale_x, scale_y = _scale(root, page, pixels)
+    tags = _tags(root)
+    blocks = list(_blocks(page, ""))
+    styles = {style.get("ID", ""): style for style in root.iter("ParagraphStyle")}
+    zones = []
+    for index, (block, inherited) in enumerate(blocks):
+        zone = _zone_document(block, index, inherited, tags)
+        box = zone["box"]
+        if box is not None:
+            zone["box"] = [box[0] * scale_x, box[1] * scale_y, box[2] * scale_x, box[3] * scale_y]
+        for style in (styles[name] for name in block.get("STYLEREFS", "").split() if name in styles):
+            spacing = number(style.get("LINESPACE"))
+            zone["alignment"] = _ALIGNMENTS.get(style.get("ALIGN", ""))
+            zone["line_spacing"] = None if spacing is None else spacing * scale_y
+        zones.append(zone)
+    found = page_from_document({"width": width, "height": height, "zones": zones}, limits)
+    order = in_reading_order(
+        [block.get("ID", "") for block, _ in blocks], _order(root, [block for block, _ in blocks])
+    )
+    return Page(found.width, found.height, tuple(found.zones[index] for index in order))
+
+
+def _scale(
+    root: Element, page: Element, pixels: tuple[float, float] | None
+) -> tuple[float | None, float | None, float, float]:
+    """Width and height of the page in pixels, and pixels per unit along x and y."""
+    unit = next((element.text or "" for element in root.iter("MeasurementUnit")), "pixel").strip()
+    width, height = number(page.get("WIDTH")), number(page.get("HEIGHT"))
+    if unit == "pixel":
+        if pixels is not None and not (width and height):
+            return pixels[0], pixels[1], 1.0, 1.0
+        return width, height, 1.0, 1.0
+    if pixels is None:
+        raise InvalidLayout(
+            f"The file measures in {unit[:20]!a}; send the page's image with it, or ALTO in pixels.", FIELD
+        )
+    if not (width and height and min(width, height) > 0):
+        raise InvalidLayout(
+            "The Page has no WIDTH and HEIGHT, which tell what a pixel is in its unit.", FIELD
+        )
+    return pixels[0], pixels[1], pixels[0] / width, pixels[1] / height
+
+
+def _tags(root: Element) -> dict[str, tuple[str, str, str]]:
+    """Element name, TYPE and LABEL of every tag, by its ID."""
+    return {
+        tag.get("ID", ""): (tag.tag, tag.get("TYPE", ""), tag.get("LABEL", ""))
+        for tags in children(root, "Tags")
+        for tag in tags
+    }
+
+
+def _blocks(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
+    """The blocks that become zones, with the TAGREFS of the blocks they are in; read_xml has bounded the depth."""
+    for element in parent:
+        if element.tag in _SPACES:
+            yield from _blocks(element, inherited)
+        elif element.tag == "ComposedBlock" and next(children(element, *_KINDS), None) is not None:
+            yield from _blocks(element, f"{element.get('TAGREFS', '')} {inherited}")
+        elif element.tag in _KINDS:
+            yield element, inherited
+
+
+def _order(root: Element, blocks: list[Element]) -> list[str]:
+    reading_order = next(children(root, "ReadingOrder"), None)
+    if reading_order is not None:
+        return [name for element in reading_order.iter() for name in element.get("REF", "").split()]
+    following = {block.get("ID", ""): block.get("IDNEXT", "") for block in blocks}
+    order: dict[str, None] = {}
+    continued = set(following.values())
+    for start in [name for name in following if name not in continued]:
+        name = start
+        while name in following and name not in order:
+            order[name] = None
+            name = following[name]
+    return list(order)
+
+
+def _zone_document(
+    block: Element, index: int, inherited: str, tags: dict[str, tuple[str, str, str]]
+) -> dict[str, Any]:
+    kind = _KINDS[block.tag]
+    if block.tag == "Illustration" and block.get("TYPE") == _NOISE:
+        kind = "noise"
+    lines = list(children(block, "TextLine"))
+    zone: dict[str, Any] = {
+        "id": block.get("ID") or f"block-{index + 1}",
+        "box": _box(block),
+        "kind": kind,
+        "label": None,
+        "lines": len(lines) or None,
+        "text": "\n".join(_line_text(line) for line in lines),
+    }
+    for name in reversed(f"{block.get('TAGREFS', '')} {inherited}".split()):  # the nearest has the last word
+        element, type_, label = tags.get(name, ("", "", ""))
+        if element in _LABEL_TAGS:
+            zone["label"] = label or type_ or None
+        elif element == "OtherTag" and type_ in _MEASURES:
+            zone[type_] = number(label)
+        elif element == "OtherTag" and type_ == _ID:
+            zone[type_] = label
+    return zone
+
+
+def _box(element: Element) -> list[float] | None:
+    """From HPOS, VPOS, WIDTH and HEIGHT, else the Shape, else the lines and words in it."""
+    x, y = number(element.get("HPOS")), number(element.get("VPOS"))
+    width, height = number(element.get("WIDTH")), number(element.get("HEIGHT"))
+    if x is not None and y is not None and width is not None and height is not None:
+        return [x, y, x + max(width, 1.0), y + max(height, 1.0)]
+    for shape in children(element, "Shape"):
+        for polygon in children(shape, "Polygon"):
+            return polygon_box(polygon.get("POINTS", ""))
+    inner = [box for box in map(_box, children(element, "TextLine", "String")) if box is not None]
+    if not inner:
+        return None
+    return box_of([x for box in inner for x in box[0::2]], [y for box in inner for y in box[1::2]])
+
+
+def _line_text(line: Element) -> str:
+    words = [word.get("CONTENT", "") for word in children(line, "String")]
+    return " ".join(words) + "".join(hyphen.get("CONTENT", "") for hyphen in children(line, "HYP"))
+
+
+def write_alto(recognition: Recognition, file_name: str, created: datetime) -> bytes:
+    """The recognition as ALTO 4.4 in pixels, the page being that of the image `file_name`.
+
+    `created` is a time with its zone. PAGECLASS is the class. Lines have no place of their own, as they were not
+    measured. ALTO has text in text blocks only: text that was read in a figure is left away.
+    """
+    page = recognition.page
+    names = Names()
+    zones = ordered(recognition)
+    ids = [names.give(zone.zone.id) for zone in zones]
+    page_id, space_id, step_id = names.give("page"), names.give("print-space"), names.give("recognition")
+    tags = _Tags(names)
+    styles: dict[tuple[tuple[str, str], ...], str] = {}
+
+    root = Element(
+        "alto",
+        {
+            "xmlns": NAMESPACE,
+            "xmlns:xsi": XSI,
+            "xsi:schemaLocation": f"{NAMESPACE} {SCHEMA}",
+            "SCHEMAVERSION": SCHEMA_VERSION,
+        },
+    )
+    _describe(root, clean(file_name), created, step_id)
+    style_list, tag_list = SubElement(root, "Styles"), SubElement(root, "Tags")
+    if zones:
+        group = SubElement(
+            SubElement(root, "ReadingOrder"), "OrderedGroup", {"ID": names.give("reading-order")}
+        )
+        for name in ids:
+            SubElement(group, "ElementRef", {"ID": names.give(f"{name}-place"), "REF": name})
+    size = {"HEIGHT": decimal(page.height), "WIDTH": decimal(page.width)}
+    attributes = {"ID": page_id, **size, "PHYSICAL_IMG_NR": "1", "PROCESSING": step_id}
+    if recognition.chosen is not None:
+        attributes["PAGECLASS"] = clean(recognition.chosen.name)
+    element = SubElement(SubElement(root, "Layout"), "Page", attributes)
+    space = SubElement(element, "PrintSpace", {"ID": space_id, **size, "HPOS": "0", "VPOS": "0"})
+    for name, zone in zip(ids, zones, strict=True):
+        block = {"ID": name}
+        style = _style(zone.zone)
+        if style:
+            if style not in styles:
+                styles[style] = names.give(f"paragraph-style-{len(styles) + 1}")
+                SubElement(style_list, "ParagraphStyle", {"ID": styles[style], **dict(style)})
+            block["STYLEREFS"] = styles[style]
+        references = tags.of(zone, name)
+        if references:
+            block["TAGREFS"] = " ".join(references)
+        _write_block(space, zone.zone, block)
+    for kind, type_, label, name in tags.given:
+        SubElement(tag_list, kind, {"ID": name, "TYPE": type_, "LABEL": label})
+    for empty in (part for part in (style_list, tag_list) if len(part) == 0):
+        root.remove(empty)
+    return document(root)
+
+
+class _Tags:
+    """The tags of a document, each once."""
+
+    def __init__(self, names: Names) -> None:
+        self._names = names
+        self._ids: dict[tuple[str, str, str], str] = {}
+
+    @property
+    def given(self) -> list[tuple[str, str, str, str]]:
+        """Element name, TYPE, LABEL and ID of each, labels first."""
+        return [(*tag, name) for tag, name in sorted(self._ids.items())]
+
+    def of(self, labelled: LabelledZone, name: str) -> list[str]:
+        """IDs of the tags of a zone whose block is `name`."""
+        found = [] if labelled.label is None else [("LayoutTag", "layout", clean(labelled.label))]
+        zone = labelled.zone
+        measures = {name: getattr(zone, name) for name in _MEASURES}
+        if zone.kind == "text" and zone.lines == (len(_lines(zone)) or None):
+            del measures["lines"]  # the TextLines tell it
+        found += [("OtherTag", name, decimal(value)) for name, value in measures.items() if value is not None]
+        found += [] if zone.id == name else [("OtherTag", _ID, clean(zone.id))]
+        for tag in found:
+            if tag not in self._ids:
+                wanted = f"{tag[2] if tag[0] == 'LayoutTag' else tag[1]}-tag"
+                self._ids[tag] = self._names.give(wanted)
+        return [self._ids[tag] for tag in found]
+
+
+def _describe(root: Element, file_name: str, created: datetime, step_id: str) -> None:
+    description = SubElement(root, "Description")
+    SubElement(description, "MeasurementUnit").text = "pixel"
+    SubElement(SubElement(description, "sourceImageInformation"), "fileName").text = file_name
+    step = SubElement(description, "Processing", {"ID": step_id})
+    SubElement(step, "processingCategory").text = "contentGeneration"
+    SubElement(step, "processingDateTime").text = created.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    SubElement(step, "processingStepDescription").text = "layout structure recognition"
+    SubElement(SubElement(step, "processingSoftware"), "softwareName").text = SOFTWARE
+
+
+def _style(zone: Zone) -> tuple[tuple[str, str], ...]:
+    """Attributes of its ParagraphStyle."""
+    names = {alignment: name for name, alignment in _ALIGNMENTS.items()}
+    align = () if zone.alignment is None else (("ALIGN", names[zone.alignment]),)
+    return align + (() if zone.line_spacing is None else (("LINESPACE", decimal(zone.line_spacing)),))
+
+
+def _lines(zone: Zone) -> list[list[str]]:
+    """The words of its text, line by line."""
+    return [words for line in clean(zone.text).split("\n") if (words := line.split())]
+
+
+def _write_block(space: Element, zone: Zone, attributes: dict[str, str]) -> None:
+    x0, y0, x1, y1 = zone.box
+    place = {"HEIGHT": decimal(y1 - y0), "WIDTH": decimal(x1 - x0), "HPOS": decimal(x0), "VPOS": decimal(y0)}
+    block = SubElement(space, _BLOCK_OF[zone.kind], {**attributes, **place})
+    if zone.kind == "noise":
+        block.set("TYPE", _NOISE)
+    if zone.kind != "text":
+        return
+    for words in _lines(zone):
+        line = SubElement(block, "TextLine")
+        for index, word in enumerate(words):
+            if index:
+                SubElement(line, "SP")
+            SubElement(line, "String", {"CONTENT": word})

@@ -1,0 +1,269 @@
+"""The contract's zones JSON: what a request gives as `zones`, a sample holds, and /layout answers.
+
+`{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "label"?, "kind"?, "lines"?, "font_size"?,
+"line_spacing"?, "weight"?, "alignment"?, "text"?, "content"?}]}`; other keys are passed over.
+"""
+
+from typing import Any, cast
+
+from models.layout_graph import (
+    ALIGNMENTS,
+    KINDS,
+    Alignment,
+    Box,
+    InvalidLayout,
+    Kind,
+    Page,
+    Zone,
+    is_finite_number,
+)
+from services.layout.exchange.limits import ExchangeLimits
+
+_MOST_LINES = 100_000
+"""As many as the page may have pixels."""
+_BEYOND_PAGE = 1.0
+"""How far a box may stick out of the page, in page sides: further out it was measured on another image."""
+_EXAMPLE = '{"width": 2480, "height": 3508, "zones": [{"id": "z1", "box": [300, 412, 1180, 655]}]}'
+
+
+def page_from_document(document: Any, limits: ExchangeLimits) -> Page:
+    """The page that `document`, a value of JSON, tells of; its zones in the order given.
+
+    Ids may be strings or whole numbers and are kept as strings. A size of 0 means that it was not measured. Boxes
+    are clipped to the page. A page without zones is one; whoever needs zones says so.
+    Raises `InvalidLayout`, with the field, for everything else.
+    """
+    if not isinstance(document, dict):
+        raise InvalidLayout(f"The zones must be an object of JSON, such as {_EXAMPLE}.", "zones")
+    width, height = (_page_side(document, name, limits) for name in ("width", "height"))
+    given = document.get("zones")
+    if not isinstance(given, list):
+        raise InvalidLayout(f"Send the page's zones as a list, such as {_EXAMPLE}.", "zones")
+    if len(given) > limits.max_zones:
+        raise InvalidLayout(
+            f"The page has {len(given)} zones and may have {limits.max_zones}; send zones at paragraph level.",
+            "zones",
+        )
+    zones = tuple(_zone(zone, f"zones[{index}]", width, height, limits) for index, zone in enumerate(given))
+    seen: dict[str, int] = {}
+    for index, zone in enumerate(zones):
+        first = seen.setdefault(zone.id, index)
+        if first != index:
+            raise InvalidLayout(
+                f"The id {_shown(zone.id)} is that of zones[{first}] already; give every zone an id of its own.",
+                f"zones[{index}].id",
+            )
+    return Page(width, height, zones)
+
+
+def page_to_document(page: Page) -> dict[str, Any]:
+    """The same as JSON; what was not measured is left away, an unknown label is null."""
+    return {
+        "width": _plain(page.width),
+        "height": _plain(page.height),
+        "zones": [_zone_document(zone) for zone in page.zones],
+    }
+
+
+def _zone_document(zone: Zone) -> dict[str, Any]:
+    document: dict[str, Any] = {
+        "id": zone.id,
+        "box": [_plain(value) for value in zone.box],
+        "label": zone.label,
+        "kind": zone.kind,
+    }
+    for name in ("lines", "font_size", "line_spacing", "weight", "alignment"):
+        value = getattr(zone, name)
+        if value is not None:
+            document[name] = value
+    if zone.text:
+        document["text"] = zone.text
+    if zone.content:
+        document["content"] = dict(zone.content)
+    return document
+
+
+def _plain(value: float) -> float:
+    """Whole numbers without their fraction, as they were most likely sent."""
+    return int(value) if float(value).is_integer() else float(value)
+
+
+def _page_side(document: dict[Any, Any], name: str, limits: ExchangeLimits) -> float:
+    if name not in document:
+        raise InvalidLayout(
+            f"Say the page's {name} in pixels of the image that the boxes are measured on.", name
+        )
+    value = document[name]
+    if not is_finite_number(value) or not 0 < value <= limits.max_side:
+        raise InvalidLayout(
+            f"The page's {name} is {_shown(value)}; give pixels, more than 0 and at most {limits.max_side:g}.",
+            name,
+        )
+    return float(value)
+
+
+def _zone(given: Any, field: str, width: float, height: float, limits: ExchangeLimits) -> Zone:
+    if not isinstance(given, dict):
+        raise InvalidLayout(
+            f'{field} must be an object such as {{"id": "z1", "box": [300, 412, 1180, 655]}}.', field
+        )
+    return Zone(
+        id=_id(given, field, limits),
+        box=_box(given, field, width, height),
+        kind=cast(Kind, _choice(given.get("kind"), f"{field}.kind", KINDS) or "text"),
+        lines=_lines(given.get("lines"), f"{field}.lines"),
+        font_size=_measure(given.get("font_size"), f"{field}.font_size", limits),
+        line_spacing=_measure(given.get("line_spacing"), f"{field}.line_spacing", limits),
+        weight=_measure(given.get("weight"), f"{field}.weight", limits),
+        alignment=cast(Alignment | None, _choice(given.get("alignment"), f"{field}.alignment", ALIGNMENTS)),
+        text=_text(given.get("text"), f"{field}.text", limits),
+        content=_content(given.get("content"), f"{field}.content", limits),
+        label=_label(given.get("label"), f"{field}.label", limits),
+    )
+
+
+def _id(given: dict[Any, Any], field: str, limits: ExchangeLimits) -> str:
+    value = given.get("id")
+    field = f"{field}.id"
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise InvalidLayout(
+            f"Give every zone an id, a string or a whole number; here it is {_shown(value)}.", field
+        )
+    if isinstance(value, int) and abs(value) >= 10**limits.max_id_length:
+        raise InvalidLayout(f"The id may have {limits.max_id_length} digits at most.", field)
+    name = str(value)
+    if not 1 <= len(name) <= limits.max_id_length or not name.isprintable():
+        raise InvalidLayout(
+            f"The id must have 1 to {limits.max_id_length} printable characters; here it is {_shown(name)}.",
+            field,
+        )
+    return name
+
+
+def _box(given: dict[Any, Any], field: str, width: float, height: float) -> Box:
+    value = given.get("box")
+    field = f"{field}.box"
+    if not isinstance(value, list | tuple) or len(value) != 4 or not all(map(is_finite_number, value)):
+        raise InvalidLayout(
+            f"The box must be four finite numbers [x0, y0, x1, y1] in pixels; here it is {_shown(value)}.",
+            field,
+        )
+    x0, y0, x1, y1 = map(float, value)
+    if x1 <= x0 or y1 <= y0:
+        raise InvalidLayout(
+            f"The box {_shown(value)} is empty; it is [x0, y0, x1, y1] with x0 < x1 and y0 < y1 "
+            "(not [x, y, width, height]).",
+            field,
+        )
+    page = f"the page of {width:g} x {height:g} pixels"
+    if min(x1, width) <= max(x0, 0.0) or min(y1, height) <= max(y0, 0.0):
+        raise InvalidLayout(f"The box {_shown(value)} lies outside {page}; measure both on one image.", field)
+    beyond_x, beyond_y = width * _BEYOND_PAGE, height * _BEYOND_PAGE
+    if min(x0 + beyond_x, width + beyond_x - x1, y0 + beyond_y, height + beyond_y - y1) < 0:
+        raise InvalidLayout(
+            f"The box {_shown(value)} goes far beyond {page}; measure both on one image.", field
+        )
+    return (max(x0, 0.0), max(y0, 0.0), min(x1, width), min(y1, height))
+
+
+def _choice(value: Any, field: str, choices: tuple[str, ...]) -> str | None:
+    if value is not None and value not in choices:
+        raise InvalidLayout(
+            f"{_shown(value)} is not known; give one of {', '.join(choices)}, or null.", field
+        )
+    return cast(str | None, value)
+
+
+def _lines(value: Any, field: str) -> int | None:
+    if value is None:
+        return None
+    if not is_finite_number(value) or value != int(value) or not 0 <= value <= _MOST_LINES:
+        raise InvalidLayout(
+            f"The number of lines is {_shown(value)}; give a whole number from 0 to {_MOST_LINES}, or null.",
+            field,
+        )
+    return int(value)
+
+
+def _measure(value: Any, field: str, limits: ExchangeLimits) -> float | None:
+    if value is None:
+        return None
+    if not is_finite_number(value) or not 0 <= value <= limits.max_side:
+        raise InvalidLayout(
+            f"The value is {_shown(value)}; give a number from 0 to {limits.max_side:g}, or null.", field
+        )
+    return float(value) or None
+
+
+def _text(value: Any, field: str, limits: ExchangeLimits) -> str:
+    if value is None:
+        return ""
+    if not isinstance(value, str):
+        raise InvalidLayout(f"The text must be a string; here it is {_shown(value)}.", field)
+    if len(value) > limits.max_text_length:
+        raise InvalidLayout(
+            f"The text has {len(value)} characters and may have {limits.max_text_length}; divide the zone.",
+            field,
+        )
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise InvalidLayout(
+            "The text has half a surrogate pair in it; send whole characters.", field
+        ) from error
+    return value
+
+
+def _label(value: Any, field: str, limits: ExchangeLimits) -> str | None:
+    if value is None:
+        return None
+    label = value.strip() if isinstance(value, str) else ""
+    if not 1 <= len(label) <= limits.max_label_length or not label.isprintable():
+        raise InvalidLayout(
+            f"The label is {_shown(value)}; give 1 to {limits.max_label_length} printable characters, "
+            "or null for none of the model's.",
+            field,
+        )
+    return label
+
+
+def _content(value: Any, field: str, limits: ExchangeLimits) -> dict[str, float]:
+    if value is None:
+        return {}
+    if not isinstance(value, dict) or len(value) > limits.max_content_features:
+        raise InvalidLayout(
+            f'The content must be an object such as {{"date": 0.9}} of {limits.max_content_features} features at most.',
+            field,
+        )
+    for name, confidence in value.items():
+        if (
+            not isinstance(name, str)
+            or not 1 <= len(name) <= limits.max_label_length
+            or not name.isprintable()
+        ):
+            raise InvalidLayout(
+                f"{_shown(name)} is no name of a content feature; give 1 to {limits.max_label_length} "
+                "printable characters.",
+                field,
+            )
+        if not is_finite_number(confidence) or not 0 <= confidence <= 1:
+            raise InvalidLayout(
+                f"The confidence of {_shown(name)} is {_shown(confidence)}; give a number from 0 to 1.", field
+            )
+    return {name: float(confidence) for name, confidence in value.items()}
+
+
+def _shown(value: Any) -> str:
+    """What was sent, short enough for a sentence, and in ASCII so that it can be told in any encoding."""
+    if isinstance(value, list | tuple) and len(value) <= 4:
+        return "[" + ", ".join(_shown_part(part) for part in value) + "]"
+    return _shown_part(value)
+
+
+def _shown_part(value: Any) -> str:
+    if isinstance(value, dict | list | tuple):
+        return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)}"
+    if isinstance(value, int) and abs(value) >= 10**30:
+        return "a whole number of more than 30 digits"
+    shown = ascii(value[:60] if isinstance(value, str) else value)
+    return shown if len(shown) <= 60 else shown[:57] + "..."

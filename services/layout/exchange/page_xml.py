@@ -1,0 +1,308 @@
+"""PAGE-XML (Page Analysis and Ground-truth Elements), 2019-07-15: read, also its forerunners, and written.
+
+S. Pletschacher and A. Antonacopoulos, The PAGE format framework, ICPR 2010; schema at primaresearch.org. The
+logical label stands where most tools look for it, in `custom="structure {type:...;}"`; what PAGE has no place for
+(lines and sizes in pixels, the zone's own id) in `custom="zone {...}"`.
+"""
+
+import re
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+from models.layout_graph import InvalidLayout, Kind, Page, Zone
+from services.layout.exchange.limits import ExchangeLimits
+from services.layout.exchange.page_json import page_from_document
+from services.layout.exchange.xml_reading import (
+    FIELD,
+    box_of,
+    children,
+    in_reading_order,
+    number,
+    polygon_box,
+    read_xml,
+)
+from services.layout.exchange.xml_writing import SOFTWARE, XSI, Names, clean, decimal, document, ordered
+from services.layout.results import LabelledZone, Recognition
+
+NAMESPACE = "http://schema.primaresearch.org/PAGE/gts/pagecontent/2019-07-15"
+
+_KINDS: Mapping[str, Kind] = {
+    "TextRegion": "text",
+    "MathsRegion": "text",
+    "ImageRegion": "figure",
+    "LineDrawingRegion": "figure",
+    "GraphicRegion": "figure",
+    "TableRegion": "figure",
+    "ChartRegion": "figure",
+    "MapRegion": "figure",
+    "ChemRegion": "figure",
+    "MusicRegion": "figure",
+    "AdvertRegion": "figure",
+    "UnknownRegion": "figure",
+    "CustomRegion": "figure",
+    "SeparatorRegion": "rule",
+    "NoiseRegion": "noise",
+    "FrameRegion": "figure",  # until 2010
+}
+_CONTAINERS = {"AdvertRegion", "UnknownRegion", "CustomRegion"}
+"""Regions that stand for the regions in them; in the others they are parts, as the cells of a table."""
+_REGION_OF: Mapping[Kind, str] = {
+    "text": "TextRegion",
+    "figure": "ImageRegion",
+    "rule": "SeparatorRegion",
+    "noise": "NoiseRegion",
+}
+_TEXT_TYPES = {
+    **{name: name for name in ("paragraph", "heading", "caption", "header", "footer", "page-number")},
+    **{
+        name: name
+        for name in ("drop-capital", "credit", "floating", "signature-mark", "catch-word", "marginalia")
+    },
+    **{
+        name: name
+        for name in ("footnote", "footnote-continued", "endnote", "TOC-entry", "list-label", "other")
+    },
+    "body": "paragraph",
+    "title": "heading",
+    "section-title": "heading",
+    "author": "credit",
+    "margin-note": "marginalia",
+}
+"""Labels that the enumeration TextTypeSimpleType has, and those that are another word for one of it."""
+_GRAPHIC_TYPES = {
+    **{name: name for name in ("logo", "letterhead", "decoration", "frame", "stamp", "signature", "barcode")},
+    "handwriting": "handwritten-annotation",
+}
+"""Likewise of GraphicsTypeSimpleType: such figures are GraphicRegions."""
+_ALIGNMENTS = {"justified": "justify"}
+_MEASURES = {"lines": "lines", "fontSize": "font_size", "lineSpacing": "line_spacing", "weight": "weight"}
+"""Properties of `zone {...}` and the fields of a Zone that they hold."""
+_CUSTOM_GROUP = re.compile(r"(?<![\w-])([\w-]+)\s*\{([^{}]*)\}")
+_LONGEST_CUSTOM = 10_000
+_TO_ESCAPE = re.compile(r"[\\{}:;,\s]")
+_ESCAPED = re.compile(r"\\u([0-9a-fA-F]{4})")
+
+
+def read_page_xml(data: bytes, limits: ExchangeLimits) -> Page:
+    """Page of a PAGE-XML file, its zones in its reading order (else in document order).
+
+    Coords become their bounding boxes. The label is `structure {type:...;}` of `custom`, else PAGE's own `type`
+    (save `other`). Raises `InvalidLayout`; `zones[i]` counts the regions from 0 in document order.
+    """
+    return page_of_page_xml(read_xml(data, limits), limits)
+
+
+def page_of_page_xml(root: Element, limits: ExchangeLimits) -> Page:
+    """The same of a document that is read."""
+    page = next(children(root, "Page"), None) if root.tag == "PcGts" else None
+    if page is None:
+        raise InvalidLayout("The file is no PAGE-XML: it has no Page in a PcGts.", FIELD)
+    dpi = _resolution(page)
+    regions = list(_regions(page))
+    zones = [_zone_document(region, index, dpi) for index, region in enumerate(regions)]
+    found = page_from_document(
+        {"width": number(page.get("imageWidth")), "height": number(page.get("imageHeight")), "zones": zones},
+        limits,
+    )
+    order = in_reading_order([region.get("id", "") for region in regions], _references(page))
+    return Page(found.width, found.height, tuple(found.zones[index] for index in order))
+
+
+def _regions(parent: Element) -> list[Element]:
+    """The regions that become zones, in document order; read_xml has bounded the depth."""
+    found: list[Element] = []
+    for region in children(parent, *_KINDS):
+        inner = _regions(region) if region.tag in _CONTAINERS else []
+        found += inner or [region]
+    return found
+
+
+def _references(page: Element) -> list[str]:
+    """Ids of regions as ReadingOrder names them; the groups of an ordered group by their index."""
+    reading_order = next(children(page, "ReadingOrder"), None)
+    return [] if reading_order is None else _group_references(reading_order)
+
+
+def _group_references(group: Element) -> list[str]:
+    members = sorted(group, key=lambda member: number(member.get("index")) or 0.0)
+    found: list[str] = []
+    for member in members:
+        reference = member.get("regionRef")
+        found += [reference] if reference else []
+        found += _group_references(member)
+    return found
+
+
+def _zone_document(region: Element, index: int, dpi: float | None) -> dict[str, Any]:
+    custom = _read_custom(region.get("custom", ""))
+    own = custom.get("zone", {})
+    lines = list(children(region, "TextLine"))
+    style = next(children(region, "TextStyle"), None)
+    points = number(None if style is None else style.get("fontSize"))
+    zone: dict[str, Any] = {
+        "id": own.get("id") or region.get("id") or f"region-{index + 1}",
+        "box": _coords_box(region),
+        "kind": _KINDS[region.tag],
+        "label": _label(region, custom),
+        "lines": len(lines) or None,
+        "font_size": points * dpi / 72.0 if points and dpi else None,
+        "alignment": _alignment(region.get("align")),
+        "text": _text(region),
+    }
+    zone.update({name: number(own[key]) for key, name in _MEASURES.items() if key in own})
+    return zone
+
+
+def _coords_box(region: Element) -> list[float] | None:
+    coords = next(children(region, "Coords"), None)
+    if coords is None:
+        return None
+    if "points" in coords.attrib:
+        return polygon_box(coords.attrib["points"])
+    corners = [
+        (number(point.get("x")), number(point.get("y"))) for point in children(coords, "Point")
+    ]  # until 2010
+    known = [(x, y) for x, y in corners if x is not None and y is not None]
+    return (
+        box_of([x for x, _ in known], [y for _, y in known]) if known and len(known) == len(corners) else None
+    )
+
+
+def _label(region: Element, custom: dict[str, dict[str, str]]) -> str | None:
+    label = custom.get("structure", {}).get("type")
+    if label or "zone" in custom:  # what this module wrote has no other label than that of `structure`
+        return label or None
+    own = region.get("type")
+    return None if own == "other" else own or None
+
+
+def _alignment(align: str | None) -> str | None:
+    return {"justify": "justified", "left": "left", "right": "right", "centre": "centre"}.get(align or "")
+
+
+def _text(element: Element) -> str:
+    """Text of a region: its own transcription, else that of its lines (words), or of the regions in it."""
+    equivalents = sorted(
+        children(element, "TextEquiv"), key=lambda equivalent: number(equivalent.get("index")) or 0.0
+    )
+    own = next((_unicode(equivalent) for equivalent in equivalents), "")
+    if own:
+        return own
+    between = " " if element.tag == "TextLine" else "\n"
+    parts = [_text(part) for part in children(element, "TextLine", "Word", *_KINDS)]
+    return between.join(part for part in parts if part)
+
+
+def _unicode(equivalent: Element) -> str:
+    return next((text.text or "" for text in children(equivalent, "Unicode", "PlainText")), "")
+
+
+def _resolution(page: Element) -> float | None:
+    """Pixels per inch, where the page says it."""
+    resolution = number(page.get("imageYResolution"))
+    if not resolution or resolution < 0:
+        return None
+    return {"PPI": resolution, "PPCM": resolution * 2.54}.get(page.get("imageResolutionUnit", ""))
+
+
+def write_page_xml(recognition: Recognition, file_name: str, created: datetime) -> bytes:
+    """The recognition as PAGE-XML 2019-07-15, the page being that of the image `file_name`.
+
+    `created` is a time with its zone. Boxes are rounded to whole pixels, as the schema demands. Text of zones that
+    are no text stands in a TextRegion inside of theirs. The class and its probability stand in the page's `custom`.
+    """
+    page = recognition.page
+    width, height = max(1, round(page.width)), max(1, round(page.height))
+    root = Element(
+        "PcGts",
+        {
+            "xmlns": NAMESPACE,
+            "xmlns:xsi": XSI,
+            "xsi:schemaLocation": f"{NAMESPACE} {NAMESPACE}/pagecontent.xsd",
+        },
+    )
+    metadata = SubElement(root, "Metadata")
+    SubElement(metadata, "Creator").text = SOFTWARE
+    for name in ("Created", "LastChange"):
+        SubElement(metadata, name).text = created.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    attributes = {"imageFilename": clean(file_name), "imageWidth": str(width), "imageHeight": str(height)}
+    if recognition.chosen is not None:
+        chosen = {"name": recognition.chosen.name, "probability": decimal(recognition.chosen.probability)}
+        attributes["custom"] = _write_custom({"class": chosen})
+    element = SubElement(root, "Page", attributes)
+
+    names = Names()
+    zones = ordered(recognition)
+    ids = [names.give(zone.zone.id) for zone in zones]
+    if zones:
+        group = SubElement(
+            SubElement(element, "ReadingOrder"), "OrderedGroup", {"id": names.give("reading-order")}
+        )
+        for index, name in enumerate(ids):
+            SubElement(group, "RegionRefIndexed", {"index": str(index), "regionRef": name})
+    for name, zone in zip(ids, zones, strict=True):
+        _write_region(element, zone, name, _points(zone.zone, width, height), names)
+    return document(root)
+
+
+def _write_region(page: Element, labelled: LabelledZone, name: str, points: str, names: Names) -> None:
+    zone, label = labelled.zone, labelled.label
+    tag, attributes = _REGION_OF[zone.kind], {"id": name}
+    if zone.kind == "text" and label is not None:
+        attributes["type"] = _TEXT_TYPES.get(label, "other")
+    elif zone.kind == "figure" and label in _GRAPHIC_TYPES:
+        tag, attributes["type"] = "GraphicRegion", _GRAPHIC_TYPES[label]
+    own = {} if zone.id == name else {"id": zone.id}
+    own |= {
+        key: decimal(value) for key, field in _MEASURES.items() if (value := getattr(zone, field)) is not None
+    }
+    structure = {} if label is None else {"type": label, "score": decimal(labelled.confidence)}
+    attributes["custom"] = _write_custom({"structure": structure, "zone": own})
+    if zone.kind == "text" and zone.alignment is not None:
+        attributes["align"] = _ALIGNMENTS.get(zone.alignment, zone.alignment)
+
+    region = SubElement(page, tag, attributes)
+    SubElement(region, "Coords", {"points": points})
+    text = clean(zone.text)
+    if text:
+        holder = region
+        if zone.kind != "text":
+            holder = SubElement(region, "TextRegion", {"id": names.give(f"{name}-text")})
+            SubElement(holder, "Coords", {"points": points})
+        SubElement(SubElement(holder, "TextEquiv"), "Unicode").text = text
+
+
+def _points(zone: Zone, width: int, height: int) -> str:
+    """The box as the schema's polygon of whole pixels, inside the page and never empty."""
+    x0 = min(max(round(zone.box[0]), 0), width - 1)
+    y0 = min(max(round(zone.box[1]), 0), height - 1)
+    x1 = min(max(round(zone.box[2]), x0 + 1), width)
+    y1 = min(max(round(zone.box[3]), y0 + 1), height)
+    return f"{x0},{y0} {x1},{y0} {x1},{y1} {x0},{y1}"
+
+
+def _write_custom(groups: Mapping[str, Mapping[str, str]]) -> str:
+    return " ".join(
+        f"{name} {{" + " ".join(f"{key}:{_escape(value)};" for key, value in properties.items()) + "}"
+        for name, properties in groups.items()
+        if properties or name == "zone"
+    )
+
+
+def _read_custom(custom: str) -> dict[str, dict[str, str]]:
+    """`name {key:value; ...} ...`; of groups of one name the last counts."""
+    groups: dict[str, dict[str, str]] = {}
+    for match in _CUSTOM_GROUP.finditer(custom[:_LONGEST_CUSTOM]):
+        pairs = (part.partition(":") for part in match[2].split(";"))
+        groups[match[1]] = {key.strip(): _unescape(value.strip()) for key, found, value in pairs if found}
+    return groups
+
+
+def _escape(value: str) -> str:
+    return _TO_ESCAPE.sub(lambda match: f"\\u{ord(match[0]):04x}", clean(value))
+
+
+def _unescape(value: str) -> str:
+    return _ESCAPED.sub(lambda match: chr(int(match[1], 16)), value)

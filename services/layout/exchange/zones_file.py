@@ -1,0 +1,48 @@
+"""A file of zones, whatever it is of: PAGE-XML, ALTO or the contract's JSON."""
+
+import codecs
+import json
+
+from models.layout_graph import InvalidLayout, Page
+from services.layout.exchange.alto import page_of_alto
+from services.layout.exchange.limits import ExchangeLimits
+from services.layout.exchange.page_json import page_from_document
+from services.layout.exchange.page_xml import page_of_page_xml
+from services.layout.exchange.xml_reading import FIELD, read_xml
+
+_BYTE_ORDER_MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+def read_zones_file(data: bytes, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
+    """Page of a file that tells by its first character, then by its root element, what it is.
+
+    `pixels` are width and height of the page's image where there is one (see `read_alto`).
+    Raises `InvalidLayout`.
+    """
+    if len(data) > limits.max_bytes:
+        raise InvalidLayout(f"The file has {len(data)} bytes and may have {limits.max_bytes}.", FIELD)
+    start = data[:1000]
+    for mark in _BYTE_ORDER_MARKS:
+        start = start.removeprefix(mark)
+    start = start.replace(b"\0", b"").lstrip()
+    if start.startswith(b"<"):
+        root = read_xml(data, limits)
+        if root.tag == "PcGts":
+            return page_of_page_xml(root, limits)
+        if root.tag == "alto":
+            return page_of_alto(root, limits, pixels)
+        raise InvalidLayout(
+            f"The file is XML with the root {str(root.tag)[:60]!a}; send PAGE-XML (PcGts) or ALTO (alto).",
+            FIELD,
+        )
+    if start.startswith((b"{", b"[")):
+        return page_from_document(_parse_json(data), limits)
+    raise InvalidLayout("The file is neither PAGE-XML nor ALTO nor JSON; send zones in one of them.", FIELD)
+
+
+def _parse_json(data: bytes) -> object:
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        why = "it nests too deep" if isinstance(error, RecursionError) else str(error)
+        raise InvalidLayout(f"The file is no JSON: {why}.", FIELD) from error

@@ -1,0 +1,151 @@
+"""PAGE-XML: what is written is valid and reads back; what others write is read."""
+
+from datetime import timedelta, timezone
+
+import pytest
+from hypothesis import given, settings
+
+from models.layout_graph import InvalidLayout, Page, Zone
+from services.layout.exchange.page_xml import NAMESPACE, read_page_xml, write_page_xml
+from services.layout.exchange.xml_writing import clean
+from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, recognized
+from tests.services.layout.exchange.schema_rules import faults_of_page_xml
+
+
+def page_xml(regions: str, order: str = "", version: str = "2019-07-15", more: str = "") -> bytes:
+    return (
+        f'<?xml version="1.0"?><pc:PcGts xmlns:pc="{NAMESPACE.replace("2019-07-15", version)}">'
+        f'<pc:Page imageFilename="a.png" imageWidth="1000" imageHeight="2000" {more}>'
+        f"{order}{regions}</pc:Page></pc:PcGts>"
+    ).encode()
+
+
+def region(
+    name: str, tag: str = "TextRegion", points: str = "10,20 110,20 110,60 10,60", **parts: str
+) -> str:
+    more = " ".join(f'{key}="{value}"' for key, value in parts.items() if key != "inside")
+    return f'<pc:{tag} id="{name}" {more}><pc:Coords points="{points}"/>{parts.get("inside", "")}</pc:{tag}>'
+
+
+@given(pages())
+@settings(max_examples=60, deadline=None)
+def test_what_is_written_is_valid_and_reads_back(page: Page) -> None:
+    written = write_page_xml(recognized(page), "page.png", CREATED)
+    assert faults_of_page_xml(written) == []
+    back = read_page_xml(written, LIMITS)
+    assert (back.width, back.height) == (page.width, page.height)
+    for zone, again in zip(page.zones, back.zones, strict=True):
+        assert again.box == zone.box
+        assert (again.kind, again.label) == (zone.kind, zone.label)
+        assert (again.id, again.text) == (zone.id, clean(zone.text))
+        assert (again.lines, again.font_size, again.line_spacing, again.weight) == (
+            zone.lines,
+            zone.font_size,
+            zone.line_spacing,
+            zone.weight,
+        )
+        assert zone.kind != "text" or again.alignment == zone.alignment
+
+
+def test_boxes_are_rounded_and_stay_on_the_page() -> None:
+    page = Page(100.4, 50.6, (Zone("a", (0.2, 1.6, 100.4, 50.6)), Zone("b", (99.9, 50.55, 100.4, 50.6))))
+    written = write_page_xml(recognized(page, None), "", CREATED)
+    assert faults_of_page_xml(written) == []
+    assert [zone.box for zone in read_page_xml(written, LIMITS).zones] == [(0, 2, 100, 51), (99, 50, 100, 51)]
+
+
+def test_class_confidence_and_time_are_written() -> None:
+    page = Page(100, 100, (Zone("a", (1, 2, 3, 4), label="subject"),))
+    created = CREATED.astimezone(timezone(timedelta(hours=2)))
+    written = write_page_xml(recognized(page), "p.png", created).decode()
+    assert 'custom="class {name:letter; probability:0.97;}"' in written
+    assert 'type="other" custom="structure {type:subject; score:0.9;} zone {}"' in written
+    assert "<Created>2026-03-01T12:30:00Z</Created>" in written
+
+
+@pytest.mark.parametrize(
+    ("label", "type_"), [("title", "heading"), ("body", "paragraph"), ("footer", "footer")]
+)
+def test_labels_that_page_has_a_word_for(label: str, type_: str) -> None:
+    page = Page(100, 100, (Zone("a", (1, 2, 3, 4), label=label),))
+    assert f'type="{type_}"' in write_page_xml(recognized(page), "p.png", CREATED).decode()
+
+
+def test_a_logo_is_a_graphic() -> None:
+    page = Page(100, 100, (Zone("a", (1, 2, 3, 4), kind="figure", label="logo", text="ACME"),))
+    written = write_page_xml(recognized(page), "p.png", CREATED)
+    assert b'<GraphicRegion id="a" type="logo"' in written
+    assert read_page_xml(written, LIMITS).zones[0].text == "ACME"
+
+
+@pytest.mark.parametrize("version", ["2013-07-15", "2017-07-15", "2019-07-15"])
+def test_regions_of_others(version: str) -> None:
+    text = "<pc:TextEquiv><pc:Unicode>{}</pc:Unicode></pc:TextEquiv>"
+    line = '<pc:TextLine id="l"><pc:Coords points="0,0 1,1"/>' + text + "</pc:TextLine>"
+    data = page_xml(
+        region("r1", type="heading", inside=line.format(1) + line.format(2))
+        + region("r2", custom="readingOrder {index:0;} structure {type:sub\\u0020title;}", type="paragraph")
+        + region("r3", "SeparatorRegion", "10,100 900,100")
+        + region("r4", "ImageRegion")
+        + region("r5", "NoiseRegion")
+        + region("r6", "TableRegion", inside=region("c1", inside=text.format("cell")))
+        + region("r7", "AdvertRegion", inside=region("c2") + region("c3", "ImageRegion"))
+        + region("r8", type="other", align="justify"),
+        order='<pc:ReadingOrder><pc:OrderedGroup id="g"><pc:RegionRefIndexed index="1" regionRef="r1"/>'
+        '<pc:UnorderedGroupIndexed id="h" index="0"><pc:RegionRef regionRef="r4"/><pc:RegionRef regionRef="gone"/>'
+        "</pc:UnorderedGroupIndexed></pc:OrderedGroup></pc:ReadingOrder>",
+        version=version,
+    )
+    zones = read_page_xml(data, LIMITS).zones
+    assert [zone.id for zone in zones] == ["r4", "r1", "r2", "r3", "r5", "r6", "c2", "c3", "r8"]
+    by_id = {zone.id: zone for zone in zones}
+    assert (by_id["r1"].label, by_id["r1"].lines, by_id["r1"].text) == ("heading", 2, "1\n2")
+    assert by_id["r2"].label == "sub title"
+    assert (by_id["r3"].kind, by_id["r3"].box) == ("rule", (10, 100, 900, 101))
+    assert [by_id[name].kind for name in ("r4", "r5", "r6")] == ["figure", "noise", "figure"]
+    assert by_id["r6"].text == "cell"
+    assert (by_id["r8"].label, by_id["r8"].alignment) == (None, "justified")
+
+
+def test_sizes_in_points_where_the_resolution_is_told() -> None:
+    styled = region("r", inside='<pc:TextStyle fontSize="12"/>')
+    more = 'imageYResolution="300" imageResolutionUnit="PPI"'
+    assert read_page_xml(page_xml(styled, more=more), LIMITS).zones[0].font_size == pytest.approx(50)
+    assert read_page_xml(page_xml(styled), LIMITS).zones[0].font_size is None
+
+
+def test_corners_as_until_2010() -> None:
+    data = page_xml(
+        '<pc:TextRegion id="r"><pc:Coords><pc:Point x="5" y="6"/><pc:Point x="50" y="60"/></pc:Coords></pc:TextRegion>'
+    )
+    assert read_page_xml(data, LIMITS).zones[0].box == (5, 6, 50, 60)
+
+
+@pytest.mark.parametrize(
+    ("data", "field"),
+    [
+        (b"<PcGts/>", "zones_file"),
+        (page_xml(region("r", points="")), "zones[0].box"),
+        (page_xml(region("r", points="1,2 x,4 5,6")), "zones[0].box"),
+        (page_xml(region("r", points="1,2 3,nan 5,6")), "zones[0].box"),
+        (page_xml('<pc:TextRegion id="r"/>'), "zones[0].box"),
+        (page_xml(region("r", points="5000,0 6000,9")), "zones[0].box"),
+        (page_xml(region("r") + region("r")), "zones[1].id"),
+        (page_xml(region("r", custom="structure {type:\\ud800;}")), "zones[0].label"),
+        (page_xml("").replace(b'imageWidth="1000"', b'imageWidth="wide"'), "width"),
+        (page_xml("".join(region(f"r{i}") for i in range(501))), "zones"),
+    ],
+)
+def test_what_is_refused(data: bytes, field: str) -> None:
+    with pytest.raises(InvalidLayout) as refusal:
+        read_page_xml(data, LIMITS)
+    assert refusal.value.field == field
+
+
+def test_a_page_without_regions_is_one() -> None:
+    assert read_page_xml(page_xml(""), LIMITS) == Page(1000, 2000, ())
+
+
+def test_custom_of_any_length_is_read_in_time() -> None:
+    zone = read_page_xml(page_xml(region("r", custom="a" * 1_000_000 + " {" * 1_000_000)), LIMITS).zones[0]
+    assert zone.label is None
