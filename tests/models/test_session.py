@@ -1,0 +1,258 @@
+"""Opening a database: migrations, what is refused, and how connections are set up."""
+
+import os
+import sqlite3
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+
+from models import session
+from models.errors import StoreDamaged, StoreTooNew, StoreUnavailable
+from models.repository import Store
+from models.tables import Table
+
+PAGE = 4096  # of SQLite's file
+
+
+def filled(path: Path) -> Path:
+    """A closed store of a few hundred pages."""
+    with Store.open(path) as store:
+        for number in range(20):
+            store.add_version("letter", {"noise": [os.urandom(500).hex() for _ in range(40)]}, "import")
+            store.add_sample("letter", {"number": number})
+    return path
+
+
+def test_migrations_lead_to_the_tables_that_are_mapped(tmp_path: Path) -> None:
+    engine = session.open_engine(tmp_path / "store.sqlite3")
+    session.upgrade_schema(engine)
+    with engine.connect() as connection:
+        context = MigrationContext.configure(connection, opts={"compare_type": True})
+        assert compare_metadata(context, Table.metadata) == []
+        names = {
+            name
+            for (name,) in connection.exec_driver_sql("SELECT name FROM sqlite_master WHERE type = 'table'")
+        }
+    engine.dispose()
+    assert names == {*Table.metadata.tables, "alembic_version"}
+
+
+def test_foreign_keys_and_names_of_constraints_are_those_mapped(tmp_path: Path) -> None:
+    """What the comparison above does not look at on SQLite."""
+
+    def described(tables: list[tuple[str]]) -> set[str]:
+        return {" ".join(line.split()).rstrip(",") for (sql,) in tables for line in sql.splitlines()}
+
+    migrated, mapped = (session.open_engine(tmp_path / name) for name in ("migrated", "mapped"))
+    session.upgrade_schema(migrated)
+    Table.metadata.create_all(mapped)
+    query = "SELECT sql FROM sqlite_master WHERE sql IS NOT NULL AND name != 'alembic_version'"
+    both = []
+    for engine in (migrated, mapped):
+        with engine.connect() as connection:
+            both.append(described([(row[0],) for row in connection.exec_driver_sql(query)]))
+        engine.dispose()
+    assert both[0] == both[1]
+
+
+def test_folder_and_file_are_made_and_opened_again(tmp_path: Path) -> None:
+    path = tmp_path / "not yet" / "100 % ?" / "store.sqlite3"
+    with Store.open(path) as store:
+        store.add_version("letter", {"n": 1}, "import")
+        store.add_sample("letter", {"zones": []})
+    for again in (path, str(path), f"sqlite:///{str(path).replace('%', '%25').replace('?', '%3F')}"):
+        with Store.open(again) as store:
+            assert store.model("letter").document == {"n": 1}
+            assert store.sample_count("letter") == 1
+    assert [file.name for file in path.parent.iterdir()] == ["store.sqlite3"]  # the log is folded in
+
+
+def test_connections_are_set_up_for_many_writers(tmp_path: Path) -> None:
+    engine = session.open_engine(tmp_path / "store.sqlite3", busy_timeout_s=1.5)
+    told = ("journal_mode", "synchronous", "busy_timeout", "foreign_keys", "trusted_schema")
+    with engine.connect() as connection:
+        found = [connection.exec_driver_sql(f"PRAGMA {name}").scalar_one() for name in told]
+    engine.dispose()
+    assert found == ["wal", 2, 1500, 1, 0]
+
+
+def test_the_database_of_a_newer_release_is_refused_and_left_alone(tmp_path: Path) -> None:
+    path = filled(tmp_path / "store.sqlite3")
+    with sqlite3.connect(path) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+    connection.close()
+    before = path.read_bytes()
+    with pytest.raises(StoreTooNew, match=r"9999.*newer release"):
+        Store.open(path)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("keep", [100, PAGE, 50 * PAGE, 50 * PAGE + 17])
+def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, keep: int) -> None:
+    path = filled(tmp_path / "store.sqlite3")
+    assert path.stat().st_size > keep
+    os.truncate(path, keep)
+    with pytest.raises(StoreDamaged):
+        Store.open(path)
+
+
+@pytest.mark.parametrize("page", [0, 1, 3])
+def test_a_file_with_an_overwritten_page_is_refused(tmp_path: Path, page: int) -> None:
+    path = filled(tmp_path / "store.sqlite3")
+    with path.open("r+b") as file:
+        file.seek(page * PAGE)
+        file.write(b"\xa5" * PAGE)
+    with pytest.raises(StoreDamaged):
+        Store.open(path)
+
+
+def test_a_file_that_is_something_else_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "store.sqlite3"
+    path.write_text("Dear Sir or Madam, " * 1000)
+    with pytest.raises(StoreDamaged):
+        Store.open(path)
+    assert path.read_text() == "Dear Sir or Madam, " * 1000
+
+
+def test_tables_without_a_version_are_refused(tmp_path: Path) -> None:
+    path = filled(tmp_path / "store.sqlite3")
+    with sqlite3.connect(path) as connection:
+        connection.execute("DROP TABLE alembic_version")
+    connection.close()
+    with pytest.raises(StoreDamaged, match="layout_models"):
+        Store.open(path)
+
+
+def test_a_document_that_is_not_one_is_an_error_of_the_store(tmp_path: Path) -> None:
+    path = filled(tmp_path / "store.sqlite3")
+    with sqlite3.connect(path) as connection:
+        connection.execute(
+            "UPDATE layout_model_versions SET document = substr(document, 1, 1000) WHERE version = 2"
+        )
+        connection.execute("UPDATE layout_model_versions SET document = x'00' WHERE version = 3")
+    connection.close()
+    with Store.open(path) as store:
+        for version in (2, 3):
+            with pytest.raises(StoreDamaged):
+                store.model("letter", version)
+        assert store.model("letter").version == 20
+
+
+def test_a_migration_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "store.sqlite3"
+    path.touch()
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("alembic.operations.Operations.create_index", fail)
+        with pytest.raises(StoreUnavailable, match="No space left"):
+            Store.open(path)
+    with sqlite3.connect(path) as connection:
+        assert connection.execute("SELECT name FROM sqlite_master").fetchall() == []
+    connection.close()
+    with Store.open(path) as store:
+        assert store.models() == []
+
+
+@contextmanager
+def nobody() -> Iterator[None]:
+    """Without root's right to write everywhere."""
+    if os.geteuid() != 0:
+        yield
+        return
+    os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
+
+
+def test_a_folder_that_cannot_be_written() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        filled(folder / "there.sqlite3")
+        folder.chmod(0o555)
+        (folder / "there.sqlite3").chmod(0o444)
+        try:
+            with nobody():
+                for path in (
+                    folder / "new.sqlite3",
+                    folder / "new" / "new.sqlite3",
+                    folder / "there.sqlite3",
+                ):
+                    with pytest.raises(StoreUnavailable):
+                        Store.open(path)
+        finally:
+            folder.chmod(0o755)
+        assert [file.name for file in folder.iterdir()] == ["there.sqlite3"]
+
+
+@pytest.mark.parametrize(
+    "where",
+    ["/dev/null/store.sqlite3", "sqlite://", "sqlite:///:memory:", "nonsense://x", "sqlite+none:///x"],
+)
+def test_places_where_nothing_can_be_kept(where: str) -> None:
+    with pytest.raises(StoreUnavailable):
+        Store.open(where)
+
+
+def test_a_folder_in_the_place_of_the_file(tmp_path: Path) -> None:
+    with pytest.raises(StoreUnavailable):
+        Store.open(tmp_path)
+
+
+def test_a_writer_that_waits_too_long_says_so_and_readers_do_not_wait(tmp_path: Path) -> None:
+    path = filled(tmp_path / "store.sqlite3")
+    other = sqlite3.connect(path, isolation_level=None)
+    with Store.open(path, busy_timeout_s=0.05) as store:
+        other.execute("BEGIN IMMEDIATE")
+        other.execute("DELETE FROM layout_samples")
+        with pytest.raises(StoreUnavailable, match="locked"):
+            store.add_sample("letter", {"late": True})
+        assert store.sample_count("letter") == 20
+        other.execute("ROLLBACK")
+        assert store.add_sample("letter", {"late": True}).created
+    other.close()
+
+
+def test_a_file_that_can_no_longer_be_written(tmp_path: Path) -> None:
+    path = filled(tmp_path / "store.sqlite3")
+    with Store.open(path) as store:
+        store.models()
+        with store._readers.connect() as connection:  # the one that the pool gives next
+            connection.exec_driver_sql("PRAGMA query_only=ON")
+        with pytest.raises(StoreUnavailable, match="readonly"):
+            store.add_sample("letter", {"late": True})
+        assert store.sample_count("letter") == 20
+
+
+def test_threads_share_a_store(tmp_path: Path) -> None:
+    failures: list[BaseException] = []
+
+    def work(number: int) -> None:
+        try:
+            for step in range(5):
+                store.add_version("letter", {"thread": number, "step": step}, "train")
+                store.add_sample("letter", {"thread": number, "step": step})
+                store.ready_models()
+        except BaseException as error:
+            failures.append(error)
+
+    with Store.open(tmp_path / "store.sqlite3") as store:
+        store.add_version("letter", {}, "import")
+        threads = [threading.Thread(target=work, args=(number,)) for number in range(12)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert failures == []
+        assert store.model("letter").version == 61
+        assert store.sample_count("letter") == 60
