@@ -50,6 +50,7 @@ from models.records import (
 )
 from models.session import (
     BUSY_TIMEOUT_S,
+    WriterTurns,
     check_intact,
     open_engine,
     storage_errors,
@@ -90,6 +91,7 @@ class Store:
         self._closed = False
         self._readers = open_engine(where, busy_timeout_s)
         self._writers = writers_of(self._readers)
+        self._turns = WriterTurns(self._readers, busy_timeout_s)
         try:
             check_intact(self._readers)
             upgrade_schema(self._readers)
@@ -354,6 +356,7 @@ class Store:
         if self._closed:
             raise StoreUnavailable("the store is closed")
         with (
+            self._turns.take(),
             storage_errors(),
             Session(self._writers, expire_on_commit=False) as session,
             session.begin(),

@@ -223,6 +223,41 @@ def test_a_writer_that_waits_too_long_says_so_and_readers_do_not_wait(tmp_path: 
     other.close()
 
 
+def test_threads_that_wait_too_long_say_so(tmp_path: Path) -> None:
+    with Store.open(tmp_path / "store.sqlite3", busy_timeout_s=0.05) as store:
+        with store._turns.take(), pytest.raises(StoreUnavailable, match="locked"):
+            store.add_result({}, ttl_s=1)
+        assert store.add_result({}, ttl_s=1)
+
+
+class BusyAtFirst:
+    """A connection whose switch to the write-ahead log meets another process doing the same."""
+
+    def __init__(self, refusals: int, code: int) -> None:
+        self.refusals = refusals
+        self.code = code
+
+    def execute(self, _: str) -> None:
+        if self.refusals:
+            self.refusals -= 1
+            error = sqlite3.OperationalError("no")
+            error.sqlite_errorcode = self.code
+            raise error
+
+
+def test_the_switch_to_the_log_is_tried_again_only_while_others_are_in_the_way() -> None:
+    busy = BusyAtFirst(3, sqlite3.SQLITE_BUSY_RECOVERY)
+    session._enter_wal(busy, timeout_s=30)  # type: ignore[arg-type]
+    assert busy.refusals == 0
+    for refused, timeout_s in (
+        (BusyAtFirst(3, sqlite3.SQLITE_BUSY), 0),
+        (BusyAtFirst(3, sqlite3.SQLITE_FULL), 30),
+    ):
+        with pytest.raises(sqlite3.OperationalError):
+            session._enter_wal(refused, timeout_s)  # type: ignore[arg-type]
+        assert refused.refusals == 2
+
+
 def test_a_file_that_can_no_longer_be_written(tmp_path: Path) -> None:
     path = filled(tmp_path / "store.sqlite3")
     with Store.open(path) as store:
