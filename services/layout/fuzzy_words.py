@@ -1,0 +1,114 @@
+"""Words of a list, found again after optical character recognition has misread them.
+
+Letters that recognition confuses are folded into one; what still differs may differ by one or two edits, the
+more the longer the word. Candidates come from an index of the listed words with letters left out, so that a look-up
+costs a handful of dictionary accesses however long the list.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations
+
+LONGEST_WORD = 18
+"""Longer ones are looked for as they stand only: the index grows with the square of the length."""
+_FOLD = str.maketrans({"0": "o", "1": "l", "i": "l", "5": "s", "8": "b", "c": "e", "v": "u"})
+_CACHED = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """From which length on a word may be misread, and how: by folded letters, by one edit, by two."""
+
+    folded_from: int
+    one_edit_from: int
+    two_edits_from: int
+
+    def edits(self, length: int) -> int:
+        """Edits that a listed word of this length may be away."""
+        return int(length >= self.one_edit_from) + int(length >= self.two_edits_from)
+
+
+ANCHORED = Tolerance(folded_from=3, one_edit_from=4, two_edits_from=8)
+"""At a place where key words stand: `ene` is read as `enc`, `Deer` as `Dear`, `Sincersiy` as `Sincerely`."""
+ANYWHERE = Tolerance(folded_from=4, one_edit_from=6, two_edits_from=10)
+"""Within running text, where `match` is no `March`."""
+
+
+def fold(word: str) -> str:
+    """A casefolded word with the letters that are confused made one: `rn` and `m`, `1` `i` `l`, `c` `e`."""
+    return word.replace("rn", "m").replace("vv", "w").translate(_FOLD)
+
+
+class FuzzyWords:
+    """An index of casefolded words."""
+
+    def __init__(self, words: Iterable[str], tolerance: Tolerance) -> None:
+        self._words = frozenset(words)
+        self._tolerance = tolerance
+        self._index: dict[str, list[str]] = {}
+        self._seen: dict[str, tuple[str, ...]] = {}
+        for word in sorted(self._words):
+            if word.isdigit() or not tolerance.folded_from <= len(word) <= LONGEST_WORD:
+                continue
+            for key in _shortened(fold(word), tolerance.edits(len(word))):
+                self._index.setdefault(key, []).append(word)
+
+    def __contains__(self, word: str) -> bool:
+        return word in self._words
+
+    def near(self, word: str) -> tuple[str, ...]:
+        """Listed words, other than itself, that `word` (casefolded) may be a misreading of."""
+        found = self._seen.get(word)
+        if found is None:
+            found = self._search(word)
+            if len(self._seen) >= _CACHED:
+                self._seen.clear()
+            self._seen[word] = found
+        return found
+
+    def is_near(self, word: str, listed: str) -> bool:
+        """Whether `word` is `listed`, or may be a misreading of it."""
+        if word == listed:
+            return True
+        length = len(listed)
+        if not self._tolerance.folded_from <= length <= LONGEST_WORD or word.isdigit():
+            return False
+        return _edits(fold(word), fold(listed), self._tolerance.edits(length))
+
+    def _search(self, word: str) -> tuple[str, ...]:
+        # One letter alone or a number is nobody's misreading.
+        if word.isdigit() or not 2 <= len(word) <= LONGEST_WORD + 2:
+            return ()
+        keys = _shortened(fold(word), self._tolerance.edits(len(word) + 1))
+        candidates = {listed for key in keys for listed in self._index.get(key, ())}
+        return tuple(sorted(listed for listed in candidates if listed != word and self.is_near(word, listed)))
+
+
+def _shortened(word: str, count: int) -> set[str]:
+    """The word, and the word with up to `count` (at most 2) letters left out."""
+    found = {word}
+    if count >= 1:
+        found.update(word[:i] + word[i + 1 :] for i in range(len(word)))
+    if count >= 2:
+        found.update(word[:i] + word[i + 1 : j] + word[j + 1 :] for i, j in combinations(range(len(word)), 2))
+    return found
+
+
+def _edits(first: str, second: str, most: int) -> bool:
+    """Whether at most so many letters must be replaced, left out or put in, or neighbours swapped."""
+    if first == second:
+        return True
+    if abs(len(first) - len(second)) > most:
+        return False
+    before: list[int] = []
+    row = list(range(len(second) + 1))
+    for i, letter in enumerate(first, 1):
+        earlier, before, row = before, row, [i]
+        for j, other in enumerate(second, 1):
+            cost = min(before[j] + 1, row[j - 1] + 1, before[j - 1] + (letter != other))
+            if i > 1 and j > 1 and letter == second[j - 2] and other == first[i - 2]:
+                cost = min(cost, earlier[j - 2] + 1)
+            row.append(cost)
+        if min(row) > most:
+            return False
+    return row[-1] <= most
