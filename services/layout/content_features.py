@@ -21,6 +21,8 @@ WEAK = 0.5
 """What a weak cue counts: as likely something else as this."""
 AFTER_NOISE = 0.8
 """What a cue counts behind one scrap of up to two letters that is no part of the text."""
+LONGEST_END = 400
+"""Of the characters that are looked at in a longer text, those of its end."""
 MOST_LINES = 80
 """Lines of a zone that are looked at; a column of a page has fewer."""
 MOST_HITS = 600
@@ -112,7 +114,7 @@ class ContentFeatures:
         return tuple(feature.name for feature in self._settings)
 
     def measure(self, text: str) -> dict[str, float]:
-        """Confidence, 0 to 1, of every feature in a zone's text (of its first `LONGEST_TEXT` characters)."""
+        """Confidence, 0 to 1, of every feature in a zone's text (of `LONGEST_TEXT` characters of it)."""
         read = _read(text)
         if not read.text:
             return dict.fromkeys(self.names, 0.0)
@@ -226,7 +228,9 @@ def _places(entry: _Pattern, read: _Text) -> Iterable[re.Match[str] | None]:
 
 def _read(text: str) -> _Text:
     """One form of every character, one blank between words, no empty lines; of bounded length."""
-    text = text[:LONGEST_TEXT]
+    if len(text) > LONGEST_TEXT:
+        # Where a text begins and ends tells the most.
+        text = f"{text[: LONGEST_TEXT - LONGEST_END]} {text[-LONGEST_END + 1 :]}"
     if not text.isascii():
         text = unicodedata.normalize("NFKC", text)[:LONGEST_TEXT]
     text = _LINE_ENDS.sub("\n", _BLANKS.sub(" ", "\n".join(text.splitlines()))).strip()

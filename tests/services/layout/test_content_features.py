@@ -78,6 +78,14 @@ CLEAR = [
     ("prose", PARAGRAPH),
     ("capitals", "QUARRY HILL & SONS"),
     ("digits", "50674981"),
+    ("raised-mark", "Grace Holloway1, Louis Bell2"),
+    ("sentence-end", PARAGRAPH),
+    ("sentence-end", PARAGRAPH * 20),
+    ("announcement", "In this paper we present a method " + PARAGRAPH),
+    ("code", "$ pip install lamps"),
+    ("code", "import lamps\nlamps.light(3)"),
+    ("equation", "∆X = X − Y . (1)"),
+    ("scraps", "| ~ 4 «\n— kG ;"),
 ]
 MISREAD = [
     ("greeting", "Deer Mr. Price"),
@@ -122,6 +130,11 @@ NONE = [
     ("lone-number", "17 lamps"),
     ("abstract", "The abstract of the paper"),
     ("prose", "Frank Holloway"),
+    ("sentence-end", "On the estimation of tidal currents in estuaries"),
+    ("code", PARAGRAPH),
+    ("scraps", ADDRESS),
+    ("scraps", PARAGRAPH),
+    ("equation", PARAGRAPH),
 ]
 
 
@@ -186,8 +199,10 @@ def test_any_jumble_of_marks_has_confidences(parts: list[str]) -> None:
 
 
 @pytest.mark.parametrize("text", ["", " \n\t ", "\x00", "\ufffd\ufffd", "—"])
-def test_no_text_has_no_marks(text: str) -> None:
-    assert max(FEATURES.measure(text).values()) == 0.0
+def test_no_text_has_no_marks_but_scraps(text: str) -> None:
+    measured = FEATURES.measure(text)
+    assert measured.pop("scraps") == (1.0 if text.strip() else 0.0)
+    assert max(measured.values()) == 0.0
 
 
 HOSTILE = [
