@@ -10,12 +10,13 @@ from xml.etree.ElementTree import Element, SubElement
 
 from models.layout_graph import InvalidLayout, Kind, Page, Zone
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.exchange.page_json import page_from_document
+from services.layout.exchange.page_json import check_count, page_from_document
 from services.layout.exchange.xml_reading import (
     FIELD,
     box_of,
     children,
     in_reading_order,
+    measure_lines,
     number,
     polygon_box,
     read_xml,
@@ -42,7 +43,12 @@ _BLOCK_OF: Mapping[Kind, str] = {
 _NOISE = "noise"
 """TYPE of the Illustrations that are noise; ALTO has no element for it."""
 _SPACES = ("TopMargin", "LeftMargin", "RightMargin", "BottomMargin", "PrintSpace")
-_LABEL_TAGS = ("LayoutTag", "StructureTag")
+_LABEL_TAGS = ("LayoutTag", "StructureTag", "OtherTag")
+"""Tags that label blocks: the nearest counts, and OtherTags (kraken, eScriptorium) where there is no other."""
+_TABLE = "table"
+"""What the TYPE of ComposedBlocks that are tables begins with (ABBYY, PRImA); it is free by the schema."""
+_LONGEST_REFERENCES = 10_000
+"""Characters of TAGREFS; they are read for every block in a block."""
 _ALIGNMENTS = {"Left": "left", "Right": "right", "Center": "centre", "Block": "justified"}
 _MEASURES = ("lines", "font_size", "weight")
 """Fields of a Zone that ALTO has no place for: OtherTags whose TYPE is their name and LABEL their value."""
@@ -69,23 +75,28 @@ def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, flo
     page = pages[0]
     width, height, scale_x, scale_y = _scale(root, page, pixels)
     tags = _tags(root)
-    blocks = list(_blocks(page, ""))
+    blocks = list(_blocks(page, ()))
+    check_count(len(blocks), limits)
     styles = {style.get("ID", ""): style for style in root.iter("ParagraphStyle")}
     zones = []
     for index, (block, inherited) in enumerate(blocks):
         zone = _zone_document(block, index, inherited, tags)
-        box = zone["box"]
+        box, (size, spacing) = (
+            zone["box"],
+            measure_lines([_box(line) for line in children(block, "TextLine")]),
+        )
         if box is not None:
             zone["box"] = [box[0] * scale_x, box[1] * scale_y, box[2] * scale_x, box[3] * scale_y]
+        if size is not None and zone["font_size"] is None:
+            zone["font_size"] = size * scale_y
         for style in (styles[name] for name in block.get("STYLEREFS", "").split() if name in styles):
-            spacing = number(style.get("LINESPACE"))
+            spacing = number(style.get("LINESPACE")) or spacing
             zone["alignment"] = _ALIGNMENTS.get(style.get("ALIGN", ""))
-            zone["line_spacing"] = None if spacing is None else spacing * scale_y
+        zone["line_spacing"] = None if spacing is None else spacing * scale_y
         zones.append(zone)
     found = page_from_document({"width": width, "height": height, "zones": zones}, limits)
-    order = in_reading_order(
-        [block.get("ID", "") for block, _ in blocks], _order(root, [block for block, _ in blocks])
-    )
+    elements = [block for block, _ in blocks]
+    order = in_reading_order(elements, "ID", _order(root, elements))
     return Page(found.width, found.height, tuple(found.zones[index] for index in order))
 
 
@@ -119,15 +130,22 @@ def _tags(root: Element) -> dict[str, tuple[str, str, str]]:
     }
 
 
-def _blocks(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
-    """The blocks that become zones, with the TAGREFS of the blocks they are in; read_xml has bounded the depth."""
+def _blocks(parent: Element, inherited: tuple[str, ...]) -> Iterator[tuple[Element, tuple[str, ...]]]:
+    """The blocks that become zones, with the TAGREFS of those they are in, outermost first.
+
+    A table is one zone, whatever is in it. The depth of the recursion is that of the file, which is bounded.
+    """
     for element in parent:
         if element.tag in _SPACES:
             yield from _blocks(element, inherited)
-        elif element.tag == "ComposedBlock" and next(children(element, *_KINDS), None) is not None:
-            yield from _blocks(element, f"{element.get('TAGREFS', '')} {inherited}")
         elif element.tag in _KINDS:
-            yield element, inherited
+            references = (*inherited, element.get("TAGREFS", "")[:_LONGEST_REFERENCES])
+            table = element.get("TYPE", "").lower().startswith(_TABLE)
+            holds_blocks = next(children(element, *_KINDS), None) is not None
+            if element.tag == "ComposedBlock" and holds_blocks and not table:
+                yield from _blocks(element, references)
+            else:
+                yield element, references
 
 
 def _order(root: Element, blocks: list[Element]) -> list[str]:
@@ -146,7 +164,7 @@ def _order(root: Element, blocks: list[Element]) -> list[str]:
 
 
 def _zone_document(
-    block: Element, index: int, inherited: str, tags: dict[str, tuple[str, str, str]]
+    block: Element, index: int, references: tuple[str, ...], tags: dict[str, tuple[str, str, str]]
 ) -> dict[str, Any]:
     kind = _KINDS[block.tag]
     if block.tag == "Illustration" and block.get("TYPE") == _NOISE:
@@ -158,16 +176,19 @@ def _zone_document(
         "kind": kind,
         "label": None,
         "lines": len(lines) or None,
-        "text": "\n".join(_line_text(line) for line in lines),
+        "font_size": None,
+        "text": "\n".join(_line_text(line) for line in block.iter("TextLine")),
     }
-    for name in reversed(f"{block.get('TAGREFS', '')} {inherited}".split()):  # the nearest has the last word
-        element, type_, label = tags.get(name, ("", "", ""))
-        if element in _LABEL_TAGS:
-            zone["label"] = label or type_ or None
-        elif element == "OtherTag" and type_ in _MEASURES:
-            zone[type_] = number(label)
-        elif element == "OtherTag" and type_ == _ID:
-            zone[type_] = label
+    labels: dict[int, str] = {}
+    for depth, names in enumerate(references):
+        for element, type_, label in (tags[name] for name in names.split() if name in tags):
+            if element == "OtherTag" and type_ in _MEASURES:
+                zone[type_] = number(label)
+            elif element == "OtherTag" and type_ == _ID:
+                zone[type_] = label
+            elif element in _LABEL_TAGS:
+                labels[2 * depth + (element != "OtherTag")] = label
+    zone["label"] = labels[max(labels)] or None if labels else None
     return zone
 
 

@@ -39,11 +39,7 @@ def page_from_document(document: Any, limits: ExchangeLimits) -> Page:
     given = document.get("zones")
     if not isinstance(given, list):
         raise InvalidLayout(f"Send the page's zones as a list, such as {_EXAMPLE}.", "zones")
-    if len(given) > limits.max_zones:
-        raise InvalidLayout(
-            f"The page has {len(given)} zones and may have {limits.max_zones}; send zones at paragraph level.",
-            "zones",
-        )
+    check_count(len(given), limits)
     zones = tuple(_zone(zone, f"zones[{index}]", width, height, limits) for index, zone in enumerate(given))
     seen: dict[str, int] = {}
     for index, zone in enumerate(zones):
@@ -54,6 +50,15 @@ def page_from_document(document: Any, limits: ExchangeLimits) -> Page:
                 f"zones[{index}].id",
             )
     return Page(width, height, zones)
+
+
+def check_count(zones: int, limits: ExchangeLimits) -> None:
+    """Raises `InvalidLayout` for more zones than a page may have."""
+    if zones > limits.max_zones:
+        raise InvalidLayout(
+            f"The page has {zones} zones and may have {limits.max_zones}; send zones at paragraph level.",
+            "zones",
+        )
 
 
 def page_to_document(page: Page) -> dict[str, Any]:

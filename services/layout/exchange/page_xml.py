@@ -13,12 +13,13 @@ from xml.etree.ElementTree import Element, SubElement
 
 from models.layout_graph import InvalidLayout, Kind, Page, Zone
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.exchange.page_json import page_from_document
+from services.layout.exchange.page_json import check_count, page_from_document
 from services.layout.exchange.xml_reading import (
     FIELD,
     box_of,
     children,
     in_reading_order,
+    measure_lines,
     number,
     polygon_box,
     read_xml,
@@ -89,7 +90,8 @@ def read_page_xml(data: bytes, limits: ExchangeLimits) -> Page:
     """Page of a PAGE-XML file, its zones in its reading order (else in document order).
 
     Coords become their bounding boxes. The label is `structure {type:...;}` of `custom`, else PAGE's own `type`
-    (save `other`). Raises `InvalidLayout`; `zones[i]` counts the regions from 0 in document order.
+    (save `other`); font size and line spacing are those of the lines' boxes where the file does not tell them.
+    Raises `InvalidLayout`; `zones[i]` counts the regions from 0 in document order.
     """
     return page_of_page_xml(read_xml(data, limits), limits)
 
@@ -100,13 +102,14 @@ def page_of_page_xml(root: Element, limits: ExchangeLimits) -> Page:
     if page is None:
         raise InvalidLayout("The file is no PAGE-XML: it has no Page in a PcGts.", FIELD)
     dpi = _resolution(page)
-    regions = list(_regions(page))
+    regions = _regions(page)
+    check_count(len(regions), limits)
     zones = [_zone_document(region, index, dpi) for index, region in enumerate(regions)]
     found = page_from_document(
         {"width": number(page.get("imageWidth")), "height": number(page.get("imageHeight")), "zones": zones},
         limits,
     )
-    order = in_reading_order([region.get("id", "") for region in regions], _references(page))
+    order = in_reading_order(regions, "id", _references(page))
     return Page(found.width, found.height, tuple(found.zones[index] for index in order))
 
 
@@ -141,13 +144,15 @@ def _zone_document(region: Element, index: int, dpi: float | None) -> dict[str, 
     lines = list(children(region, "TextLine"))
     style = next(children(region, "TextStyle"), None)
     points = number(None if style is None else style.get("fontSize"))
+    size, spacing = measure_lines([_coords_box(line) for line in lines])
     zone: dict[str, Any] = {
         "id": own.get("id") or region.get("id") or f"region-{index + 1}",
         "box": _coords_box(region),
         "kind": _KINDS[region.tag],
         "label": _label(region, custom),
         "lines": len(lines) or None,
-        "font_size": points * dpi / 72.0 if points and dpi else None,
+        "font_size": points * dpi / 72.0 if points and dpi else size,
+        "line_spacing": spacing,
         "alignment": _alignment(region.get("align")),
         "text": _text(region),
     }

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Iterator
+from operator import sub
+from statistics import median
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
@@ -10,6 +12,8 @@ from services.layout.exchange.limits import ExchangeLimits
 
 FIELD = "zones_file"
 """The field of the request that a file comes in."""
+_LINE_BOX_EMS = 0.9
+"""Height of the box about a line of print in its font size: from ascenders, 0.7, to descenders, 0.2 below."""
 
 
 def read_xml(data: bytes, limits: ExchangeLimits) -> Element:
@@ -108,8 +112,19 @@ def box_of(x: list[float], y: list[float]) -> list[float]:
     return [x0, y0, max(*x, x0 + 1.0), max(*y, y0 + 1.0)]
 
 
-def in_reading_order(ids: list[str], order: list[str]) -> list[int]:
-    """Indices of `ids` as `order` names them; what it does not name follows in its own order."""
-    index = {name: at for at, name in enumerate(ids)}
-    named = [index[name] for name in dict.fromkeys(order) if name in index]
-    return named + sorted(set(range(len(ids))) - set(named))
+def in_reading_order(zones: list[Element], id_name: str, order: list[str]) -> list[int]:
+    """Indices of `zones` as `order` names them, or parts of them, by their ids; what it does not name follows."""
+    index = {part.get(id_name, ""): at for at, zone in enumerate(zones) for part in zone.iter()}
+    named = list(dict.fromkeys(index[name] for name in order if name in index))
+    return named + sorted(set(range(len(zones))) - set(named))
+
+
+def measure_lines(boxes: list[list[float] | None]) -> tuple[float | None, float | None]:
+    """Font size and line spacing, in the units of the boxes of a zone's lines; None where too few are known."""
+    known = [box for box in boxes if box is not None and box[3] - box[1] > 1.0]
+    if not known:
+        return None, None
+    size = median(box[3] - box[1] for box in known) / _LINE_BOX_EMS
+    middles = sorted((box[1] + box[3]) / 2 for box in known)
+    steps = [step for step in map(sub, middles[1:], middles) if step > size / 2]  # else parts of one line
+    return size, median(steps) if steps else None

@@ -82,6 +82,45 @@ def test_blocks_of_others(namespace: str) -> None:
     assert (zones["b5"].kind, zones["b5"].box) == ("rule", (10, 500, 910, 501))
     assert zones["b6"].kind == "figure"
     assert zones["b7"].box == (1, 2, 31, 6)
+    assert zones["b7"].font_size == pytest.approx(4 / 0.9)
+
+
+def test_a_table_is_one_zone_and_other_tags_label_where_no_other_does() -> None:
+    line = '<TextLine><String CONTENT="{}"/></TextLine>'
+    data = alto(
+        f'<ComposedBlock ID="c1" TYPE="TableRegion" {PLACE}><TextBlock ID="b1">{line.format("cell")}'
+        "</TextBlock></ComposedBlock>"
+        f'<ComposedBlock ID="c2" TAGREFS="t1"><TextBlock ID="b2" {PLACE} TAGREFS="t2"/>'
+        f'<TextBlock ID="b3" {PLACE}/><TextBlock ID="b4" {PLACE} TAGREFS="t3 t2"/></ComposedBlock>',
+        parts='<Tags><StructureTag ID="t1" LABEL="article"/><OtherTag ID="t2" TYPE="block type" LABEL="MainZone"/>'
+        '<LayoutTag ID="t3" LABEL="title"/></Tags><ReadingOrder><OrderedGroup ID="g"><ElementRef ID="e" REF="b4"/>'
+        '<ElementRef ID="f" REF="b1"/></OrderedGroup></ReadingOrder>',
+    )
+    told = [(zone.id, zone.kind, zone.label, zone.text) for zone in read_alto(data, LIMITS).zones]
+    assert told == [
+        ("b4", "text", "title", ""),
+        ("c1", "figure", None, "cell"),
+        ("b2", "text", "MainZone", ""),
+        ("b3", "text", "article", ""),
+    ]
+
+
+def test_sizes_are_those_of_the_lines() -> None:
+    lines = "".join(
+        f'<TextLine HPOS="10" VPOS="{y}" WIDTH="500" HEIGHT="{height}"/>'
+        for y, height in ((100, 27), (140, 27), (181, 28))
+    )
+    data = alto(
+        f'<TextBlock ID="b" HPOS="10" VPOS="100" WIDTH="500" HEIGHT="110">{lines}</TextBlock>', unit="mm10"
+    )
+    zone = read_alto(data, LIMITS, pixels=(2000.0, 4000.0)).zones[0]
+    assert (zone.font_size, zone.line_spacing) == (pytest.approx(60), pytest.approx(81.5, abs=1))
+
+
+def test_references_of_any_length_are_read_in_time() -> None:
+    inner = f'<ComposedBlock ID="c"><TextBlock ID="b" {PLACE}/></ComposedBlock>' * 20_000
+    with pytest.raises(InvalidLayout, match="20000 zones"):
+        read_alto(alto(f'<ComposedBlock ID="o" TAGREFS="{"t " * 1_000_000}">{inner}</ComposedBlock>'), LIMITS)
 
 
 def test_reading_order_by_groups_and_by_next() -> None:

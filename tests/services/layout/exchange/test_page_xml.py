@@ -92,12 +92,12 @@ def test_regions_of_others(version: str) -> None:
         + region("r7", "AdvertRegion", inside=region("c2") + region("c3", "ImageRegion"))
         + region("r8", type="other", align="justify"),
         order='<pc:ReadingOrder><pc:OrderedGroup id="g"><pc:RegionRefIndexed index="1" regionRef="r1"/>'
-        '<pc:UnorderedGroupIndexed id="h" index="0"><pc:RegionRef regionRef="r4"/><pc:RegionRef regionRef="gone"/>'
+        '<pc:UnorderedGroupIndexed id="h" index="0"><pc:RegionRef regionRef="r4"/><pc:RegionRef regionRef="c1"/>'
         "</pc:UnorderedGroupIndexed></pc:OrderedGroup></pc:ReadingOrder>",
         version=version,
     )
     zones = read_page_xml(data, LIMITS).zones
-    assert [zone.id for zone in zones] == ["r4", "r1", "r2", "r3", "r5", "r6", "c2", "c3", "r8"]
+    assert [zone.id for zone in zones] == ["r4", "r6", "r1", "r2", "r3", "r5", "c2", "c3", "r8"]
     by_id = {zone.id: zone for zone in zones}
     assert (by_id["r1"].label, by_id["r1"].lines, by_id["r1"].text) == ("heading", 2, "1\n2")
     assert by_id["r2"].label == "sub title"
@@ -112,6 +112,8 @@ def test_sizes_in_points_where_the_resolution_is_told() -> None:
     more = 'imageYResolution="300" imageResolutionUnit="PPI"'
     assert read_page_xml(page_xml(styled, more=more), LIMITS).zones[0].font_size == pytest.approx(50)
     assert read_page_xml(page_xml(styled), LIMITS).zones[0].font_size is None
+    lined = region("r", inside='<pc:TextLine id="l"><pc:Coords points="10,20 110,20 110,38"/></pc:TextLine>')
+    assert read_page_xml(page_xml(lined), LIMITS).zones[0].font_size == pytest.approx(20)
 
 
 def test_corners_as_until_2010() -> None:
