@@ -74,7 +74,7 @@ def load_set(name: str, data: str | None = None) -> list[LabelledPage]:
     return [LabelledPage(file.stem, *load_page(file), file) for file in files]
 
 
-def cover_areas(zones: Sequence[Zone], others: Sequence[Zone]) -> NDArray[np.float64]:
+def shared_areas(zones: Sequence[Zone], others: Sequence[Zone]) -> NDArray[np.float64]:
     """Areas that boxes of `zones` (N) and `others` (M) share, (N, M) in square pixels."""
     a = np.array([zone.box for zone in zones], dtype=np.float64).reshape(-1, 1, 4)
     b = np.array([zone.box for zone in others], dtype=np.float64).reshape(1, -1, 4)
@@ -89,8 +89,8 @@ def transfer_labels(truth: Page, found: Page) -> Page:
     """
     if not truth.zones or not found.zones:
         return replace(found, zones=tuple(replace(zone, label=None) for zone in found.zones))
-    shares = cover_areas(found.zones, truth.zones) / _areas(found.zones)[:, None]
-    smaller_first = np.argsort(_areas(truth.zones), kind="stable")
+    shares = shared_areas(found.zones, truth.zones) / box_areas(found.zones)[:, None]
+    smaller_first = np.argsort(box_areas(truth.zones), kind="stable")
     best = smaller_first[np.argmax(np.round(shares[:, smaller_first], 3), axis=1)]
     zones = (
         replace(zone, label=truth.zones[index].label if shares[row, index] >= 0.5 else None)
@@ -99,7 +99,7 @@ def transfer_labels(truth: Page, found: Page) -> Page:
     return replace(found, zones=tuple(zones))
 
 
-def _areas(zones: Sequence[Zone]) -> NDArray[np.float64]:
+def box_areas(zones: Sequence[Zone]) -> NDArray[np.float64]:
     """Areas of boxes (N,), at least one square pixel."""
     boxes = np.array([zone.box for zone in zones], dtype=np.float64)
     areas: NDArray[np.float64] = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)

@@ -1,0 +1,7 @@
+"""Page segmentation: zones of a page image, from the engine's words where there are any, else from ink alone."""
+
+from services.layout.segmentation.measuring import measure_zones
+from services.layout.segmentation.page import segment_page
+from services.layout.segmentation.parameters import SegmentationParameters
+
+__all__ = ["SegmentationParameters", "measure_zones", "segment_page"]

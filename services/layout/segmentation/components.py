@@ -1,0 +1,59 @@
+"""Which components may be glyphs, and pairs of boxes that lie beside each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.segmentation.ink import Components
+from services.layout.segmentation.parameters import SegmentationParameters
+
+Boxes = NDArray[np.float64]
+"""(N, 4) x0, y0, x1, y1 in pixels of the working copy."""
+Indices = NDArray[np.intp]
+
+_MOST_PAIRS = 4_000_000
+"""Pairs looked at together; a page of print has 0.5 million."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kinds:
+    """Masks (N,) of components: what may be glyphs, rules along the rows or columns, and other large ink."""
+
+    glyphs: NDArray[np.bool_]
+    rules: NDArray[np.bool_]
+    large: NDArray[np.bool_]
+
+
+def tell_kinds(
+    components: Components, unit: float, slope: float, parameters: SegmentationParameters
+) -> Kinds:
+    """Kinds by size against `unit`, the page's glyph height in px; what has none of them is specks."""
+    width, height, area = components.width, components.height, components.area
+    # A slanting rule's box is higher than the rule.
+    level = np.maximum(height - abs(slope) * width, 1.0), np.maximum(width - abs(slope) * height, 1.0)
+    thickness = np.minimum(*level)
+    length = np.maximum(width, height)
+    rules = (length > parameters.rule_aspect * thickness) & (length > 4 * unit)
+    rules &= (area / length < parameters.rule_thickness * unit) & (thickness < unit)
+    glyphs = (height >= parameters.least_glyph * unit) & (height <= parameters.largest_glyph * unit)
+    glyphs &= ~rules & (height < 12 * width) & (width < 60 * height)
+    solid = area > 0.85 * width * height
+    glyphs &= ~(solid & (height > 2.0 * unit) & (width > 2.0 * unit))
+    large = ~rules & ~glyphs & (length > unit)
+    return Kinds(glyphs, rules, large)
+
+
+def near_pairs(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[Indices, Indices]:
+    """Pairs (i, j), i != j, of intervals [low, high] (N,) that overlap; each pair once, in no special order."""
+    order = np.argsort(low)
+    ends = np.searchsorted(low[order], high[order], side="left")
+    counts = np.maximum(ends - np.arange(len(low)) - 1, 0)
+    total = np.cumsum(counts)
+    if len(total) and total[-1] > _MOST_PAIRS:
+        # So many lie on each other only in dirt; the nearest followers are enough there.
+        counts = np.minimum(counts, _MOST_PAIRS // len(low))
+        total = np.cumsum(counts)
+    first = np.repeat(np.arange(len(low)), counts)
+    second = np.arange(len(first)) - np.repeat(total - counts, counts) + first + 1
+    return order[first], order[second]

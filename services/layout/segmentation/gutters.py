@@ -1,0 +1,123 @@
+"""Where a row of words ends and another begins beside it: gaps that go on in the rows around."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.segmentation.components import Boxes, Indices
+from services.layout.segmentation.parameters import SegmentationParameters
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Gaps:
+    """Wide gaps of all rows (G,): their row, edges, and the em of the row; the space left of a row is one, too."""
+
+    row: Indices
+    x0: NDArray[np.float64]
+    x1: NDArray[np.float64]
+    em: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Rows (R,): the middle of their height, their ends, and the space between words around, px."""
+
+    middle: NDArray[np.float64]
+    x0: NDArray[np.float64]
+    x1: NDArray[np.float64]
+    space: NDArray[np.float64]
+
+
+def split_at_gutters(boxes: Boxes, rows: Indices, parameters: SegmentationParameters) -> Indices:
+    """Pieces (words,) of rows, split at gaps that are gutters; -1 for words of no row.
+
+    `boxes` (words, 4) and their `rows` (words,), numbered from 0, -1 for none.
+    """
+    members = _members(rows)
+    table, gaps = _measure(boxes, members, parameters)
+    cuts: dict[int, list[float]] = {}
+    for index in np.flatnonzero(np.isfinite(gaps.x0)):
+        if _is_gutter(int(index), gaps, table, parameters):
+            cuts.setdefault(int(gaps.row[index]), []).append(float(gaps.x1[index]))
+    pieces = np.full(len(rows), -1, dtype=np.intp)
+    number = 0
+    for row, words in enumerate(members):
+        own = np.searchsorted(sorted(cuts.get(row, [])), boxes[words, 0], side="right")
+        pieces[words] = number + own
+        number += int(own.max()) + 1
+    return pieces
+
+
+def _members(groups: Indices) -> Sequence[Indices]:
+    order = np.argsort(groups, kind="stable")
+    order = order[groups[order] >= 0]
+    return np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+
+
+def _measure(
+    boxes: Boxes, members: Sequence[Indices], parameters: SegmentationParameters
+) -> tuple[_Rows, _Gaps]:
+    rows = np.zeros((len(members), 4))
+    spaces: list[tuple[float, float]] = []
+    gaps: list[tuple[float, float, float, float]] = []
+    for row, words in enumerate(members):
+        own = boxes[words]
+        # A word's box is 0.45 to 0.95 em high, 0.7 to 0.9 where it has ascenders.
+        em = float(np.quantile(own[:, 3] - own[:, 1], 0.6)) / 0.85
+        rows[row] = (np.min(own[:, 1]) + np.max(own[:, 3])) / 2, np.min(own[:, 0]), np.max(own[:, 2]), em
+        own = own[np.argsort(own[:, 0])]
+        reach = np.maximum.accumulate(own[:, 2])
+        gaps.append((row, -np.inf, float(own[0, 0]), em))
+        width = own[1:, 0] - reach[:-1]
+        spaces.extend((row, each) for each in width[width > parameters.least_space * em])
+        for k in np.flatnonzero(width > parameters.wide_gap * em):
+            gaps.append((row, float(reach[k]), float(own[k + 1, 0]), em))
+    table = np.array(gaps)
+    rows[:, 3] = _typical_spaces(np.array(spaces).reshape(-1, 2), rows[:, 0], rows[:, 3], parameters)
+    return _Rows(*rows.T), _Gaps(table[:, 0].astype(np.intp), *table[:, 1:].T)
+
+
+def _typical_spaces(
+    spaces: NDArray[np.float64],
+    middle: NDArray[np.float64],
+    em: NDArray[np.float64],
+    parameters: SegmentationParameters,
+) -> NDArray[np.float64]:
+    """Median space of every row and those around, px; of `spaces` (S, 2), row and width."""
+    typical = np.zeros(len(middle))
+    level = middle[spaces[:, 0].astype(np.intp)]
+    for row, centre in enumerate(middle):
+        near = spaces[np.abs(level - centre) < parameters.gutter_reach * em[row], 1]
+        widest = parameters.widest_space * em[row]
+        typical[row] = min(float(np.median(near)), widest) if len(near) else 0.0
+    return typical
+
+
+def _is_gutter(index: int, gaps: _Gaps, rows: _Rows, parameters: SegmentationParameters) -> bool:
+    """Whether a gap of a row goes on in the rows above and below, or is too wide to need that."""
+    x0, x1, em = gaps.x0[index], gaps.x1[index], gaps.em[index]
+    width = (x1 - x0) / em
+    if x1 - x0 < parameters.gap_over_space * rows.space[gaps.row[index]]:
+        return False
+    if width > parameters.widest_gap:
+        return True
+    distance = np.abs(rows.middle - rows.middle[gaps.row[index]])
+    near = (distance < parameters.gutter_reach * em) & (distance > 0.5 * em)
+    crossing = near & (rows.x0 < x0) & (rows.x1 > x1)
+    shared = np.minimum(gaps.x1, x1) - np.maximum(gaps.x0, x0)
+    # The same channel of white, with print that begins on its right edge or ends on its left.
+    same = near[gaps.row] & (shared > parameters.shared_gap * em)
+    slack = parameters.edge_slack * em
+    same &= (np.abs(gaps.x1 - x1) < slack) | (np.abs(gaps.x0 - x0) < slack) | (shared > 1.2 * em)
+    same &= np.isfinite(gaps.x0) | (np.abs(gaps.x1 - x1) < slack)
+    supporting = np.unique(gaps.row[same])
+    supports = len(supporting)
+    crossing[supporting] = False
+    contras = int(np.count_nonzero(crossing))
+    if supports >= 2:
+        return supports > contras
+    if supports == 1:
+        return width > parameters.lone_gap and contras == 0
+    return width > parameters.word_gap and contras == 0

@@ -1,0 +1,141 @@
+"""The ink of a page at a working scale, its connected components, and the page's skew."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import GrayImage
+from services.imaging.illumination import flatten_illumination
+from services.layout.segmentation.parameters import SegmentationParameters
+
+_LEAST_HEIGHT_PX = 4
+"""Lower components are specks at any working scale, for the unit's sake."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ink:
+    """Ink of a page on a copy reduced by `scale` (pixels of the page per pixel of the copy, x and y).
+
+    `mask` (h, w) uint8 0/1.
+    """
+
+    mask: NDArray[np.uint8]
+    scale: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Components:
+    """N connected components of ink in pixels of the working copy.
+
+    `boxes` (N, 4) x0, y0, x1, y1, ends exclusive; `area` (N,) of ink; `stroke` (N,) mean width of strokes.
+    """
+
+    boxes: NDArray[np.float64]
+    area: NDArray[np.float64]
+    stroke: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    @property
+    def width(self) -> NDArray[np.float64]:
+        return np.asarray(self.boxes[:, 2] - self.boxes[:, 0])
+
+    @property
+    def height(self) -> NDArray[np.float64]:
+        return np.asarray(self.boxes[:, 3] - self.boxes[:, 1])
+
+    def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Components":
+        return Components(self.boxes[chosen], self.area[chosen], self.stroke[chosen])
+
+
+def find_ink(gray: GrayImage, parameters: SegmentationParameters) -> Ink:
+    """Ink of a page (H, W) uint8, dark or light on its ground, after uneven light is divided out."""
+    height, width = gray.shape
+    factor = min(1.0, parameters.working_long_side_px / max(height, width))
+    size = (max(1, round(width * factor)), max(1, round(height * factor)))
+    small = gray if factor == 1.0 else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+    small = np.asarray(small, dtype=np.uint8)
+    if _is_inverted(small):
+        small = np.asarray(255 - small, dtype=np.uint8)
+    flat = flatten_illumination(small)
+    _, mask = cv2.threshold(flat, 255 * (1.0 - parameters.ink_contrast), 1, cv2.THRESH_BINARY_INV)
+    return Ink(np.asarray(mask, dtype=np.uint8), (width / size[0], height / size[1]))
+
+
+def _is_inverted(small: GrayImage) -> bool:
+    """Whether most of the page is nearer to its darkest print than to its lightest."""
+    step = max(1, max(small.shape) // 400)
+    sample = small[::step, ::step]
+    dark, middle, light = np.percentile(sample, (2, 50, 98))
+    return bool(light - dark > 60 and middle - dark < 0.4 * (light - dark))
+
+
+def find_components(ink: Ink, parameters: SegmentationParameters) -> Components:
+    """Components of two pixels and more, at most `most_components`: the largest then."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(ink.mask, connectivity=8)
+    area = stats[:, cv2.CC_STAT_AREA]
+    kept = np.flatnonzero(area > 2)
+    kept = kept[kept > 0]
+    if kept.size > parameters.most_components:
+        kept = np.sort(kept[np.argsort(area[kept])[-parameters.most_components :]])
+    runs = _count_runs(np.asarray(labels, dtype=np.int32), count)
+    x, y = stats[kept, cv2.CC_STAT_LEFT], stats[kept, cv2.CC_STAT_TOP]
+    w, h = stats[kept, cv2.CC_STAT_WIDTH], stats[kept, cv2.CC_STAT_HEIGHT]
+    # Strokes of all directions: rows and columns cross a stroke of length l 4 l / pi times in the mean.
+    length = np.maximum(np.pi / 4 * runs[kept], 1.0)
+    boxes = np.column_stack([x, y, x + w, y + h]).astype(np.float64)
+    return Components(boxes, area[kept].astype(np.float64), area[kept] / length)
+
+
+def _count_runs(labels: NDArray[np.int32], count: int) -> NDArray[np.float64]:
+    """Runs of ink along rows and along columns of every component (count,)."""
+    starts = np.zeros(count, dtype=np.float64)
+    ink = labels > 0
+    first = ink[:, 1:] & ~ink[:, :-1]
+    starts += np.bincount(labels[:, 1:][first], minlength=count)
+    starts += np.bincount(labels[:, 0][ink[:, 0]], minlength=count)
+    first = ink[1:] & ~ink[:-1]
+    starts += np.bincount(labels[1:][first], minlength=count)
+    starts += np.bincount(labels[0][ink[0]], minlength=count)
+    return starts
+
+
+def glyph_height(components: Components, page_px: float) -> float:
+    """The page's unit: the height in which most ink of glyph-like components stands, px; 0 without any."""
+    height, width = components.height, components.width
+    plausible = (height >= _LEAST_HEIGHT_PX) & (height <= page_px / 25)
+    plausible &= (width < 12 * height) & (height < 6 * width)
+    if not np.any(plausible):
+        return 0.0
+    height, weight = height[plausible], np.sqrt(components.area[plausible])
+    order = np.argsort(height)
+    total = np.cumsum(weight[order])
+    return float(height[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def estimate_skew(boxes: NDArray[np.float64], parameters: SegmentationParameters) -> float:
+    """Slope dy/dx of the text lines, from the feet of glyphs with boxes (N, 4); 0 where too few stand in lines.
+
+    The slope at which the feet's projection onto the vertical is the most concentrated.
+    """
+    if len(boxes) < 10:
+        return 0.0
+    x, y = (boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]
+    x = x - np.mean(x)
+    largest = np.tan(np.radians(parameters.largest_skew_deg))
+    slope = 0.0
+    for reach, steps in ((largest, 61), (largest / 20, 21)):
+        slopes = slope + np.linspace(-reach, reach, steps)
+        slope = float(slopes[np.argmax([_concentration(y - each * x) for each in slopes])])
+    # A few glyphs agree on any slope by chance; a level page must not be turned by them.
+    level, found = _concentration(y), _concentration(y - slope * x)
+    return slope if found > 1.1 * level else 0.0
+
+
+def _concentration(y: NDArray[np.float64]) -> float:
+    """Sum of squares of the histogram of `y`, in bins of 2 px that overlap by half."""
+    counts = np.bincount((y - np.min(y)).astype(np.intp)).astype(np.float64)
+    return float(np.sum(np.square(counts[1:] + counts[:-1])))

@@ -1,0 +1,126 @@
+"""Figures, rules and noise: what is left of a page's ink beside its text lines."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.layout_graph import Kind
+from services.layout.segmentation.components import Boxes, Indices, Kinds, near_pairs
+from services.layout.segmentation.ink import Components
+from services.layout.segmentation.parameters import SegmentationParameters
+from services.layout.segmentation.text_lines import group_linked, unite_boxes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """A zone without text: the components in it, and its kind."""
+
+    members: Indices
+    kind: Kind
+
+
+def find_parts(
+    components: Components,
+    kinds: Kinds,
+    unused: NDArray[np.bool_],
+    lines: Boxes,
+    unit: float,
+    page_px: tuple[int, int],
+    parameters: SegmentationParameters,
+) -> list[Part]:
+    """Parts without text of a page of `page_px` (width, height).
+
+    `unused` (components,) tells those that are in no line, `lines` (L, 4) where the lines lie.
+    """
+    parts = _rules(components, np.flatnonzero(kinds.rules), lines, unit, parameters)
+    rest = np.flatnonzero(unused & ~kinds.rules & (kinds.large | kinds.glyphs))
+    if len(rest) == 0:
+        return parts
+    boxes = components.boxes[rest]
+    border = _touches_border(boxes, page_px, unit) & ~_is_compact(components, rest, parameters)
+    frame = _is_frame(components, rest, lines, unit)
+    loose = ~border & ~frame
+    for index in rest[border]:
+        if max(components.width[index], components.height[index]) > parameters.least_part * unit:
+            parts.append(Part(np.array([index]), "noise"))
+    parts.extend(Part(np.array([index]), "rule") for index in rest[frame & ~border])
+    if np.any(loose):
+        parts.extend(_figures(components, rest[loose], unit, parameters))
+    return parts
+
+
+def _figures(
+    components: Components, members: Indices, unit: float, parameters: SegmentationParameters
+) -> list[Part]:
+    boxes = components.boxes[members]
+    grown = boxes + parameters.figure_gap * unit * np.array([-0.5, -0.5, 0.5, 0.5])
+    i, j = near_pairs(grown[:, 0], grown[:, 2])
+    meet = (grown[i, 1] < grown[j, 3]) & (grown[j, 1] < grown[i, 3])
+    groups = group_linked(len(boxes), i[meet], j[meet])
+    united = unite_boxes(boxes, groups)
+    parts = []
+    sides = united[:, 2:] - united[:, :2]
+    for group in np.flatnonzero(np.max(sides, axis=1) > parameters.least_part * unit):
+        own = members[groups == group]
+        largest = float(np.max(components.boxes[own, 2:] - components.boxes[own, :2]))
+        # Dirt is many small things of which none is large.
+        kind: Kind = "figure" if largest > parameters.least_stroke * unit else "noise"
+        if np.min(sides[group]) > 0.5 * unit:
+            parts.append(Part(own, kind))
+    return parts
+
+
+def _rules(
+    components: Components,
+    members: Indices,
+    lines: Boxes,
+    unit: float,
+    parameters: SegmentationParameters,
+) -> list[Part]:
+    """Rules but underlines, which belong to the line above them."""
+    parts = []
+    for index in members:
+        x0, y0, x1, y1 = components.boxes[index]
+        if len(lines):
+            under = (lines[:, 3] > y0 - 0.6 * unit) & (lines[:, 1] < y0) & (lines[:, 3] < y1 + 1.0 * unit)
+            covered = np.minimum(lines[:, 2], x1) - np.maximum(lines[:, 0], x0)
+            if np.any(under & (covered > 0.7 * (x1 - x0))):
+                continue
+        if max(x1 - x0, y1 - y0) > parameters.least_rule * unit:
+            parts.append(Part(np.array([index]), "rule"))
+    return parts
+
+
+def _touches_border(boxes: Boxes, page_px: tuple[int, int], unit: float) -> NDArray[np.bool_]:
+    margin = 0.3 * unit
+    return np.asarray(
+        (boxes[:, 0] < margin)
+        | (boxes[:, 1] < margin)
+        | (boxes[:, 2] > page_px[0] - margin)
+        | (boxes[:, 3] > page_px[1] - margin)
+    )
+
+
+def _is_compact(
+    components: Components, members: Indices, parameters: SegmentationParameters
+) -> NDArray[np.bool_]:
+    """Solid ink of moderate shape: a picture set to the page's border, not the shadow beside a page."""
+    boxes = components.boxes[members]
+    sides = boxes[:, 2:] - boxes[:, :2]
+    fill, longest = parameters.border_figure
+    compact = components.area[members] > fill * np.prod(sides, axis=1)
+    return np.asarray(compact & (np.max(sides, axis=1) < longest * np.min(sides, axis=1)))
+
+
+def _is_frame(components: Components, members: Indices, lines: Boxes, unit: float) -> NDArray[np.bool_]:
+    """Thin ink round text: boxes and the grids of forms."""
+    boxes = components.boxes[members]
+    sides = boxes[:, 2:] - boxes[:, :2]
+    frame = (components.area[members] < 0.12 * np.prod(sides, axis=1)) & (np.min(sides, axis=1) > 3 * unit)
+    for index in np.flatnonzero(frame):
+        x0, y0, x1, y1 = boxes[index]
+        inside = (lines[:, 0] > x0) & (lines[:, 1] > y0) & (lines[:, 2] < x1) & (lines[:, 3] < y1)
+        covered = np.sum(np.prod(lines[inside, 2:] - lines[inside, :2], axis=1))
+        frame[index] = covered > 0.1 * (x1 - x0) * (y1 - y0)
+    return np.asarray(frame)

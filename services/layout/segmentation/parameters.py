@@ -1,0 +1,105 @@
+"""What segmentation takes for granted about print."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentationParameters:
+    """Lengths are multiples of the em of the print they speak of, or of the page's glyph height (`unit`)."""
+
+    working_long_side_px: int = 1760
+    """The reduced copy: A4 at 150 dpi, where ten-point print has 20 px to the em."""
+    ink_contrast: float = 0.28
+    """Ink is darker than its paper by this share of it; light gray print has about 0.35."""
+    most_components: int = 12000
+    """Of a page with more (dirt, halftones) the largest count; a full page of small print has about 6000."""
+    most_lines: int = 1500
+    """And of its lines the widest; a page of small print has 200."""
+
+    largest_skew_deg: float = 3.0
+    """Range of the search; pages come upright."""
+
+    speck: float = 0.3
+    """Components smaller than this many units are dots, or dirt."""
+    least_glyph: float = 0.4
+    """Heights of what makes lines, in units: from small print's x-height ..."""
+    largest_glyph: float = 6.0
+    """... to a large heading's capitals."""
+    rule_aspect: float = 9.0
+    """A rule is so many times longer than thick."""
+    rule_thickness: float = 0.5
+    """Rules are thinner than this, in units."""
+
+    letter_gap: float = 0.6
+    """Components nearer than this times their height are one word, or words near each other."""
+    tallest_partner: float = 2.3
+    """Heights of linked components differ by no more: x-height against brackets is 2.1."""
+    widest_gap: float = 3.0
+    """Wider gaps always end a line; three spaces of a typewriter are 2.3."""
+    wide_gap: float = 0.7
+    """Narrower gaps never end a line: spaces of justified print are 0.2 to 0.7."""
+    lone_gap: float = 1.6
+    """A gap that one other row shares, and none crosses, ends a line from here on."""
+    word_gap: float = 2.0
+    """And one that no other row tells of."""
+    least_space: float = 0.2
+    """Narrower gaps are between letters."""
+    gap_over_space: float = 1.9
+    """Gaps that end a line are so many times wider than the spaces between words around."""
+    widest_space: float = 1.1
+    """Spaces are taken to be no wider: a typewriter's are 1.0."""
+    gutter_reach: float = 3.6
+    """Rows nearer than this tell of a gap: three lines above and below."""
+    shared_gap: float = 0.5
+    """Gaps of two rows, one above the other, that share this width may be one gutter."""
+    edge_slack: float = 0.35
+    """Edges of print that differ by less stand below each other."""
+
+    mark_gap: float = 2.2
+    """A list's mark stands nearer to its line, together with its own width."""
+    end_gap: float = 0.9
+    """A stop, a superscript or a closing sign, too."""
+
+    capital_height: float = 0.70
+    """Height of capitals and ascenders over em: Times 0.67, Computer Modern 0.69, Helvetica 0.72."""
+    small_step: float = 1.08
+    """Heights of letters without ascenders differ by less in one size; they are whole pixels."""
+    size_step: float = 1.12
+    """Lines whose sizes differ by more are set in different sizes: print steps by 1.1 to 1.2."""
+    weight_step: float = 1.3
+    """Bold strokes are 1.4 to 1.7 times as wide as regular ones."""
+    reliable_components: int = 5
+    """Sizes and weights of lines with fewer components are told with `unreliable_step` only."""
+    unreliable_step: float = 1.35
+    leading_step: float = 1.22
+    """A line space wider than the next by this factor divides blocks."""
+    largest_leading: float = 1.75
+    """Wider spacing needs full lines on both sides (a letter in double spacing)."""
+    double_leading: float = 3.2
+    """And no print is wider spaced."""
+    indent: float = 0.7
+    """First lines of paragraphs begin by this much to the right of the others, at least."""
+    largest_indent: float = 9.0
+
+    least_confidence: float = 0.3
+    """Words read with less confidence are no text."""
+
+    figure_gap: float = 2.0
+    """Parts of a figure lie nearer to each other, in units."""
+    least_part: float = 2.0
+    """Figures and noise are larger, in units; less is a speck."""
+    least_stroke: float = 2.5
+    """A figure has a component of this size, in units."""
+    least_rule: float = 6.0
+    """Shorter rules are dashes, in units."""
+
+    sure_confidence: float = 0.5
+    """A line read with more is text, however it looks."""
+    long_line: int = 8
+    """Lines with so many components that stand on a line are no chance."""
+    size_range: tuple[float, float] = (0.6, 1.7)
+    """Short lines have sizes within this range of those of a long or read line."""
+    dirt_share: float = 1.0
+    """Loose components round a short line, against its own: more is dirt."""
+    border_figure: tuple[float, float] = (0.5, 6.0)
+    """What touches the border of the page is a figure if it fills its box so far, and is no longer than this."""

@@ -1,0 +1,208 @@
+"""Text lines of a page from its components: glyphs to words, words to lines, lines split at gutters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from services.layout.segmentation.components import Boxes, Indices, near_pairs
+from services.layout.segmentation.gutters import split_at_gutters
+from services.layout.segmentation.ink import Components
+from services.layout.segmentation.parameters import SegmentationParameters
+
+_LONG = 4
+"""Lines with so many components are no fragments of others."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """One line of print, in pixels of the levelled working copy.
+
+    `members` are indices of its components; `em` its font size by its capitals and ascenders, `small` the
+    height of its letters without (of capitals, where there are no others); `stroke` its mean stroke width.
+    """
+
+    members: Indices
+    box: tuple[float, float, float, float]
+    baseline: float
+    em: float
+    small: float
+    stroke: float
+
+    @property
+    def width(self) -> float:
+        return self.box[2] - self.box[0]
+
+    @property
+    def height(self) -> float:
+        return self.box[3] - self.box[1]
+
+
+def find_lines(components: Components, glyphs: Indices, parameters: SegmentationParameters) -> list[Line]:
+    """Lines of the components `glyphs`, whose boxes are levelled; not yet told from what only looks like lines."""
+    if len(glyphs) == 0:
+        return []
+    glyphs = _without_bridges(components, glyphs)
+    boxes = components.boxes[glyphs]
+    words = group_linked(len(glyphs), *_word_links(boxes, parameters))
+    word_boxes = unite_boxes(boxes, words)
+    rows = group_linked(len(word_boxes), *_row_links(word_boxes, parameters))
+    if rows.max() >= parameters.most_lines:
+        rows = _widest(word_boxes, rows, parameters.most_lines)
+    pieces = split_at_gutters(word_boxes, rows, parameters)
+    piece_of_glyph = pieces[words]
+    order = np.argsort(piece_of_glyph, kind="stable")
+    order = order[piece_of_glyph[order] >= 0]
+    starts = np.flatnonzero(np.diff(piece_of_glyph[order], prepend=-1))
+    own = np.split(order, starts)[1:]
+    return _join_fragments([glyphs[members] for members in own], components, parameters)
+
+
+def _join_fragments(
+    pieces: list[Indices], components: Components, parameters: SegmentationParameters
+) -> list[Line]:
+    """Lines of `pieces`, short ones joined to a longer one that they lie in, end, or begin as a list's mark does."""
+    lines = [measure_line(components, members, parameters) for members in pieces]
+    boxes = np.array([line.box for line in lines])
+    counts = np.array([len(members) for members in pieces])
+    long = np.flatnonzero(counts >= _LONG)
+    em = np.array([lines[index].em for index in long])
+    reach = np.column_stack([-parameters.mark_gap * em, 0.0 * em, parameters.end_gap * em, 0.0 * em])
+    wide = boxes[long] + reach
+    joined: dict[int, list[Indices]] = {}
+    kept = np.ones(len(lines), dtype=bool)
+    for index in np.flatnonzero(counts < _LONG):
+        x0, y0, x1, y1 = boxes[index]
+        across = np.minimum(wide[:, 2], x1) - np.maximum(wide[:, 0], x0)
+        down = np.minimum(wide[:, 3], y1) - np.maximum(wide[:, 1], y0)
+        within = (across > 0.5 * (x1 - x0)) & (down > 0.5 * (y1 - y0)) & (y1 - y0 < 1.4 * em)
+        # A mark at the left is narrow; a word there is not the line's.
+        within &= (x0 >= boxes[long, 0]) | (x1 - x0 < 1.2 * em)
+        within &= counts[long] > 2 * counts[index]
+        if np.any(within):
+            target = int(long[np.argmax(np.where(within, down * across, -1.0))])
+            joined.setdefault(target, []).append(pieces[index])
+            kept[index] = False
+    for target, more in joined.items():
+        members = np.concatenate([pieces[target], *more])
+        lines[target] = measure_line(components, members, parameters)
+    return [line for line, keep in zip(lines, kept, strict=True) if keep]
+
+
+def measure_line(components: Components, members: Indices, parameters: SegmentationParameters) -> Line:
+    """A line of the components `members`: baseline, em from the height of capitals and ascenders, strokes."""
+    boxes = components.boxes[members]
+    x0, y0 = (float(edge) for edge in boxes[:, :2].min(axis=0))
+    x1, y1 = (float(edge) for edge in boxes[:, 2:].max(axis=0))
+    height = boxes[:, 3] - boxes[:, 1]
+    tall = height > 0.5 * np.median(height)
+    # Of the feet, descenders are the lower tenth to third (in words whose letters touch).
+    centre = (boxes[:, 0] + boxes[:, 2]) / 2
+    slope = _line_slope(centre[tall], boxes[tall, 3])
+    foot = boxes[:, 3] - slope * (centre - float(np.mean(centre)))
+    reach = 0.15 * float(np.median(height[tall]))
+    baseline = _near_mean(foot[tall], float(np.quantile(foot[tall], 0.4)), reach)
+    rise = (baseline - foot + height)[tall & (np.abs(foot - baseline) < 2 * reach)]
+    if len(rise) == 0:
+        rise = height
+    capitals = float(np.quantile(rise, 0.88, method="higher"))
+    # Heights are whole pixels; the mean of many is finer.
+    capitals = _near_mean(rise, capitals, 0.12 * capitals)
+    stroke = float(np.average(components.stroke[members], weights=components.area[members]))
+    em = max(capitals, 1.0) / parameters.capital_height
+    return Line(members, (x0, y0, x1, y1), baseline, em, float(np.quantile(rise, 0.4)), stroke)
+
+
+def _near_mean(values: NDArray[np.float64], centre: float, reach: float) -> float:
+    """Mean of the values within `reach` of `centre`; `centre` where there are none."""
+    near = values[np.abs(values - centre) <= reach]
+    return float(np.mean(near)) if len(near) else centre
+
+
+def _line_slope(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """What is left of a line's slope after the page was levelled; 0 for short lines."""
+    if len(x) < 12:
+        return 0.0
+    third = len(x) // 3
+    order = np.argsort(x)
+    left, right = order[:third], order[-third:]
+    run = float(np.median(x[right]) - np.median(x[left]))
+    rise = float(np.quantile(y[right], 0.4) - np.quantile(y[left], 0.4))
+    return float(np.clip(rise / max(run, 1.0), -0.02, 0.02))
+
+
+def unite_boxes(boxes: Boxes, groups: Indices) -> Boxes:
+    """Box round every group's boxes; `groups` (N,) number them from 0 without a gap."""
+    count = int(groups.max()) + 1
+    united = np.empty((count, 4))
+    united[:, :2], united[:, 2:] = np.inf, -np.inf
+    for column in (0, 1):
+        np.minimum.at(united[:, column], groups, boxes[:, column])
+        np.maximum.at(united[:, column + 2], groups, boxes[:, column + 2])
+    return united
+
+
+def group_linked(count: int, first: Indices, second: Indices) -> Indices:
+    """Connected groups (count,) of linked items."""
+    links = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
+
+
+def _side_by_side(boxes: Boxes) -> tuple[Indices, Indices, NDArray[np.float64], NDArray[np.float64]]:
+    """Pairs whose rows overlap: left one, right one, gap between them in x, shared rows over the lower's height."""
+    i, j = near_pairs(boxes[:, 1], boxes[:, 3])
+    swap = boxes[i, 0] + boxes[i, 2] > boxes[j, 0] + boxes[j, 2]
+    i, j = np.where(swap, j, i), np.where(swap, i, j)
+    gap = boxes[j, 0] - boxes[i, 2]
+    shared = np.minimum(boxes[i, 3], boxes[j, 3]) - np.maximum(boxes[i, 1], boxes[j, 1])
+    lower = np.minimum(boxes[i, 3] - boxes[i, 1], boxes[j, 3] - boxes[j, 1])
+    return i, j, gap, shared / np.maximum(lower, 1e-9)
+
+
+def _without_bridges(components: Components, glyphs: Indices) -> Indices:
+    """`glyphs` without those that touch across two lines: small ones stand beside them at two levels."""
+    boxes = components.boxes[glyphs]
+    height = boxes[:, 3] - boxes[:, 1]
+    i, j, gap, shared = _side_by_side(boxes)
+    tall, small = np.where(height[i] > height[j], i, j), np.where(height[i] > height[j], j, i)
+    beside = (height[tall] > 2.0 * height[small]) & (gap < 0.7 * height[tall]) & (shared > 0.7)
+    tall, small = tall[beside], small[beside]
+    foot = boxes[small, 3]
+    lowest, highest = np.full(len(glyphs), -np.inf), np.full(len(glyphs), np.inf)
+    np.maximum.at(lowest, tall, foot)
+    np.minimum.at(highest, tall, foot)
+    typical = np.zeros(len(glyphs))
+    np.maximum.at(typical, tall, height[small])
+    bridges = lowest - highest > 1.1 * np.maximum(typical, 0.3 * height)
+    return np.asarray(glyphs[~bridges], dtype=np.intp)
+
+
+def _word_links(boxes: Boxes, parameters: SegmentationParameters) -> tuple[Indices, Indices]:
+    i, j, gap, shared = _side_by_side(boxes)
+    height = boxes[:, 3] - boxes[:, 1]
+    larger, lower = np.maximum(height[i], height[j]), np.minimum(height[i], height[j])
+    linked = (gap < parameters.letter_gap * larger) & (shared > 0.5)
+    linked &= larger < parameters.tallest_partner * lower
+    return i[linked], j[linked]
+
+
+def _row_links(boxes: Boxes, parameters: SegmentationParameters) -> tuple[Indices, Indices]:
+    """Links of words to the next word of their row; of two columns, too, where the gutter is narrow."""
+    i, j, gap, shared = _side_by_side(boxes)
+    height = boxes[:, 3] - boxes[:, 1]
+    larger, lower = np.maximum(height[i], height[j]), np.minimum(height[i], height[j])
+    # A word's box is 0.45 to 0.95 em high.
+    linked = (gap < parameters.widest_gap * np.minimum(larger, 1.6 * lower) / 0.8) & (shared > 0.55)
+    linked &= larger < parameters.tallest_partner * lower
+    return i[linked], j[linked]
+
+
+def _widest(boxes: Boxes, rows: Indices, most: int) -> Indices:
+    """`rows` renumbered with the `most` widest; all others are -1."""
+    united = unite_boxes(boxes, rows)
+    kept = np.argsort(united[:, 0] - united[:, 2], kind="stable")[:most]
+    numbers = np.full(len(united), -1)
+    numbers[kept] = np.arange(len(kept))
+    return np.asarray(numbers[rows], dtype=np.intp)

@@ -1,0 +1,100 @@
+"""What looks like lines and is text, against dirt, scribbles and parts of pictures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.segmentation.components import Boxes, Indices
+from services.layout.segmentation.ink import Components
+from services.layout.segmentation.parameters import SegmentationParameters
+from services.layout.segmentation.text_lines import Line
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReadLines:
+    """What an engine read in each of the lines (L,): text and confidence; `is_read` where it read the page."""
+
+    texts: Sequence[str]
+    confidence: NDArray[np.float64]
+    is_read: bool
+
+
+def tell_text(
+    lines: Sequence[Line],
+    read: ReadLines,
+    components: Components,
+    page_px: tuple[int, int],
+    parameters: SegmentationParameters,
+) -> NDArray[np.bool_]:
+    """Which lines (L,) are text: those read with confidence, long ones that stand on a line, short ones like them.
+
+    A short line must have a size that long lines or read ones of the page have, or one near them, and must
+    not stand in dirt.
+    """
+    if not lines:
+        return np.zeros(0, dtype=bool)
+    counts = np.array([len(line.members) for line in lines])
+    em = np.array([line.em for line in lines])
+    boxes: Boxes = np.array([line.box for line in lines])
+    sure = np.asarray(read.confidence >= parameters.sure_confidence)
+    regular = np.array([_is_regular(line, components) for line in lines])
+    margin = 0.15 * em
+    inside = (boxes[:, 0] > margin) & (boxes[:, 1] > margin)
+    inside &= (boxes[:, 2] < page_px[0] - margin) & (boxes[:, 3] < page_px[1] - margin)
+    long = (counts >= parameters.long_line) & regular & inside
+    # So many glyphs in a row are text even where two lines of it touch.
+    long |= (counts >= 3 * parameters.long_line) & inside
+    known = em[sure & (counts > 2)] if np.any(sure & (counts > 2)) else em[long]
+    if len(known) == 0:
+        return sure | (regular & inside)
+    least, most = parameters.size_range
+    ratio = em[:, None] / known[None, :]
+    alike = np.any((ratio > least) & (ratio < most), axis=1)
+    dirt = _dirt(lines, components, long | (regular & inside & alike & (counts > 2)), em)
+    clean = dirt <= np.maximum(2, parameters.dirt_share * counts)
+    short = regular & inside & alike & clean
+    lone = counts < 2
+    aspect = (boxes[:, 2] - boxes[:, 0]) / (boxes[:, 3] - boxes[:, 1])
+    short &= ~lone | ((dirt <= 1) & (aspect > 0.12) & (aspect < 12))
+    return np.asarray(sure | long | short, dtype=np.bool_)
+
+
+def _is_regular(line: Line, components: Components) -> bool:
+    """Whether the components of a line stand on its baseline, and none reaches far beyond it."""
+    boxes = components.boxes[line.members]
+    standing = np.abs(boxes[:, 3] - line.baseline) < 0.14 * line.em
+    # Descenders hang as low as any print does.
+    hanging = np.abs(boxes[:, 3] - line.baseline - 0.22 * line.em) < 0.12 * line.em
+    height = boxes[:, 3] - boxes[:, 1]
+    letters = height > 0.3 * line.em
+    if not np.any(letters):
+        return False
+    share = np.mean((standing | hanging)[letters])
+    return bool(share >= 0.6 and line.height < 1.7 * line.em)
+
+
+def _dirt(
+    lines: Sequence[Line], components: Components, is_line: NDArray[np.bool_], em: NDArray[np.float64]
+) -> Indices:
+    """Components round every line (L,), within an em of it, that are neither its own nor a long line's."""
+    centre = (components.boxes[:, :2] + components.boxes[:, 2:]) / 2
+    loose = np.ones(len(components), dtype=bool)
+    for line, clean in zip(lines, is_line, strict=True):
+        if clean:
+            loose[line.members] = False
+    points = np.maximum(np.rint(centre[loose]), 0).astype(np.intp)
+    sides = points.max(axis=0) + 1 if len(points) else np.array([1, 1])
+    total = np.zeros((sides[1] + 1, sides[0] + 1), dtype=np.int32)
+    np.add.at(total, (points[:, 1] + 1, points[:, 0] + 1), 1)
+    total = total.cumsum(axis=0).cumsum(axis=1)
+    boxes = np.array([line.box for line in lines]) + em[:, None] * np.array([-1.0, -1.0, 1.0, 1.0])
+    x0, x1 = (np.clip(np.rint(boxes[:, k]), 0, sides[0]).astype(np.intp) for k in (0, 2))
+    y0, y1 = (np.clip(np.rint(boxes[:, k]), 0, sides[1]).astype(np.intp) for k in (1, 3))
+    around = total[y1, x1] - total[y0, x1] - total[y1, x0] + total[y0, x0]
+    inner = np.array([line.box for line in lines])
+    x0, x1 = (np.clip(np.rint(inner[:, k]), 0, sides[0]).astype(np.intp) for k in (0, 2))
+    y0, y1 = (np.clip(np.rint(inner[:, k]), 0, sides[1]).astype(np.intp) for k in (1, 3))
+    within = total[y1, x1] - total[y0, x1] - total[y1, x0] + total[y0, x0]
+    return np.asarray(around - within, dtype=np.intp)

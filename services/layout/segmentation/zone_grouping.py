@@ -1,0 +1,121 @@
+"""Zones of text: lines linked to the next below, and divided where size, weight, leading or indent change."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.segmentation.components import Boxes, Indices
+from services.layout.segmentation.parameters import SegmentationParameters
+from services.layout.segmentation.text_lines import Line
+
+
+def group_lines(lines: Sequence[Line], parameters: SegmentationParameters) -> list[list[int]]:
+    """Indices of the lines of every zone, from the top down."""
+    blocks: list[list[int]] = []
+    for chain in _chains(lines, parameters):
+        for block in _split_at_leading(lines, chain, parameters):
+            blocks.extend(_split_paragraphs(lines, block, parameters))
+    return blocks
+
+
+def _chains(lines: Sequence[Line], parameters: SegmentationParameters) -> list[list[int]]:
+    """Lines linked to the one next below where it is theirs alone, and set alike."""
+    if not lines:
+        return []
+    below = _next_below(lines, parameters)
+    above = {j: i for i, j in below.items()}
+    chains = []
+    for start in range(len(lines)):
+        if start in above:
+            continue
+        chain = [start]
+        while chain[-1] in below:
+            chain.append(below[chain[-1]])
+        chains.append(chain)
+    return chains
+
+
+def _next_below(lines: Sequence[Line], parameters: SegmentationParameters) -> dict[int, int]:
+    boxes: Boxes = np.array([line.box for line in lines])
+    baseline = np.array([line.baseline for line in lines])
+    em = np.array([line.em for line in lines])
+    shared = np.minimum(boxes[:, None, 2], boxes[None, :, 2]) - np.maximum(
+        boxes[:, None, 0], boxes[None, :, 0]
+    )
+    down = baseline[None, :] - baseline[:, None]
+    smaller = np.minimum(em[:, None], em[None, :])
+    reachable = (shared > 0) & (down > 0.4 * smaller)
+    reachable &= down < parameters.double_leading * np.maximum(em[:, None], em[None, :])
+    distance = np.where(reachable, down, np.inf)
+    nearest_below, nearest_above = np.min(distance, axis=1), np.min(distance, axis=0)
+    level = 0.5 * em
+    of_below = distance <= (nearest_below + level)[:, None]
+    of_above = distance <= (nearest_above + level)[None, :]
+    linked = of_below & of_above & reachable
+    # Side by side with another that has the same line above or below: heads over columns, not a block.
+    alone = (np.sum(of_below & reachable, axis=1) == 1)[:, None] & (np.sum(of_above & reachable, axis=0) == 1)
+    linked &= alone
+    pairs = zip(*np.nonzero(linked), strict=True)
+    return {int(i): int(j) for i, j in pairs if _set_alike(lines[int(i)], lines[int(j)], parameters)}
+
+
+def _set_alike(first: Line, second: Line, parameters: SegmentationParameters) -> bool:
+    """Whether two lines may be of one block: of one size and weight, not too far apart."""
+    reliable = min(len(first.members), len(second.members)) >= parameters.reliable_components
+    size = max(first.em, second.em) / min(first.em, second.em)
+    if size > parameters.unreliable_step:
+        return False
+    small = max(first.small, second.small) / min(first.small, second.small)
+    if reliable and size > parameters.size_step and small > parameters.small_step:
+        return False
+    weights = first.stroke / first.em, second.stroke / second.em
+    if reliable and max(weights) > parameters.weight_step * min(weights):
+        return False
+    distance = second.baseline - first.baseline
+    em = max(first.em, second.em)
+    if distance > parameters.largest_leading * em:
+        return min(first.width, second.width) > 12 * em
+    return True
+
+
+def _split_at_leading(
+    lines: Sequence[Line], chain: list[int], parameters: SegmentationParameters
+) -> list[list[int]]:
+    """Parts of a chain within which the distance of baselines is even."""
+    distance = np.diff([lines[index].baseline for index in chain])
+    if len(distance) == 0:
+        return [chain]
+    padded = np.concatenate([[np.inf], distance, [np.inf]])
+    beside = np.minimum(padded[:-2], padded[2:])
+    cuts = distance > parameters.leading_step * beside
+    # Two lines alone have nothing to compare with.
+    em = np.array([max(lines[a].em, lines[b].em) for a, b in pairwise(chain)])
+    cuts |= ~np.isfinite(beside) & (distance > 1.5 * em)
+    return _cut(chain, np.flatnonzero(cuts) + 1)
+
+
+def _split_paragraphs(
+    lines: Sequence[Line], block: list[int], parameters: SegmentationParameters
+) -> list[list[int]]:
+    """A block cut before indented first lines."""
+    if len(block) < 2:
+        return [block]
+    left = np.array([lines[index].box[0] for index in block])
+    right = np.array([lines[index].box[2] for index in block])
+    em = float(np.median([lines[index].em for index in block]))
+    step = np.diff(left)
+    indented = np.zeros(len(block), dtype=bool)
+    indented[1:] = (step > parameters.indent * em) & (step < parameters.largest_indent * em)
+    back = np.zeros(len(block), dtype=bool)
+    back[1:-1] = np.abs(left[2:] - left[:-2]) < 0.5 * parameters.indent * em
+    back[-1] = len(block) > 2 and abs(left[-2] - np.median(left)) < 0.5 * parameters.indent * em
+    full = right > right.max() - 0.35 * (right.max() - left.min())
+    cuts = indented & back & full
+    return _cut(block, np.flatnonzero(cuts))
+
+
+def _cut(items: list[int], at: NDArray[np.intp] | Indices) -> list[list[int]]:
+    edges = [0, *(int(index) for index in at), len(items)]
+    return [items[a:b] for a, b in pairwise(edges) if b > a]
