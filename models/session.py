@@ -24,8 +24,9 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlch
 from models.errors import StoreDamaged, StoreTooNew, StoreUnavailable
 from models.tables import Table
 
-BUSY_TIMEOUT_S = 5.0
-"""A writer waits so long for its turn; one takes 5 ms, so this is a queue of about a thousand."""
+BUSY_TIMEOUT_S = 10.0
+"""A writer waits so long for its turn. One takes 5 ms; but processes wait by trial, and of 1000 writes of four that
+never pause, on a disk that others use, one waited 3 s."""
 _POOL_SIZE, _POOL_OVERFLOW = 8, 32
 """Connections kept, and more at a rush: 40 in all, as many as anyio has threads."""
 _WRITER: Final = "store_writer"
@@ -186,6 +187,8 @@ def storage_errors() -> Iterator[None]:
         raise StoreUnavailable(f"the database cannot be used: {error.orig}") from error
     except SQLAlchemyError as error:
         raise StoreUnavailable(f"the database cannot be used: {error}") from error
+    except ImportError as error:
+        raise StoreUnavailable(f"the driver of this database is not installed: {error}") from error
     except OSError as error:
         raise StoreUnavailable(f"the database cannot be used: {error.strerror or error}") from error
 

@@ -1,6 +1,7 @@
 """Opening a database: migrations, what is refused, and how connections are set up."""
 
 import os
+import shutil
 import sqlite3
 import tempfile
 import threading
@@ -12,7 +13,7 @@ import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
-from models import session
+from models import migrations, session
 from models.errors import StoreDamaged, StoreTooNew, StoreUnavailable
 from models.repository import Store
 from models.tables import Table
@@ -91,6 +92,41 @@ def test_the_database_of_a_newer_release_is_refused_and_left_alone(tmp_path: Pat
     with pytest.raises(StoreTooNew, match=r"9999.*newer release"):
         Store.open(path)
     assert path.read_bytes() == before
+
+
+NEXT_RELEASE = """
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0002"
+down_revision = "0001"
+
+def upgrade():
+    with op.batch_alter_table("layout_models", recreate="always") as table:
+        table.add_column(sa.Column("genre", sa.String(20), nullable=False, server_default="none"))
+"""
+
+
+def test_a_later_migration_may_make_tables_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table that others refer to is dropped on the way: their rows stay, and still refer to it."""
+    path = filled(tmp_path / "store.sqlite3")
+    folder = tmp_path / "migrations"
+    (ours,) = migrations.__path__
+    shutil.copytree(ours, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    (folder / "versions" / "v0002_genre.py").write_text(NEXT_RELEASE)
+    with monkeypatch.context() as patch:
+        patch.setattr(migrations, "__path__", [str(folder)])
+        with Store.open(path) as store:
+            assert store.model("letter").version == len(store.model_versions("letter")) == 20
+            assert len(store.samples("letter")) == 20
+    with sqlite3.connect(path) as connection:
+        assert connection.execute("SELECT name, genre FROM layout_models").fetchall() == [("letter", "none")]
+        connection.execute("PRAGMA foreign_keys=ON")
+        with pytest.raises(sqlite3.IntegrityError):
+            connection.execute("DELETE FROM layout_models")
+    connection.close()
+    with pytest.raises(StoreTooNew):
+        Store.open(path)
 
 
 @pytest.mark.parametrize("keep", [100, PAGE, 50 * PAGE, 50 * PAGE + 17])
