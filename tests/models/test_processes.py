@@ -63,7 +63,7 @@ def test_processes_that_open_a_fresh_file_at_once(tmp_path: Path) -> None:
             assert store.model("letter").version == number
 
 
-ROUNDS = 12
+ROUNDS = 8
 Kept = dict[str, dict[Any, tuple[int, int]]]
 """What writers said is kept: by kind, then by version or id, which writer wrote it in which step."""
 
@@ -85,10 +85,10 @@ def test_killed_writers_leave_nothing_by_halves(tmp_path: Path) -> None:
     kept: Kept = {"version": {}, "sample": {}, "deleted": {}, "result": {}}
     for number in range(ROUNDS):
         first, second = (begin(path, 2 * number + which) for which in (0, 1))
-        for _ in range(generator.randint(1, 20)):
+        for _ in range(generator.randint(1, 12)):
             note(kept, second)
         kill(kept, first)
-        for _ in range(generator.randint(1, 20)):
+        for _ in range(generator.randint(1, 12)):
             note(kept, second)  # it gets on, whatever the other one held
         kill(kept, second)
         if number % 4 == 3:
