@@ -10,9 +10,9 @@ Rect = tuple[int, int, int, int]
 
 _ON_CHIP = 50.0
 """Weight of an area of another label that is covered, against that of a zone's area."""
-_ON_OWN_ZONE = 0.9
+_ON_OWN_ZONE = 0.95
 """Weight of the own zone's area: rather there than on another's, where it would be read as that one's."""
-_LESS_LIKED = 0.12
+_LESS_LIKED = 0.06
 """Cost, in areas of the label, of each place further down the list."""
 _STEPS = 12
 """How many labels up and down a place is looked for where all about the zone are taken."""
