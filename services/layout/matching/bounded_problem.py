@@ -43,6 +43,11 @@ class BoundedProblem:
     def size(self) -> int:
         return len(self.zones)
 
+    @property
+    def real(self) -> NDArray[np.bool_]:
+        """(R, K): whether a place is a label of its own."""
+        return np.arange(self.names.shape[1]) < self.sizes[:, None]
+
     def normalise(self) -> None:
         """Move the least value of every zone, pair and count into the constant."""
         least = self.node.min(1)
@@ -89,7 +94,7 @@ def whole_problem(tables: CostTables, neighbours: Neighbours) -> BoundedProblem:
 
 def reduced(problem: BoundedProblem, keep: NDArray[np.bool_]) -> BoundedProblem:
     """The problem with the places (R, K) of `keep` alone, at least one a zone; zones with one left are decided."""
-    keep = keep & (np.arange(keep.shape[1]) < problem.sizes[:, None])
+    keep = keep & problem.real
     sizes = keep.sum(1)
     width = max(1, int(sizes.max(initial=1)))
     places = np.argsort(~keep, axis=1, kind="stable")[:, :width]

@@ -17,6 +17,15 @@ _TOLERANCE = 1e-10
 _FEW = 0.7
 """A problem is written anew when no more than this share of its labels is left: passes over it are cheaper."""
 
+_STEP = 0.7
+"""Of the way to the prices that would be best if the others stood; with 1 they leap over each other."""
+_OFFERS = (0, 1, 3, 7)
+"""The passes after which local search starts from what looked best in them; later ones repeat it."""
+_SMALL = 8
+"""Zones that branch and bound decides sooner than a further pass."""
+_STANDS_STILL = 0.98
+"""A pass that leaves more of the gap than this is the last."""
+
 
 def match_directly(tables: CostTables, parameters: MatchingParameters) -> Matching:
     """The labelling of least cost that was found, with what is proved of it.
@@ -73,23 +82,31 @@ class _Found:
 
 def _raise_bound(problem: BoundedProblem, found: _Found, max_sweeps: int, stop_at: float) -> BoundedProblem:
     """Passes to and fro until the bound meets the cost, stands still or the budget ends; what is left."""
+    if max_sweeps == 0:
+        return problem
     ascent = DualAscent(problem)
+    ascent.start_from(found.labels)
+    last = np.inf
     for step in range(max_sweeps):
         choice = ascent.sweep(backward=step % 2 == 1)
-        if problem.constant >= found.cost - found.tolerance:
+        gap = found.cost - problem.constant
+        if gap <= found.tolerance:
             break
-        found.offer(problem.labelling(choice))
-        if step % 2 == 0:
-            ascent.price_counts(0.5)
+        if step in _OFFERS:
+            found.offer(problem.labelling(choice))
         keep = ascent.reach < found.cost - found.tolerance
         keep[np.arange(problem.size), np.where(keep, ascent.seen, np.inf).argmin(1)] = True
         if keep.sum() <= _FEW * problem.sizes.sum():
             ascent.settle()
             problem = reduced(problem, keep)
-            if problem.size == 0:
+            if problem.size <= _SMALL:
                 return problem
             ascent = DualAscent(problem)
+        elif gap > _STANDS_STILL * last:
+            break
+        last = gap
         if time.perf_counter() > stop_at:
             break
+        ascent.price_counts(_STEP)
     ascent.settle()
     return problem

@@ -47,27 +47,26 @@ def exchange(state: Labelling, least_gain: float) -> bool:
 def relabel_together(tables: CostTables, state: Labelling, least_gain: float) -> bool:
     """Give all zones of one label another one, if that gains (as when a paragraph's zones vote together)."""
     labels, counts, around = state.labels, state.counts, state.neighbours
-    used = np.flatnonzero(counts)
-    gains = np.full((len(used), tables.labels), np.inf)
-    same = labels[around.low] == labels[around.high]
-    for row, label in enumerate(used):
-        members = labels == label
-        size = int(counts[label])
-        # pairs inside the group are counted by both their zones, each against the other's old label
-        inner = around.edge[same & members[around.low]]
-        moved = np.einsum("ell->l", inner) - inner[:, :, label].sum(0) - inner[:, label].sum(0)
-        moved += inner[:, label, label].sum()
-        field = state.field[members]
-        now = tables.count[np.arange(tables.labels), counts]
-        more = tables.count[np.arange(tables.labels), np.minimum(counts + size, tables.zones)] - now
-        gains[row] = (
-            (field - field[:, label, None]).sum(0) + moved + more + tables.count[label, 0] - now[label]
-        )
-        gains[row, label] = np.inf
-    best, target = divmod(int(gains.argmin()), tables.labels)
+    width = tables.labels
+    members = (labels == np.arange(width)[:, None]).astype(float)
+    sums: Floats = members @ state.field
+    gains = sums - sums.diagonal()[:, None]
+    inner = np.flatnonzero(labels[around.low] == labels[around.high])
+    if len(inner):
+        # a pair inside the group is in both zones' fields, each time with the other's old label
+        own = labels[around.low[inner]]
+        pair, rows = around.edge[inner], np.arange(len(inner))
+        twice = pair.diagonal(0, 1, 2) + pair[rows, own, own][:, None] - pair[rows, own] - pair[rows, :, own]
+        np.add.at(gains, own, twice)
+    now = tables.count[np.arange(width), counts]
+    joined = np.minimum(counts[:, None] + counts, tables.zones)
+    gains += tables.count[np.arange(width), joined] - now + (tables.count[:, 0] - now)[:, None]
+    gains[counts == 0] = np.inf
+    np.fill_diagonal(gains, np.inf)
+    best, target = divmod(int(gains.argmin()), width)
     if gains[best, target] > -least_gain:
         return False
-    for zone in np.flatnonzero(labels == used[best]):
+    for zone in np.flatnonzero(labels == best):
         state.change(int(zone), target)
     return True
 
