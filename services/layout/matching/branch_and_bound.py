@@ -25,39 +25,43 @@ class Searched:
 
 @dataclass(slots=True, eq=False)
 class _Branch:
-    """Zone `depth` is to be decided. `ahead` (R - depth, K) are the costs of it and of all zones after it, with
-    their pairs with the decided ones; `spent` is the cost of those, `counts` (L,) their labels."""
+    """`free` (F,) zones are to be decided. `ahead` (F, K) are their costs, with their pairs with the decided ones;
+    `spent` is the cost of those, `counts` (L,) are their labels, `choice` (R,) their places."""
 
     bound: float
-    depth: int
+    free: Labels
     spent: float
     ahead: Floats
     counts: Labels
-    choice: list[int]
+    choice: Labels
 
 
-def search(
-    problem: BoundedProblem, below: float, tolerance: float, max_nodes: int, stop_at: float
-) -> Searched:
+def search(problem: BoundedProblem, below: float, tolerance: float, max_nodes: int, stop_at: float) -> Searched:
     """The least cost under `below` by more than `tolerance`, or the proof that there is none.
 
-    Opens `max_nodes` zones, and none after `stop_at` (of time.perf_counter). The branch's bound is its cost so far,
-    with the least costs of the zones to come given the decided ones, and of the counts they may still reach.
+    Opens `max_nodes` zones, and none after `stop_at` (of time.perf_counter). The bound of a branch is its cost so
+    far, with the least costs of the zones to come given the decided ones, and of the counts they may still reach. The
+    zone that is decided next is the one whose second best label costs most above its best: most often its others go
+    at once.
     """
     size, width = problem.node.shape
     if size == 0:
         found = problem.constant < below - tolerance
         empty = np.zeros(0, np.intp)
         return Searched(empty if found else None, min(below, problem.constant), problem.constant, 0)
-    if (size * width) ** 2 > _MOST_COUPLINGS:
+    if (size * width) ** 2 > _MOST_COUPLINGS or max_nodes == 0:
         return Searched(None, below, problem.constant, 0)
     coupling = np.zeros((size, width, size, width))
     coupling[problem.low, :, problem.high, :] = problem.pair
-    count = _reachable(problem)
+    coupling[problem.high, :, problem.low, :] = problem.pair.transpose(0, 2, 1)
+    reachable = _reachable(problem.count)
     rows = np.arange(len(problem.count))
     best, limit, explored = None, below, 0
-    root = _Branch(problem.constant, 0, problem.constant, problem.node, np.zeros(len(rows), np.intp), [])
-    stack = [root]
+    node = np.where(problem.real, problem.node, np.inf)
+    none = np.zeros(len(rows), np.intp)
+    stack = [
+        _Branch(problem.constant, np.arange(size), problem.constant, node, none, np.zeros(size, np.intp))
+    ]
     while stack:
         branch = stack[-1]
         if branch.bound >= limit - tolerance:
@@ -67,42 +71,39 @@ def search(
             break
         stack.pop()
         explored += 1
-        depth = branch.depth
-        k = int(problem.sizes[depth])
-        names = problem.names[depth, :k]
-        at = branch.counts
-        to_come = count[depth + 1]
+        least = np.partition(branch.ahead, 1, axis=1)
+        place = int((least[:, 1] - least[:, 0]).argmax())
+        zone, own = int(branch.free[place]), branch.ahead[place]
+        open_ = np.flatnonzero(branch.bound + own - least[place, 0] < limit - tolerance)
+        rest = np.delete(np.arange(len(own_rows := branch.free)), place)
+        free = own_rows[rest]
+        names, at = problem.names[zone, open_], branch.counts
+        to_come = reachable[len(free)]
         now = to_come[rows, at]
-        spent = branch.spent + branch.ahead[0, :k]
-        ahead = branch.ahead[1:] + coupling[depth, :k, depth + 1 :]
-        bounds = spent + ahead.min(2).sum(1) + (now.sum() + to_come[names, at[names] + 1] - now[names])
-        if depth + 1 == size:
-            c = int(bounds.argmin())
-            if bounds[c] < limit - tolerance:
-                limit, best = float(bounds[c]), [*branch.choice, c]
-            continue
+        spent = branch.spent + own[open_]
+        ahead = branch.ahead[rest] + coupling[zone, open_][:, free]
+        bounds = spent + np.add.reduce(np.minimum.reduce(ahead, 2), 1)
+        bounds += now.sum() + to_come[names, at[names] + 1] - now[names]
         for c in np.argsort(-bounds, kind="stable").tolist():
-            if bounds[c] < limit - tolerance:
-                counts = at.copy()
-                counts[names[c]] += 1
-                stack.append(
-                    _Branch(
-                        float(bounds[c]), depth + 1, float(spent[c]), ahead[c], counts, [*branch.choice, c]
-                    )
-                )
+            if bounds[c] >= limit - tolerance:
+                continue
+            choice = branch.choice.copy()
+            choice[zone] = open_[c]
+            if len(free) == 0:
+                limit, best = float(bounds[c]), choice
+                continue
+            counts = at.copy()
+            counts[names[c]] += 1
+            stack.append(_Branch(float(bounds[c]), free, float(spent[c]), ahead[c], counts, choice))
     lower = min([limit, *(branch.bound for branch in stack)])
-    choice = None if best is None else np.array(best, np.intp)
-    return Searched(choice, limit, lower, explored)
+    return Searched(best, limit, lower, explored)
 
 
-def _reachable(problem: BoundedProblem) -> Floats:
-    """(R + 1, L, R + 1): the least cost of a label's count, given how many of the first zones have it."""
-    size = problem.size
-    out = np.empty((size + 1, *problem.count.shape))
-    out[size] = problem.count
-    for depth in range(size - 1, -1, -1):
-        names = problem.names[depth, : problem.sizes[depth]]
-        out[depth] = out[depth + 1]
-        # the zone may take the label or not
-        out[depth, names, :-1] = np.minimum(out[depth + 1, names, :-1], out[depth + 1, names, 1:])
+def _reachable(count: Floats) -> Floats:
+    """(R + 1, L, R + 1): the least cost of a label's count n when as many zones as the first index are to come."""
+    out = np.empty((count.shape[1], *count.shape))
+    out[0] = count
+    for to_come in range(1, len(out)):
+        out[to_come] = out[to_come - 1]
+        np.minimum(out[to_come, :, :-1], out[to_come - 1, :, 1:], out=out[to_come, :, :-1])
     return out

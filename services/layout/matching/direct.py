@@ -19,7 +19,7 @@ _FEW = 0.7
 
 _STEP = 0.7
 """Of the way to the prices that would be best if the others stood; with 1 they leap over each other."""
-_OFFERS = (0, 1, 3, 7)
+_OFFERS = (1, 5)
 """The passes after which local search starts from what looked best in them; later ones repeat it."""
 _SMALL = 8
 """Zones that branch and bound decides sooner than a further pass."""
