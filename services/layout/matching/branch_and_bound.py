@@ -36,7 +36,9 @@ class _Branch:
     choice: Labels
 
 
-def search(problem: BoundedProblem, below: float, tolerance: float, max_nodes: int, stop_at: float) -> Searched:
+def search(
+    problem: BoundedProblem, below: float, tolerance: float, max_nodes: int, stop_at: float
+) -> Searched:
     """The least cost under `below` by more than `tolerance`, or the proof that there is none.
 
     Opens `max_nodes` zones, and none after `stop_at` (of time.perf_counter). The bound of a branch is its cost so
