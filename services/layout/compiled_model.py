@@ -11,9 +11,9 @@ from services.layout.edge_attributes import RELATIONS
 from services.layout.graph import RELATION_OFFSETS
 from services.layout.node_attributes import NUMERIC_ATTRIBUTES
 
-CONTENT_SCALE = 0.5
-LABEL_SCALE = 0.35
-COUNT_SCALE = 0.3
+CONTENT_SCALE = 0.6
+LABEL_SCALE = 0.4
+COUNT_SCALE = 0.4
 """Weights of a content feature, of a label's own cost and of its count, until enough samples tell."""
 
 LABEL, COUNT = "label", "count"

@@ -146,15 +146,15 @@ _ACROSS = ("to-the-left", "aligned", "to-the-right")
 _ALONG = ("above", "aligned", "below")
 
 RELATIONS: tuple[Relation, ...] = (
-    Relation("top-top", _ALONG, _boundaries(1, 1, ALIGNED_Y), 0.12),
-    Relation("top-bottom", _ALONG, _boundaries(1, 3, ALIGNED_Y), 0.12),
-    Relation("bottom-top", _ALONG, _boundaries(3, 1, ALIGNED_Y), 0.12),
-    Relation("bottom-bottom", _ALONG, _boundaries(3, 3, ALIGNED_Y), 0.12),
-    Relation("left-left", _ACROSS, _boundaries(0, 0, ALIGNED_X), 0.12),
-    Relation("left-right", _ACROSS, _boundaries(0, 2, ALIGNED_X), 0.12),
-    Relation("right-left", _ACROSS, _boundaries(2, 0, ALIGNED_X), 0.12),
-    Relation("right-right", _ACROSS, _boundaries(2, 2, ALIGNED_X), 0.12),
-    Relation("centre-centre", _ACROSS, _centres, 0.12),
+    Relation("top-top", _ALONG, _boundaries(1, 1, ALIGNED_Y), 0.15),
+    Relation("top-bottom", _ALONG, _boundaries(1, 3, ALIGNED_Y), 0.15),
+    Relation("bottom-top", _ALONG, _boundaries(3, 1, ALIGNED_Y), 0.15),
+    Relation("bottom-bottom", _ALONG, _boundaries(3, 3, ALIGNED_Y), 0.15),
+    Relation("left-left", _ACROSS, _boundaries(0, 0, ALIGNED_X), 0.15),
+    Relation("left-right", _ACROSS, _boundaries(0, 2, ALIGNED_X), 0.15),
+    Relation("right-left", _ACROSS, _boundaries(2, 0, ALIGNED_X), 0.15),
+    Relation("right-right", _ACROSS, _boundaries(2, 2, ALIGNED_X), 0.15),
+    Relation("centre-centre", _ACROSS, _centres, 0.15),
     Relation(
         "gap-along",
         ("touching", "line", "wide-line", "lines", "block", "far", "page"),
@@ -162,7 +162,7 @@ RELATIONS: tuple[Relation, ...] = (
         0.18,
     ),
     Relation("gap-across", ("none", "narrow", "wide", "page"), _gap(0, (0.002, 0.05, 0.3)), 0.18),
-    Relation("font-step", ("much-smaller", "smaller", "alike", "larger", "much-larger"), _font_step, 0.12),
+    Relation("font-step", ("much-smaller", "smaller", "alike", "larger", "much-larger"), _font_step, 0.15),
     Relation("neighbours", ("apart", "next-below", "next-above", "next"), _neighbourhood, 0.25),
     Relation(
         "places-apart",
@@ -170,6 +170,6 @@ RELATIONS: tuple[Relation, ...] = (
         lambda pairs: np.minimum(pairs.places_apart, 4) - 1,
         0.22,
     ),
-    Relation("same-row", ("apart", "same"), _same_row, 0.12),
+    Relation("same-row", ("apart", "same"), _same_row, 0.15),
 )
 """The nine relations of boundaries and central lines (5.6.1), distances, the ratio of font sizes, and neighbourhood."""

@@ -11,6 +11,8 @@ from services.layout.graph import RELATION_OFFSETS, LayoutGraph
 MOST_COUNTED = 13
 """Zones of one label on a page are counted so far; more count as many."""
 
+ROUNDING = 1e-9
+
 Sums = NDArray[np.float64]
 
 
@@ -49,9 +51,10 @@ class LabelStatistics:
 
     def __sub__(self, other: "LabelStatistics") -> "LabelStatistics":
         """What is left without the pages of `other`, which are among this one's."""
-        return LabelStatistics(
-            *(np.maximum(getattr(self, each.name) - getattr(other, each.name), 0.0) for each in fields(self))
-        )
+        left = [getattr(self, each.name) - getattr(other, each.name) for each in fields(self)]
+        # Sums of confidences and squares may miss zero by a rounding error.
+        return LabelStatistics(*(np.where(np.abs(values) < ROUNDING, 0.0, values) for values in left))
+
 
 
 def label_indices(labels: Sequence[str | None], known: Sequence[str | None]) -> NDArray[np.intp]:
