@@ -111,9 +111,11 @@ class Calibration:
     pages: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class LayoutModel:
     """Layout graph model of a document class (5.3): nodes, edges between all of them, and weights.
+
+    Two models are the same only if they are one object, so that what is made of a model can be kept by it.
 
     The first node is null. `scales` weigh every attribute by name; together with the variance of its node it
     makes the attribute's weight. An edge that is not listed has no cost.

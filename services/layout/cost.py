@@ -1,16 +1,22 @@
 """The cost of a match between a model and a page (Equation 5.1), term by term and as tables for matching."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.compiled_model import CompiledModel
+from services.layout.compiled_model import LABEL, CompiledModel, content_scale_name
 from services.layout.cost_tables import CostTables
 from services.layout.edge_attributes import RELATIONS
 from services.layout.graph import RELATION_OFFSETS, LayoutGraph
 from services.layout.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.results import AttributeCost
 
 USUAL_CONTENT = 0.1
 """How much of a content feature a zone of any page has; costs are relative to it."""
+
+MOST_EXPLAINED = 1000
+"""Terms of a cost that are told; a page of 500 zones has 200 000."""
 
 _RELATION_OF_DESCRIPTOR = np.repeat(np.arange(len(RELATIONS)), np.diff(RELATION_OFFSETS))
 
@@ -73,3 +79,55 @@ def build_cost_tables(graph: LayoutGraph, model: CompiledModel) -> CostTables:
         edge=edge,
         count=model.scales[-1] * model.counts[:, counted],
     )
+
+
+def labelling_cost(
+    graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp], scales: NDArray[np.float64]
+) -> tuple[float, float, float]:
+    """Cost of nodes, edges and counts of one labelling (N,), weighted by `scales`."""
+    node, edge = _chosen_terms(graph, model, labels, scales)
+    counts = np.bincount(labels, minlength=len(model.labels))
+    counted = model.counts[np.arange(len(model.labels)), np.minimum(counts, model.counts.shape[1] - 1)]
+    return float(node.sum()), float(edge.sum()), float(scales[-1] * counted.sum())
+
+
+def explain_cost(
+    graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp], zone_ids: Sequence[str]
+) -> tuple[AttributeCost, ...]:
+    """The weighted terms of a labelling's cost by zone or pair and attribute, largest size first.
+
+    At most `MOST_EXPLAINED`, and none that are zero.
+    """
+    node, edge = _chosen_terms(graph, model, labels, model.scales)
+    names = (
+        *(attribute.name for attribute in NUMERIC_ATTRIBUTES),
+        *(content_scale_name(name) for name in graph.content_names),
+        LABEL,
+    )
+    size = np.concatenate([np.abs(node).ravel(), np.abs(edge).ravel()])
+    largest = np.argsort(-size, kind="stable")[:MOST_EXPLAINED]
+    told = []
+    for index in largest[size[largest] > 0]:
+        if index < node.size:
+            zone, attribute = divmod(int(index), node.shape[1])
+            term = AttributeCost(zone_ids[zone], None, names[attribute], float(node[zone, attribute]))
+        else:
+            pair, relation = divmod(int(index) - node.size, edge.shape[1])
+            upper, lower = graph.pairs[pair]
+            term = AttributeCost(
+                zone_ids[upper], zone_ids[lower], RELATIONS[relation].name, float(edge[pair, relation])
+            )
+        told.append(term)
+    return tuple(told)
+
+
+def _chosen_terms(
+    graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp], scales: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Weighted terms of a labelling: of its nodes (N, A + C + 1), and of its edges (E, R)."""
+    nodes = len(scales) - len(RELATIONS) - 1
+    node = node_terms(graph, model)[np.arange(graph.zones), labels] * scales[:nodes]
+    upper, lower = labels[graph.pairs.T]
+    descriptors = graph.relations + RELATION_OFFSETS[:-1]
+    edge = model.relations[upper[:, None], lower[:, None], descriptors] * scales[nodes:-1]
+    return node, edge * relation_weight(graph.zones)

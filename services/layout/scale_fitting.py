@@ -18,9 +18,9 @@ from scipy.special import logsumexp
 from services.layout.compiled_model import CompiledModel, default_scales
 from services.layout.cost import node_terms, relation_weight
 from services.layout.edge_attributes import RELATIONS
+from services.layout.estimation import estimate_model
 from services.layout.graph import RELATION_OFFSETS
-from services.layout.initialization import estimate_model
-from services.layout.statistics import LabelledGraph, LabelStatistics, label_indices
+from services.layout.statistics import LabelledGraph, LabelStatistics, label_indices, total_statistics
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +47,7 @@ def fit_scales(
     usual = default_scales(pages[0].graph.content_names if pages else ())
     if len(pages) < 2:
         return usual
-    total = statistics[0]
-    for each in statistics[1:]:
-        total = total + each
+    total = total_statistics(statistics)
     chosen = np.unique(np.linspace(0, len(pages) - 1, min(len(pages), parameters.most_pages)).astype(int))
     terms, truth = [], []
     for index in chosen:

@@ -56,7 +56,6 @@ class LabelStatistics:
         return LabelStatistics(*(np.where(np.abs(values) < ROUNDING, 0.0, values) for values in left))
 
 
-
 def label_indices(labels: Sequence[str | None], known: Sequence[str | None]) -> NDArray[np.intp]:
     """Index of every label among the `known` ones."""
     index = {label: position for position, label in enumerate(known)}
@@ -89,3 +88,11 @@ def gather_statistics(page: LabelledGraph, labels: Sequence[str | None]) -> Labe
         counts=counts,
         pages=np.ones(1),
     )
+
+
+def total_statistics(pages: Sequence[LabelStatistics]) -> LabelStatistics:
+    """Sum over pages, at least one."""
+    total = pages[0]
+    for page in pages[1:]:
+        total = total + page
+    return total

@@ -1,0 +1,155 @@
+"""From the statistics of a class to its model (5.6.1): means, weights, look-up tables, expectations."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.layout_graph import Calibration, LayoutModel, ModelEdge, ModelNode, NumericExpectation
+from services.layout.compiled_model import CompiledModel, scale_names
+from services.layout.edge_attributes import RELATIONS
+from services.layout.graph import RELATION_OFFSETS
+from services.layout.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.statistics import MOST_COUNTED, LabelStatistics
+
+
+@dataclass(frozen=True, slots=True)
+class EstimationParameters:
+    """How much is believed before samples tell; weights count as so many zones or pages."""
+
+    spread_weight: float = 2.0
+    """Of an attribute's usual spread within a component, against the variance seen."""
+    content_weight: float = 1.0
+    """Of a content feature's frequency over all zones, against that in the component."""
+    content_range: tuple[float, float] = (0.003, 0.997)
+    """Expectation values stay within: what was never seen may still come."""
+    relation_weight: float = 2.0
+    """Of a descriptor's frequency over all pairs, against that of the pair of components."""
+    count_weight: float = 0.5
+    """Of the usual numbers of zones of a component on a page: none as often as any, one as often as all more."""
+    label_weight: float = 0.5
+    """Added to every component's number of zones."""
+
+
+def estimate_model(
+    statistics: LabelStatistics,
+    labels: Sequence[str | None],
+    scales: NDArray[np.float64],
+    parameters: EstimationParameters = EstimationParameters(),
+) -> CompiledModel:
+    """Means, variances, look-up tables and expectations of `statistics` over pages with `labels`."""
+    values, variances = _estimate_numeric(statistics, parameters)
+    return CompiledModel(
+        labels=tuple(labels),
+        values=values,
+        variances=variances,
+        content=_estimate_content(statistics, parameters),
+        label_costs=-np.log(
+            (statistics.zones + parameters.label_weight)
+            / (statistics.zones.sum() + parameters.label_weight * len(labels))
+        ),
+        relations=_estimate_relations(statistics, parameters),
+        counts=_estimate_counts(statistics, parameters),
+        scales=scales,
+    )
+
+
+def _estimate_numeric(
+    statistics: LabelStatistics, parameters: EstimationParameters
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Means (L, A), NaN where no value is known, and variances of the next value.
+
+    The variance seen is drawn to the attribute's usual one; the mean's own uncertainty is added.
+    """
+    known = statistics.known
+    usual = np.array([attribute.spread**2 for attribute in NUMERIC_ATTRIBUTES])
+    with np.errstate(all="ignore"):
+        mean = statistics.totals / known
+        seen = np.maximum(statistics.squares / known - mean**2, 0.0)
+        weight = parameters.spread_weight
+        variance = (known * seen + weight * usual) / (known + weight) * (1 + 1 / known)
+    return np.where(known > 0, mean, np.nan), np.where(known > 0, variance, 1.0)
+
+
+def _estimate_content(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
+    read = statistics.read[:, None]
+    overall = (statistics.content.sum(axis=0) + 0.05) / (read.sum() + 0.5)
+    weight = parameters.content_weight
+    expected = (statistics.content + weight * overall) / (read + weight)
+    return np.where(read > 0, np.clip(expected, *parameters.content_range), np.nan)
+
+
+def _estimate_relations(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
+    costs = np.empty_like(statistics.descriptors)
+    for relation, start in zip(RELATIONS, RELATION_OFFSETS[:-1], strict=True):
+        columns = slice(start, start + len(relation.descriptors))
+        seen = statistics.descriptors[:, :, columns]
+        overall = seen.sum(axis=(0, 1)) + 1.0
+        overall /= overall.sum()
+        weight = parameters.relation_weight
+        pairs = seen.sum(axis=2, keepdims=True)
+        costs[:, :, columns] = -np.log((seen + weight * overall) / (pairs + weight) / overall)
+    return costs
+
+
+def _estimate_counts(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
+    usual = np.full(MOST_COUNTED + 1, 0.25 / (MOST_COUNTED - 1))
+    usual[:2] = 0.5, 0.25
+    weight = parameters.count_weight
+    return np.asarray(-np.log((statistics.counts + weight * usual) / (statistics.pages + weight)))
+
+
+def name_parts(
+    model: CompiledModel,
+    name: str,
+    samples: int,
+    zones: NDArray[np.float64],
+    content_names: Sequence[str],
+    calibration: Calibration,
+) -> LayoutModel:
+    """The model as it is stored, its arrays told by name and rounded to what matters."""
+    return LayoutModel(
+        name=name,
+        samples=samples,
+        nodes=tuple(
+            ModelNode(
+                label=label,
+                zones=float(zones[row]),
+                cost=round(float(model.label_costs[row]), 4),
+                numeric={
+                    attribute.name: NumericExpectation(
+                        round(float(model.values[row, column]), 5),
+                        max(round(float(model.variances[row, column]), 8), 1e-8),
+                    )
+                    for column, attribute in enumerate(NUMERIC_ATTRIBUTES)
+                    if np.isfinite(model.values[row, column])
+                },
+                content={
+                    feature: round(float(model.content[row, column]), 4)
+                    for column, feature in enumerate(content_names)
+                    if np.isfinite(model.content[row, column])
+                },
+                count_costs=tuple(round(float(cost), 3) for cost in model.counts[row]),
+            )
+            for row, label in enumerate(model.labels)
+        ),
+        edges=tuple(
+            ModelEdge(upper, lower, _name_costs(model.relations[row, column]))
+            for row, upper in enumerate(model.labels)
+            for column, lower in enumerate(model.labels)
+            if model.relations[row, column].any()
+        ),
+        scales={
+            each: round(float(scale), 4)
+            for each, scale in zip(scale_names(content_names), model.scales, strict=True)
+        },
+        calibration=calibration,
+    )
+
+
+def _name_costs(row: NDArray[np.float64]) -> dict[str, tuple[float, ...]]:
+    return {
+        relation.name: tuple(round(float(cost), 3) for cost in row[start : start + len(relation.descriptors)])
+        for relation, start in zip(RELATIONS, RELATION_OFFSETS[:-1], strict=True)
+    }

@@ -1,0 +1,90 @@
+"""The steps of layout recognition, in their order: image -> zones -> content features -> class and labels."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from models.layout_graph import LayoutModel, Page
+from services.arrays import GrayImage, RgbImage
+from services.layout.content_features import ContentFeatures
+from services.layout.initialization import initialize_model as initialize_from_samples
+from services.layout.recognition import RecognitionParameters, VersionedModel, recognize_page
+from services.layout.results import Recognition
+from services.layout.segmentation import measure_zones, segment_page
+from services.layout.zone_texts import fill_texts
+from services.ocr.engine import OcrEngine
+
+__all__ = [
+    "VersionedModel",
+    "complete_page",
+    "content_features",
+    "initialize_model",
+    "read_page",
+    "recognize",
+]
+
+
+@lru_cache(maxsize=4)
+def content_features(settings: Path | None = None) -> ContentFeatures:
+    """The content features of a settings file (None: those that come along), read once.
+
+    Raises
+    ------
+    ValueError
+        When the file is no such settings file; the message names the key.
+    """
+    return ContentFeatures.load(settings)
+
+
+def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None) -> Page:
+    """Zones of a page image (H, W, 3) with all that is measured and, with an engine, read of them."""
+    gray = _gray(image)
+    words = None if engine is None else engine.read_page(gray)
+    return (features or content_features()).measure_page(segment_page(gray, words))
+
+
+def complete_page(
+    page: Page, image: RgbImage | None, engine: OcrEngine | None, features: ContentFeatures | None = None
+) -> Page:
+    """A page whose zones came from elsewhere, with what they lack: measures and texts of the image, content.
+
+    What the zones already have is kept.
+    """
+    if image is not None:
+        gray = _gray(image)
+        page = measure_zones(gray, page)
+        if engine is not None and not all(zone.text for zone in page.zones):
+            page = fill_texts(page, engine.read_page(gray))
+    return (features or content_features()).measure_page(page)
+
+
+def recognize(
+    page: Page,
+    models: Sequence[VersionedModel],
+    parameters: RecognitionParameters | None = None,
+    features: ContentFeatures | None = None,
+) -> Recognition:
+    """Class of a completed page and labels of its zones."""
+    started = time.perf_counter()
+    features = features or content_features()
+    page = features.measure_page(page)
+    measured_ms = (time.perf_counter() - started) * 1000
+    recognition = recognize_page(page, models, features.names, parameters or RecognitionParameters())
+    return replace(recognition, timings_ms={"content": measured_ms, **recognition.timings_ms})
+
+
+def initialize_model(
+    name: str, samples: Sequence[Page], features: ContentFeatures | None = None
+) -> LayoutModel:
+    """Layout graph model of a class from its verified pages (`initialization.initialize_model`)."""
+    features = features or content_features()
+    return initialize_from_samples(name, [features.measure_page(page) for page in samples], features.names)
+
+
+def _gray(image: RgbImage) -> GrayImage:
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)

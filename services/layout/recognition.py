@@ -1,0 +1,174 @@
+"""Layout structure recognition: class and labels of a page at once, from the models' least costs (5.2)."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import softmax
+
+from models.layout_graph import LayoutModel, Page
+from services.layout.classification import ClassificationParameters, classify
+from services.layout.compiled_model import CompiledModel, compile_model, default_scales
+from services.layout.cost import build_cost_tables, explain_cost, labelling_cost
+from services.layout.cost_tables import CostTables, Matching
+from services.layout.graph import LayoutGraph, build_graph
+from services.layout.matching import (
+    MatchingParameters,
+    backbone_of,
+    conditional_costs,
+    match_directly,
+    match_in_two_steps,
+)
+from services.layout.results import ClassMatch, LabelledZone, MatchReport, Recognition
+
+COMPILED_MODELS = 512
+"""Models whose arrays a process keeps: some 0.2 MB each."""
+
+
+@dataclass(frozen=True, slots=True)
+class VersionedModel:
+    """A model that competes, and its version in the store."""
+
+    model: LayoutModel
+    version: int
+
+
+@dataclass(frozen=True, slots=True)
+class RecognitionParameters:
+    """`method` chooses between the two ways of 5.4; `explain` adds the terms of the cost to the match."""
+
+    method: Literal["direct", "two-steps"] = "direct"
+    explain: bool = False
+    matching: MatchingParameters = field(default_factory=MatchingParameters)
+    classification: ClassificationParameters = field(default_factory=ClassificationParameters)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Match:
+    model: VersionedModel
+    compiled: CompiledModel
+    tables: CostTables
+    matching: Matching
+    backbone: dict[int, int]
+    comparable_cost: float
+
+
+def recognize_page(
+    page: Page,
+    models: Sequence[VersionedModel],
+    content_names: tuple[str, ...],
+    parameters: RecognitionParameters = RecognitionParameters(),
+) -> Recognition:
+    """Class and labels of a page whose zones carry their content features.
+
+    Without models, or without zones, nothing is labelled and no class is chosen.
+    """
+    if not models or not page.zones:
+        zones = tuple(LabelledZone(zone, None, 0.0, None, order) for order, zone in enumerate(page.zones))
+        return Recognition(page, zones, None)
+    started = time.perf_counter()
+    graph = build_graph(page, content_names)
+    matches = [_match(graph, page, model, parameters) for model in models]
+    matched = time.perf_counter()
+    probabilities, unknown = classify(
+        np.array([match.comparable_cost for match in matches]) / graph.zones,
+        [match.model.model.calibration for match in matches],
+        parameters.classification,
+    )
+    order = np.argsort(-probabilities, kind="stable")
+    classes = tuple(
+        ClassMatch(
+            matches[index].model.model.name,
+            matches[index].model.version,
+            matches[index].matching.cost,
+            float(probabilities[index]),
+        )
+        for index in order
+    )
+    best = matches[order[0]]
+    return Recognition(
+        page=page,
+        zones=_label_zones(page, best),
+        chosen=None if unknown > probabilities[order[0]] else classes[0],
+        classes=classes,
+        unknown_probability=unknown,
+        match=_report(page, graph, best, parameters.explain),
+        timings_ms={
+            "matching": (matched - started) * 1000,
+            "classification": (time.perf_counter() - matched) * 1000,
+        },
+    )
+
+
+def match_graph(
+    graph: LayoutGraph, page: Page, model: CompiledModel, parameters: RecognitionParameters
+) -> tuple[CostTables, Matching, dict[int, int]]:
+    """Tables, best labelling and backbone (label -> zone, null left out) of one model."""
+    tables = build_cost_tables(graph, model)
+    if parameters.method == "two-steps":
+        boxes = np.array([zone.box for zone in page.zones])
+        two_steps = match_in_two_steps(tables, boxes, parameters.matching)
+        return tables, two_steps.matching, dict(two_steps.backbone)
+    matching = match_directly(tables, parameters.matching)
+    backbone = backbone_of(tables, matching.labels)
+    return tables, matching, {label: zone for label, zone in backbone.items() if label}
+
+
+def comparable_cost(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp]) -> float:
+    """Cost of a labelling by the usual weights, which are the same for all models."""
+    return sum(labelling_cost(graph, model, labels, default_scales(graph.content_names)))
+
+
+@lru_cache(maxsize=COMPILED_MODELS)
+def _compiled(model: LayoutModel, content_names: tuple[str, ...]) -> CompiledModel:
+    return compile_model(model, content_names)
+
+
+def _match(
+    graph: LayoutGraph, page: Page, model: VersionedModel, parameters: RecognitionParameters
+) -> _Match:
+    compiled = _compiled(model.model, graph.content_names)
+    tables, matching, backbone = match_graph(graph, page, compiled, parameters)
+    cost = comparable_cost(graph, compiled, matching.labels)
+    return _Match(model, compiled, tables, matching, backbone, cost)
+
+
+def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
+    """Zones with their labels; how sure each is follows from the costs of its other labels.
+
+    The weights of the costs are those under which true labels are most probable given the others, so that their
+    exponentials are probabilities (`scale_fitting`).
+    """
+    chosen = match.matching.labels
+    probabilities = softmax(-conditional_costs(match.tables, chosen), axis=1)
+    labels = match.compiled.labels
+    return tuple(
+        LabelledZone(
+            zone=zone,
+            label=labels[chosen[index]],
+            confidence=float(probabilities[index, chosen[index]]),
+            group=labels[chosen[index]],
+            order=index,
+        )
+        for index, zone in enumerate(page.zones)
+    )
+
+
+def _report(page: Page, graph: LayoutGraph, match: _Match, explain: bool) -> MatchReport:
+    matching, labels = match.matching, match.compiled.labels
+    node, edge, count = labelling_cost(graph, match.compiled, matching.labels, match.compiled.scales)
+    names = [zone.id for zone in page.zones]
+    return MatchReport(
+        cost=matching.cost,
+        node_cost=node,
+        edge_cost=edge,
+        count_cost=count,
+        optimal=matching.optimal,
+        gap=matching.gap,
+        backbone={str(labels[label]): names[zone] for label, zone in sorted(match.backbone.items())},
+        explanation=explain_cost(graph, match.compiled, matching.labels, names) if explain else (),
+    )
