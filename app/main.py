@@ -17,34 +17,51 @@ from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 
 from app.authentication import HEADER as API_KEY_HEADER
-from app.authentication import ApiKeys
+from app.authentication import OPEN_PATHS, ApiKeys
 from app.engine.local import LocalEngine, PoolLimits
+from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
 from app.metrics import Metrics
 from app.operations import Operations
-from app.problems import ProblemBoundary, answer_framework_error, documented
-from app.routes import health, mosaic, rectify
+from app.problems import FrameworkErrors, ProblemBoundary, documented
+from app.routes import health, layout, layout_models, layout_samples, mosaic, rectify
 from app.routes.state import AppState
+from app.schemas.layout_models import PageBody
 from app.schemas.problem import Problem
 from app.settings import Settings
 from app.uploads import Admission, BodyGuard, BodyLimits
 
 log = logging.getLogger(__name__)
 
-ROUTERS = (rectify.router, mosaic.router, health.router)
-WORK = frozenset({("POST", "/rectify"), ("POST", "/mosaic")})
+ROUTERS = (
+    rectify.router,
+    mosaic.router,
+    layout.router,
+    layout_models.router,
+    layout_samples.router,
+    health.router,
+)
+WORK = frozenset(
+    {
+        ("POST", "/rectify"),
+        ("POST", "/mosaic"),
+        ("POST", "/layout"),
+        ("PUT", "/layout/models/{name}"),
+        ("POST", "/layout/models/{name}/samples"),
+        ("POST", "/layout/models/{name}/initialize"),
+    }
+)
 """Requests that need a seat in the engine before their body is read."""
 MAX_FIELD_BYTES = 64 * 1024
-"""Of one option; 200 points of a region need a tenth of it."""
+"""Of one option; 200 points of a region need a tenth of it. The zones of a page have a limit of their own."""
 
 
 def create_app(settings: Settings | None = None, operations: Operations | None = None) -> FastAPI:
     """The service as an ASGI application; its workers start with its lifespan."""
     settings = settings or Settings()
     operations = operations or Operations()
-    metrics = Metrics(
-        route.path for router in ROUTERS for route in router.routes if isinstance(route, APIRoute)
-    )
+    routes = [route for router in ROUTERS for route in router.routes if isinstance(route, APIRoute)]
+    metrics = Metrics(route.path for route in routes)
     engine = LocalEngine(
         PoolLimits(
             workers=settings.workers,
@@ -59,19 +76,21 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         observe=metrics.observe_job,
     )
     metrics.watch(engine.status)
+    store = LayoutStore(settings.data_dir, ResultLimits(settings.result_ttl_s, settings.max_results))
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        await engine.start()
-        log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
-        try:
-            yield
-        finally:
-            await engine.drain(settings.shutdown_grace_s)
+        async with store.opened():  # first, so that a service that cannot remember does not start
+            await engine.start()
+            log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
+            try:
+                yield
+            finally:
+                await engine.drain(settings.shutdown_grace_s)
 
     app = FastAPI(
         title="Document rectification",
-        summary="Photos of documents in, flat pages out.",
+        summary="Photos of documents in; flat pages, their classes and the labels of their parts out.",
         version=_version(),
         lifespan=lifespan,
         redoc_url=None,
@@ -79,11 +98,17 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         redirect_slashes=False,
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
-    app.state.document_rectification = AppState(settings, engine, operations, metrics)
+    app.state.document_rectification = AppState(settings, engine, operations, store, metrics)
     for router in ROUTERS:
-        app.include_router(router)
-    app.add_exception_handler(HTTPException, answer_framework_error)
-    app.add_exception_handler(RequestValidationError, answer_framework_error)
+        if router is layout.router:
+            # A field is refused by its own limit, which is told by name, before by that of all fields.
+            spare = settings.max_zones_bytes + MAX_FIELD_BYTES
+            app.include_router(router, form_limits={"max_part_size": spare})
+        else:
+            app.include_router(router)
+    answer = FrameworkErrors((route.path, route.methods or ()) for route in routes)
+    app.add_exception_handler(HTTPException, answer)
+    app.add_exception_handler(RequestValidationError, answer)
     # The last one added is the outermost. A refusal that is raised inside of the boundary is answered there,
     # on its way out the guard sees to the unread body, and the log writes down what became of the request.
     app.add_middleware(Admission, engine=engine, work=WORK)
@@ -100,7 +125,14 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         max_upload_bytes=settings.max_mosaic_upload_bytes,
         size_setting="MAX_MOSAIC_UPLOAD_BYTES",
     )
-    app.add_middleware(BodyGuard, limits=body_limits, of_path={"/mosaic": mosaic_limits})
+    model_limits = replace(
+        body_limits, max_upload_bytes=settings.max_model_bytes, size_setting="MAX_MODEL_BYTES"
+    )
+    app.add_middleware(
+        BodyGuard,
+        limits=body_limits,
+        of_path={"/mosaic": mosaic_limits, "/layout/models/{name}": model_limits},
+    )
     app.add_middleware(RequestLog, metrics=metrics)
     _describe(app, bool(settings.api_keys))
     return app
@@ -122,12 +154,24 @@ def _describe(app: FastAPI, keys: bool) -> None:
                 title=app.title, version=app.version, summary=app.summary, routes=app.routes
             )
             components = document.setdefault("components", {})
-            components.setdefault("schemas", {})["Problem"] = Problem.model_json_schema()
+            operations = [
+                (path, operation)
+                for path, methods in document["paths"].items()
+                for operation in methods.values()
+            ]
+            for _, operation in operations:  # FastAPI foresees refusals in a form that is never sent
+                if "HTTPValidationError" in str(operation["responses"].get("422")):
+                    del operation["responses"]["422"]
+            schemas = components.setdefault("schemas", {})
+            for foreseen in ("HTTPValidationError", "ValidationError"):
+                schemas.pop(foreseen, None)
+            schemas["Problem"] = Problem.model_json_schema()
+            page = PageBody.model_json_schema(ref_template="#/components/schemas/{model}")
+            schemas |= {**page.pop("$defs"), "PageBody": page}
             if keys:
                 scheme = {"type": "apiKey", "in": "header", "name": API_KEY_HEADER}
                 components["securitySchemes"] = {"ApiKey": scheme}
-                for method, path in WORK:
-                    operation = document["paths"][path][method.lower()]
+                for operation in (operation for path, operation in operations if path not in OPEN_PATHS):
                     operation["security"] = [{"ApiKey": []}]
                     refusals = documented("unauthorized", "forbidden")
                     operation["responses"] |= {str(status): said for status, said in refusals.items()}

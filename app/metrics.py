@@ -7,6 +7,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from app.engine.base import EngineStatus, JobRecord
+from app.paths import PathTemplates
 
 MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 SECONDS = (0.01, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 120.0)
@@ -17,8 +18,8 @@ class Metrics:
     """The counters of one app; labels take few values, whatever clients send."""
 
     def __init__(self, paths: Iterable[str] = ()) -> None:
-        """`paths` are the ones that are counted by name."""
-        self.paths = frozenset(paths)
+        """`paths` are the templates that are counted by name."""
+        self.paths = PathTemplates(paths)
         self.registry = CollectorRegistry()
         self._requests = Counter(
             "http_requests", "Requests answered.", ("method", "path", "status"), registry=self.registry
@@ -43,7 +44,7 @@ class Metrics:
     def observe_request(self, method: str, path: str, status: int, seconds: float) -> None:
         """Count one answered request."""
         method = method if method in METHODS else "other"
-        path = path if path in self.paths else "other"
+        path = self.paths.match(path) or "other"
         self._requests.labels(method, path, str(status)).inc()
         self._latency.labels(method, path).observe(seconds)
 

@@ -6,18 +6,20 @@ loads no numpy and no OpenCV, and what crosses the border between them is plain 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 from services.mosaic.parameters import MosaicParameters
 from services.rectify.parameters import RectifyParameters
 
 if TYPE_CHECKING:
     from services.imaging.codec import ImageLimits
-    from services.operations import EncodingOptions
+    from services.operations import EncodingOptions, layout
 
 Format = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
+LayoutFormat = Literal["json", "pagexml", "alto", "png"]
 
-PRELOADED = ("services.operations",)
+PRELOADED = ("services.operations", "services.operations.layout")
 """Loaded once, before the first worker exists; every worker starts with it."""
 
 
@@ -56,6 +58,67 @@ class Reply:
     document: dict[str, object]
 
 
+@dataclass(frozen=True, slots=True)
+class LayoutOptions:
+    """How a page is recognized, and how the answer is wanted."""
+
+    rectify: bool
+    ocr: bool
+    format: LayoutFormat
+    explain: bool
+    image_name: str
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutSettings:
+    """What a page may cost (its image, the number of its zones, a file of them), and how it is read.
+
+    `content_features` is the operator's settings file of content features (None: those that come along).
+    """
+
+    image: UploadLimits
+    max_zones: int
+    max_zones_file_bytes: int
+    content_features: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class ModelDocument:
+    """A version of a layout model, as JSON."""
+
+    name: str
+    version: int
+    document: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutReply:
+    """A file (empty when JSON was asked for), its type, the contract's result, and the page it is of.
+
+    `page` is what feedback needs later: the zones with all that was measured.
+    """
+
+    body: bytes
+    media_type: str
+    document: dict[str, object]
+    page: dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelDraft:
+    """A layout model that is no version yet, and its labels."""
+
+    document: dict[str, object]
+    labels: list[str]
+
+
+LayoutOperation = Callable[
+    [bytes | None, bytes | None, bytes | None, list[ModelDocument], LayoutOptions, LayoutSettings],
+    LayoutReply,
+]
+SampleOperation = Callable[[bytes | None, bytes, LayoutSettings], dict[str, object]]
+InitializeOperation = Callable[[str, list[dict[str, Any]], LayoutSettings], ModelDraft]
+ImportOperation = Callable[[str, bytes], ModelDraft]
 RectifyOperation = Callable[[bytes, RectifyParameters, Encoding, UploadLimits], Reply]
 MosaicOperation = Callable[[list[bytes], MosaicParameters, Encoding, MosaicLimits], Reply]
 WarmUp = Callable[[], dict[str, object]]
@@ -82,6 +145,67 @@ def mosaic(
         MosaicImageLimits(_image_limits(limits.photo), limits.max_megapixels),
     )
     return Reply(reply.body, reply.media_type, reply.document)
+
+
+def recognize_layout(
+    image: bytes | None,
+    zones: bytes | None,
+    zones_file: bytes | None,
+    models: list[ModelDocument],
+    options: LayoutOptions,
+    settings: LayoutSettings,
+) -> LayoutReply:
+    """Class and labels of a page, sent as an `image`, as `zones` (JSON), as a `zones_file`, or as image and zones.
+
+    Raises the `DocumentError`s of `services.operations`.
+    """
+    from services.operations import layout
+
+    reply = layout.recognize_upload(
+        image,
+        zones,
+        zones_file,
+        [layout.StoredModel(model.name, model.version, model.document) for model in models],
+        layout.LayoutOptions(
+            options.rectify, options.ocr, options.format, options.explain, options.image_name
+        ),
+        _layout_settings(settings),
+    )
+    return LayoutReply(reply.body, reply.media_type, reply.document, reply.page)
+
+
+def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
+    """A labelled page, made complete by its image; raises the `DocumentError`s of `services.operations`."""
+    from services.operations import layout
+
+    return layout.measure_sample(image, zones, _layout_settings(settings))
+
+
+def initialize_model(name: str, samples: list[dict[str, Any]], settings: LayoutSettings) -> ModelDraft:
+    """The layout model of `samples`; raises the `DocumentError`s of `services.operations`."""
+    from services.operations import layout
+
+    draft = layout.initialize_from_samples(name, samples, _layout_settings(settings))
+    return ModelDraft(draft.document, draft.labels)
+
+
+def import_model(name: str, document: bytes) -> ModelDraft:
+    """The layout model in `document`, as it will be kept; raises the `DocumentError`s of `services.operations`."""
+    from services.operations import layout
+
+    draft = layout.import_model(name, document)
+    return ModelDraft(draft.document, draft.labels)
+
+
+def _layout_settings(settings: LayoutSettings) -> "layout.LayoutSettings":
+    from services.operations import layout
+
+    return layout.LayoutSettings(
+        _image_limits(settings.image),
+        settings.max_zones,
+        settings.max_zones_file_bytes,
+        settings.content_features,
+    )
 
 
 def _encoding_options(encoding: Encoding) -> "EncodingOptions":
@@ -113,5 +237,9 @@ class Operations:
 
     rectify: RectifyOperation = rectify
     mosaic: MosaicOperation = mosaic
+    recognize_layout: LayoutOperation = recognize_layout
+    measure_sample: SampleOperation = measure_sample
+    initialize_model: InitializeOperation = initialize_model
+    import_model: ImportOperation = import_model
     warm_up: WarmUp = warm_up
     preloaded: tuple[str, ...] = PRELOADED

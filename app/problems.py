@@ -2,8 +2,8 @@
 
 import asyncio
 import logging
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from http import HTTPStatus
 
 from fastapi.exceptions import RequestValidationError
@@ -13,8 +13,10 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.engine.base import Busy, JobFailed
+from app.paths import PathTemplates
 from app.schemas.options import WRONG_NUMBER_OF_FILES
 from app.schemas.problem import Problem
+from models.errors import StoreError, StoreUnavailable
 from services.errors import DocumentError
 
 log = logging.getLogger(__name__)
@@ -29,6 +31,8 @@ STATUS_OF_CODE: Mapping[str, int] = {
     "method-not-allowed": 405,
     "not-acceptable": 406,
     "request-timeout": 408,
+    "conflict": 409,
+    "store-full": 409,
     "too-large": 413,
     "out-of-memory": 413,
     "unsupported-media-type": 415,
@@ -36,12 +40,16 @@ STATUS_OF_CODE: Mapping[str, int] = {
     "invalid-option": 422,
     "no-text": 422,
     "not-overlapping": 422,
+    "invalid-model": 422,
+    "no-samples": 422,
+    "not-storable": 422,
     "client-closed-request": 499,
     "internal": 500,
     "worker-died": 500,
     "busy": 503,
     "not-ready": 503,
     "shutting-down": 503,
+    "store-unavailable": 503,
     "timed-out": 504,
 }
 """Every code that this service answers with; 499 is only ever logged, for nobody is left to read it."""
@@ -54,6 +62,8 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "method-not-allowed": "The resource does not know this method; `Allow` lists what it knows.",
     "not-acceptable": "No representation fits `Accept`.",
     "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S.",
+    "conflict": "The model changed under the writer (`If-Match`), or an Idempotency-Key came with another sample.",
+    "store-full": "As many models or samples as MAX_MODELS or MAX_SAMPLES_PER_MODEL allow.",
     "too-large": "More bytes or megapixels than a limit allows; judged before decoding.",
     "out-of-memory": "The work needs more memory than WORKER_MEMORY_BYTES.",
     "unsupported-media-type": "Not an image format that is accepted.",
@@ -61,13 +71,17 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "invalid-option": "An option is unknown, malformed or out of its range; `field` names it.",
     "no-text": "The image shows too little printed text to see the page's shape.",
     "not-overlapping": "No two of the photos show the same part of a page.",
+    "invalid-model": "Not a layout model, or one of a newer form than this service reads.",
+    "no-samples": "The model has no samples to be made of.",
+    "not-storable": "A name or key with characters that cannot be kept.",
     "client-closed-request": "The client closed the connection before the answer.",
     "internal": "A defect of the service.",
     "worker-died": "The process that did the work ended before it was done; try again.",
     "busy": "All workers and the queue are taken; come again after `Retry-After` seconds.",
     "not-ready": "No worker is up.",
     "shutting-down": "The service is stopping; come again after `Retry-After` seconds.",
-    "timed-out": "The work ran past its limit (JOB_TIMEOUT_S, MOSAIC_TIMEOUT_S) and was stopped.",
+    "store-unavailable": "What is remembered cannot be read or written now; nothing was kept.",
+    "timed-out": "The work ran past its limit (JOB_TIMEOUT_S, MOSAIC_TIMEOUT_S, MODEL_TIMEOUT_S) and was stopped.",
 }
 
 _CODE_OF_STATUS = {400: "bad-request", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
@@ -92,10 +106,14 @@ def refusal_of(error: BaseException) -> Refusal:
     """What a client is told of `error`; nothing of an unforeseen one but that it happened."""
     if isinstance(error, DocumentError) and error.code in MEANING_OF_CODE and error.code != "internal":
         return Refusal(error.code, error.detail, error.field, _headers_of(error))
+    if isinstance(error, StoreError) and error.code in MEANING_OF_CODE and error.code != "internal":
+        return Refusal(error.code, _sentence(error.detail))
     if isinstance(error, RequestValidationError):
         return _refusal_of_validation(error)
     if isinstance(error, HTTPException):
         return _refusal_of_http(error)
+    if isinstance(error, ClientDisconnect):
+        return _gone()
     return _internal()
 
 
@@ -131,20 +149,35 @@ class ProblemBoundary:
             await _response_for(_told(error, scope), scope)(scope, receive, send)
 
 
-async def answer_framework_error(request: Request, error: Exception) -> Response:
+class FrameworkErrors:
     """Exception handler for what the framework itself refuses."""
-    return _response_for(_told(error, request.scope), request.scope)
+
+    def __init__(self, routes: Iterable[tuple[str, Iterable[str]]]) -> None:
+        """`routes` are templates of paths and their methods; a template may come more than once."""
+        self._methods: dict[str, set[str]] = {}
+        for template, methods in routes:
+            self._methods.setdefault(template, set()).update(methods)
+        self._templates = PathTemplates(self._methods)
+
+    async def __call__(self, request: Request, error: Exception) -> Response:
+        refusal = _told(error, request.scope)
+        template = self._templates.match(request.scope["path"])
+        if refusal.code == "method-not-allowed" and template is not None:
+            # The framework lists the methods of the first route of this path only.
+            allowed = ", ".join(sorted(self._methods[template]))
+            refusal = replace(refusal, headers=(("Allow", allowed),))
+        return _response_for(refusal, request.scope)
 
 
 def _told(error: Exception, scope: Scope) -> Refusal:
     """The refusal of `error`; one that is our own fault goes to the log with its cause."""
     refusal = refusal_of(error)
-    if refusal.status == 500:
+    if refusal.status == 500 or isinstance(error, StoreUnavailable):
         extra = {"request_id": scope["state"]["request_id"], "code": refusal.code}
         if isinstance(error, JobFailed):
             log.error("operation failed: %s", error.detail, extra={**extra, "traceback": error.traceback})
         else:
-            foreseen = isinstance(error, DocumentError)
+            foreseen = isinstance(error, DocumentError | StoreError)
             log.error("request failed: %s", error, extra=extra, exc_info=None if foreseen else error)
     return refusal
 
@@ -196,6 +229,10 @@ def _internal() -> Refusal:
     )
 
 
+def _gone() -> Refusal:
+    return Refusal("client-closed-request", MEANING_OF_CODE["client-closed-request"])
+
+
 def _headers_of(error: DocumentError) -> tuple[tuple[str, str], ...]:
     if isinstance(error, Busy):
         return (("Retry-After", str(error.retry_after_s)),)
@@ -209,7 +246,7 @@ def _refusal_of_http(error: HTTPException) -> Refusal:
     if isinstance(error.__cause__, DocumentError):
         return refusal_of(error.__cause__)
     if isinstance(error.__cause__, ClientDisconnect):
-        return Refusal("client-closed-request", MEANING_OF_CODE["client-closed-request"])
+        return _gone()
     if isinstance(error.__cause__, OSError):  # no place to spool the body to; nothing is wrong with it
         return _internal()
     if error.status_code not in _CODE_OF_STATUS:
@@ -238,8 +275,17 @@ def _refusal_of_validation(error: RequestValidationError) -> Refusal:
     return Refusal("invalid-option", f"{field}: {reason}; got {_shown(first.get('input'))}.", field)
 
 
-_FILE_FIELDS = {"image": "the photo as a file part", "images": "each photo as a file part of this name"}
+_FILE_FIELDS = {
+    "image": "the photo as a file part",
+    "images": "each photo as a file part of this name",
+    "zones_file": "the zones as a file part",
+}
 """Fields that hold files, and what to send in them."""
+
+
+def _sentence(words: str) -> str:
+    """A detail of the store's, which begins small and has no full stop."""
+    return words[:1].upper() + words[1:] + "."
 
 
 def _shown(value: object) -> str:

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
-from app.operations import Format
+from app.operations import Format, LayoutFormat
 from services.errors import DocumentError
 
 MEDIA_TYPES: Mapping[Format, str] = {
@@ -16,7 +17,16 @@ MEDIA_TYPES: Mapping[Format, str] = {
 }
 """In the order of preference among what a client likes equally well."""
 
+LAYOUT_MEDIA_TYPES: Mapping[LayoutFormat, str] = {
+    "json": "application/json",
+    "pagexml": "application/xml",
+    "alto": "application/xml",
+    "png": "image/png",
+}
+"""The same for /layout; ALTO has the type of PAGE-XML, so only `format` chooses it."""
+
 SNIFFED_BYTES = 32
+Name = TypeVar("Name", bound=str)
 
 
 class NotAcceptable(DocumentError):
@@ -83,20 +93,39 @@ def choose_format(requested: Format | None, accept: str | None, own: Format | No
     ranges = parse_accept(accept) if accept is not None else ()
     if not ranges:
         return own
-    weights = {name: _weight_of(media_type, ranges) for name, media_type in MEDIA_TYPES.items()}
-    best = max(weights.values())
-    if best <= 0:
-        raise NotAcceptable(
-            f"None of {', '.join(MEDIA_TYPES.values())} fits the Accept header; send a form field `format` "
-            "to choose one."
-        )
-    liked = [name for name, weight in weights.items() if weight == best]
+    liked = _liked(MEDIA_TYPES, ranges)
     if own in liked:
         return own
     images = {name for name, media_type in MEDIA_TYPES.items() if media_type.startswith("image/")}
     if own is None and images.issubset(liked):
         return None
     return liked[0]
+
+
+def choose_layout_format(requested: LayoutFormat | None, accept: str | None) -> LayoutFormat:
+    """Format of an answer of /layout: `requested`, the form's `format`, else by `accept`, the header, else JSON.
+
+    Raises
+    ------
+    NotAcceptable
+        When `accept` has room for none of the formats.
+    """
+    if requested is not None:
+        return requested
+    ranges = parse_accept(accept) if accept is not None else ()
+    return _liked(LAYOUT_MEDIA_TYPES, ranges)[0] if ranges else "json"
+
+
+def _liked(media_types: Mapping[Name, str], ranges: tuple[MediaRange, ...]) -> list[Name]:
+    """The formats that weigh most, in their own order."""
+    weights = {name: _weight_of(media_type, ranges) for name, media_type in media_types.items()}
+    best = max(weights.values())
+    if best <= 0:
+        raise NotAcceptable(
+            f"None of {', '.join(dict.fromkeys(media_types.values()))} fits the Accept header; send a form field "
+            "`format` to choose one."
+        )
+    return [name for name, weight in weights.items() if weight == best]
 
 
 def _weight_of(media_type: str, ranges: tuple[MediaRange, ...]) -> float:
@@ -136,11 +165,27 @@ def image_headers(document: Mapping[str, object]) -> dict[str, str]:
         headers["Document-Rotation"] = str(orientation["rotation_deg"])
     if isinstance(unplaced, list | tuple):
         headers["Document-Unplaced"] = ", ".join(map(str, unplaced))
-    if isinstance(warnings, list | tuple):
-        codes = dict.fromkeys(str(warning["code"]) for warning in warnings)  # photos share some
-        headers["Document-Warnings"] = ", ".join(codes)
-    if isinstance(timings, Mapping):
-        headers["Server-Timing"] = ", ".join(
-            f"{name.replace('_', '-')};dur={float(ms):.1f}" for name, ms in timings.items()
-        )
-    return headers
+    return headers | _notices(warnings) | _stages(timings)
+
+
+def layout_headers(document: Mapping[str, object]) -> dict[str, str]:
+    """The essential facts of a result of /layout as headers of any answer."""
+    headers = {"Vary": "Accept"}
+    chosen = document.get("class")
+    if isinstance(chosen, Mapping):
+        headers["Document-Class"] = str(chosen["name"])
+    return headers | _notices(document.get("warnings")) | _stages(document.get("timings_ms"))
+
+
+def _notices(warnings: object) -> dict[str, str]:
+    if not isinstance(warnings, list | tuple):
+        return {}
+    codes = dict.fromkeys(str(warning["code"]) for warning in warnings)  # photos share some
+    return {"Document-Warnings": ", ".join(codes)}
+
+
+def _stages(timings_ms: object) -> dict[str, str]:
+    if not isinstance(timings_ms, Mapping):
+        return {}
+    stages = (f"{name.replace('_', '-')};dur={float(ms):.1f}" for name, ms in timings_ms.items())
+    return {"Server-Timing": ", ".join(stages)}

@@ -1,9 +1,10 @@
 """Everything that an operator may set, from the environment; units are in the names."""
 
 import os
+from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, field_validator
+from pydantic import Field, FilePath, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 MIB = 1024 * 1024
@@ -50,6 +51,18 @@ class Settings(BaseSettings):
         description="All photos of a mosaic together, judged from their headers: 16 of 12 megapixels. "
         "They are in memory at once, 3 bytes a pixel.",
     )
+    max_zones: int = Field(
+        default=500, ge=1, description="Most zones of a page; those of dense newspaper pages are some 300."
+    )
+    max_zones_bytes: int = Field(
+        default=2 * MIB, ge=1024, description="Largest description of a page's zones as JSON: 4 KiB a zone."
+    )
+    max_zones_file_bytes: int = Field(
+        default=8 * MIB, ge=1024, description="The same as PAGE-XML or ALTO, which may hold every word."
+    )
+    max_model_bytes: int = Field(
+        default=8 * MIB, ge=1024, description="Largest layout model that is imported."
+    )
     max_exif_bytes: int = Field(default=256 * 1024, ge=0, description="Largest EXIF block.")
     body_timeout_s: float = Field(
         default=60.0, gt=0, description="A request body must have arrived within this long."
@@ -85,10 +98,31 @@ class Settings(BaseSettings):
     mosaic_timeout_s: float = Field(
         default=120.0, gt=0, description="The same for a mosaic; eight photos of 3 megapixels take 18 s."
     )
+    model_timeout_s: float = Field(
+        default=120.0, gt=0, description="The same for making a layout model of its samples."
+    )
     worker_memory_bytes: int = Field(
         default=4096 * MIB, ge=0, description="Address space of a worker (RLIMIT_AS); 0: no limit."
     )
     jobs_per_worker: int = Field(default=200, ge=1, description="A worker is replaced after so many jobs.")
+
+    # What layout recognition knows before it learns
+    content_features: FilePath | None = Field(
+        default=None,
+        description="Settings file of content features (word lists and patterns), laid over those that come along.",
+    )
+
+    # What is remembered
+    data_dir: Path = Field(
+        default=Path("data"),
+        description="Folder of the database of layout models, samples and results; made if it is not there.",
+    )
+    max_models: int = Field(default=200, ge=1, description="Most layout models.")
+    max_samples_per_model: int = Field(default=1000, ge=1, description="Most samples of one layout model.")
+    result_ttl_s: int = Field(default=86400, ge=1, description="A result of /layout is kept for so long.")
+    max_results: int = Field(
+        default=10_000, ge=1, description="Most results that are kept; beyond it the oldest go first."
+    )
 
     @field_validator("api_keys", mode="before")
     @classmethod

@@ -9,6 +9,7 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.engine.base import Engine
+from app.paths import PathTemplates
 from services.errors import DocumentError, TooLarge
 
 
@@ -47,16 +48,18 @@ class BodyGuard:
     """
 
     def __init__(self, app: ASGIApp, limits: BodyLimits, of_path: Mapping[str, BodyLimits]) -> None:
-        """`limits` are those of every path that `of_path` does not name."""
+        """`limits` are those of every path that is of no template in `of_path`."""
         self.app = app
         self.limits = limits
         self.of_path = of_path
+        self.templates = PathTemplates(of_path)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        limits = self.of_path.get(scope["path"], self.limits)
+        template = self.templates.match(scope["path"])
+        limits = self.limits if template is None else self.of_path[template]
         exchange = _Exchange(Headers(scope=scope), receive, send, limits)
         await self.app(scope, exchange.receive, exchange.send)
 
@@ -142,16 +145,17 @@ class Admission:
     """Middleware: a request that means work takes a seat in the engine before its body is read.
 
     The seat is `request.state.seat`, for the route to release when the work is done; at the latest it is
-    released with the answer. Raises what `Engine.admit` raises.
+    released with the answer. Raises what `Engine.admit` raises. `work` are methods and templates of paths.
     """
 
     def __init__(self, app: ASGIApp, engine: Engine, work: Collection[tuple[str, str]]) -> None:
         self.app = app
         self.engine = engine
         self.work = frozenset(work)
+        self.templates = PathTemplates(template for _, template in work)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or (scope["method"], scope["path"]) not in self.work:
+        if scope["type"] != "http" or not self._is_work(scope):
             await self.app(scope, receive, send)
             return
         seat = self.engine.admit()
@@ -160,3 +164,6 @@ class Admission:
             await self.app(scope, receive, send)
         finally:
             seat.release()
+
+    def _is_work(self, scope: Scope) -> bool:
+        return (scope["method"], self.templates.match(scope["path"])) in self.work

@@ -53,3 +53,9 @@ class NotOverlapping(DocumentError):
     """No two of the photos show the same part of a page; the detail names them."""
 
     code = "not-overlapping"
+
+
+class InvalidModel(DocumentError):
+    """The document is no layout model, is damaged, or has a form that this release does not know."""
+
+    code = "invalid-model"

@@ -37,6 +37,7 @@ async def ready(state: State) -> Ready:
         admitted=status.admitted,
         capacity=status.capacity,
         ocr=None if ocr is None else str(ocr),
+        store="ready" if await state.store.is_available() else "unavailable",
     )
 
 

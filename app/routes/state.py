@@ -6,6 +6,7 @@ from typing import Annotated, cast
 from fastapi import Depends, Request
 
 from app.engine.base import Engine
+from app.layout_store import LayoutStore
 from app.metrics import Metrics
 from app.operations import Operations
 from app.settings import Settings
@@ -18,6 +19,7 @@ class AppState:
     settings: Settings
     engine: Engine
     operations: Operations
+    store: LayoutStore
     metrics: Metrics
 
 

@@ -20,3 +20,6 @@ class Ready(BaseModel):
     admitted: int = Field(ge=0, description="Requests that have a seat.")
     capacity: int = Field(ge=1, description="Seats: workers and places in the queue.")
     ocr: str | None = Field(description="The OCR engine that workers found, if any.")
+    store: Literal["ready", "unavailable"] = Field(
+        description="Whether what is remembered can be read; without it only /layout fails."
+    )

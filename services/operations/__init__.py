@@ -1,4 +1,7 @@
-"""The entry points that a worker runs: bytes in, bytes and JSON out; a file for each flow."""
+"""The entry points that a worker runs: bytes in, bytes and JSON out; a file for each flow.
+
+`services.operations.layout` is asked for by its own name: its entry points are several.
+"""
 
 from services.operations.mosaic import MosaicImageLimits, mosaic_uploads
 from services.operations.reader import ocr_engine

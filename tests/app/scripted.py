@@ -2,15 +2,33 @@
 
 import base64
 import ctypes
+import json
 import os
 import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from app.operations import Encoding, MosaicLimits, Operations, Reply, UploadLimits
+from pydantic import ValidationError
+
+from app.operations import (
+    Encoding,
+    LayoutOptions,
+    LayoutReply,
+    LayoutSettings,
+    ModelDocument,
+    ModelDraft,
+    MosaicLimits,
+    Operations,
+    Reply,
+    UploadLimits,
+)
+from app.schemas.layout_models import PageBody
 from services.errors import (
     DocumentError,
+    InvalidModel,
+    InvalidOption,
     NoText,
     NotOverlapping,
     TooLarge,
@@ -149,9 +167,162 @@ def mosaic_document(photos: int, asked: dict[str, object], image: str | None) ->
     }
 
 
+PAGE: dict[str, object] = {
+    "width": 20,
+    "height": 30,
+    "zones": [{"id": "z1", "box": [1, 2, 9, 8]}, {"id": "z2", "box": [1, 10, 9, 12]}],
+}
+
+
+def recognize_layout(
+    image: bytes | None,
+    zones: bytes | None,
+    zones_file: bytes | None,
+    models: list[ModelDocument],
+    options: LayoutOptions,
+    settings: LayoutSettings,
+) -> LayoutReply:
+    """Follow the script in the image, then answer as if the first model fitted, with what was asked."""
+    _follow(image or b"", "image")
+    page = PAGE if zones is None else _page(zones)
+    labels = [label for model in models[:1] for label in _labels(model.document)]
+    asked = {
+        "options": options,
+        "settings": settings,
+        "models": [(model.name, model.version) for model in models],
+        "parts": [part is not None for part in (image, zones, zones_file)],
+    }
+    document = layout_document(page, models, labels, asked)
+    if options.format == "json":
+        return LayoutReply(b"", "application/json", document, page)
+    media_type = "image/png" if options.format == "png" else "application/xml"
+    return LayoutReply(f"page as {options.format}".encode(), media_type, document, page)
+
+
+def layout_document(
+    page: dict[str, Any], models: list[ModelDocument], labels: list[str], asked: dict[str, object]
+) -> dict[str, object]:
+    """A `LayoutResult` by the first model, whose notices carry back what was asked; the first zone has its label."""
+    classes = [
+        {"name": model.name, "model_version": model.version, "cost": 1.5, "probability": 0.75 / len(models)}
+        for model in models
+    ]
+    measured = {
+        "lines": 1,
+        "font_size": None,
+        "font_class": "normal",
+        "line_spacing": None,
+        "weight": None,
+        "alignment": "left",
+        "text": "print",
+        "content": {"date": 0.5},
+    }
+    found = [
+        {
+            "id": str(zone["id"]),
+            "box": zone["box"],
+            "label": labels[0] if labels and index == 0 else None,
+            "confidence": 0.9,
+            "group": None,
+            "order": index,
+            "kind": "text",
+            **measured,
+        }
+        for index, zone in enumerate(page["zones"])
+    ]
+    match = {
+        "cost": 1.5,
+        "node_cost": 1.0,
+        "edge_cost": 0.25,
+        "count_cost": 0.25,
+        "optimal": True,
+        "gap": 0.0,
+        "backbone": {"sender": "z1"},
+        "explanation": None,
+    }
+    return {
+        "width": page["width"],
+        "height": page["height"],
+        "class": classes[0] if classes else None,
+        "classes": classes,
+        "unknown_probability": 0.25 if classes else 0.0,
+        "zones": found,
+        "match": match if classes else None,
+        "warnings": [{"code": name, "detail": repr(what)} for name, what in asked.items()],
+        "timings_ms": {"decode": 1.25, "match": 2.0},
+    }
+
+
+def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
+    """Follow the script in the image, then the page as it was sent, with the image's size in bytes."""
+    _follow(image or b"", "image")
+    page = _page(zones)
+    return page if image is None else {**page, "image_bytes": len(image)}
+
+
+def _page(zones: bytes) -> dict[str, Any]:
+    """The page, if it has the documented form; of numbers the strict check tells 1.0 from 1, which JSON does not."""
+    try:
+        page: dict[str, Any] = json.loads(zones, parse_float=lambda text: _plain(float(text)))
+        PageBody.model_validate_json(json.dumps(page), strict=True)
+    except ValidationError as error:
+        raise InvalidOption(f"zones: {error.errors()[0]['msg']}", "zones") from error
+    except ValueError as error:
+        raise InvalidOption("zones: this is not JSON", "zones") from error
+    return page
+
+
+def _plain(number: float) -> float:
+    return int(number) if number.is_integer() else number
+
+
+def initialize_model(name: str, samples: list[dict[str, Any]], settings: LayoutSettings) -> ModelDraft:
+    """A model that has the labels of the samples."""
+    zones = [zone for page in samples for zone in page["zones"]]
+    labels = dict.fromkeys(zone["label"] for zone in zones if zone.get("label"))
+    script = str(zones[0].get("text") or "")
+    _follow(upload(script.removeprefix("do:")) if script.startswith("do:") else b"", "samples")
+    return ModelDraft(model_document(name, *labels), list(labels))
+
+
+def model_document(name: str, *labels: str) -> dict[str, object]:
+    """What the scripted service takes for a model."""
+    nodes = [{"label": None}, *({"label": label} for label in labels)]
+    return {"format": "layout-graph-model", "format_version": 1, "name": name, "nodes": nodes}
+
+
+def import_model(name: str, document: bytes) -> ModelDraft:
+    """The document as it was sent, if it has the marks of a model."""
+    try:
+        model = json.loads(document)
+    except ValueError as error:
+        raise InvalidModel("this is not JSON") from error
+    if not isinstance(model, dict) or not isinstance(model.get("format"), str):
+        raise InvalidModel("format: this is not a layout model.", "format")
+    if type(model.get("format_version")) is not int:
+        raise InvalidModel("format_version: this is not one.", "format_version")
+    _follow(str(model.get("script", "")).encode(), "model")
+    nodes = [{"label": None}, *(model.get("nodes") or [])[1:]]
+    labels = [node["label"] for node in nodes if node["label"]]
+    return ModelDraft({**model, "nodes": nodes}, labels)
+
+
+def _labels(document: bytes) -> list[str]:
+    return [node["label"] for node in json.loads(document)["nodes"] if node["label"]]
+
+
 def warm_up() -> dict[str, object]:
     """What workers of the scripted service say of themselves."""
     return {"ocr": "scripted"}
 
 
-OPERATIONS = Operations(rectify=rectify, mosaic=mosaic, warm_up=warm_up, preloaded=("tests.app.scripted",))
+OPERATIONS = Operations(
+    rectify=rectify,
+    mosaic=mosaic,
+    recognize_layout=recognize_layout,
+    measure_sample=measure_sample,
+    initialize_model=initialize_model,
+    import_model=import_model,
+    warm_up=warm_up,
+    preloaded=("tests.app.scripted",),
+)

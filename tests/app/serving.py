@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from tempfile import TemporaryDirectory
 
 import httpx
 import uvicorn
@@ -23,7 +24,16 @@ SETTINGS = {
 
 @contextmanager
 def serving(operations: Operations = OPERATIONS, **settings: object) -> Iterator[httpx.Client]:
-    """A client of a service with these settings; the service is up inside of the block."""
+    """A client of a service with these settings; the service is up inside of the block.
+
+    What it remembers is gone with the block, unless `data_dir` is given.
+    """
+    with TemporaryDirectory() as folder, _serving(operations, {"data_dir": folder, **settings}) as client:
+        yield client
+
+
+@contextmanager
+def _serving(operations: Operations, settings: dict[str, object]) -> Iterator[httpx.Client]:
     app = create_app(Settings(**{**SETTINGS, **settings}), operations)  # type: ignore[arg-type]
     server = uvicorn.Server(uvicorn.Config(app, port=0, lifespan="on", log_config=None, access_log=False))
     up = threading.Event()

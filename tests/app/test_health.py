@@ -19,6 +19,7 @@ def test_ready(client: httpx.Client) -> None:
     assert response.status_code == 200
     assert response.json()["status"] == "ready"
     assert (response.json()["workers"], response.json()["ocr"]) == (2, "scripted")
+    assert response.json()["store"] == "ready"
 
 
 def test_docs(client: httpx.Client) -> None:

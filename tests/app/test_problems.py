@@ -11,6 +11,7 @@ from starlette.exceptions import HTTPException
 import app
 import services
 from app.problems import MEANING_OF_CODE, STATUS_OF_CODE, documented, refusal_of
+from models.errors import NotFound, StoreError, VersionConflict
 from services.errors import DocumentError
 from tests.app.scripted import upload
 from tests.app.serving import serving
@@ -120,25 +121,28 @@ def rectify_to_nonsense(*arguments: object) -> object:
     return Reply(b"", "application/json", {"kind": "round"})
 
 
-def all_errors() -> list[type[DocumentError]]:
+def all_errors() -> list[type[DocumentError | StoreError]]:
     """Every class of error that the product defines."""
+    importlib.import_module("models.errors")
     for package in (app, services):
         for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             if module.name != "app.__main__":
                 importlib.import_module(module.name)
-    found, rest = [], [DocumentError]
+    found: list[type[DocumentError | StoreError]] = []
+    rest: list[type[DocumentError | StoreError]] = [DocumentError, StoreError]
     while rest:
         error = rest.pop()
         found.append(error)
         rest += error.__subclasses__()
-    return [error for error in found if error.__module__.startswith(("app.", "services."))]
+    return [error for error in found if error.__module__.startswith(("app.", "services.", "models."))]
 
 
 def test_every_error_of_the_product_has_a_status_and_a_meaning() -> None:
     errors = all_errors()
     assert len(errors) > 10
     for error in errors:
-        refusal = refusal_of(error("what happened"))
+        what = ("what",) if issubclass(error, NotFound | VersionConflict) else ()
+        refusal = refusal_of(error("what happened", *what))
         assert refusal.code == error.code
         assert refusal.status == STATUS_OF_CODE[error.code]
     assert STATUS_OF_CODE.keys() == MEANING_OF_CODE.keys()

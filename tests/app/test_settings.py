@@ -1,5 +1,7 @@
 """Settings come from the environment, with units in their names."""
 
+from pathlib import Path
+
 import pytest
 from pydantic import ValidationError
 
@@ -10,11 +12,14 @@ def test_defaults() -> None:
     settings = Settings()
     assert (settings.host, settings.port, settings.workers) == ("127.0.0.1", 8000, usable_processors())
     assert settings.api_keys == ()
+    assert settings.data_dir == Path("data")
 
 
 def test_the_environment_sets_them(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in {"PORT": "9000", "API_KEYS": "a, b", "JOB_TIMEOUT_S": "2.5", "WORKERS": "3"}.items():
         monkeypatch.setenv(name, value)
+    monkeypatch.setenv("DATA_DIR", "/somewhere/else")
+    assert Settings().data_dir == Path("/somewhere/else")
     settings = Settings()
     assert (settings.port, settings.api_keys, settings.job_timeout_s, settings.workers) == (
         9000,
@@ -36,6 +41,15 @@ def test_the_environment_sets_them(monkeypatch: pytest.MonkeyPatch) -> None:
         ("MAX_MOSAIC_MEGAPIXELS", "-1"),
         ("MOSAIC_TIMEOUT_S", "0"),
         ("LOG_LEVEL", "LOUD"),
+        ("MODEL_TIMEOUT_S", "0"),
+        ("RESULT_TTL_S", "0"),
+        ("MAX_RESULTS", "0"),
+        ("MAX_MODELS", "none"),
+        ("MAX_SAMPLES_PER_MODEL", "0"),
+        ("MAX_ZONES", "0"),
+        ("MAX_ZONES_BYTES", "1"),
+        ("MAX_ZONES_FILE_BYTES", "1"),
+        ("MAX_MODEL_BYTES", "1"),
     ],
 )
 def test_nonsense_is_refused(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any
 
@@ -64,7 +65,16 @@ class Service:
 
 @contextmanager
 def running(module: str = SCRIPTED, **settings: object) -> Iterator[Service]:
-    """The service in a process of its own, on a free port of the loopback."""
+    """The service in a process of its own, on a free port of the loopback.
+
+    What it remembers is gone with the block, unless `data_dir` is given.
+    """
+    with TemporaryDirectory() as folder, _running(module, {"data_dir": folder, **settings}) as service:
+        yield service
+
+
+@contextmanager
+def _running(module: str, settings: dict[str, object]) -> Iterator[Service]:
     environment = {name.upper(): str(value) for name, value in settings.items()}
     process = subprocess.Popen(
         [sys.executable, "-m", module],

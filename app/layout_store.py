@@ -1,0 +1,186 @@
+"""The store, as routes reach it: away from the event loop, by a bounded number of threads."""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from anyio import CapacityLimiter, to_thread
+
+from app.operations import ModelDocument
+from models.errors import StoreError, StoreUnavailable
+from models.repository import Store
+from services.errors import InvalidOption
+
+T = TypeVar("T")
+log = logging.getLogger(__name__)
+
+DATABASE = "layout.sqlite3"
+MOST_THREADS = 4
+"""Readers of SQLite run side by side, writers take turns: more threads would only wait for each other."""
+PURGE_EVERY_S = 60.0
+PURGE_EVERY_RESULTS = 100
+"""Results that are no longer kept are deleted whenever so much time or so many new ones have gone by."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadyModel:
+    """The newest version of a model, as workers take it, and its labels."""
+
+    document: ModelDocument
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ResultLimits:
+    """For how long results are kept, and how many; `app.settings` documents both."""
+
+    ttl_s: float
+    max_results: int
+
+
+class LayoutStore:
+    """Layout models, samples and results in one folder; what it answers is only there inside of `opened`."""
+
+    def __init__(self, data_dir: Path, results: ResultLimits) -> None:
+        self._folder = data_dir
+        self._results = results
+        self._store: Store | None = None
+        self._threads = CapacityLimiter(MOST_THREADS)
+        self._loading = asyncio.Lock()
+        self._revision: int | None = None
+        self._ready: Mapping[str, ReadyModel] = {}
+        self._last_purge_s = 0.0
+        self._results_since_purge = 0
+
+    @asynccontextmanager
+    async def opened(self) -> AsyncIterator[None]:
+        """Open the database, which is made if it is not there; it is closed with the block.
+
+        Raises
+        ------
+        StoreError
+            When it cannot be opened or written; a service that cannot remember shall not start.
+        """
+        where = self._folder.resolve()
+        try:
+            self._store = await to_thread.run_sync(self._open)
+        except StoreError as error:
+            log.error(
+                "the store could not be opened: %s",
+                error.detail,
+                extra={"data_dir": str(where), "code": error.code},
+            )
+            raise
+        log.info("the store is open", extra={"data_dir": str(where)})
+        try:
+            yield
+        finally:
+            store, self._store = self._store, None
+            await to_thread.run_sync(store.close)
+
+    def _open(self) -> Store:
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StoreUnavailable(
+                f"the folder {self._folder} (DATA_DIR) cannot be made: {error.strerror or error}"
+            ) from error
+        store = Store.open(self._folder / DATABASE)
+        try:
+            store.purge_results(keep_newest=self._results.max_results)
+        except StoreError as error:
+            store.close()
+            raise type(error)(
+                f"the folder {self._folder} (DATA_DIR) must be writable: {error.detail}"
+            ) from error
+        return store
+
+    async def call(self, work: Callable[[Store], T]) -> T:
+        """Answer of `work`, one short transaction; it is not interrupted when the caller is.
+
+        Raises
+        ------
+        StoreError
+            What the work raised, and StoreUnavailable when the store is not open.
+        """
+        store = self._store
+        if store is None:
+            raise StoreUnavailable("the store is closed")
+        return await to_thread.run_sync(work, store, limiter=self._threads)
+
+    async def is_available(self) -> bool:
+        """Whether the store can be read now."""
+        try:
+            await self.call(Store.revision)
+        except StoreError:
+            return False
+        return True
+
+    async def ready(self) -> Mapping[str, ReadyModel]:
+        """Newest versions of all models that have one, by name; read anew only when one has changed."""
+        async with self._loading:
+            revision = await self.call(Store.revision)
+            if revision != self._revision:
+                # Should a model change in between, the revision is the older one and they are read once more.
+                self._ready = await self.call(_read_ready)
+                self._revision = revision
+            return self._ready
+
+    async def ready_models(self, names: Sequence[str] | None) -> list[ModelDocument]:
+        """Newest versions of these models (None: of all), in the order of the names.
+
+        Raises
+        ------
+        ModelNotFound
+            When one of them does not exist.
+        InvalidOption
+            When one of them has no version yet.
+        """
+        ready = await self.ready()
+        for name in names or ():
+            if name not in ready:
+                samples = await self.call(lambda store, name=name: store.sample_count(name))  # type: ignore[misc]
+                raise InvalidOption(
+                    f"models: {name} has {samples} samples and no version yet; "
+                    f"POST /layout/models/{name}/initialize makes one.",
+                    "models",
+                )
+        return [ready[name].document for name in (sorted(ready) if names is None else names)]
+
+    async def keep_result(self, document: dict[str, Any]) -> str:
+        """Keep what a recognition found; its id."""
+        now = time.monotonic()
+        self._results_since_purge += 1
+        is_due = now - self._last_purge_s > PURGE_EVERY_S or self._results_since_purge > PURGE_EVERY_RESULTS
+        if is_due:
+            self._last_purge_s, self._results_since_purge = now, 0
+
+        def keep(store: Store) -> str:
+            result_id = store.add_result(document, self._results.ttl_s)
+            if is_due:
+                store.purge_results(keep_newest=self._results.max_results)
+            return result_id
+
+        return await self.call(keep)
+
+
+def _read_ready(store: Store) -> dict[str, ReadyModel]:
+    ready = {}
+    for model in store.ready_models():
+        if model.version is not None and model.document is not None:
+            document = json.dumps(model.document, ensure_ascii=False, separators=(",", ":")).encode()
+            ready[model.name] = ReadyModel(
+                ModelDocument(model.name, model.version, document), labels_of(model.document)
+            )
+    return ready
+
+
+def labels_of(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """The labels of a layout model, in its own order; its node null has none."""
+    return tuple(str(node["label"]) for node in document["nodes"] if node["label"] is not None)

@@ -1,0 +1,143 @@
+"""Pages with zones in requests: where they come from, what they may cost, what they count."""
+
+from collections import Counter
+from collections.abc import AsyncIterator, Iterable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import Request
+from starlette.datastructures import FormData, UploadFile
+
+from app.operations import LayoutSettings, UploadLimits
+from app.settings import Settings
+from services.errors import DocumentError, InvalidOption, TooLarge
+
+LABELLED_PAGE_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": {"$ref": "#/components/schemas/PageBody"}},
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["zones"],
+                    "additionalProperties": False,
+                    "properties": {
+                        "image": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "The page; what zones lack is measured and read in it.",
+                        },
+                        "zones": {
+                            "type": "string",
+                            "contentMediaType": "application/json",
+                            "description": "The same JSON, as a field or as a file.",
+                        },
+                    },
+                }
+            },
+        },
+    }
+}
+
+
+class MissingPart(DocumentError):
+    """The request has nothing to work on."""
+
+    code = "bad-request"
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledPageUpload:
+    """A labelled page as it was sent, for a worker to read."""
+
+    image: UploadFile | None
+    zones: UploadFile | bytes
+
+
+def layout_settings(settings: Settings) -> LayoutSettings:
+    """What a page may cost, and how it is read."""
+    return LayoutSettings(
+        UploadLimits(settings.max_upload_bytes, settings.max_megapixels, settings.max_exif_bytes),
+        settings.max_zones,
+        settings.max_zones_file_bytes,
+        settings.content_features,
+    )
+
+
+def zones_upload(part: UploadFile | str | None, field: str, max_bytes: int) -> UploadFile | bytes | None:
+    """A description of zones, for a worker to read.
+
+    Raises
+    ------
+    TooLarge
+        When it has more than `max_bytes`.
+    """
+    data = part.encode("utf-8", "surrogatepass") if isinstance(part, str) else part
+    if data is not None:
+        _check_size((data.size or 0) if isinstance(data, UploadFile) else len(data), field, max_bytes)
+    return data
+
+
+@asynccontextmanager
+async def labelled_page(request: Request, max_zones_bytes: int) -> AsyncIterator[LabelledPageUpload]:
+    """The labelled page in the request's body, JSON or a form; its files are there inside of the block.
+
+    Raises
+    ------
+    MissingPart, InvalidOption, TooLarge
+        When the body is neither, or not what is expected of it.
+    """
+    media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if media_type == "application/json":
+        body = await request.body()
+        _check_size(len(body), "zones", max_zones_bytes)
+        yield LabelledPageUpload(None, body)
+    elif media_type == "multipart/form-data":
+        most = max_zones_bytes + _SPARE_BYTES
+        async with request.form(max_files=2, max_fields=4, max_part_size=most) as form:
+            yield _parts(form, max_zones_bytes)
+    else:
+        raise MissingPart(
+            "Send the labelled page as application/json, or as multipart/form-data with `zones`."
+        )
+
+
+_SPARE_BYTES = 65_536
+"""Beyond its limit a field is still read, so that the refusal can name the limit."""
+
+
+def _parts(form: FormData, max_zones_bytes: int) -> LabelledPageUpload:
+    parts: dict[str, UploadFile | str] = {}
+    for name, part in form.multi_items():
+        if name not in {"image", "zones"}:
+            raise InvalidOption(f"{name[:80]}: there is no such option.", name[:80])
+        if name in parts:
+            raise InvalidOption(f"{name}: it was sent more than once.", name)
+        if part != "":  # an empty field of a form is one that was left out
+            parts[name] = part
+    image = parts.get("image")
+    if isinstance(image, str):
+        raise MissingPart("image: this part must be a file (with a filename).", "image")
+    zones = zones_upload(parts.get("zones"), "zones", max_zones_bytes)
+    if zones is None:
+        raise MissingPart("zones: send the labelled zones as JSON.", "zones")
+    return LabelledPageUpload(image, zones)
+
+
+def count_labels(documents: Iterable[Mapping[str, Any]]) -> dict[str, int]:
+    """How many zones of these pages have each label, most frequent first."""
+    labels = Counter(
+        zone["label"] for page in documents for zone in page["zones"] if zone.get("label") is not None
+    )
+    return dict(labels.most_common())
+
+
+def _check_size(size: int, field: str, max_bytes: int) -> None:
+    if size > max_bytes:
+        setting = "MAX_ZONES_FILE_BYTES" if field == "zones_file" else "MAX_ZONES_BYTES"
+        raise TooLarge(
+            f"{field}: a description of zones is limited to {max_bytes} bytes ({setting}); this one has {size}.",
+            field,
+        )

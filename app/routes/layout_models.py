@@ -1,0 +1,265 @@
+"""/layout/models: what recognition knows of document classes, and the pages that it was learned from."""
+
+import json
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Query, Request, Response
+from pydantic import Field
+
+from app.engine.base import TimeLimit
+from app.operations import ModelDraft
+from app.preconditions import Precondition, entity_tag, parse_precondition
+from app.problems import documented
+from app.routes.connection import while_connected
+from app.routes.labelled_pages import count_labels, layout_settings
+from app.routes.state import State
+from app.schemas.layout_models import (
+    ImportedModel,
+    InitializedModel,
+    ModelList,
+    ModelName,
+    ModelSummary,
+    Version,
+    VersionList,
+)
+from app.schemas.options import Absent
+from models.errors import ModelNotFound
+from models.records import StoredModel, StoredSample
+from models.repository import Store
+from services.errors import DocumentError
+
+router = APIRouter(prefix="/layout/models", tags=["layout models"])
+
+IfMatch = Annotated[
+    str | Absent, Header(description="The model's ETag: write only if it still has that version; else 409.")
+]
+IfNoneMatch = Annotated[
+    str | Absent,
+    Header(
+        description="*: write only if there is no such model yet; else 409.",
+        json_schema_extra={"enum": ["*"]},
+    ),
+]
+
+_ETAG: dict[str, Any] = {
+    "ETag": {"description": "The version, quoted; for If-Match.", "schema": {"type": "string"}}
+}
+_LOCATION: dict[str, Any] = {"Location": {"description": "Its path.", "schema": {"type": "string"}}}
+_BODY = ("too-large", "request-timeout")
+_READING = ("not-found", "invalid-option", "internal", "store-unavailable")
+_WORK = (
+    "out-of-memory",
+    "worker-died",
+    "busy",
+    "shutting-down",
+    "timed-out",
+)
+_MODEL: dict[str, Any] = {
+    "type": "object",
+    "description": "A layout graph model, as GET exports it.",
+    "required": ["format", "format_version"],
+    "properties": {"format": {"type": "string"}, "format_version": {"type": "integer"}},
+}
+
+
+class NoSamples(DocumentError):
+    """There is nothing to make a model of."""
+
+    code = "no-samples"
+
+
+@router.get("", operation_id="layout_models", responses=documented("internal", "store-unavailable"))
+async def layout_models(state: State) -> ModelList:
+    """All layout models, by name, without what they hold."""
+    ready = await state.store.ready()
+    models = await state.store.call(Store.models)
+    return ModelList(
+        models=[
+            ModelSummary(
+                name=model.name,
+                version=model.version,
+                samples=model.samples,
+                labels=list(ready[model.name].labels) if model.name in ready else [],
+                created=model.created_at,
+                updated=model.updated_at,
+            )
+            for model in models
+        ]
+    )
+
+
+@router.get(
+    "/{name}",
+    operation_id="layout_model",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "The model, which PUT takes back.",
+            "content": {"application/json": {"schema": _MODEL}},
+            "headers": _ETAG,
+        },
+        **documented(*_READING),
+    },
+)
+async def layout_model(
+    state: State,
+    name: ModelName,
+    version: Annotated[
+        Annotated[int, Field(ge=1)] | Absent, Query(description="An earlier one; the newest when left out.")
+    ] = None,
+) -> Response:
+    """Export a model: its newest version, or an earlier one."""
+    model = await state.store.call(lambda store: store.model(name, version))
+    if model.version is None or model.document is None:
+        raise ModelNotFound(
+            f"the model {name} has {model.samples} samples and no version yet; "
+            f"POST /layout/models/{name}/initialize makes one",
+            name,
+        )
+    body = json.dumps(model.document, ensure_ascii=False, separators=(",", ":"))
+    return Response(body, media_type="application/json", headers={"ETag": entity_tag(model.version)})
+
+
+@router.put(
+    "/{name}",
+    operation_id="import_layout_model",
+    response_class=Response,
+    responses={
+        200: {"description": "A new version of the model.", "model": ImportedModel, "headers": _ETAG},
+        201: {
+            "description": "The first version of a new model.",
+            "model": ImportedModel,
+            "headers": {**_ETAG, **_LOCATION},
+        },
+        **documented("conflict", "store-full", "invalid-model", *_READING, *_BODY, *_WORK),
+    },
+    openapi_extra={
+        "requestBody": {"required": True, "content": {"application/json": {"schema": _MODEL}}},
+    },
+)
+async def import_layout_model(
+    request: Request,
+    state: State,
+    name: ModelName,
+    if_match: IfMatch = None,
+    if_none_match: IfNoneMatch = None,
+) -> Response:
+    """Import a model that GET exported, here or elsewhere: it becomes the newest version under this name.
+
+    The name in the document, if it has one, must be that of the path.
+    """
+    precondition = parse_precondition(if_match, if_none_match)
+    document = await request.body()
+    work = state.engine.submit(state.operations.import_model, name, document)
+    draft: ModelDraft = await while_connected(request, work)
+    request.state.seat.release()
+
+    def write(store: Store) -> tuple[StoredModel, bool]:
+        current = _current_version(store, name)
+        return store.add_version(
+            name,
+            draft.document,
+            "import",
+            expected_version=precondition.check(name, current),
+            max_models=state.settings.max_models,
+        ), current is None
+
+    model, is_new = await state.store.call(write)
+    assert model.version is not None
+    answer = ImportedModel(name=name, version=model.version, labels=draft.labels)
+    headers = {"ETag": entity_tag(model.version)}
+    if is_new:
+        headers["Location"] = f"/layout/models/{name}"
+    return Response(answer.model_dump_json(), 201 if is_new else 200, headers, "application/json")
+
+
+@router.delete(
+    "/{name}",
+    operation_id="delete_layout_model",
+    status_code=204,
+    responses=documented("conflict", *_READING),
+)
+async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch = None) -> None:
+    """Delete a model with its samples. A model that is made under this name again goes on counting versions."""
+    precondition = parse_precondition(if_match, None)
+
+    def write(store: Store) -> None:
+        current = store.model_summary(name).version
+        store.delete_model(name, expected_version=precondition.check(name, current))
+
+    await state.store.call(write)
+
+
+@router.get("/{name}/versions", operation_id="layout_model_versions", responses=documented(*_READING))
+async def layout_model_versions(state: State, name: ModelName) -> VersionList:
+    """Versions of a model, newest first; GET /layout/models/{name}?version= exports each of them."""
+    versions = await state.store.call(lambda store: store.model_versions(name))
+    return VersionList(
+        name=name,
+        versions=[
+            Version(
+                version=version.version, origin=version.origin, note=version.note, created=version.created_at
+            )
+            for version in reversed(versions)
+        ],
+    )
+
+
+@router.post(
+    "/{name}/initialize",
+    operation_id="initialize_layout_model",
+    response_class=Response,
+    responses={
+        200: {"description": "The new version.", "model": InitializedModel, "headers": _ETAG},
+        **documented("conflict", "no-samples", *_READING, *_BODY, *_WORK),
+    },
+)
+async def initialize_layout_model(
+    request: Request, state: State, name: ModelName, if_match: IfMatch = None
+) -> Response:
+    """Build the model from all its samples; what it had learned otherwise stays in its earlier versions."""
+    precondition = parse_precondition(if_match, None)
+    samples = await state.store.call(lambda store: _samples_to_learn_from(store, name, precondition))
+    work = state.engine.submit(
+        state.operations.initialize_model,
+        name,
+        [sample.document for sample in samples],
+        layout_settings(state.settings),
+        time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
+    )
+    draft: ModelDraft = await while_connected(request, work)
+    request.state.seat.release()
+
+    def write(store: Store) -> StoredModel:
+        expected = precondition.check(name, store.model_summary(name).version)
+        note = f"{len(samples)} samples"
+        return store.add_version(name, draft.document, "initialize", expected_version=expected, note=note)
+
+    model = await state.store.call(write)
+    assert model.version is not None
+    counts = count_labels(sample.document for sample in samples)
+    answer = InitializedModel(
+        name=name,
+        version=model.version,
+        samples=len(samples),
+        labels={label: counts.get(label, 0) for label in draft.labels},
+    )
+    return Response(
+        answer.model_dump_json(), headers={"ETag": entity_tag(model.version)}, media_type="application/json"
+    )
+
+
+def _current_version(store: Store, name: str) -> int | None:
+    """The model's newest version, None where there is none or no model."""
+    try:
+        return store.model_summary(name).version
+    except ModelNotFound:
+        return None
+
+
+def _samples_to_learn_from(store: Store, name: str, precondition: Precondition) -> list[StoredSample]:
+    precondition.check(name, store.model_summary(name).version)
+    samples = store.samples(name)
+    if not samples:
+        raise NoSamples(f"Model {name} has no samples; POST /layout/models/{name}/samples adds one.")
+    return samples

@@ -1,0 +1,118 @@
+"""/layout/models/{name}/samples: the verified pages that a model is made of."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Request, Response
+from pydantic import Field
+
+from app.problems import documented
+from app.routes.connection import while_connected
+from app.routes.labelled_pages import LABELLED_PAGE_BODY, count_labels, labelled_page, layout_settings
+from app.routes.state import State
+from app.schemas.layout_models import ModelName, Sample, SampleList, SampleReceipt, SampleSummary
+from app.schemas.options import Absent
+from models.records import StoredSample
+
+router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"])
+
+IdempotencyKey = Annotated[
+    Annotated[str, Field(min_length=1, max_length=200)] | Absent,
+    Header(
+        description="The same key counts once, however often the request is sent. So does the same page without "
+        "a key.",
+    ),
+]
+_READING = ("not-found", "invalid-option", "internal", "store-unavailable")
+
+
+@router.post(
+    "",
+    operation_id="add_layout_sample",
+    response_class=Response,
+    responses={
+        200: {"description": "The sample was there already.", "model": SampleReceipt},
+        201: {
+            "description": "The sample was added; the first one of a name creates the class.",
+            "model": SampleReceipt,
+            "headers": {"Location": {"description": "Its path.", "schema": {"type": "string"}}},
+        },
+        **documented(
+            "bad-request",
+            "request-timeout",
+            "conflict",
+            "store-full",
+            "too-large",
+            "out-of-memory",
+            "unsupported-media-type",
+            "undecodable-image",
+            "invalid-option",
+            "not-storable",
+            "worker-died",
+            "internal",
+            "busy",
+            "shutting-down",
+            "store-unavailable",
+            "timed-out",
+        ),
+    },
+    openapi_extra=LABELLED_PAGE_BODY,
+)
+async def add_layout_sample(
+    request: Request, state: State, name: ModelName, idempotency_key: IdempotencyKey = None
+) -> Response:
+    """Add one verified page: its zones with the labels that are right, and the image if it is at hand.
+
+    What the zones lack (lines, font size, text) is measured and read in the image. A label that is null or absent
+    means "none of the model's"; at least one zone must have a label. The model learns of it with
+    POST /layout/models/{name}/initialize.
+    """
+    async with labelled_page(request, state.settings.max_zones_bytes) as page:
+        work = state.engine.submit(
+            state.operations.measure_sample, page.image, page.zones, layout_settings(state.settings)
+        )
+        document = await while_connected(request, work)
+    request.state.seat.release()
+    sample = await state.store.call(
+        lambda store: store.add_sample(
+            name,
+            document,
+            key=idempotency_key,
+            max_samples=state.settings.max_samples_per_model,
+            max_models=state.settings.max_models,
+        )
+    )
+    answer = SampleReceipt(
+        id=sample.id, model=name, zones=len(sample.document["zones"]), labels=count_labels([sample.document])
+    )
+    headers = {"Location": f"/layout/models/{name}/samples/{sample.id}"} if sample.created else {}
+    return Response(
+        answer.model_dump_json(), 201 if sample.created else 200, headers, media_type="application/json"
+    )
+
+
+@router.get("", operation_id="layout_samples", responses=documented(*_READING))
+async def layout_samples(state: State, name: ModelName) -> SampleList:
+    """Samples of a model, oldest first, without their zones."""
+
+    def summarize(sample: StoredSample) -> SampleSummary:
+        labels = count_labels([sample.document])
+        zones = len(sample.document["zones"])
+        return SampleSummary(id=sample.id, zones=zones, labels=labels, created=sample.created_at)
+
+    summaries = await state.store.call(lambda store: [summarize(sample) for sample in store.samples(name)])
+    return SampleList(model=name, samples=summaries)
+
+
+@router.get("/{id}", operation_id="layout_sample", responses=documented(*_READING))
+async def layout_sample(state: State, name: ModelName, id: str) -> Sample:
+    """One sample, with all that was measured."""
+    sample = await state.store.call(lambda store: store.sample(name, id))
+    return Sample.model_validate(
+        {**sample.document, "id": sample.id, "model": name, "created": sample.created_at}
+    )
+
+
+@router.delete("/{id}", operation_id="delete_layout_sample", status_code=204, responses=documented(*_READING))
+async def delete_layout_sample(state: State, name: ModelName, id: str) -> None:
+    """Take a sample away; the model changes with the next POST .../initialize."""
+    await state.store.call(lambda store: store.delete_sample(name, id))

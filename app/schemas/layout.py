@@ -1,0 +1,166 @@
+"""What POST /layout takes and answers."""
+
+import re
+from typing import Annotated, Any, Literal
+
+from fastapi import UploadFile
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from app.operations import LayoutFormat
+from app.schemas.options import Absent, Switch
+from app.schemas.page import Answer, Warning
+
+MODEL_NAME_PATTERN = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,59}$"
+MOST_NAMES = 200
+_NAMES_PATTERN = (
+    f"^{MODEL_NAME_PATTERN.strip('^$')}(, ?{MODEL_NAME_PATTERN.strip('^$')}){{0,{MOST_NAMES - 1}}}$"
+)
+
+
+def parse_names(text: str) -> tuple[str, ...]:
+    """The distinct names of a comma-separated list, in their order.
+
+    Raises
+    ------
+    ValueError
+        When one is no name of a model, or they are too many.
+    """
+    names = [name.strip() for name in text.split(",")]
+    if len(names) > MOST_NAMES or not all(re.fullmatch(MODEL_NAME_PATTERN, name) for name in names):
+        raise ValueError(
+            f"expected at most {MOST_NAMES} names of models, separated by commas, each of 1-60 letters, digits, "
+            "dots, underscores and hyphens (no dot first)"
+        )
+    return tuple(dict.fromkeys(names))
+
+
+def _checked_names(text: str) -> str:
+    parse_names(text)
+    return text
+
+
+class LayoutForm(BaseModel):
+    """The multipart form of POST /layout: `image`, `zones` or `zones_file`, or `image` and one of the others."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={
+            "anyOf": [{"required": ["image"]}, {"required": ["zones"]}, {"required": ["zones_file"]}]
+        },
+    )
+
+    image: UploadFile | Absent = Field(
+        default=None, description="The page: JPEG, PNG, WebP, TIFF (first page) or HEIC/HEIF."
+    )
+    zones: UploadFile | str | Absent = Field(
+        default=None,
+        description='JSON `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "font_size"?, "lines"?, '
+        '"text"?, "kind"?}]}`, as a field or as a file: zones from another segmenter. With `image` they are in '
+        "its pixels.",
+    )
+    zones_file: UploadFile | Absent = Field(
+        default=None, description="The same as a file of PAGE-XML, ALTO or JSON."
+    )
+    rectify: Switch = Field(
+        default=False, description="Rectify the photo first; zones are then in pixels of the flat page."
+    )
+    ocr: Literal["auto", "off"] = Field(
+        default="auto", description="auto: read the page where an OCR engine is installed."
+    )
+    models: Annotated[str, AfterValidator(_checked_names)] | Absent = Field(
+        default=None,
+        description="The models that compete, separated by commas; all of them when left out.",
+        json_schema_extra={"pattern": _NAMES_PATTERN},
+    )
+    format: LayoutFormat | Absent = Field(
+        default=None,
+        description="What comes back; overrides `Accept`. png: the page with its labelled zones drawn on it.",
+    )
+    explain: Switch = Field(
+        default=False, description="With JSON: the terms of the cost, largest first, in `match.explanation`."
+    )
+
+
+class DocumentClass(Answer):
+    """How well the page fits one model."""
+
+    name: str
+    model_version: int = Field(ge=1)
+    cost: float = Field(description="Least cost of matching the page with the model.")
+    probability: float = Field(ge=0, le=1)
+
+
+class LabelledZone(Answer):
+    """One region of the page; null where a thing was not measured."""
+
+    id: str
+    box: tuple[float, float, float, float] = Field(description="x0, y0, x1, y1 in pixels of the page.")
+    label: str | None = Field(description="null: none of the model's labels, or there is no model.")
+    confidence: float = Field(ge=0, le=1, description="Probability of the label, given the class.")
+    group: str | None = Field(description="Label of the model node that the zone is grouped with.")
+    order: int = Field(ge=0, description="Place in reading order, from 0.")
+    kind: Literal["text", "figure", "rule", "noise"]
+    lines: int | None
+    font_size: float | None = Field(description="Em, pixels.")
+    font_class: Literal["small", "normal", "large"] | None = Field(description="Beside the rest of the page.")
+    line_spacing: float | None = Field(description="Pixels from baseline to baseline.")
+    weight: float | None = Field(description="Stroke width as a share of the font size.")
+    alignment: Literal["left", "right", "centre", "justified"] | None
+    text: str
+    content: dict[str, float] = Field(
+        description="Content features that it shows, each with a confidence of 0-1."
+    )
+
+
+class CostTerm(Answer):
+    """One term of the cost: of a zone, or (`other`) of a pair of zones."""
+
+    zone: str
+    other: str | None
+    attribute: str
+    cost: float
+
+
+class MatchReport(Answer):
+    """The match of the page with the model whose labels its zones have."""
+
+    cost: float
+    node_cost: float
+    edge_cost: float
+    count_cost: float
+    optimal: bool = Field(description="Proved to be the least cost.")
+    gap: float = Field(ge=0, description="How far the cost may lie above the least; 0 when optimal.")
+    backbone: dict[str, str] = Field(description="For each label of the model the zone that fits it best.")
+    explanation: list[CostTerm] | None = Field(
+        description="Terms of the cost, largest first, a thousand at most; null: not asked for."
+    )
+
+
+class LayoutResult(Answer):
+    """Class of a document and labels of its zones.
+
+    `class` is null when no model is stored, and when none of those that competed fits the page: `classes` and
+    `unknown_probability` then tell what was considered, and the zones have the labels of the nearest model.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, validate_by_name=True, serialize_by_alias=True
+    )
+
+    id: str = Field(description="Of the result, as in /layout/results/{id}.")
+    width: float = Field(gt=0)
+    height: float = Field(gt=0)
+    class_: DocumentClass | None = Field(alias="class")
+    classes: list[DocumentClass] = Field(description="All that competed, most probable first.")
+    unknown_probability: float = Field(
+        ge=0, le=1, description="That the page is of none of these classes; with `classes` it makes 1."
+    )
+    zones: list[LabelledZone]
+    match: MatchReport | None
+    warnings: list[Warning]
+    timings_ms: dict[str, float]
+
+
+def result_of(document: dict[str, Any], result_id: str) -> LayoutResult:
+    """A worker's or the store's document under its id, held to the contract."""
+    return LayoutResult.model_validate({"id": result_id, **document})

@@ -1,0 +1,27 @@
+"""Templates of paths."""
+
+import pytest
+
+from app.paths import PathTemplates
+
+TEMPLATES = PathTemplates(["/layout", "/layout/models/{name}", "/layout/models/{name}/samples/{id}"])
+
+
+@pytest.mark.parametrize(
+    ("path", "template"),
+    [
+        ("/layout", "/layout"),
+        ("/layout/", None),
+        ("/layout/models", None),
+        ("/layout/models/", None),
+        ("/layout/models/letter", "/layout/models/{name}"),
+        ("/layout/models/{name}", "/layout/models/{name}"),
+        ("/layout/models/a/b", None),
+        ("/layout/models/a/samples", None),
+        ("/layout/models/a/samples/b", "/layout/models/{name}/samples/{id}"),
+        ("/layout/models/a/samples/b/c", None),
+        ("", None),
+    ],
+)
+def test_the_template_of_a_path(path: str, template: str | None) -> None:
+    assert TEMPLATES.match(path) == template
