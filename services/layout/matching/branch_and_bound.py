@@ -25,10 +25,13 @@ class Searched:
 
 @dataclass(slots=True, eq=False)
 class _Branch:
-    """`free` (F,) zones are to be decided. `ahead` (F, K) are their costs, with their pairs with the decided ones;
+    """`bound` is of all its leaves; `plain`, at most as high, counts no zone's cost above its least one.
+
+    `free` (F,) zones are to be decided. `ahead` (F, K) are their costs, with their pairs with the decided ones;
     `spent` is the cost of those, `counts` (L,) are their labels, `choice` (R,) their places."""
 
     bound: float
+    plain: float
     free: Labels
     spent: float
     ahead: Floats
@@ -60,9 +63,19 @@ def search(
     rows = np.arange(len(problem.count))
     best, limit, explored = None, below, 0
     node = np.where(problem.real, problem.node, np.inf)
+    # places that repeat a label go to a row of their own, which nobody reads
+    slots = np.where(problem.real, problem.names, len(rows))
     none = np.zeros(len(rows), np.intp)
     stack = [
-        _Branch(problem.constant, np.arange(size), problem.constant, node, none, np.zeros(size, np.intp))
+        _Branch(
+            problem.constant,
+            problem.constant,
+            np.arange(size),
+            problem.constant,
+            node,
+            none,
+            np.zeros(size, np.intp),
+        )
     ]
     while stack:
         branch = stack[-1]
@@ -76,16 +89,23 @@ def search(
         least = np.partition(branch.ahead, 1, axis=1)
         place = int((least[:, 1] - least[:, 0]).argmax())
         zone, own = int(branch.free[place]), branch.ahead[place]
-        open_ = np.flatnonzero(branch.bound + own - least[place, 0] < limit - tolerance)
-        rest = np.delete(np.arange(len(own_rows := branch.free)), place)
-        free = own_rows[rest]
+        open_ = np.flatnonzero(branch.plain + own - least[place, 0] < limit - tolerance)
+        rest = np.arange(len(branch.free)) != place
+        free = branch.free[rest]
         names, at = problem.names[zone, open_], branch.counts
         to_come = reachable[len(free)]
         now = to_come[rows, at]
         spent = branch.spent + own[open_]
         ahead = branch.ahead[rest] + coupling[zone, open_][:, free]
-        bounds = spent + np.add.reduce(np.minimum.reduce(ahead, 2), 1)
-        bounds += now.sum() + to_come[names, at[names] + 1] - now[names]
+        alone = spent + np.add.reduce(np.minimum.reduce(ahead, 2), 1)
+        counts = at + (rows == names[:, None])
+        plain = alone + now.sum() + to_come[names, at[names] + 1] - now[names]
+        bounds = plain.copy()
+        hopeful = np.flatnonzero(bounds < limit - tolerance)
+        if len(free) and len(hopeful):
+            bounds[hopeful] = alone[hopeful] + _counts_ahead(
+                problem.count, slots[free], ahead[hopeful], counts[hopeful]
+            )
         for c in np.argsort(-bounds, kind="stable").tolist():
             if bounds[c] >= limit - tolerance:
                 continue
@@ -94,11 +114,29 @@ def search(
             if len(free) == 0:
                 limit, best = float(bounds[c]), choice
                 continue
-            counts = at.copy()
-            counts[names[c]] += 1
-            stack.append(_Branch(float(bounds[c]), free, float(spent[c]), ahead[c], counts, choice))
+            stack.append(
+                _Branch(float(bounds[c]), float(plain[c]), free, float(spent[c]), ahead[c], counts[c], choice)
+            )
     lower = min([limit, *(branch.bound for branch in stack)])
     return Searched(best, limit, lower, explored)
+
+
+def _counts_ahead(count: Floats, slots: Labels, ahead: Floats, counts: Labels) -> Floats:
+    """(C,): what counts cost at least in each child, with what the zones to come cost more than their best labels.
+
+    A zone has but one label, so its costs above its least one belong to the labels one by one: a label that n of
+    the zones take costs no less than count n and the n least of these together.
+    """
+    children, zones, _ = ahead.shape
+    labels = len(count)
+    extra = np.full((children, labels + 1, zones), np.inf)
+    extra[:, slots, np.arange(zones)[:, None]] = ahead - np.minimum.reduce(ahead, 2)[:, :, None]
+    extra = extra[:, :labels]
+    extra.sort(axis=2)
+    n = counts[:, :, None] + np.arange(zones + 1)
+    cost = count[np.arange(labels)[:, None], n]
+    cost[:, :, 1:] += np.add.accumulate(extra, 2)
+    return np.add.reduce(np.minimum.reduce(cost, 2), 1)
 
 
 def _reachable(count: Floats) -> Floats:
