@@ -108,8 +108,12 @@ def _counts(zones: int, labels: int) -> NDArray[np.float64]:
     return count
 
 
-def strong_tables(zones: int, labels: int, scale: float, rng: np.random.Generator) -> CostTables:
-    """Random tables whose pairs and counts outweigh the zones' own costs; about a third of the pairs is missing."""
+def strong_tables(
+    zones: int, labels: int, scale: float, rng: np.random.Generator, counts: float | None = None
+) -> CostTables:
+    """Random tables, costs of pairs `scale` and of counts `counts` (as pairs) times those of zones; about a third of
+    the pairs is missing."""
+    counts = scale if counts is None else counts
     low, high = np.triu_indices(zones, 1)
     kept = rng.random(len(low)) < 0.7
     pairs = np.stack([low[kept], high[kept]], 1).astype(np.intp)
@@ -117,5 +121,5 @@ def strong_tables(zones: int, labels: int, scale: float, rng: np.random.Generato
         rng.normal(0.0, 1.0, (zones, labels)),
         pairs,
         rng.normal(0.0, scale, (len(pairs), labels, labels)),
-        rng.normal(0.0, scale, (labels, zones + 1)),
+        rng.normal(0.0, counts, (labels, zones + 1)),
     )

@@ -10,11 +10,13 @@ from services.layout.matching.labelling import Floats, Labels
 
 _MOST_COUPLINGS = 4_000_000
 """Of (zone, label) with (zone, label), 32 MB; larger problems are not searched, and their gap is told."""
+_USUAL_ZONES = 20
+"""Up to so many zones a step of the search takes about the same time, that of calls and not of numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Searched:
-    """`choice` (R,) of least `cost` if it is below the one given, else None; `lower_bound` holds for what is not
+    """`choice` (R,) of least `cost` if it is below the one given, else None; `lower_bound` holds for what was not
     searched as well; `explored` zones were opened."""
 
     choice: Labels | None
@@ -25,15 +27,16 @@ class Searched:
 
 @dataclass(slots=True, eq=False)
 class _Branch:
-    """`bound` is of all its leaves; `plain`, at most as high, counts no zone's cost above its least one.
+    """`bound` is of all its leaves; `plain`, at most as high, leaves out what counts make zones pay.
 
     `free` (F,) zones are to be decided. `ahead` (F, K) are their costs, with their pairs with the decided ones;
-    `spent` is the cost of those, `counts` (L,) are their labels, `choice` (R,) their places."""
+    `spent` is the cost of those, `counts` (L,) are their labels, `choice` (R,) their places.
+    """
 
     bound: float
     plain: float
-    free: Labels
     spent: float
+    free: Labels
     ahead: Floats
     counts: Labels
     choice: Labels
@@ -44,10 +47,8 @@ def search(
 ) -> Searched:
     """The least cost under `below` by more than `tolerance`, or the proof that there is none.
 
-    Opens `max_nodes` zones, and none after `stop_at` (of time.perf_counter). The bound of a branch is its cost so
-    far, with the least costs of the zones to come given the decided ones, and of the counts they may still reach. The
-    zone that is decided next is the one whose second best label costs most above its best: most often its others go
-    at once.
+    Opens `max_nodes` zones, fewer where more than `_USUAL_ZONES` are left, as each then costs more; and none after
+    `stop_at` (of time.perf_counter).
     """
     size, width = problem.node.shape
     if size == 0:
@@ -56,87 +57,101 @@ def search(
         return Searched(empty if found else None, min(below, problem.constant), problem.constant, 0)
     if (size * width) ** 2 > _MOST_COUPLINGS or max_nodes == 0:
         return Searched(None, below, problem.constant, 0)
-    coupling = np.zeros((size, width, size, width))
-    coupling[problem.low, :, problem.high, :] = problem.pair
-    coupling[problem.high, :, problem.low, :] = problem.pair.transpose(0, 2, 1)
-    reachable = _reachable(problem.count)
-    rows = np.arange(len(problem.count))
+    max_nodes = max(1, round(max_nodes * min(1.0, _USUAL_ZONES / size)))
+    branching = _Branching(problem)
     best, limit, explored = None, below, 0
-    node = np.where(problem.real, problem.node, np.inf)
-    # places that repeat a label go to a row of their own, which nobody reads
-    slots = np.where(problem.real, problem.names, len(rows))
-    none = np.zeros(len(rows), np.intp)
-    stack = [
-        _Branch(
-            problem.constant,
-            problem.constant,
-            np.arange(size),
-            problem.constant,
-            node,
-            none,
-            np.zeros(size, np.intp),
-        )
-    ]
+    stack = [branching.root()]
     while stack:
-        branch = stack[-1]
-        if branch.bound >= limit - tolerance:
+        if stack[-1].bound >= limit - tolerance:
             stack.pop()
             continue
         if explored >= max_nodes or time.perf_counter() > stop_at:
             break
-        stack.pop()
         explored += 1
-        least = np.partition(branch.ahead, 1, axis=1)
-        place = int((least[:, 1] - least[:, 0]).argmax())
-        zone, own = int(branch.free[place]), branch.ahead[place]
-        open_ = np.flatnonzero(branch.plain + own - least[place, 0] < limit - tolerance)
-        rest = np.arange(len(branch.free)) != place
-        free = branch.free[rest]
-        names, at = problem.names[zone, open_], branch.counts
-        to_come = reachable[len(free)]
-        now = to_come[rows, at]
-        spent = branch.spent + own[open_]
-        ahead = branch.ahead[rest] + coupling[zone, open_][:, free]
-        alone = spent + np.add.reduce(np.minimum.reduce(ahead, 2), 1)
-        counts = at + (rows == names[:, None])
-        plain = alone + now.sum() + to_come[names, at[names] + 1] - now[names]
-        bounds = plain.copy()
-        hopeful = np.flatnonzero(bounds < limit - tolerance)
-        if len(free) and len(hopeful):
-            bounds[hopeful] = alone[hopeful] + _counts_ahead(
-                problem.count, slots[free], ahead[hopeful], counts[hopeful]
-            )
-        for c in np.argsort(-bounds, kind="stable").tolist():
-            if bounds[c] >= limit - tolerance:
-                continue
-            choice = branch.choice.copy()
-            choice[zone] = open_[c]
-            if len(free) == 0:
-                limit, best = float(bounds[c]), choice
-                continue
-            stack.append(
-                _Branch(float(bounds[c]), float(plain[c]), free, float(spent[c]), ahead[c], counts[c], choice)
-            )
+        children = branching.open(stack.pop(), limit - tolerance)
+        if children and len(children[-1].free) == 0:
+            limit, best = children[-1].bound, children[-1].choice
+        else:
+            stack += children
     lower = min([limit, *(branch.bound for branch in stack)])
     return Searched(best, limit, lower, explored)
 
 
-def _counts_ahead(count: Floats, slots: Labels, ahead: Floats, counts: Labels) -> Floats:
-    """(C,): what counts cost at least in each child, with what the zones to come cost more than their best labels.
+class _Branching:
+    """What all branches of one problem share."""
 
-    A zone has but one label, so its costs above its least one belong to the labels one by one: a label that n of
-    the zones take costs no less than count n and the n least of these together.
-    """
-    children, zones, _ = ahead.shape
-    labels = len(count)
-    extra = np.full((children, labels + 1, zones), np.inf)
-    extra[:, slots, np.arange(zones)[:, None]] = ahead - np.minimum.reduce(ahead, 2)[:, :, None]
-    extra = extra[:, :labels]
-    extra.sort(axis=2)
-    n = counts[:, :, None] + np.arange(zones + 1)
-    cost = count[np.arange(labels)[:, None], n]
-    cost[:, :, 1:] += np.add.accumulate(extra, 2)
-    return np.add.reduce(np.minimum.reduce(cost, 2), 1)
+    def __init__(self, problem: BoundedProblem) -> None:
+        size, width = problem.node.shape
+        labels = len(problem.count)
+        self._problem = problem
+        self._coupling = np.zeros((size, width, size, width))
+        self._coupling[problem.low, :, problem.high, :] = problem.pair
+        self._coupling[problem.high, :, problem.low, :] = problem.pair.transpose(0, 2, 1)
+        self._rows = np.arange(labels)
+        # places that repeat a label go to a row of their own, which nobody reads
+        self._slots = np.where(problem.real, problem.names, labels)
+        self._reachable = _reachable(problem.count)
+
+    def root(self) -> _Branch:
+        """Nothing is decided."""
+        problem, size = self._problem, self._problem.size
+        node = np.where(problem.real, problem.node, np.inf)
+        counts, choice = np.zeros(len(self._rows), np.intp), np.zeros(size, np.intp)
+        bound = problem.constant
+        return _Branch(bound, bound, bound, np.arange(size), node, counts, choice)
+
+    def open(self, branch: _Branch, limit: float) -> list[_Branch]:
+        """The branches for each label of one more zone, the cheapest last, without those that reach `limit`.
+
+        The zone is the one whose second best label costs most above its best: most often its others go at once. A
+        branch's bound is its cost so far, with the least costs of the zones to come given the decided ones, and of
+        the counts they may still reach.
+        """
+        least = np.partition(branch.ahead, 1, axis=1)
+        place = int((least[:, 1] - least[:, 0]).argmax())
+        zone, own = int(branch.free[place]), branch.ahead[place]
+        options = np.flatnonzero(branch.plain + own - least[place, 0] < limit)
+        rest = np.arange(len(branch.free)) != place
+        free = branch.free[rest]
+        names = self._problem.names[zone, options]
+        counts = branch.counts + (self._rows == names[:, None])
+        spent = branch.spent + own[options]
+        ahead = branch.ahead[rest] + self._coupling[zone, options][:, free]
+        alone = spent + np.add.reduce(np.minimum.reduce(ahead, 2), 1)
+        plain = alone + np.add.reduce(self._reachable[len(free)][self._rows, counts], 1)
+        bounds = plain.copy()
+        hopeful = np.flatnonzero(plain < limit)
+        if len(free) and len(hopeful):
+            bounds[hopeful] = alone[hopeful] + self._counts_ahead(free, ahead[hopeful], counts[hopeful])
+        children = []
+        for c in np.argsort(-bounds, kind="stable").tolist():
+            if bounds[c] < limit:
+                choice = branch.choice.copy()
+                choice[zone] = options[c]
+                children.append(
+                    _Branch(
+                        float(bounds[c]), float(plain[c]), float(spent[c]), free, ahead[c], counts[c], choice
+                    )
+                )
+        return children
+
+    def _counts_ahead(self, free: Labels, ahead: Floats, counts: Labels) -> Floats:
+        """(C,): the least that counts cost in each child, with what the zones to come cost above their least labels.
+
+        A zone has but one label, so its costs above its least one belong to the labels one by one: a label that n of
+        the zones take costs no less than count n and the n least of these together.
+        """
+        children, zones, _ = ahead.shape
+        labels = len(self._rows)
+        extra = np.full((children, labels + 1, zones), np.inf)
+        above = ahead - np.minimum.reduce(ahead, 2)[:, :, None]
+        extra[:, self._slots[free], np.arange(zones)[:, None]] = above
+        extra = extra[:, :labels]
+        extra.sort(axis=2)
+        cost = self._problem.count[self._rows[:, None], counts[:, :, None] + np.arange(zones + 1)]
+        cost[:, :, 1:] += np.add.accumulate(extra, 2)
+        total: Floats = np.add.reduce(np.minimum.reduce(cost, 2), 1)
+        return total
 
 
 def _reachable(count: Floats) -> Floats:

@@ -19,11 +19,11 @@ _FEW = 0.7
 
 _STEP = 0.7
 """Of the way to the prices that would be best if the others stood; with 1 they leap over each other."""
-_OFFERS = (1, 5)
-"""The passes after which local search starts from what looked best in them; later ones repeat it."""
-_SMALL = 8
+_SECOND, _THIRD = 1, 3
+"""The passes after which local search starts again: from the second start, and from what looked best in the pass."""
+_SMALL = 12
 """Zones that branch and bound decides sooner than a further pass."""
-_STANDS_STILL = 0.98
+_STANDS_STILL = 0.9
 """A pass that leaves more of the gap than this is the last."""
 
 
@@ -40,16 +40,18 @@ def match_directly(tables: CostTables, parameters: MatchingParameters) -> Matchi
         return Matching(labels, cost, cost, True, 0)
     neighbours = Neighbours(tables)
     found = _Found(tables, neighbours)
-    for start in starts(tables, neighbours):
-        found.offer(start)
-    problem = whole_problem(tables, neighbours)
-    problem = _raise_bound(problem, found, parameters.max_sweeps, stop_at)
+    start, second = starts(tables, neighbours)
+    found.offer(start)
+    problem = _raise_bound(whole_problem(tables, neighbours), found, second, parameters.max_sweeps, stop_at)
     bound, explored = problem.constant, 0
     if bound < found.cost - found.tolerance:
         result = search(problem, found.cost, found.tolerance, parameters.max_nodes, stop_at)
         bound, explored = max(bound, result.lower_bound), result.explored
         if result.choice is not None:
             found.offer(problem.labelling(result.choice))
+    if bound < found.cost - found.tolerance:
+        found.offer(second)
+        found.offer(found.labels, groups=True)
     optimal = bound >= found.cost - 2 * found.tolerance
     lower = found.cost if optimal else min(bound - found.tolerance, found.cost)
     return Matching(found.labels, found.cost, lower, optimal, explored)
@@ -68,19 +70,21 @@ class _Found:
     def tolerance(self) -> float:
         return _TOLERANCE * (1.0 + abs(self.cost))
 
-    def offer(self, start: Labels) -> None:
+    def offer(self, start: Labels, *, groups: bool = False) -> None:
         """Improve `start` by local search, once, and keep what is better."""
         key = start.tobytes()
-        if key in self._offered:
+        if key in self._offered and not groups:
             return
         self._offered.add(key)
-        labels, cost = improve(self._tables, self._neighbours, start)
+        labels, cost = improve(self._tables, self._neighbours, start, groups=groups)
         self._offered.add(labels.tobytes())
         if cost < self.cost:
             self.labels, self.cost = labels, cost
 
 
-def _raise_bound(problem: BoundedProblem, found: _Found, max_sweeps: int, stop_at: float) -> BoundedProblem:
+def _raise_bound(
+    problem: BoundedProblem, found: _Found, second: Labels, max_sweeps: int, stop_at: float
+) -> BoundedProblem:
     """Passes to and fro until the bound meets the cost, stands still or the budget ends; what is left."""
     if max_sweeps == 0:
         return problem
@@ -92,7 +96,9 @@ def _raise_bound(problem: BoundedProblem, found: _Found, max_sweeps: int, stop_a
         gap = found.cost - problem.constant
         if gap <= found.tolerance:
             break
-        if step in _OFFERS:
+        if step == _SECOND:
+            found.offer(second)
+        if step == _THIRD:
             found.offer(problem.labelling(choice))
         keep = ascent.reach < found.cost - found.tolerance
         keep[np.arange(problem.size), np.where(keep, ascent.seen, np.inf).argmin(1)] = True

@@ -30,6 +30,7 @@ class DualAscent:
         self.problem = problem
         self.seen = problem.node.copy()
         self.reach = problem.constant + problem.node
+        self._started = True
         size, width = problem.node.shape
         low, high = problem.low, problem.high
         # moved[:, r, q] is what pair (r, q) has given to zone r's labels
@@ -60,6 +61,7 @@ class DualAscent:
         moved[:, high, low] = _SPLIT * problem.pair[e, labels[low]].T
         problem.node += moved.sum(2).T
         self.reach[:] = -np.inf
+        self._started = False
 
     def sweep(self, backward: bool) -> Labels:
         """One pass; returns places (R,) that look best on the way."""
@@ -89,7 +91,11 @@ class DualAscent:
                 moved[:, r, others] -= (share * own)[:, None]
                 own *= 1.0 - count_out * share
         problem.constant = constant
-        np.maximum(self.reach, seen + np.array(constants)[:, None], out=self.reach)
+        if self._started:
+            np.maximum(self.reach, seen + np.array(constants)[:, None], out=self.reach)
+        else:
+            self.reach = constant + node
+            self._started = True
         best: Labels = seen.argmin(1)
         return best
 

@@ -71,26 +71,30 @@ def relabel_together(tables: CostTables, state: Labelling, least_gain: float) ->
     return True
 
 
-def improve(tables: CostTables, neighbours: Neighbours, start: Labels) -> tuple[Labels, float]:
-    """A labelling that no single change, exchange or change of a whole group makes better, and its cost."""
+def improve(
+    tables: CostTables, neighbours: Neighbours, start: Labels, *, groups: bool = True
+) -> tuple[Labels, float]:
+    """A labelling that no single change and no exchange makes better, nor (`groups`) a group's change; its cost."""
     least_gain = _LEAST_GAIN * (1.0 + abs(tables.cost(start)))
     state = Labelling(tables, neighbours, start)
     for _ in range(4 * tables.zones):
         descend(state, least_gain)
-        if not exchange(state, least_gain) and not relabel_together(tables, state, least_gain):
+        if exchange(state, least_gain):
+            continue
+        if not groups or not relabel_together(tables, state, least_gain):
             break
     return state.labels, tables.cost(state.labels)
 
 
 def starts(tables: CostTables, neighbours: Neighbours) -> list[Labels]:
-    """Labellings to begin with: the zones for themselves, and with what their pairs expect of them."""
+    """Labellings to begin with, the better first: the zones alone, and with what their pairs expect of them."""
     alone: Labels = tables.node.argmin(1)
     if not len(neighbours.low):
-        return [alone]
+        return [alone, alone]
     # what pairs expect: the other zone's label as likely as its own cost alone says
     weights: Floats = np.exp(np.minimum(tables.node.min(1, keepdims=True) - tables.node, 0.0))
     weights /= weights.sum(1, keepdims=True)
     of_low = np.matmul(neighbours.edge, weights[neighbours.high][:, :, None])[:, :, 0]
     of_high = np.matmul(weights[neighbours.low][:, None, :], neighbours.edge)[:, 0]
     expected = tables.node + neighbours.sum_by_zone(of_low, of_high)
-    return [alone, expected.argmin(1)]
+    return sorted([alone, expected.argmin(1)], key=tables.cost)
