@@ -8,13 +8,15 @@ from numpy.typing import NDArray
 
 from models.layout_graph import LayoutModel
 from services.layout.edge_attributes import RELATIONS
-from services.layout.graph import RELATION_OFFSETS
+from services.layout.graph import KIND_FEATURES, RELATION_OFFSETS
 from services.layout.node_attributes import NUMERIC_ATTRIBUTES
 
 CONTENT_SCALE = 0.6
+KIND_SCALE = 2.0
 LABEL_SCALE = 0.4
 COUNT_SCALE = 0.4
-"""Weights of a content feature, of a label's own cost and of its count, until enough samples tell."""
+"""Weights until enough samples tell: of a content feature, of one that is a kind of zone, of a label's own cost, of
+its count."""
 
 LABEL, COUNT = "label", "count"
 """Names of the last two in a model's scales."""
@@ -61,7 +63,7 @@ def default_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
     return np.array(
         [
             *(attribute.scale for attribute in NUMERIC_ATTRIBUTES),
-            *(CONTENT_SCALE for _ in content_names),
+            *(KIND_SCALE if name in KIND_FEATURES else CONTENT_SCALE for name in content_names),
             LABEL_SCALE,
             *(relation.scale for relation in RELATIONS),
             COUNT_SCALE,

@@ -73,8 +73,8 @@ def _estimate_numeric(
 
 
 def _estimate_content(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
-    read = statistics.read[:, None]
-    overall = (statistics.content.sum(axis=0) + 0.05) / (read.sum() + 0.5)
+    read = statistics.read
+    overall = (statistics.content.sum(axis=0) + 0.05) / (read.sum(axis=0) + 0.5)
     weight = parameters.content_weight
     expected = (statistics.content + weight * overall) / (read + weight)
     return np.where(read > 0, np.clip(expected, *parameters.content_range), np.nan)

@@ -13,6 +13,9 @@ from services.layout.node_attributes import NUMERIC_ATTRIBUTES, measure_zones
 MOST_NEIGHBOURS = 40
 """Pages of more than twice as many zones are joined to their nearest only: 500 zones have 12 000 pairs, not 125 000."""
 
+KIND_FEATURES = {"kind:rule": "rule", "kind:noise": "noise"}
+"""Content features that are no words: zones which segmentation tells as rules or noise, mostly nobody's label."""
+
 RELATION_OFFSETS = np.concatenate([[0], np.cumsum([len(relation.descriptors) for relation in RELATIONS])])
 """Where the descriptors of each relation start when those of all stand in one row."""
 
@@ -22,8 +25,8 @@ class LayoutGraph:
     """The graph of a page with N zones.
 
     `numeric` (N, A) in the order of `NUMERIC_ATTRIBUTES`, NaN where unknown; `content` (N, C) confidences of the
-    features `content_names`, NaN on a page that was not read; `pairs` (E, 2) of (upper, lower) zones;
-    `relations` (E, R) descriptors in the order of `RELATIONS`.
+    features `content_names`, the last ones being `KIND_FEATURES`, the others NaN on a page that was not read;
+    `pairs` (E, 2) of (upper, lower) zones; `relations` (E, R) descriptors in the order of `RELATIONS`.
     """
 
     numeric: NDArray[np.float64]
@@ -54,7 +57,12 @@ def build_graph(page: Page, content_names: Sequence[str]) -> LayoutGraph:
     ).reshape(len(page.zones), len(content_names))
     if not any(zone.content or zone.text for zone in page.zones):
         content[:] = np.nan
+    kinds = np.array(
+        [[zone.kind == kind for kind in KIND_FEATURES.values()] for zone in page.zones], dtype=np.float64
+    ).reshape(len(page.zones), len(KIND_FEATURES))
     pairs = pair_zones(measures, MOST_NEIGHBOURS)
     pair_measures = measure_pairs(measures, pairs)
     relations = np.stack([relation.measure(pair_measures) for relation in RELATIONS], axis=1)
-    return LayoutGraph(numeric, content, tuple(content_names), pairs, relations)
+    return LayoutGraph(
+        numeric, np.hstack([content, kinds]), (*content_names, *KIND_FEATURES), pairs, relations
+    )

@@ -47,7 +47,7 @@ def initialize_model(name: str, samples: Sequence[Page], content_names: Sequence
         name,
         len(pages),
         total.zones,
-        content_names,
+        pages[0].graph.content_names,
         calibrate(costs),
     )
 

@@ -28,8 +28,8 @@ class LabelledGraph:
 class LabelStatistics:
     """Sums over pages for L labels, A numeric attributes, C content features and D descriptors.
 
-    `zones` (L,); `known`, `totals`, `squares` (L, A) of numeric values that are known; `read` (L,) zones of pages
-    that were read and `content` (L, C) the sums of their confidences; `descriptors` (L, L, D) by label of the upper
+    `zones` (L,); `known`, `totals`, `squares` (L, A) of numeric values that are known; `read` (L, C) zones whose
+    content feature is known and `content` the sums of their confidences; `descriptors` (L, L, D) by label of the upper
     and of the lower zone; `counts` (L, MOST_COUNTED + 1) pages by the number of their zones with the label;
     `pages` (1,).
     """
@@ -70,7 +70,7 @@ def gather_statistics(page: LabelledGraph, labels: Sequence[str | None]) -> Labe
     member[given, np.arange(graph.zones)] = 1.0
     known = np.isfinite(graph.numeric)
     values = np.where(known, graph.numeric, 0.0)
-    read = np.asarray(np.isfinite(graph.content).all(axis=1))
+    read = np.isfinite(graph.content)
     upper, lower = given[graph.pairs.T]
     descriptors = np.zeros((count * count, RELATION_OFFSETS[-1]))
     np.add.at(descriptors, upper * count + lower, graph.descriptor_indicators())
@@ -83,7 +83,7 @@ def gather_statistics(page: LabelledGraph, labels: Sequence[str | None]) -> Labe
         totals=member @ values,
         squares=member @ values**2,
         read=member @ read,
-        content=member @ np.where(read[:, None], graph.content, 0.0),
+        content=member @ np.where(read, graph.content, 0.0),
         descriptors=descriptors.reshape(count, count, -1),
         counts=counts,
         pages=np.ones(1),
