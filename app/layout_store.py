@@ -76,7 +76,7 @@ class LayoutStore:
                 error.detail,
                 extra={"data_dir": str(where), "code": error.code},
             )
-            raise
+            raise error.with_traceback(None) from None  # the server writes the rest down, and it is long
         log.info("the store is open", extra={"data_dir": str(where)})
         try:
             yield

@@ -1,0 +1,166 @@
+"""The store behind the routes: what is read anew, what is purged, and what happens when it fails."""
+
+import asyncio
+import json
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.layout_store import MOST_THREADS, LayoutStore, ResultLimits
+from models.errors import ModelNotFound, ResultNotFound, StoreUnavailable
+from models.repository import Store
+from services.errors import InvalidOption
+from tests.app.scripted import PAGE, model_document
+from tests.app.serving import serving
+from tests.app.test_problems import assert_problem
+
+LIMITS = ResultLimits(ttl_s=1000, max_results=10)
+
+
+def with_store(folder: Path, work: Any, limits: ResultLimits = LIMITS) -> Any:
+    """Answer of the coroutine function `work`, given an open store."""
+
+    async def run() -> Any:
+        store = LayoutStore(folder / "data", limits)
+        async with store.opened():
+            return await work(store)
+
+    return asyncio.run(run())
+
+
+def add(store: LayoutStore, name: str) -> Any:
+    return store.call(lambda inner: inner.add_version(name, model_document(name, "sender"), "import"))
+
+
+def test_the_folder_is_made(tmp_path: Path) -> None:
+    async def work(store: LayoutStore) -> bool:
+        return await store.is_available()
+
+    assert with_store(tmp_path, work)
+    assert [path.name for path in (tmp_path / "data").iterdir()] == ["layout.sqlite3"]
+
+
+def test_models_are_read_again_only_when_one_has_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    readings = 0
+    ready_models = Store.ready_models
+
+    def counting(self: Store, names: Any = None) -> Any:
+        nonlocal readings
+        readings += 1
+        return ready_models(self, names)
+
+    monkeypatch.setattr(Store, "ready_models", counting)
+
+    async def work(store: LayoutStore) -> None:
+        await add(store, "b")
+        await add(store, "a")
+        for _ in range(3):
+            assert [model.name for model in await store.ready_models(None)] == ["a", "b"]
+        await store.call(lambda inner: inner.add_sample("a", PAGE))
+        await store.keep_result({})
+        await asyncio.gather(*(store.ready_models(None) for _ in range(5)))
+        assert readings == 1
+        await add(store, "a")
+        assert [model.version for model in await store.ready_models(["b", "a"])] == [1, 2]
+        assert readings == 2
+
+    with_store(tmp_path, work)
+
+
+def test_models_that_are_not_there(tmp_path: Path) -> None:
+    async def work(store: LayoutStore) -> None:
+        await store.call(lambda inner: inner.add_sample("fax", PAGE))
+        with pytest.raises(ModelNotFound):
+            await store.ready_models(["letter"])
+        with pytest.raises(InvalidOption, match="1 samples and no version"):
+            await store.ready_models(["fax"])
+        assert await store.ready_models(None) == []
+
+    with_store(tmp_path, work)
+
+
+def test_more_results_than_are_kept(tmp_path: Path) -> None:
+    async def work(store: LayoutStore) -> None:
+        ids = [await store.keep_result({"number": number}) for number in range(103)]
+        # The first was followed by a purge, and so was the 102nd: ten were left of 102, and one came after.
+        for number, result_id in enumerate(ids):
+            reading = store.call(lambda inner, result_id=result_id: inner.result(result_id))
+            if number < 92:
+                with pytest.raises(ResultNotFound):
+                    await reading
+            else:
+                assert (await reading).document == {"number": number}
+
+    with_store(tmp_path, work)
+
+
+def test_few_threads_wait_for_the_database(tmp_path: Path) -> None:
+    running, most, lock = 0, 0, threading.Lock()
+    full = threading.Event()
+
+    def work_of_one(_: Store) -> None:
+        nonlocal running, most
+        with lock:
+            running += 1
+            most = max(most, running)
+            if running == MOST_THREADS:
+                full.set()
+        assert full.wait(10)  # until as many as may run do
+        with lock:
+            running -= 1
+
+    async def work(store: LayoutStore) -> None:
+        await asyncio.gather(*(store.call(work_of_one) for _ in range(3 * MOST_THREADS)))
+
+    with_store(tmp_path, work)
+    assert most == MOST_THREADS
+
+
+def test_a_store_that_is_closed(tmp_path: Path) -> None:
+    async def work(store: LayoutStore) -> LayoutStore:
+        return store
+
+    store: LayoutStore = with_store(tmp_path, work)
+    with pytest.raises(StoreUnavailable):
+        asyncio.run(store.call(Store.revision))
+    assert not asyncio.run(store.is_available())
+
+
+async def unavailable(*_: object) -> Any:
+    raise StoreUnavailable("the database is locked")
+
+
+def test_a_result_that_cannot_be_kept_is_not_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    with serving() as client:
+        with monkeypatch.context() as patch:
+            patch.setattr(LayoutStore, "keep_result", unavailable)
+            response = client.post("/layout", data={"zones": json.dumps(PAGE)})
+            problem = assert_problem(response, 503, "store-unavailable")
+            assert problem["detail"] == "The database is locked."
+        assert client.post("/layout", data={"zones": json.dumps(PAGE)}).status_code == 200
+
+
+def test_without_the_store_the_rest_of_the_service_works(monkeypatch: pytest.MonkeyPatch) -> None:
+    with serving() as client:
+        monkeypatch.setattr(LayoutStore, "call", unavailable)
+        assert client.get("/health/ready").json()["store"] == "unavailable"
+        assert client.post("/rectify", files={"image": b"photo"}).status_code == 200
+        for response in (
+            client.post("/layout", data={"zones": json.dumps(PAGE)}),
+            client.get("/layout/models"),
+            client.get("/layout/models/letter"),
+            client.put("/layout/models/letter", json=model_document("letter")),
+            client.delete("/layout/models/letter"),
+            client.get("/layout/models/letter/versions"),
+            client.post("/layout/models/letter/initialize"),
+            client.post("/layout/models/letter/samples", json=PAGE),
+            client.get("/layout/models/letter/samples"),
+            client.get("/layout/models/letter/samples/1"),
+            client.delete("/layout/models/letter/samples/1"),
+            client.get("/layout/results/1"),
+        ):
+            assert_problem(response, 503, "store-unavailable")

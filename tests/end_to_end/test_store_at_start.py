@@ -1,0 +1,41 @@
+"""A service that cannot remember does not start, and says why."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.end_to_end.processes import ROOT, SCRIPTED
+
+
+def start(data_dir: Path) -> tuple[int, list[dict[str, Any]]]:
+    """Exit status and log of a service that is expected to give up."""
+    ended = subprocess.run(
+        [sys.executable, "-m", SCRIPTED],
+        cwd=ROOT,
+        env={**os.environ, "HOST": "127.0.0.1", "PORT": "0", "DATA_DIR": str(data_dir)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    return ended.returncode, [json.loads(line) for line in ended.stderr.splitlines()]
+
+
+@pytest.mark.parametrize("what", ["no folder", "no database"])
+def test_the_reason_is_told(tmp_path: Path, what: str) -> None:
+    if what == "no folder":
+        (tmp_path / "data").write_text("a file is in the way")
+    else:
+        (tmp_path / "data").mkdir()
+        (tmp_path / "data" / "layout.sqlite3").write_text("no database at all" * 100)
+    status, log = start(tmp_path / "data")
+    assert status != 0
+    (line,) = [line for line in log if line["logger"] == "app.layout_store"]
+    assert line["level"] == "error"
+    assert line["data_dir"] == str(tmp_path / "data")
+    assert ("DATA_DIR" if what == "no folder" else "damaged") in line["message"]
