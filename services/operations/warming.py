@@ -7,6 +7,7 @@ import numpy as np
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.imaging.codec import ImageLimits, encode_image
+from services.operations.layout import LayoutOptions, LayoutSettings, recognize_upload
 from services.operations.reader import ocr_engine
 from services.operations.rectify import rectify_upload
 from services.operations.replies import EncodingOptions
@@ -19,10 +20,10 @@ def warm_up() -> dict[str, object]:
     Returns what is at hand: `ocr`, the engine's name or None.
     """
     engine = ocr_engine()
+    sheet = encode_image(_draw_sheet(), "jpeg")
     with suppress(DocumentError):  # if this is no text to the pipeline, the road to that answer is warm now
-        rectify_upload(
-            encode_image(_draw_sheet(), "jpeg"), RectifyParameters(), EncodingOptions("jpeg"), ImageLimits()
-        )
+        rectify_upload(sheet, RectifyParameters(), EncodingOptions("jpeg"), ImageLimits())
+    recognize_upload(sheet, None, None, [], LayoutOptions(), LayoutSettings())
     return {"ocr": None if engine is None else engine.name}
 
 

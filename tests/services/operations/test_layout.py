@@ -1,0 +1,238 @@
+"""What a worker makes of pages and models: answers that are the contract's, refusals that name the place."""
+
+import io
+import json
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.schemas.layout import result_of
+from models.layout_graph import Page, Zone
+from services.errors import InvalidModel, InvalidOption, TooLarge
+from services.imaging.codec import ImageLimits
+from services.layout.results import AttributeCost, ClassMatch, LabelledZone, MatchReport, Recognition
+from services.operations import layout
+from services.operations.layout import (
+    EXPLAINED_TERMS,
+    LayoutOptions,
+    LayoutSettings,
+    StoredModel,
+    describe_recognition,
+    import_model,
+    initialize_from_samples,
+    measure_sample,
+    recognize_upload,
+)
+from simulation.labelled_pages import letter_page
+from tests.services.imaging.files import make_file
+from tests.services.operations.pipelines import RectifyPipeline, reject_constant
+
+SETTINGS = LayoutSettings()
+LETTERS = [letter_page(np.random.default_rng(seed), draw=False).document() for seed in range(3)]
+
+
+def as_json(document: Any) -> bytes:
+    return json.dumps(document).encode()
+
+
+@pytest.fixture(scope="module")
+def model() -> StoredModel:
+    samples: list[dict[str, Any]] = [
+        measure_sample(None, as_json(letter), SETTINGS) for letter in LETTERS[:2]
+    ]
+    draft = initialize_from_samples("letter", samples, SETTINGS)
+    assert "salutation" in draft.labels
+    return StoredModel("letter", 7, as_json(draft.document))
+
+
+def test_the_answer_is_the_contracts(model: StoredModel) -> None:
+    reply = recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
+    json.loads(json.dumps([reply.document, reply.page]), parse_constant=reject_constant)
+    result = result_of(reply.document, "an id")
+    assert (reply.body, reply.media_type) == (b"", "application/json")
+    assert result.class_ is not None
+    assert (result.class_.name, result.class_.model_version) == ("letter", 7)
+    assert [zone.id for zone in sorted(result.zones, key=lambda zone: zone.order)]
+    assert pickle.loads(pickle.dumps(reply)) == reply
+
+
+def test_the_page_can_be_recognized_again(model: StoredModel) -> None:
+    reply = recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
+    again = recognize_upload(None, as_json(reply.page), None, [model], LayoutOptions(), SETTINGS)
+    assert again.document["match"] == reply.document["match"]
+    assert again.page == reply.page
+
+
+def test_a_model_is_parsed_once(model: StoredModel) -> None:
+    layout._parsed.cache_clear()
+    for _ in range(3):
+        recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
+    assert layout._parsed.cache_info().misses == 1
+
+
+def test_a_stored_model_that_cannot_be_read_is_told() -> None:
+    broken = StoredModel("letter", 1, b'{"format": "of old"}')
+    with pytest.raises(InvalidModel, match="Initialize it again"):
+        recognize_upload(None, as_json(LETTERS[2]), None, [broken], LayoutOptions(), SETTINGS)
+
+
+def recognition(terms: int = 0) -> Recognition:
+    zones = (
+        Zone("a", (0.0, 0.0, 9.999, 5.0), lines=1, font_size=12.34567, content={"date": 0.5, "name": 0.0}),
+    )
+    match = ClassMatch("memo", 3, 1.23456, 0.75)
+    explanation = tuple(AttributeCost("a", None, f"attribute {index}", 1.0) for index in range(terms))
+    report = MatchReport(1.23456, 1.0, 0.2, 0.03456, False, 0.5, {"date": "a"}, explanation)
+    return Recognition(
+        Page(100.0, 50.0, zones),
+        (LabelledZone(zones[0], "date", 0.98765, "date", 0),),
+        match,
+        (match,),
+        0.25,
+        report,
+    )
+
+
+def test_a_recognition_as_json() -> None:
+    assert describe_recognition(recognition(5), explain=False) == {
+        "width": 100.0,
+        "height": 50.0,
+        "class": {"name": "memo", "model_version": 3, "cost": 1.2346, "probability": 0.75},
+        "classes": [{"name": "memo", "model_version": 3, "cost": 1.2346, "probability": 0.75}],
+        "unknown_probability": 0.25,
+        "zones": [
+            {
+                "id": "a",
+                "box": [0.0, 0.0, 10.0, 5.0],
+                "label": "date",
+                "confidence": 0.9877,
+                "group": "date",
+                "order": 0,
+                "kind": "text",
+                "lines": 1,
+                "font_size": 12.3457,
+                "font_class": "normal",
+                "line_spacing": None,
+                "weight": None,
+                "alignment": None,
+                "text": "",
+                "content": {"date": 0.5},
+            }
+        ],
+        "match": {
+            "cost": 1.2346,
+            "node_cost": 1.0,
+            "edge_cost": 0.2,
+            "count_cost": 0.0346,
+            "optimal": False,
+            "gap": 0.5,
+            "backbone": {"date": "a"},
+            "explanation": None,
+        },
+    }
+
+
+@pytest.mark.parametrize("terms", [0, 5, EXPLAINED_TERMS + 1])
+def test_so_many_terms_are_explained(terms: int) -> None:
+    match = describe_recognition(recognition(terms), explain=True)["match"]
+    assert isinstance(match, dict)
+    assert len(match["explanation"]) == min(terms, EXPLAINED_TERMS)
+
+
+def test_a_photo_is_rectified_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipeline = RectifyPipeline()
+    monkeypatch.setattr(layout, "rectify", pipeline)
+    monkeypatch.setattr(layout, "ocr_engine", lambda: None)
+    photo = make_file(np.full((40, 60, 3), 255, np.uint8), "PNG")
+    reply = recognize_upload(photo, None, None, [], LayoutOptions(rectify=True, format="png"), SETTINGS)
+    assert len(pipeline.calls) == 1
+    assert (reply.document["width"], reply.document["height"]) == (40, 60)  # it turns the photo
+    assert reply.document["warnings"] == [{"code": "focal-length-unknown", "detail": "Say it."}]
+    timings = reply.document["timings_ms"]
+    assert isinstance(timings, dict)
+    assert {"decode", "text", "remap", "zones", "encode"} <= timings.keys()
+    with Image.open(io.BytesIO(reply.body)) as drawn:
+        assert drawn.format == "PNG"
+
+
+@pytest.mark.parametrize("ocr", [True, False])
+def test_the_page_is_read_if_wanted(monkeypatch: pytest.MonkeyPatch, ocr: bool) -> None:
+    seen = []
+    monkeypatch.setattr(layout, "ocr_engine", lambda: "an engine")
+    monkeypatch.setattr(
+        layout, "read_page", lambda image, engine, features: seen.append(engine) or Page(60.0, 40.0, ())
+    )
+    photo = make_file(np.full((40, 60, 3), 255, np.uint8), "PNG")
+    recognize_upload(photo, None, None, [], LayoutOptions(ocr=ocr), SETTINGS)
+    assert seen == ["an engine" if ocr else None]
+
+
+def test_a_sample_keeps_its_labels_and_leaves_content_to_be_measured_again() -> None:
+    page = {
+        "width": 100,
+        "height": 100,
+        "zones": [
+            {
+                "id": 1,
+                "box": [0, 0, 50, 10],
+                "label": "date",
+                "text": "May 4, 1998",
+                "content": {"date": 0.1},
+            },
+            {"id": 2, "box": [0, 20, 50, 30], "label": None, "content": {"date": 0.1}},
+        ],
+    }
+    first, second = measure_sample(None, as_json(page), SETTINGS)["zones"]  # type: ignore[misc]
+    assert (first["id"], first["label"], first["text"]) == ("1", "date", "May 4, 1998")
+    assert "content" not in first
+    assert second["label"] is None
+    assert second["content"]["date"] == 0.1
+
+
+def test_samples_of_wider_limits_are_still_read() -> None:
+    narrow = replace(SETTINGS, max_zones=2)
+    with pytest.raises(InvalidOption, match="2"):
+        measure_sample(None, as_json(LETTERS[0]), narrow)
+    sample: dict[str, Any] = measure_sample(None, as_json(LETTERS[0]), SETTINGS)
+    assert initialize_from_samples("letter", [sample], narrow).labels
+    with pytest.raises(InvalidOption, match=r"samples\[1\]"):
+        initialize_from_samples("letter", [sample, {"width": 1}], SETTINGS)
+
+
+def test_a_model_is_called_as_its_path_says(model: StoredModel) -> None:
+    document = json.loads(model.document)
+    assert import_model("letter", model.document).document == document
+    with pytest.raises(InvalidModel, match="memo") as raised:
+        import_model("memo", model.document)
+    assert raised.value.field == "name"
+    del document["name"]
+    assert import_model("memo", as_json(document)).document == {**document, "name": "memo"}
+
+
+@pytest.mark.parametrize("document", [b"", b"{", b"\xff\xfe", b"[" * 200_000, b"9" * 5000])
+def test_a_model_that_is_no_json(document: bytes) -> None:
+    with pytest.raises(InvalidModel, match="JSON"):
+        import_model("letter", document)
+
+
+@pytest.mark.parametrize("zones", [b"", b"{", b"\xff\xfe", b"[" * 200_000, b"9" * 5000])
+def test_zones_that_are_no_json(zones: bytes) -> None:
+    with pytest.raises(InvalidOption, match="JSON") as raised:
+        recognize_upload(None, zones, None, [], LayoutOptions(), SETTINGS)
+    assert raised.value.field == "zones"
+
+
+def test_a_page_without_an_image_is_drawn_on_white_if_it_is_not_too_large() -> None:
+    page = {"width": 99.5, "height": 50, "zones": []}
+    options = LayoutOptions(format="png")
+    reply = recognize_upload(None, as_json(page), None, [], options, SETTINGS)
+    with Image.open(io.BytesIO(reply.body)) as drawn:
+        assert drawn.width >= 100
+        assert drawn.convert("L").getextrema()[1] == 255
+    narrow = replace(SETTINGS, image=ImageLimits(max_megapixels=0.001))
+    with pytest.raises(TooLarge, match=r"0\.001 megapixels"):
+        recognize_upload(None, as_json(page), None, [], options, narrow)
