@@ -19,10 +19,14 @@ _FEW = 0.7
 
 _STEP = 0.7
 """Of the way to the prices that would be best if the others stood; with 1 they leap over each other."""
-_SECOND, _THIRD = 1, 3
+_SECOND, _THIRD = 3, 5
 """The passes after which local search starts again: from the second start, and from what looked best in the pass."""
-_SMALL = 12
-"""Zones that branch and bound decides sooner than a further pass."""
+_SMALL = 50
+"""Labels left to all zones together which branch and bound decides sooner than a further pass."""
+_MOST_PASSED = 12_000_000
+"""Entries of pairs in all passes together: 12 over those of 200 zones of which a fifth of the pairs has costs."""
+_MOST_COPIED = 6_000_000
+"""Entries of pairs of which copies are made (48 MB each); the bound of larger tables is the plain one."""
 _STANDS_STILL = 0.9
 """A pass that leaves more of the gap than this is the last."""
 
@@ -42,7 +46,12 @@ def match_directly(tables: CostTables, parameters: MatchingParameters) -> Matchi
     found = _Found(tables, neighbours)
     start, second = starts(tables, neighbours)
     found.offer(start)
-    problem = _raise_bound(whole_problem(tables, neighbours), found, second, parameters.max_sweeps, stop_at)
+    if tables.edge.size > _MOST_COPIED:
+        found.offer(second)
+        least = tables.node.min(1).sum() + tables.edge.min(axis=(1, 2)).sum() + tables.count.min(1).sum()
+        return Matching(found.labels, found.cost, min(float(least) - found.tolerance, found.cost), False, 0)
+    sweeps = min(parameters.max_sweeps, max(2, _MOST_PASSED // max(1, tables.edge.size)))
+    problem = _raise_bound(whole_problem(tables, neighbours), found, second, sweeps, stop_at)
     bound, explored = problem.constant, 0
     if bound < found.cost - found.tolerance:
         result = search(problem, found.cost, found.tolerance, parameters.max_nodes, stop_at)
@@ -105,7 +114,7 @@ def _raise_bound(
         if keep.sum() <= _FEW * problem.sizes.sum():
             ascent.settle()
             problem = reduced(problem, keep)
-            if problem.size <= _SMALL:
+            if problem.sizes.sum() <= _SMALL:
                 return problem
             ascent = DualAscent(problem)
         elif gap > _STANDS_STILL * last:

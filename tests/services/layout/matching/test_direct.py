@@ -168,3 +168,11 @@ def test_five_hundred_zones() -> None:
     tables, truth = simulated_tables(500, 8, TYPICAL, np.random.default_rng(1), density=0.06)
     found = match_directly(tables, MatchingParameters())
     assert found.lower_bound <= found.cost <= tables.cost(truth)
+
+
+def test_tables_too_large_to_copy_have_the_plain_bound() -> None:
+    tables, truth = simulated_tables(230, 15, EASY, np.random.default_rng(1))
+    assert tables.edge.size > 6_000_000
+    found = match_directly(tables, MatchingParameters())
+    assert not found.optimal
+    assert found.lower_bound < found.cost <= tables.cost(truth)
