@@ -13,6 +13,7 @@ from models.layout_graph import LayoutModel, Page
 from services.arrays import GrayImage, RgbImage
 from services.layout.content_features import ContentFeatures
 from services.layout.initialization import initialize_model as initialize_from_samples
+from services.layout.label_transfer import transfer_labels
 from services.layout.recognition import RecognitionParameters, VersionedModel, recognize_page
 from services.layout.results import Recognition
 from services.layout.segmentation import measure_zones, segment_page
@@ -22,6 +23,7 @@ from services.ocr.engine import OcrEngine
 __all__ = [
     "VersionedModel",
     "complete_page",
+    "complete_sample",
     "content_features",
     "initialize_model",
     "read_page",
@@ -57,10 +59,32 @@ def complete_page(
     """
     if image is not None:
         gray = _gray(image)
-        page = measure_zones(gray, page)
-        if engine is not None and not all(zone.text for zone in page.zones):
-            page = fill_texts(page, engine.read_page(gray))
+        unread = engine is not None and not all(zone.text for zone in page.zones)
+        words = engine.read_page(gray) if engine is not None and unread else []
+        page = fill_texts(measure_zones(gray, page), words)
     return (features or content_features()).measure_page(page)
+
+
+def complete_sample(
+    page: Page, image: RgbImage | None, engine: OcrEngine | None, features: ContentFeatures | None = None
+) -> tuple[Page, Page | None]:
+    """A verified page with what its zones lack, and the same page in the zones that we find in its image.
+
+    People draw zones that no segmenter finds (a logo with letters in it, a list as one zone). A model that has seen
+    both knows the pages of people and the pages that it will be asked about. The second one carries the labels of
+    the verified zones that cover its own (`transfer_labels`); it is None without an image, and where the verified
+    zones are the found ones.
+    """
+    if image is None:
+        return complete_page(page, None, None, features), None
+    gray = _gray(image)
+    words = None if engine is None else engine.read_page(gray)
+    features = features or content_features()
+    verified = features.measure_page(fill_texts(measure_zones(gray, page), words or []))
+    found = features.measure_page(transfer_labels(page, segment_page(gray, words)))
+    same = {zone.box for zone in found.zones} == {zone.box for zone in page.zones}
+    taught = any(zone.label is not None for zone in found.zones)
+    return verified, found if taught and not same else None
 
 
 def recognize(

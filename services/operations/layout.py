@@ -29,6 +29,7 @@ from services.layout.overlay import draw_overlay
 from services.layout.pipeline import (
     VersionedModel,
     complete_page,
+    complete_sample,
     content_features,
     initialize_model,
     read_page,
@@ -51,6 +52,8 @@ MEDIA_TYPES = {
 }
 EXPLAINED_TERMS = 1000
 """Terms of the cost that are told, largest first; a page of 500 zones has a million."""
+FOUND = "found"
+"""Key of a sample's second page: the zones that segmentation finds in its image, with the verified labels."""
 CACHED_MODELS = 256
 """Models that a worker keeps ready; more than an installation has, as a rule."""
 
@@ -162,7 +165,7 @@ def recognize_upload(
 
 
 def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
-    """A labelled page with all that can be measured and read of it, as JSON.
+    """A labelled page with all that can be measured and read of it, as JSON; `FOUND` has it in our own zones.
 
     Content features of zones that have text are left out: they are computed when the model is made.
 
@@ -181,7 +184,14 @@ def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) 
     picture = None if image is None else decode_image(image, settings.image).pixels
     _check_frame(page, picture)
     engine = None if picture is None else ocr_engine()
-    page = complete_page(page, picture, engine, content_features(settings.content_features))
+    verified, found = complete_sample(page, picture, engine, content_features(settings.content_features))
+    document = _sample_document(verified)
+    if found is not None:
+        document[FOUND] = _sample_document(found)
+    return document
+
+
+def _sample_document(page: Page) -> dict[str, object]:
     kept = tuple(replace(zone, content={}) if zone.text else zone for zone in page.zones)
     document: dict[str, object] = to_json_ready(page_to_document(replace(page, zones=kept)))
     return document
@@ -202,10 +212,9 @@ def initialize_from_samples(
     pages = []
     for index, sample in enumerate(samples):
         try:
-            page = page_from_document(sample, bounds)
+            pages += [page_from_document(each, bounds) for each in (sample, sample.get(FOUND)) if each]
         except InvalidLayout as error:
             raise InvalidOption(f"samples[{index}]: {error.detail}", f"samples[{index}]") from error
-        pages.append(page)
     return _draft(initialize_model(name, pages, content_features(settings.content_features)))
 
 
