@@ -66,6 +66,8 @@ def _measure(
         own = boxes[words]
         # A word's box is 0.45 to 0.95 em high, 0.7 to 0.9 where it has ascenders.
         em = float(np.quantile(own[:, 3] - own[:, 1], 0.6)) / 0.85
+        # Broken letters are lower than a word; the row is 0.9 em high, but for capitals alone.
+        em = float(np.clip((np.max(own[:, 3]) - np.min(own[:, 1])) / 0.9, em, 1.5 * em))
         rows[row] = (np.min(own[:, 1]) + np.max(own[:, 3])) / 2, np.min(own[:, 0]), np.max(own[:, 2]), em
         own = own[np.argsort(own[:, 0])]
         reach = np.maximum.accumulate(own[:, 2])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from models.layout_graph import Box, Page, Zone
 from services.arrays import GrayImage
 from services.layout.segmentation.components import Boxes, Indices
+from services.layout.segmentation.entries import find_entries
 from services.layout.segmentation.frame import Frame, PrintedPage, analyse_print
 from services.layout.segmentation.ink import Components
 from services.layout.segmentation.measures import (
@@ -20,7 +21,7 @@ from services.layout.segmentation.measures import (
 from services.layout.segmentation.non_text import find_parts
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.reading_order import reading_order
-from services.layout.segmentation.text_lines import Line, find_lines
+from services.layout.segmentation.text_lines import Line, find_lines, measure_line
 from services.layout.segmentation.text_test import ReadLines, tell_text
 from services.layout.segmentation.words import assign_words, line_confidences, line_texts
 from services.layout.segmentation.zone_grouping import group_lines
@@ -56,8 +57,9 @@ def segment_page(
     is_text = tell_text(lines, read, levelled, printed.frame.size, parameters)
     texts = [text for text, kept in zip(read.texts, is_text, strict=True) if kept]
     lines = [line for line, kept in zip(lines, is_text, strict=True) if kept]
+    lines, texts, begins = _join_entries(lines, texts, levelled, parameters)
     line_boxes = np.array([line.box for line in lines]).reshape(-1, 4)
-    blocks = group_lines(lines, parameters)
+    blocks = group_lines(lines, begins, parameters)
     hulls = np.array([_hull([lines[index] for index in block]) for block in blocks]).reshape(-1, 4)
     unused = ~_lie_within(levelled.boxes, hulls)
     for line in lines:
@@ -74,6 +76,28 @@ def segment_page(
     order = reading_order([zone.box for zone in zones])
     numbered = (replace(zones[index], id=f"z{number}") for number, index in enumerate(order, 1))
     return Page(float(width), float(height), tuple(numbered))
+
+
+def _join_entries(
+    lines: list[Line], texts: list[str], levelled: Components, parameters: SegmentationParameters
+) -> tuple[list[Line], list[str], set[int]]:
+    """Lines and their texts with entries of lists joined, and the indices of those, which begin zones."""
+    value_of = dict(find_entries(lines, parameters))
+    values = set(value_of.values())
+    joined: list[Line] = []
+    read: list[str] = []
+    begins: set[int] = set()
+    for index, line in enumerate(lines):
+        if index in values:
+            continue
+        text, value = texts[index], value_of.get(index)
+        if value is not None:
+            begins.add(len(joined))
+            members = np.concatenate([line.members, lines[value].members])
+            line, text = measure_line(levelled, members, parameters), f"{text} {texts[value]}".strip()
+        joined.append(line)
+        read.append(text)
+    return joined, read, begins
 
 
 def _read(

@@ -84,6 +84,19 @@ class SegmentationParameters:
     least_confidence: float = 0.3
     """Words read with less confidence are no text."""
 
+    widest_label: float = 9.0
+    """Labels of entries ("FROM:", "Phone number:") are shorter."""
+    entry_gap: float = 4.5
+    """Values begin at most this far behind the longest label."""
+    lines_per_entry: float = 2.5
+    """Values have no more lines, in the mean."""
+    list_reach: float = 12.0
+    """Entries of one list stand nearer to each other."""
+    paragraph_leading: float = 1.45
+    """From here on a line that ends early ends its paragraph: the space may be that between paragraphs."""
+    early_end: float = 3.5
+    """A line ends early that leaves so much: the next word would have fitted."""
+
     figure_gap: float = 2.0
     """Parts of a figure lie nearer to each other, in units."""
     least_part: float = 2.0
@@ -97,6 +110,8 @@ class SegmentationParameters:
     """A line read with more is text, however it looks."""
     long_line: int = 8
     """Lines with so many components that stand on a line are no chance."""
+    few: int = 3
+    """On dirty pages lines with fewer components need words."""
     size_range: tuple[float, float] = (0.6, 1.7)
     """Short lines have sizes within this range of those of a long or read line."""
     dirt_share: float = 1.0

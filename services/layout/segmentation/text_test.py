@@ -55,10 +55,27 @@ def tell_text(
     dirt = _dirt(lines, components, long | (regular & inside & alike & (counts > 2)), em)
     clean = dirt <= np.maximum(2, parameters.dirt_share * counts)
     short = regular & inside & alike & clean
-    lone = counts < 2
-    aspect = (boxes[:, 2] - boxes[:, 0]) / (boxes[:, 3] - boxes[:, 1])
-    short &= ~lone | ((dirt <= 1) & (aspect > 0.12) & (aspect < 12))
+    few = counts < parameters.few
+    if _is_dirty(lines, components, long):
+        wide = boxes[:, 2] - boxes[:, 0] > 1.2 * (boxes[:, 3] - boxes[:, 1])
+        close = np.any(np.abs(np.log(ratio)) < np.log(parameters.unreliable_step), axis=1)
+        short &= ~few | ((dirt == 0) & close & ((counts > 1) | wide))
+    short &= ~(counts < 2) | ((dirt <= 1) & np.array([_may_be_glyph(line, components) for line in lines]))
     return np.asarray(sure | long | short, dtype=np.bool_)
+
+
+def _is_dirty(lines: Sequence[Line], components: Components, is_long: NDArray[np.bool_]) -> bool:
+    """Whether a page has so much loose ink that short lines without words are more often dirt than print."""
+    in_lines = sum(len(line.members) for line, long in zip(lines, is_long, strict=True) if long)
+    return len(components) - in_lines > 60 + 0.8 * in_lines
+
+
+def _may_be_glyph(line: Line, components: Components) -> bool:
+    """Whether a single component may be a letter, a figure, or a word whose letters touch: no disc, no dash."""
+    width, height = line.width, line.height
+    fill = float(components.area[line.members[0]]) / (width * height)
+    slim = width < 0.5 * height
+    return 0.12 * height < width < 12 * height and (fill < 0.65 or slim)
 
 
 def _is_regular(line: Line, components: Components) -> bool:

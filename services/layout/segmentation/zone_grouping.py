@@ -11,10 +11,13 @@ from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
 
 
-def group_lines(lines: Sequence[Line], parameters: SegmentationParameters) -> list[list[int]]:
-    """Indices of the lines of every zone, from the top down."""
+def group_lines(
+    lines: Sequence[Line], begins: set[int], parameters: SegmentationParameters
+) -> list[list[int]]:
+    """Indices of the lines of every zone, from the top down; the lines `begins` begin a zone each."""
     blocks: list[list[int]] = []
-    for chain in _chains(lines, parameters):
+    chains = _chains(lines, parameters)
+    for chain in (part for chain in chains for part in _cut(chain, _positions(chain, begins))):
         for block in _split_at_leading(lines, chain, parameters):
             blocks.extend(_split_paragraphs(lines, block, parameters))
     return blocks
@@ -93,7 +96,21 @@ def _split_at_leading(
     # Two lines alone have nothing to compare with.
     em = np.array([max(lines[a].em, lines[b].em) for a, b in pairwise(chain)])
     cuts |= ~np.isfinite(beside) & (distance > 1.5 * em)
+    ends = _right_margin(lines, chain) - np.array([lines[index].box[2] for index in chain[:-1]])
+    cuts |= (distance > parameters.paragraph_leading * em) & (ends > parameters.early_end * em)
     return _cut(chain, np.flatnonzero(cuts) + 1)
+
+
+def _right_margin(lines: Sequence[Line], chain: list[int]) -> float:
+    """Where full lines of a chain's column end: of its own lines, and of others with its left edge and size."""
+    own = [lines[index] for index in chain]
+    left, em = min(line.box[0] for line in own), max(line.em for line in own)
+    beside = (line for line in lines if abs(line.box[0] - left) < em and line.em < 1.3 * em)
+    return max(line.box[2] for line in (*own, *beside))
+
+
+def _positions(chain: list[int], begins: set[int]) -> NDArray[np.intp]:
+    return np.array([place for place, index in enumerate(chain) if index in begins], dtype=np.intp)
 
 
 def _split_paragraphs(
