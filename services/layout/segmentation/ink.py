@@ -13,6 +13,11 @@ from services.layout.segmentation.parameters import SegmentationParameters
 _LEAST_HEIGHT_PX = 4
 """Lower components are specks at any working scale, for the unit's sake."""
 
+_WORD_ASPECT = 1.6
+"""Wider components are words whose letters touch, not letters."""
+_DENSE = 0.4
+"""Rows of a word down to the baseline have this share of the ink of its dense rows, at least."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ink:
@@ -29,12 +34,14 @@ class Ink:
 class Components:
     """N connected components of ink in pixels of the working copy.
 
-    `boxes` (N, 4) x0, y0, x1, y1, ends exclusive; `area` (N,) of ink; `stroke` (N,) mean width of strokes.
+    `boxes` (N, 4) x0, y0, x1, y1, ends exclusive; `area` (N,) of ink; `stroke` (N,) mean width of strokes;
+    `hang` (N,) how far words whose letters touch hang below their baseline, 0 for all others.
     """
 
     boxes: NDArray[np.float64]
     area: NDArray[np.float64]
     stroke: NDArray[np.float64]
+    hang: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -46,9 +53,6 @@ class Components:
     @property
     def height(self) -> NDArray[np.float64]:
         return np.asarray(self.boxes[:, 3] - self.boxes[:, 1])
-
-    def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Components":
-        return Components(self.boxes[chosen], self.area[chosen], self.stroke[chosen])
 
 
 def find_ink(gray: GrayImage, parameters: SegmentationParameters) -> Ink:
@@ -87,7 +91,20 @@ def find_components(ink: Ink, parameters: SegmentationParameters) -> Components:
     # Strokes of all directions: rows and columns cross a stroke of length l 4 l / pi times in the mean.
     length = np.maximum(np.pi / 4 * runs[kept], 1.0)
     boxes = np.column_stack([x, y, x + w, y + h]).astype(np.float64)
-    return Components(boxes, area[kept].astype(np.float64), area[kept] / length)
+    hang = np.zeros(len(kept))
+    for index in np.flatnonzero(
+        (w > _WORD_ASPECT * h) & (h >= 2 * _LEAST_HEIGHT_PX) & (h < len(labels) / 25)
+    ):
+        own = labels[y[index] : y[index] + h[index], x[index] : x[index] + w[index]] == kept[index]
+        hang[index] = _hang(np.count_nonzero(own, axis=1))
+    return Components(boxes, area[kept].astype(np.float64), area[kept] / length, hang)
+
+
+def _hang(profile: NDArray[np.intp]) -> float:
+    """Rows at the foot of a word's `profile` (h,), ink by rows, that only descenders reach; at most a third."""
+    dense = np.flatnonzero(profile > _DENSE * np.sort(profile)[-max(1, len(profile) // 3)])
+    hang = len(profile) - 1 - int(dense[-1])
+    return float(hang) if hang <= len(profile) / 3 else 0.0
 
 
 def _count_runs(labels: NDArray[np.int32], count: int) -> NDArray[np.float64]:

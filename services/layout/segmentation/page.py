@@ -90,12 +90,12 @@ def _join_entries(
     for index, line in enumerate(lines):
         if index in values:
             continue
-        text, value = texts[index], value_of.get(index)
+        text, value, members = texts[index], value_of.get(index), line.members
         if value is not None:
             begins.add(len(joined))
-            members = np.concatenate([line.members, lines[value].members])
-            line, text = measure_line(levelled, members, parameters), f"{text} {texts[value]}".strip()
-        joined.append(line)
+            members = np.concatenate([members, lines[value].members])
+            text = f"{text} {texts[value]}".strip()
+        joined.append(line if value is None else measure_line(levelled, members, parameters))
         read.append(text)
     return joined, read, begins
 

@@ -110,6 +110,8 @@ class SegmentationParameters:
     """A line read with more is text, however it looks."""
     long_line: int = 8
     """Lines with so many components that stand on a line are no chance."""
+    least_em_px: float = 6.0
+    """Smaller print on the working copy is noise: nobody could read it there."""
     few: int = 3
     """On dirty pages lines with fewer components need words."""
     size_range: tuple[float, float] = (0.6, 1.7)

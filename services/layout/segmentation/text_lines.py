@@ -100,11 +100,12 @@ def measure_line(components: Components, members: Indices, parameters: Segmentat
     tall = height > 0.5 * np.median(height)
     # Of the feet, descenders are the lower tenth to third (in words whose letters touch).
     centre = (boxes[:, 0] + boxes[:, 2]) / 2
-    slope = _line_slope(centre[tall], boxes[tall, 3])
-    foot = boxes[:, 3] - slope * (centre - float(np.mean(centre)))
+    stand = boxes[:, 3] - components.hang[members]
+    slope = _line_slope(centre[tall], stand[tall])
+    foot = stand - slope * (centre - float(np.mean(centre)))
     reach = 0.15 * float(np.median(height[tall]))
     baseline = _near_mean(foot[tall], float(np.quantile(foot[tall], 0.4)), reach)
-    rise = (baseline - foot + height)[tall & (np.abs(foot - baseline) < 2 * reach)]
+    rise = (baseline - foot + height - components.hang[members])[tall & (np.abs(foot - baseline) < 2 * reach)]
     if len(rise) == 0:
         rise = height
     capitals = float(np.quantile(rise, 0.88, method="higher"))

@@ -42,13 +42,14 @@ def tell_text(
     regular = np.array([_is_regular(line, components) for line in lines])
     margin = 0.15 * em
     inside = (boxes[:, 0] > margin) & (boxes[:, 1] > margin)
+    inside &= em >= parameters.least_em_px
     inside &= (boxes[:, 2] < page_px[0] - margin) & (boxes[:, 3] < page_px[1] - margin)
     long = (counts >= parameters.long_line) & regular & inside
     # So many glyphs in a row are text even where two lines of it touch.
     long |= (counts >= 3 * parameters.long_line) & inside
     known = em[sure & (counts > 2)] if np.any(sure & (counts > 2)) else em[long]
     if len(known) == 0:
-        return sure | (regular & inside)
+        known = em  # A page with a few words on it: nothing tells their size.
     least, most = parameters.size_range
     ratio = em[:, None] / known[None, :]
     alike = np.any((ratio > least) & (ratio < most), axis=1)
@@ -81,9 +82,10 @@ def _may_be_glyph(line: Line, components: Components) -> bool:
 def _is_regular(line: Line, components: Components) -> bool:
     """Whether the components of a line stand on its baseline, and none reaches far beyond it."""
     boxes = components.boxes[line.members]
-    standing = np.abs(boxes[:, 3] - line.baseline) < 0.14 * line.em
+    foot = boxes[:, 3] - components.hang[line.members]
+    standing = np.abs(foot - line.baseline) < 0.14 * line.em
     # Descenders hang as low as any print does.
-    hanging = np.abs(boxes[:, 3] - line.baseline - 0.22 * line.em) < 0.12 * line.em
+    hanging = np.abs(foot - line.baseline - 0.22 * line.em) < 0.12 * line.em
     height = boxes[:, 3] - boxes[:, 1]
     letters = height > 0.3 * line.em
     if not np.any(letters):

@@ -17,8 +17,8 @@ def group_lines(
     """Indices of the lines of every zone, from the top down; the lines `begins` begin a zone each."""
     blocks: list[list[int]] = []
     chains = _chains(lines, parameters)
-    for chain in (part for chain in chains for part in _cut(chain, _positions(chain, begins))):
-        for block in _split_at_leading(lines, chain, parameters):
+    for part in (part for chain in chains for part in _cut(chain, _positions(chain, begins))):
+        for block in _split_at_leading(lines, part, parameters):
             blocks.extend(_split_paragraphs(lines, block, parameters))
     return blocks
 

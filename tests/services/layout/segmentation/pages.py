@@ -33,7 +33,8 @@ def turned(image: GrayImage, degrees: float) -> tuple[GrayImage, np.ndarray]:
     """`image` turned about its centre on white, and the affine map (2, 3) that did it."""
     height, width = image.shape
     turn = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), degrees, 1.0)
-    return cv2.warpAffine(image, turn, (width, height), flags=cv2.INTER_LINEAR, borderValue=255), turn
+    result = cv2.warpAffine(image, turn, (width, height), flags=cv2.INTER_LINEAR, borderValue=255)
+    return np.asarray(result, dtype=np.uint8), np.asarray(turn)
 
 
 def words_of(page: LabelledPage) -> list[Word]:
