@@ -46,6 +46,8 @@ def find_entries(lines: Sequence[Line], parameters: SegmentationParameters) -> l
         column = between & (np.abs(x0 - x0[value[label]]) < slack)
         if np.count_nonzero(column) > parameters.lines_per_entry * len(others):
             continue
+        if np.median((x1 - x0)[value[others]]) > parameters.widest_value * em[label]:
+            continue
         if x0[value[label]] - np.max(x1[others]) < parameters.entry_gap * em[label]:
             pairs.append((int(label), int(value[label])))
     return pairs

@@ -18,10 +18,10 @@ from services.layout.segmentation.measures import (
     zone_line_spacing,
     zone_weight,
 )
-from services.layout.segmentation.non_text import find_parts
+from services.layout.segmentation.non_text import Part, find_parts
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.reading_order import reading_order
-from services.layout.segmentation.text_lines import Line, find_lines, measure_line
+from services.layout.segmentation.text_lines import Line, find_lines, measure_line, unite_boxes
 from services.layout.segmentation.text_test import ReadLines, tell_text
 from services.layout.segmentation.words import assign_words, line_confidences, line_texts
 from services.layout.segmentation.zone_grouping import group_lines
@@ -67,6 +67,7 @@ def segment_page(
     parts = find_parts(
         levelled, printed.kinds, unused, line_boxes, printed.unit, printed.frame.size, parameters
     )
+    blocks = _without_inner(blocks, hulls, lines, texts, parts, levelled, parameters)
     column = (float(line_boxes[:, 0].min()), float(line_boxes[:, 2].max())) if lines else (0.0, 0.0)
     zones = [
         _text_zone([lines[i] for i in block], [texts[i] for i in block], printed, column) for block in blocks
@@ -132,6 +133,32 @@ def _lie_within(boxes: Boxes, blocks: Boxes) -> NDArray[np.bool_]:
         down = np.minimum(boxes[:, 3], y1) - np.maximum(boxes[:, 1], y0)
         within |= np.maximum(across, 0.0) * np.maximum(down, 0.0) > 0.6 * area
     return within
+
+
+def _without_inner(
+    blocks: list[list[int]],
+    hulls: Boxes,
+    lines: Sequence[Line],
+    texts: Sequence[str],
+    parts: Sequence[Part],
+    levelled: Components,
+    parameters: SegmentationParameters,
+) -> list[list[int]]:
+    """`blocks` without scraps of unread print that lie in a figure: letters of a plot, a logo or a stamp."""
+    figures = [
+        unite_boxes(levelled.boxes[part.members], np.zeros(len(part.members), dtype=np.intp))
+        for part in parts
+        if part.kind == "figure"
+    ]
+    if not figures or not blocks:
+        return blocks
+    inner = _lie_within(hulls, np.concatenate(figures))
+    kept = []
+    for block, lies in zip(blocks, inner, strict=True):
+        count = sum(len(lines[index].members) for index in block)
+        if not lies or count >= parameters.inner_components or any(texts[index] for index in block):
+            kept.append(block)
+    return kept
 
 
 def _union(components: Components, members: Indices, frame: Frame) -> Box:

@@ -68,6 +68,12 @@ class SegmentationParameters:
     """Lines whose sizes differ by more are set in different sizes: print steps by 1.1 to 1.2."""
     weight_step: float = 1.3
     """Bold strokes are 1.4 to 1.7 times as wide as regular ones."""
+    narrow: float = 12.0
+    """Narrower lines with an edge in common (a bold "Edited by" above the name) stay together, bold or not, ..."""
+    tight: float = 1.4
+    """... if their baselines are nearer than this."""
+    inner_components: int = 6
+    """Unread print within a figure with fewer components is part of it."""
     reliable_components: int = 5
     """Sizes and weights of lines with fewer components are told with `unreliable_step` only."""
     unreliable_step: float = 1.35
@@ -88,8 +94,10 @@ class SegmentationParameters:
     """Labels of entries ("FROM:", "Phone number:") are shorter."""
     entry_gap: float = 4.5
     """Values begin at most this far behind the longest label."""
-    lines_per_entry: float = 2.5
-    """Values have no more lines, in the mean."""
+    lines_per_entry: float = 1.9
+    """Values have no more lines, in the mean ..."""
+    widest_value: float = 22.0
+    """... nor are they as wide as running text."""
     list_reach: float = 12.0
     """Entries of one list stand nearer to each other."""
     paragraph_leading: float = 1.45

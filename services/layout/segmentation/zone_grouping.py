@@ -73,11 +73,14 @@ def _set_alike(first: Line, second: Line, parameters: SegmentationParameters) ->
     small = max(first.small, second.small) / min(first.small, second.small)
     if reliable and size > parameters.size_step and small > parameters.small_step:
         return False
-    weights = first.stroke / first.em, second.stroke / second.em
-    if reliable and max(weights) > parameters.weight_step * min(weights):
-        return False
     distance = second.baseline - first.baseline
     em = max(first.em, second.em)
+    weights = first.stroke / first.em, second.stroke / second.em
+    if reliable and max(weights) > parameters.weight_step * min(weights):
+        narrow = max(first.width, second.width) < parameters.narrow * em
+        edges = min(abs(first.box[0] - second.box[0]), abs(first.box[2] - second.box[2]))
+        if not narrow or edges > parameters.edge_slack * em or distance > parameters.tight * em:
+            return False
     if distance > parameters.largest_leading * em:
         return min(first.width, second.width) > 12 * em
     return True

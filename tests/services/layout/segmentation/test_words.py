@@ -1,0 +1,63 @@
+"""Words come to the line that holds them; entries of lists join, columns do not."""
+
+import cv2
+import numpy as np
+
+from services.arrays import GrayImage
+from services.layout.segmentation import segment_page
+from services.layout.segmentation.words import assign_words, line_confidences, line_texts
+from services.ocr.engine import Word
+
+LINES = np.array([[0.0, 0.0, 300.0, 20.0], [0.0, 30.0, 300.0, 50.0], [400.0, 0.0, 700.0, 20.0]])
+
+
+def words(*boxes: tuple[float, float, float, float]) -> tuple[list[Word], np.ndarray]:
+    listed = [Word(f"w{index}", box, 0.5 + 0.1 * index) for index, box in enumerate(boxes)]
+    return listed, np.array([word.box for word in listed]).reshape(-1, 4)
+
+
+def test_words_come_to_the_line_that_holds_them() -> None:
+    listed, boxes = words(
+        (150, 2, 200, 18), (10, 2, 90, 18), (10, 28, 90, 52), (500, 2, 560, 18), (800, 2, 900, 18)
+    )
+    line_of_word = assign_words(listed, boxes, LINES)
+    assert line_of_word.tolist() == [0, 0, 1, 2, -1]
+    assert line_texts(listed, boxes, line_of_word, 3) == ["w1 w0", "w2", "w3"]
+    assert np.allclose(line_confidences(listed, line_of_word, 3), [0.55, 0.7, 0.8])
+
+
+def test_without_words_or_lines_nothing_is_assigned() -> None:
+    listed, boxes = words()
+    assert assign_words(listed, boxes, LINES).shape == (0,)
+    assert line_texts(listed, boxes, assign_words(listed, boxes, LINES), 2) == ["", ""]
+    listed, boxes = words((0, 0, 10, 10))
+    assert assign_words(listed, boxes, np.zeros((0, 4))).tolist() == [-1]
+
+
+def written(*texts: tuple[int, int, str]) -> GrayImage:
+    image = np.full((700, 1200), 255, dtype=np.uint8)
+    for x, y, text in texts:
+        cv2.putText(image, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, 0.9, 0, 2, cv2.LINE_AA)
+    return image
+
+
+def test_labels_and_their_values_are_one_zone_a_row() -> None:
+    rows = (("TO:", "Hannah Whitfield"), ("FROM:", "Peter Longman"), ("DATE:", "12 March 1998"))
+    image = written(
+        *((100, 150 + 60 * k, label) for k, (label, _) in enumerate(rows)),
+        *((260, 150 + 60 * k, value) for k, (_, value) in enumerate(rows)),
+    )
+    zones = segment_page(image, None).zones
+    assert len(zones) == 3
+    assert all(zone.box[0] < 110 and zone.box[2] > 440 for zone in zones)
+
+
+def test_columns_of_names_stay_apart() -> None:
+    names = ("Hannah Whitfield", "Institute of Maps", "Rotterdam Harbour")
+    image = written(
+        *((100, 150 + 34 * k, name) for k, name in enumerate(names)),
+        *((600, 150 + 34 * k, name) for k, name in enumerate(reversed(names))),
+    )
+    zones = segment_page(image, None).zones
+    assert [zone.lines for zone in zones] == [3, 3]
+    assert zones[0].box[2] < 500 < zones[1].box[0]
