@@ -1,6 +1,6 @@
 """The cost of a match between a model and a page (Equation 5.1), term by term and as tables for matching."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from services.layout.compiled_model import LABEL, CompiledModel, content_scale_n
 from services.layout.cost_tables import CostTables
 from services.layout.edge_attributes import RELATIONS
 from services.layout.graph import RELATION_OFFSETS, LayoutGraph
-from services.layout.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.node_attributes import NUMERIC_ATTRIBUTES, CostFunction
 from services.layout.results import AttributeCost
 
 USUAL_CONTENT = 0.1
@@ -18,6 +18,16 @@ USUAL_CONTENT = 0.1
 MOST_EXPLAINED = 1000
 """Terms of a cost that are told; a page of 500 zones has 200 000."""
 
+
+def _columns_by_cost() -> Iterator[tuple[CostFunction, list[int], NDArray[np.float64], NDArray[np.float64]]]:
+    """Attributes of each cost function, with means and variances of their backgrounds: one call does for all."""
+    for cost in dict.fromkeys(attribute.cost for attribute in NUMERIC_ATTRIBUTES):
+        columns = [k for k, attribute in enumerate(NUMERIC_ATTRIBUTES) if attribute.cost is cost]
+        background = np.array([NUMERIC_ATTRIBUTES[k].background for k in columns])
+        yield cost, columns, background[:, 0], background[:, 1] ** 2
+
+
+_COLUMNS_BY_COST = tuple(_columns_by_cost())
 _RELATION_OF_DESCRIPTOR = np.repeat(np.arange(len(RELATIONS)), np.diff(RELATION_OFFSETS))
 
 
@@ -28,17 +38,20 @@ def node_terms(graph: LayoutGraph, model: CompiledModel) -> NDArray[np.float64]:
     label: numeric attributes, content features, and the label's own cost. What is unknown of the zone or in the
     model costs 0.
     """
-    zones, labels, attributes = graph.zones, len(model.labels), len(NUMERIC_ATTRIBUTES)
-    terms = np.empty((zones, labels, attributes + len(graph.content_names) + 1))
+    return _node_terms(graph, model, np.arange(len(model.labels))[None])
+
+
+def _node_terms(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp]) -> NDArray[np.float64]:
+    """The same (N, K, A + C + 1) of `labels` (N, K), or (1, K) for all zones."""
+    attributes = len(NUMERIC_ATTRIBUTES)
+    terms = np.empty((graph.zones, labels.shape[1], attributes + len(graph.content_names) + 1))
     with np.errstate(invalid="ignore"):
-        for column, attribute in enumerate(NUMERIC_ATTRIBUTES):
-            values = graph.numeric[:, column, None]
-            mean, deviation = attribute.background
-            terms[:, :, column] = attribute.cost(
-                values, model.values[:, column], model.variances[:, column]
-            ) - attribute.cost(values, np.asarray(mean), np.asarray(deviation**2))
-        terms[:, :, attributes:-1] = content_cost(graph.content[:, None, :], model.content)
-    terms[:, :, -1] = model.label_costs
+        for cost, columns, means, variances in _COLUMNS_BY_COST:
+            values = graph.numeric[:, None, columns]
+            expected, spread = model.values[:, columns][labels], model.variances[:, columns][labels]
+            terms[:, :, columns] = cost(values, expected, spread) - cost(values, means, variances)
+        terms[:, :, attributes:-1] = content_cost(graph.content[:, None, :], model.content[labels])
+    terms[:, :, -1] = model.label_costs[labels]
     return np.nan_to_num(terms, copy=False, nan=0.0)
 
 
@@ -126,7 +139,7 @@ def _chosen_terms(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Weighted terms of a labelling: of its nodes (N, A + C + 1), and of its edges (E, R)."""
     nodes = len(scales) - len(RELATIONS) - 1
-    node = node_terms(graph, model)[np.arange(graph.zones), labels] * scales[:nodes]
+    node = _node_terms(graph, model, labels[:, None])[:, 0] * scales[:nodes]
     upper, lower = labels[graph.pairs.T]
     descriptors = graph.relations + RELATION_OFFSETS[:-1]
     edge = model.relations[upper[:, None], lower[:, None], descriptors] * scales[nodes:-1]

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -27,6 +27,10 @@ from services.layout.results import ClassMatch, LabelledZone, MatchReport, Recog
 
 COMPILED_MODELS = 512
 """Models whose arrays a process keeps: some 0.2 MB each."""
+
+CONTENDER = 0.02
+"""A class this probable, next to the most probable one, may still win when its match is searched for thoroughly:
+on simulated pages that lowered the cost a zone by 0.17 at most, and its odds rise by no more than e^0.5."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +59,7 @@ class _Match:
     matching: Matching
     backbone: dict[int, int]
     comparable_cost: float
+    thorough: bool
 
 
 def recognize_page(
@@ -65,6 +70,9 @@ def recognize_page(
 ) -> Recognition:
     """Class and labels of a page whose zones carry their content features.
 
+    Every model is matched by local search alone first. Proofs take most of the time, above all those for models
+    that do not fit, so only the contenders for the class are matched with the whole budget.
+
     Without models, or without zones, nothing is labelled and no class is chosen.
     """
     if not models or not page.zones:
@@ -72,13 +80,9 @@ def recognize_page(
         return Recognition(page, zones, None)
     started = time.perf_counter()
     graph = build_graph(page, content_names)
-    matches = [_match(graph, page, model, parameters) for model in models]
+    matches = _match_all(graph, page, models, parameters)
     matched = time.perf_counter()
-    probabilities, unknown = classify(
-        np.array([match.comparable_cost for match in matches]) / graph.zones,
-        [match.model.model.calibration for match in matches],
-        parameters.classification,
-    )
+    probabilities, unknown = _classify(graph, matches, parameters)
     order = np.argsort(-probabilities, kind="stable")
     classes = tuple(
         ClassMatch(
@@ -128,13 +132,46 @@ def _compiled(model: LayoutModel, content_names: tuple[str, ...]) -> CompiledMod
     return compile_model(model, content_names)
 
 
+def _match_all(
+    graph: LayoutGraph, page: Page, models: Sequence[VersionedModel], parameters: RecognitionParameters
+) -> list[_Match]:
+    """Matches of all models, those of the contenders thorough; the most probable class is among them."""
+    quick = replace(parameters, matching=replace(parameters.matching, max_nodes=0, max_sweeps=0))
+    if len(models) == 1:
+        return [_match(graph, page, models[0], parameters, thorough=True)]
+    matches = [_match(graph, page, model, quick, thorough=False) for model in models]
+    while True:
+        probabilities, _ = _classify(graph, matches, parameters)
+        contenders = probabilities >= CONTENDER * probabilities.max()
+        left = [int(index) for index in np.flatnonzero(contenders) if not matches[index].thorough]
+        if not left:
+            return matches
+        for index in left:
+            matches[index] = _match(graph, page, models[index], parameters, thorough=True)
+
+
+def _classify(
+    graph: LayoutGraph, matches: Sequence[_Match], parameters: RecognitionParameters
+) -> tuple[NDArray[np.float64], float]:
+    return classify(
+        np.array([match.comparable_cost for match in matches]) / graph.zones,
+        [match.model.model.calibration for match in matches],
+        parameters.classification,
+    )
+
+
 def _match(
-    graph: LayoutGraph, page: Page, model: VersionedModel, parameters: RecognitionParameters
+    graph: LayoutGraph,
+    page: Page,
+    model: VersionedModel,
+    parameters: RecognitionParameters,
+    *,
+    thorough: bool,
 ) -> _Match:
     compiled = _compiled(model.model, graph.content_names)
     tables, matching, backbone = match_graph(graph, page, compiled, parameters)
     cost = comparable_cost(graph, compiled, matching.labels)
-    return _Match(model, compiled, tables, matching, backbone, cost)
+    return _Match(model, compiled, tables, matching, backbone, cost, thorough)
 
 
 def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
