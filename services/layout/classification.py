@@ -9,6 +9,9 @@ from scipy.special import expit, softmax
 
 from models.layout_graph import Calibration
 
+MOST_LOG_ODDS = 300.0
+"""Of fitting and of not: the exponential of more is soon no number."""
+
 
 @dataclass(frozen=True, slots=True)
 class ClassificationParameters:
@@ -56,5 +59,8 @@ def classify(
     among = softmax(-parameters.sharpness * excess)
     best = int(np.argmax(among))
     fit = costs_per_zone[best] / min(means[best], -1.0)
-    unknown = float(expit(-parameters.fit_sharpness * (fit - parameters.least_fit)))
-    return np.asarray((1 - unknown) * among), unknown
+    # Bounded, so that the nearest class keeps a probability above the others' however bad it is.
+    odds = float(
+        np.clip(parameters.fit_sharpness * (fit - parameters.least_fit), -MOST_LOG_ODDS, MOST_LOG_ODDS)
+    )
+    return np.asarray(expit(odds) * among), float(expit(-odds))
