@@ -18,6 +18,9 @@ COUNT_SCALE = 0.4
 """Weights until enough samples tell: of a content feature, of one that is a kind of zone, of a label's own cost, of
 its count."""
 
+SUREST = 0.001
+"""Expectation values count as no nearer to 0 or 1 than this: a document may hold both, and nothing costs all."""
+
 LABEL, COUNT = "label", "count"
 """Names of the last two in a model's scales."""
 
@@ -100,7 +103,7 @@ def compile_model(model: LayoutModel, content_names: Sequence[str]) -> CompiledM
         labels=model.labels,
         values=values,
         variances=variances,
-        content=content,
+        content=np.clip(content, SUREST, 1 - SUREST),
         label_costs=np.array([node.cost for node in nodes]),
         relations=relations,
         counts=counts,
