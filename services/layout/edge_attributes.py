@@ -60,7 +60,9 @@ def pair_zones(measures: ZoneMeasures, most_neighbours: int) -> NDArray[np.intp]
         distance = gap_x**2 + gap_y**2
         np.fill_diagonal(distance, np.inf)
         near = np.zeros((zones, zones), dtype=bool)
-        nearest = np.argsort(distance, axis=1, kind="stable")[:, :most_neighbours]
+        # Of zones that are equally near the upper ones are nearest, whatever the order in which they are told.
+        from_top = np.argsort(place)
+        nearest = from_top[np.argsort(distance[:, from_top], axis=1, kind="stable")[:, :most_neighbours]]
         np.put_along_axis(near, nearest, True, axis=1)
         keep = (near | near.T)[first, second]
         first, second = first[keep], second[keep]
@@ -72,8 +74,8 @@ def measure_pairs(measures: ZoneMeasures, pairs: NDArray[np.intp]) -> PairMeasur
     """Measures of `pairs` (E, 2) of (upper, lower) zones."""
     boxes = measures.boxes
     upper, lower = pairs.T
-    below, above = _neighbours(boxes)
     place = order_from_top(boxes)
+    below, above = _neighbours(boxes, place)
     with np.errstate(all="ignore"):
         font_steps = np.log2(measures.font_ratios[lower] / measures.font_ratios[upper])
     return PairMeasures(
@@ -86,17 +88,24 @@ def measure_pairs(measures: ZoneMeasures, pairs: NDArray[np.intp]) -> PairMeasur
     )
 
 
-def _neighbours(boxes: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """For each zone the next one below it that shares a column of pixels, and the next above; -1 where none does."""
+def _neighbours(
+    boxes: NDArray[np.float64], place: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """For each zone the next one below it that shares a column of pixels, and the next above; -1 where none does.
+
+    Of several at one height it is the first from the top, by `place` (N,).
+    """
     if not len(boxes):
         return np.empty(0, np.intp), np.empty(0, np.intp)
-    x0, y0, x1, y1 = boxes.T
+    from_top = np.argsort(place)
+    x0, y0, x1, y1 = boxes[from_top].T
     over = np.minimum(x1[:, None], x1) - np.maximum(x0[:, None], x0) > 0
     down = np.where(over & (y0 > y0[:, None]), y0 - y0[:, None], np.inf)
     up = np.where(over & (y1 < y1[:, None]), y1[:, None] - y1, np.inf)
     below = np.where(np.isfinite(down.min(axis=1)), down.argmin(axis=1), -1)
     above = np.where(np.isfinite(up.min(axis=1)), up.argmin(axis=1), -1)
-    return below, above
+    none_last = np.append(from_top, -1)
+    return none_last[below[place]], none_last[above[place]]
 
 
 def _boundaries(of_upper: int, of_lower: int, tolerance: float) -> Callable[[PairMeasures], Descriptors]:

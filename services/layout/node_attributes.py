@@ -127,9 +127,13 @@ def _beside(measures: ZoneMeasures) -> Values:
 
 
 def order_from_top(boxes: Values) -> NDArray[np.intp]:
-    """Place of each box (N, 4) when they are sorted by their upper, then their left edge."""
+    """Place of each box (N, 4) when they are sorted by their upper, then their left edge.
+
+    Boxes that begin at one point stand in the order of their sizes: only equal ones in that of the zones.
+    """
+    x0, y0, x1, y1 = boxes.T
     place = np.empty(len(boxes), dtype=np.intp)
-    place[np.lexsort((boxes[:, 0], boxes[:, 1]))] = np.arange(len(boxes))
+    place[np.lexsort((x1, y1, x0, y0))] = np.arange(len(boxes))
     return place
 
 
