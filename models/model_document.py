@@ -79,8 +79,9 @@ def model_from_document(document: Any) -> LayoutModel:
         )
     version = told.get("format_version")
     if version != MODEL_FORMAT_VERSION or isinstance(version, bool):
+        shown = f"{version:g}" if is_finite_number(version) else "this one"
         raise InvalidLayout(
-            f"format_version: this service reads version {MODEL_FORMAT_VERSION}, not {version!r:.40}. "
+            f"format_version: this service reads version {MODEL_FORMAT_VERSION}, not {shown}. "
             "Export the model from a service of the same release, or initialize it again from samples.",
             "format_version",
         )
@@ -127,7 +128,9 @@ def _read_node(document: Any, where: str) -> ModelNode:
         )
     counts = _list(told.get("count_costs"), f"{where}.count_costs", MOST_DESCRIPTORS)
     if len(counts) < 2:
-        raise InvalidLayout(f"{where}.count_costs: the costs of none and of one are needed.", where)
+        raise InvalidLayout(
+            f"{where}.count_costs: the costs of none and of one are needed.", f"{where}.count_costs"
+        )
     return ModelNode(
         label=None if label is None else _name(label, f"{where}.label"),
         zones=_number(told.get("zones"), f"{where}.zones", 0.0),
