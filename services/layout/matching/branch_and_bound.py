@@ -10,7 +10,7 @@ from services.layout.matching.labelling import Floats, Labels
 
 _MOST_COUPLINGS = 4_000_000
 """Of (zone, label) with (zone, label), 32 MB; larger problems are not searched, and their gap is told."""
-_USUAL_ZONES = 20
+_USUAL_ZONES = 30
 """Up to so many zones a step of the search takes about the same time, that of calls and not of numbers."""
 
 
