@@ -6,6 +6,7 @@ import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -71,7 +72,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             worker_memory_bytes=settings.worker_memory_bytes,
             jobs_per_worker=settings.jobs_per_worker,
         ),
-        warm_up=operations.warm_up,
+        warm_up=partial(operations.warm_up, settings.content_features),
         preload=operations.preloaded,
         observe=metrics.observe_job,
     )

@@ -121,7 +121,7 @@ InitializeOperation = Callable[[str, list[dict[str, Any]], LayoutSettings], Mode
 ImportOperation = Callable[[str, bytes], ModelDraft]
 RectifyOperation = Callable[[bytes, RectifyParameters, Encoding, UploadLimits], Reply]
 MosaicOperation = Callable[[list[bytes], MosaicParameters, Encoding, MosaicLimits], Reply]
-WarmUp = Callable[[], dict[str, object]]
+WarmUp = Callable[[Path | None], dict[str, object]]
 
 
 def rectify(upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: UploadLimits) -> Reply:
@@ -224,11 +224,14 @@ def _image_limits(limits: UploadLimits) -> "ImageLimits":
     )
 
 
-def warm_up() -> dict[str, object]:
-    """Load in this worker what a first request would wait for; what is at hand (`ocr`: its name, or None)."""
+def warm_up(content_features: Path | None) -> dict[str, object]:
+    """Load in this worker what a first request would wait for; what is at hand (`ocr`: its name, or None).
+
+    `content_features` is the operator's settings file, if there is one; a bad one is an error here already.
+    """
     from services.operations import warm_up as warm_up_services
 
-    return warm_up_services()
+    return warm_up_services(content_features)
 
 
 @dataclass(frozen=True, slots=True)

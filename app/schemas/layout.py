@@ -148,8 +148,8 @@ class LayoutResult(Answer):
     )
 
     id: str = Field(description="Of the result, as in /layout/results/{id}.")
-    width: float = Field(gt=0)
-    height: float = Field(gt=0)
+    width: int | float = Field(gt=0, description="Pixels; whole but where zones came from elsewhere.")
+    height: int | float = Field(gt=0)
     class_: DocumentClass | None = Field(alias="class")
     classes: list[DocumentClass] = Field(description="All that competed, most probable first.")
     unknown_probability: float = Field(

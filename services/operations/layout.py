@@ -272,8 +272,8 @@ def describe_recognition(recognition: Recognition, *, explain: bool) -> dict[str
             }
         )
     return {
-        "width": recognition.page.width,
-        "height": recognition.page.height,
+        "width": _plain(recognition.page.width),
+        "height": _plain(recognition.page.height),
         "class": None if recognition.chosen is None else _describe_class(recognition.chosen),
         "classes": [_describe_class(match) for match in recognition.classes],
         "unknown_probability": _rounded(recognition.unknown_probability),
@@ -421,3 +421,8 @@ def _draft(model: LayoutModel) -> ModelDraft:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(float(value), 4)
+
+
+def _plain(side_px: float) -> float:
+    """A whole number without its fraction, as clients expect of an image's size."""
+    return int(side_px) if float(side_px).is_integer() else float(side_px)

@@ -1,6 +1,7 @@
 """What a worker makes ready once."""
 
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 
@@ -14,16 +15,24 @@ from services.operations.replies import EncodingOptions
 from services.rectify.parameters import RectifyParameters
 
 
-def warm_up() -> dict[str, object]:
+def warm_up(content_features: Path | None = None) -> dict[str, object]:
     """Do once what every first request would pay for: imports, the OCR engine, one tiny picture.
 
+    `content_features` is the operator's settings file of content features, if there is one.
     Returns what is at hand: `ocr`, the engine's name or None.
+
+    Raises
+    ------
+    InvalidContentSettings
+        When that file cannot be used.
     """
     engine = ocr_engine()
     sheet = encode_image(_draw_sheet(), "jpeg")
     with suppress(DocumentError):  # if this is no text to the pipeline, the road to that answer is warm now
         rectify_upload(sheet, RectifyParameters(), EncodingOptions("jpeg"), ImageLimits())
-    recognize_upload(sheet, None, None, [], LayoutOptions(), LayoutSettings())
+    recognize_upload(
+        sheet, None, None, [], LayoutOptions(), LayoutSettings(content_features=content_features)
+    )
     return {"ocr": None if engine is None else engine.name}
 
 

@@ -311,7 +311,7 @@ def _labels(document: bytes) -> list[str]:
     return [node["label"] for node in json.loads(document)["nodes"] if node["label"]]
 
 
-def warm_up() -> dict[str, object]:
+def warm_up(content_features: Path | None) -> dict[str, object]:
     """What workers of the scripted service say of themselves."""
     return {"ocr": "scripted"}
 

@@ -103,7 +103,7 @@ def test_an_image_is_segmented_and_labelled(learned: httpx.Client) -> None:
     response = learned.post("/layout", files={"image": ("page.png", as_file(page))})
     assert response.status_code == 200, response.text
     answer = response.json()
-    assert (answer["width"], answer["height"]) == (page.width, page.height)
+    assert f'"width":{page.width},"height":{page.height},' in response.text  # whole numbers, not 1240.0
     assert answer["class"]["name"] == "letter"
     assert response.headers["document-class"] == "letter"
     assert {"decode", "zones", "models"} <= answer["timings_ms"].keys()

@@ -1,6 +1,7 @@
 """What a worker makes ready once."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -43,3 +44,9 @@ def test_warming_up_does_not_hide_defects(monkeypatch: pytest.MonkeyPatch, pipel
     monkeypatch.setattr(rectify, "rectify", broken)
     with pytest.raises(ZeroDivisionError):
         warm_up()
+
+
+def test_a_bad_settings_file_is_found_before_any_request(tmp_path: Path, pipeline: RectifyPipeline) -> None:
+    (tmp_path / "features.toml").write_text("this is no TOML")
+    with pytest.raises(ValueError, match=r"features\.toml"):
+        warm_up(tmp_path / "features.toml")
