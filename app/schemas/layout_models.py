@@ -137,7 +137,7 @@ class PageBody(BaseModel):
 
 
 class Sample(Answer):
-    """A stored sample, with all that was measured; it may be sent to POST .../samples again as it is."""
+    """A stored sample, with all that was measured; its page may be sent to POST .../samples again as it is."""
 
     id: str
     model: str
@@ -145,3 +145,8 @@ class Sample(Answer):
     width: float
     height: float
     zones: list[PageZone]
+    found: PageBody | None = Field(
+        default=None,
+        description="The same page in the zones that were found in its image, with the labels of the verified zones "
+        "that cover them: the model learns from both. null: there was no image, or they are the same.",
+    )

@@ -63,6 +63,9 @@ def test_a_sample_with_its_image(client: httpx.Client, as_file: bool) -> None:
         data["zones"] = zones
     response = client.post(PATH, files=files, data=data)
     assert response.status_code == 201
+    assert response.json()["labels"] == {"sender": 1}
+    sample = client.get(response.headers["location"]).json()
+    assert sample["found"]["zones"] == sample["zones"]
     alone = client.post(PATH, files={"zones": (None, zones)})
     assert alone.status_code == 201  # without what is seen in the image it is another sample
     assert alone.json()["id"] != response.json()["id"]

@@ -171,8 +171,10 @@ def test_a_sample_may_come_as_an_image(learned: httpx.Client) -> None:
         data={"zones": json.dumps(bare)},
     )
     assert response.status_code == 201, response.text
-    sample = learned.get(response.headers["location"]).json()
-    measured = {zone["id"]: zone for zone in sample["zones"]}
+    sample = learned.get(response.headers["location"])
+    assert sample.status_code == 200, sample.text
+    assert {zone["label"] for zone in sample.json()["found"]["zones"]} & {zone.label for zone in page.zones}
+    measured = {zone["id"]: zone for zone in sample.json()["zones"]}
     for zone in page.zones:
         if zone.kind == "text" and zone.lines > 2:
             assert measured[zone.id]["lines"] == zone.lines
