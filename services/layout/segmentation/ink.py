@@ -58,9 +58,12 @@ class Components:
 def find_ink(gray: GrayImage, parameters: SegmentationParameters) -> Ink:
     """Ink of a page (H, W) uint8, dark or light on its ground, after uneven light is divided out."""
     height, width = gray.shape
-    factor = min(1.0, parameters.working_long_side_px / max(height, width))
+    factor = min(parameters.largest_enlargement, parameters.working_long_side_px / max(height, width))
+    if 1.0 < factor < parameters.least_enlargement:
+        factor = 1.0
     size = (max(1, round(width * factor)), max(1, round(height * factor)))
-    small = gray if factor == 1.0 else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+    interpolation = cv2.INTER_AREA if factor < 1.0 else cv2.INTER_CUBIC
+    small = gray if factor == 1.0 else cv2.resize(gray, size, interpolation=interpolation)
     small = np.asarray(small, dtype=np.uint8)
     if _is_inverted(small):
         small = np.asarray(255 - small, dtype=np.uint8)

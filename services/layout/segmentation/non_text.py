@@ -47,7 +47,15 @@ def find_parts(
     parts.extend(Part(np.array([index]), "rule") for index in rest[frame & ~border])
     if np.any(loose):
         parts.extend(_figures(components, rest[loose], unit, parameters))
-    return parts
+    return _largest(components, parts, parameters.most_parts)
+
+
+def _largest(components: Components, parts: list[Part], most: int) -> list[Part]:
+    """At most so many of `parts`: those with most ink."""
+    if len(parts) <= most:
+        return parts
+    ink = [float(np.sum(components.area[part.members])) for part in parts]
+    return [parts[index] for index in sorted(np.argsort(ink)[-most:])]
 
 
 def _figures(

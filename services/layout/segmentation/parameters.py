@@ -9,6 +9,10 @@ class SegmentationParameters:
 
     working_long_side_px: int = 1760
     """The reduced copy: A4 at 150 dpi, where ten-point print has 20 px to the em."""
+    largest_enlargement: float = 1.6
+    """Coarser pages (100 dpi) are enlarged so far: heights in whole pixels would not tell sizes apart."""
+    least_enlargement: float = 1.2
+    """Less is not worth its blur: letters touch that did not."""
     ink_contrast: float = 0.28
     """Ink is darker than its paper by this share of it; light gray print has about 0.35."""
     most_components: int = 12000
@@ -109,6 +113,8 @@ class SegmentationParameters:
     """Parts of a figure lie nearer to each other, in units."""
     least_part: float = 2.0
     """Figures and noise are larger, in units; less is a speck."""
+    most_parts: int = 60
+    """Figures, rules and noise of a page; of more, which is dirt, the smaller ones are left out."""
     least_stroke: float = 2.5
     """A figure has a component of this size, in units."""
     least_rule: float = 6.0
