@@ -49,6 +49,7 @@ _HEADERS: dict[str, Any] = {
             "unsupported-media-type",
             "undecodable-image",
             "invalid-option",
+            "invalid-model",
             "no-text",
             "worker-died",
             "internal",

@@ -145,7 +145,7 @@ def recognize_upload(
     timings_ms: dict[str, float] = {}
     engine = ocr_engine() if options.ocr else None
     with timed("models", timings_ms):
-        versions = [VersionedModel(_parsed(model.document), model.version) for model in models]
+        versions = [_open_model(model) for model in models]
     sight = _see(image, zones, zones_file, engine, options, settings, timings_ms)
     recognition = recognize(
         sight.page,
@@ -403,15 +403,20 @@ def _blank_page(page: Page, settings: LayoutSettings) -> RgbImage:
     return np.full((height, width, 3), 255, np.uint8)
 
 
-@functools.lru_cache(maxsize=CACHED_MODELS)
-def _parsed(document: bytes) -> LayoutModel:
-    """The model in a document that was checked before it was stored."""
+def _open_model(stored: StoredModel) -> VersionedModel:
+    """A model that was checked before it was stored, maybe by another release."""
     try:
-        return model_from_document(json.loads(document))
+        return VersionedModel(_parsed(stored.document), stored.version)
     except InvalidLayout as error:
         raise InvalidModel(
-            f"A stored model cannot be read by this release: {error.detail} Initialize it again."
+            f"Version {stored.version} of model {stored.name} cannot be read by this release ({error.detail}) "
+            f"Initialize it again, delete it, or name the models that shall compete."
         ) from error
+
+
+@functools.lru_cache(maxsize=CACHED_MODELS)
+def _parsed(document: bytes) -> LayoutModel:
+    return model_from_document(json.loads(document))
 
 
 def _draft(model: LayoutModel) -> ModelDraft:
