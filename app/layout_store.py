@@ -72,7 +72,8 @@ class LayoutStore:
             self._store = await to_thread.run_sync(self._open)
         except StoreError as error:
             log.error(
-                "the store could not be opened: %s",
+                "the store in %s (DATA_DIR) could not be opened: %s",
+                where,
                 error.detail,
                 extra={"data_dir": str(where), "code": error.code},
             )
@@ -88,17 +89,13 @@ class LayoutStore:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise StoreUnavailable(
-                f"the folder {self._folder} (DATA_DIR) cannot be made: {error.strerror or error}"
-            ) from error
+            raise StoreUnavailable(f"the folder cannot be made: {error.strerror or error}") from error
         store = Store.open(self._folder / DATABASE)
         try:
             store.purge_results(keep_newest=self._results.max_results)
         except StoreError as error:
             store.close()
-            raise type(error)(
-                f"the folder {self._folder} (DATA_DIR) must be writable: {error.detail}"
-            ) from error
+            raise type(error)(f"the folder must be writable: {error.detail}") from error
         return store
 
     async def call(self, work: Callable[[Store], T]) -> T:

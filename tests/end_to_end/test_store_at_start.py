@@ -38,4 +38,5 @@ def test_the_reason_is_told(tmp_path: Path, what: str) -> None:
     (line,) = [line for line in log if line["logger"] == "app.layout_store"]
     assert line["level"] == "error"
     assert line["data_dir"] == str(tmp_path / "data")
-    assert ("DATA_DIR" if what == "no folder" else "damaged") in line["message"]
+    assert f"{tmp_path / 'data'} (DATA_DIR)" in line["message"]
+    assert ("cannot be made" if what == "no folder" else "damaged") in line["message"]
