@@ -91,7 +91,7 @@ class ModelEdge:
     """How zones of two components lie to each other, the `upper` one being the zone that starts higher.
 
     `costs[relation][d]` is the cost of descriptor d of a qualitative relation: a look-up table that is least for
-    the dominant descriptor (5.6.1).
+    the dominant descriptor (5.6.1), the one that these two components have most often compared with any others.
     """
 
     upper: str | None

@@ -55,7 +55,7 @@ def fit_scales(
         given = label_indices(pages[index].labels, labels)
         terms.append(conditional_terms(pages[index], model, given))
         truth.append(given)
-    return _maximize(np.concatenate(terms), np.concatenate(truth), usual, parameters)
+    return most_probable_scales(np.concatenate(terms), np.concatenate(truth), usual, parameters)
 
 
 def conditional_terms(
@@ -96,27 +96,38 @@ def _count_terms(model: CompiledModel, given: NDArray[np.intp]) -> NDArray[np.fl
     )
 
 
-def _maximize(
+def negative_log_likelihood(
+    scales: NDArray[np.float64],
+    terms: NDArray[np.float64],
+    truth: NDArray[np.intp],
+    usual: NDArray[np.float64],
+    prior_weight: float,
+) -> tuple[float, NDArray[np.float64]]:
+    """What the `scales` (K,) make least, and its slope (K,): convex.
+
+    `terms` (N, L, K) are unweighted costs of zones' labels (`conditional_terms`), `truth` (N,) the true ones.
+    """
+    rows = np.arange(len(truth))
+    score = -(terms @ scales)
+    total = logsumexp(score, axis=1)
+    probability = np.exp(score - total[:, None])
+    away = scales - usual
+    value = (total - score[rows, truth]).sum() + 0.5 * prior_weight * (away @ away)
+    slope = terms[rows, truth].sum(axis=0) - np.tensordot(probability, terms, axes=2) + prior_weight * away
+    return float(value), slope
+
+
+def most_probable_scales(
     terms: NDArray[np.float64],
     truth: NDArray[np.intp],
     usual: NDArray[np.float64],
     parameters: ScaleFittingParameters,
 ) -> NDArray[np.float64]:
-    rows = np.arange(len(truth))
-    true_terms = terms[rows, truth].sum(axis=0)
-
-    def loss(scales: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        score = -(terms @ scales)
-        total = logsumexp(score, axis=1)
-        probability = np.exp(score - total[:, None])
-        away = scales - usual
-        value = (total - score[rows, truth]).sum() + 0.5 * parameters.prior_weight * (away @ away)
-        slope = true_terms - np.tensordot(probability, terms, axes=2) + parameters.prior_weight * away
-        return float(value), slope
-
+    """The scales, none negative, of least `negative_log_likelihood`."""
     fitted = minimize(
-        loss,
+        negative_log_likelihood,
         usual,
+        args=(terms, truth, usual, parameters.prior_weight),
         jac=True,
         method="L-BFGS-B",
         bounds=[(0.0, None)] * len(usual),
