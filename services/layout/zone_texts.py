@@ -34,11 +34,16 @@ def fill_texts(page: Page, words: Sequence[Word]) -> Page:
 
 
 def _set_lines(words: Sequence[Word]) -> str:
-    """Texts of words in reading order; a word that starts left of the last one and lies lower begins a line."""
+    """Texts of words in reading order.
+
+    A word begins a line that starts left of the last one and lies lower, or that lies below it altogether.
+    """
     lines: list[list[str]] = [[]]
     last: Word | None = None
     for word in words:
-        if last is not None and word.box[0] < last.box[0] and word.box[3] > last.box[3]:
+        if last is not None and (
+            (word.box[0] < last.box[0] and word.box[3] > last.box[3]) or word.box[1] >= last.box[3]
+        ):
             lines.append([])
         lines[-1].append(word.text)
         last = word
