@@ -41,8 +41,8 @@ def absolute_difference(values: Values, expected: Values, variances: Values) -> 
 class ZoneMeasures:
     """What attributes are computed from: N zones of a page, NaN where a thing is not known.
 
-    `boxes` (N, 4) are shares of the page's width and height; `font_ratios` em over the page's body em;
-    `words`, `letters`, `capitals`, `digits` counts in the text, NaN for all zones of a page that was not read.
+    `boxes` (N, 4) are shares of the page's width and height, within `FARTHEST`; `font_ratios` em over the page's
+    body em; `words`, `letters`, `capitals`, `digits` counts in the text, NaN for all zones of a page that was not read.
     """
 
     boxes: Values
@@ -60,7 +60,7 @@ def measure_zones(page: Page) -> ZoneMeasures:
     """Measures of all zones of `page`."""
     zones = page.zones
     boxes = np.array([zone.box for zone in zones], dtype=np.float64).reshape(-1, 4)
-    boxes = boxes / np.array([page.width, page.height, page.width, page.height])
+    boxes = np.clip(boxes / np.array([page.width, page.height, page.width, page.height]), *FARTHEST)
     body = body_font_size(page)
     fonts = np.array([estimate_font_size(zone) or np.nan for zone in zones], dtype=np.float64)
     weights = np.array([zone.weight or np.nan for zone in zones], dtype=np.float64)
@@ -84,6 +84,9 @@ def measure_zones(page: Page) -> ZoneMeasures:
         characters=counted(len),
     )
 
+
+FARTHEST = (-1.0, 2.0)
+"""Boxes that lie further from the page are cut: so no attribute outgrows what a model may hold."""
 
 LONGEST_TEXT = 4000
 """Characters of a zone that are counted; a full page has as many."""
@@ -150,7 +153,7 @@ def _log2(values: Values) -> Values:
 
 
 def _edge(index: int) -> Callable[[ZoneMeasures], Values]:
-    return lambda measures: np.clip(measures.boxes[:, index], -1.0, 2.0)
+    return lambda measures: measures.boxes[:, index]
 
 
 NUMERIC_ATTRIBUTES: tuple[NumericAttribute, ...] = (
