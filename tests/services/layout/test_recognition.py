@@ -1,6 +1,7 @@
 """Recognition of simulated pages: errors within bounds, the same however zones are told, and honest doubts."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ MOST_WRONG = {
 }
 
 
+@lru_cache(maxsize=64)
 def recognitions(
     name: str, samples: int, parameters: RecognitionParameters | None = None
 ) -> list[Recognition]:

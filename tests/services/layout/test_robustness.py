@@ -66,7 +66,7 @@ def assert_sound(found: Recognition, page: Page) -> None:
         assert all(np.isfinite(term.cost) for term in report.explanation)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(pages, st.sampled_from(["direct", "two-steps"]))
 def test_any_page_is_recognized(page: Page, method: Any) -> None:
     models = [VersionedModel(model_of(name, samples), 1) for name, samples in (("letter", 1), ("memo", 3))]
@@ -76,7 +76,7 @@ def test_any_page_is_recognized(page: Page, method: Any) -> None:
     assert_sound(found, page)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.lists(pages.filter(lambda page: bool(page.zones)), min_size=1, max_size=3))
 def test_any_samples_make_a_model_that_can_be_stored(samples: list[Page]) -> None:
     with warnings.catch_warnings():

@@ -1,0 +1,126 @@
+"""The steps of layout recognition in their order: image, zones, content, class and labels."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from models.layout_graph import Page, Zone
+from services.arrays import GrayImage
+from services.layout.pipeline import (
+    complete_page,
+    complete_sample,
+    content_features,
+    initialize_model,
+    read_page,
+    recognize,
+)
+from services.layout.recognition import VersionedModel
+from services.ocr.engine import Word
+from simulation.labelled_pages import LabelledPage, memo_page
+from tests.services.layout.samples import labelled_page, model_of
+
+
+class TruthfulEngine:
+    """Reads the words that the page was set from."""
+
+    name = "truthful"
+
+    def __init__(self, page: LabelledPage) -> None:
+        self.page = page
+        self.calls = 0
+
+    def read_page(self, image: GrayImage) -> list[Word]:
+        self.calls += 1
+        words = []
+        for zone in self.page.zones:
+            x0, y0, x1, y1 = zone.box
+            lines = zone.text.splitlines()
+            height = (y1 - y0) / max(1, len(lines))
+            for row, line in enumerate(lines):
+                told = line.split()
+                width = (x1 - x0) / len(told)
+                top = y0 + row * height
+                words += [
+                    Word(word, (x0 + k * width, top, x0 + (k + 0.9) * width, top + 0.8 * height), 0.9)
+                    for k, word in enumerate(told)
+                ]
+        return words
+
+    def read_line(self, image: GrayImage) -> tuple[str, float]:
+        return "", 0.0
+
+
+def rgb(page: LabelledPage) -> np.ndarray:
+    assert page.image is not None
+    return np.repeat(page.image[:, :, None], 3, axis=2)
+
+
+def bare(page: LabelledPage) -> Page:
+    """Boxes and labels, as a user sends them."""
+    zones = tuple(Zone(zone.id, tuple(map(float, zone.box)), label=zone.label) for zone in page.zones)
+    return Page(page.width, page.height, zones)
+
+
+def test_zones_from_elsewhere_get_what_they_lack() -> None:
+    page = memo_page(np.random.default_rng(1000))
+    engine = TruthfulEngine(page)
+    found = complete_page(bare(page), rgb(page), engine)
+    assert engine.calls == 1
+    assert [zone.text.split() for zone in found.zones] == [zone.text.split() for zone in page.zones]
+    assert [zone.box for zone in found.zones] == [zone.box for zone in bare(page).zones]
+    assert [zone.label for zone in found.zones] == [zone.label for zone in page.zones]
+    body = next(zone for zone in found.zones if zone.label == "body")
+    assert body.font_size is not None
+    assert body.content.keys() == set(content_features().names)
+    recognition = recognize(found, [VersionedModel(model_of("memo", 3), 1)])
+    assert sum(zone.label == zone.zone.label for zone in recognition.zones) >= 0.8 * len(found.zones)
+
+
+def test_what_zones_have_is_kept_and_not_read_again() -> None:
+    page = memo_page(np.random.default_rng(1000))
+    engine = TruthfulEngine(page)
+    known = replace(
+        bare(page), zones=tuple(replace(zone, text="told", font_size=99.0) for zone in bare(page).zones)
+    )
+    found = complete_page(known, rgb(page), engine)
+    assert engine.calls == 0
+    assert {zone.text for zone in found.zones} == {"told"}
+    assert {zone.font_size for zone in found.zones} == {99.0}
+
+
+def test_without_image_zones_stay_as_they_are() -> None:
+    page = labelled_page("memo", 0)
+    assert complete_page(page, None, None) == page
+    assert complete_sample(page, None, None) == (page, None)
+
+
+def test_a_page_image_is_read_and_a_sample_is_seen_as_it_will_be() -> None:
+    page = memo_page(np.random.default_rng(1000))
+    engine = TruthfulEngine(page)
+    found = read_page(rgb(page), engine)
+    assert len(found.zones) >= 4
+    assert any("memo" in zone.text.lower() for zone in found.zones)
+    assert all(zone.label is None for zone in found.zones)
+    verified, seen = complete_sample(bare(page), rgb(page), engine)
+    assert [zone.label for zone in verified.zones] == [zone.label for zone in page.zones]
+    assert seen is not None, "no segmenter finds just the boxes of the truth"
+    assert {zone.label for zone in seen.zones} - {None} <= {zone.label for zone in page.zones}
+    assert len({zone.label for zone in seen.zones} - {None}) >= 4
+
+
+def test_labelled_samples_make_a_model_that_labels() -> None:
+    bare_content = [
+        replace(page, zones=tuple(replace(zone, content={}) for zone in page.zones))
+        for page in (labelled_page("fax", seed) for seed in range(3))
+    ]
+    model = initialize_model("fax", bare_content)
+    assert model.labels == model_of("fax", 3).labels
+    assert dict(model.scales) == dict(model_of("fax", 3).scales), "content was measured on the way"
+    found = recognize(labelled_page("fax", 1000), [VersionedModel(model, 7)])
+    assert found.chosen is not None
+    assert (found.chosen.name, found.chosen.model_version) == ("fax", 7)
+    assert set(found.timings_ms) == {"content", "matching", "classification"}
+
+
+def test_settings_are_read_once() -> None:
+    assert content_features() is content_features()
