@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import get_args
 
 import numpy as np
 
@@ -11,11 +10,12 @@ from benchmarks.layout_part import Part, Result, Results, share, table
 from benchmarks.layout_protocols import recognized
 from benchmarks.layout_specimens import (
     OTHER_LETTERS,
-    ZONES,
+    TRIALS,
     Specimen,
-    Zones,
+    Trial,
     by_class,
     by_kind,
+    lessons,
     of_sources,
 )
 from models.layout_graph import LayoutModel, Page
@@ -25,15 +25,15 @@ FEW = (3, 5)
 """Samples of a model besides all."""
 DRAWS = 3
 FOLDS = 10
+_FEW = {f"{few} samples": few for few in FEW}
+_MEASURED: tuple[Trial, ...] = ("true zones", "taught to own")
 Models = dict[str, LayoutModel]
 
 
 def _jobs(specimens: Sequence[Specimen]) -> list[str]:
     if len(by_class(specimens)) < 2:
         return []
-    jobs = [f"all samples, {zones}" for zones in ZONES]
-    jobs += [f"{few} samples, {zones}" for few in FEW for zones in ZONES]
-    jobs += [f"four kinds, {zones}" for zones in ZONES]
+    jobs = [f"{what}, {trial}" for what in ("all samples", *_FEW, "four kinds") for trial in _MEASURED]
     return [*jobs, "images without zones"] if of_sources(specimens, (OTHER_LETTERS,)) else jobs
 
 
@@ -41,12 +41,12 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     if job == "images without zones":
         return _other_images(specimens)
     what, _, told = job.partition(", ")
-    zones: Zones = next(kind for kind in get_args(Zones) if kind == told)
+    trial = next(each for each in _MEASURED if each == told)
     if what == "four kinds":
-        return _kinds(specimens, zones)
+        return _kinds(specimens, trial)
     if what == "all samples":
-        return _leave_one_out(by_class(specimens), zones)
-    return _few_samples(by_class(specimens), zones, int(what.split()[0]))
+        return _leave_one_out(by_class(specimens), trial)
+    return _few_samples(by_class(specimens), trial, _FEW[what])
 
 
 class _Decisions:
@@ -82,47 +82,45 @@ def _row(specimen: Specimen, class_name: str) -> str:
     return specimen.source if class_name == "letter" else class_name
 
 
-def _samples(specimens: Iterable[Specimen], zones: Zones) -> list[Page]:
-    return [page for page in (specimen.page(zones) for specimen in specimens) if page.zones]
-
-
-def _leave_one_out(classes: Mapping[str, Sequence[Specimen]], zones: Zones) -> Result:
-    full = {name: initialize_model(name, _samples(members, zones)) for name, members in classes.items()}
+def _leave_one_out(classes: Mapping[str, Sequence[Specimen]], trial: Trial) -> Result:
+    learned, tested = TRIALS[trial]
+    full = {name: initialize_model(name, lessons(members, learned)) for name, members in classes.items()}
     decisions = _Decisions()
     for name, members in classes.items():
         for specimen in members:
-            rest = _samples((other for other in members if other is not specimen), zones)
+            rest = lessons((other for other in members if other is not specimen), learned)
             if rest:
                 models = {**full, name: initialize_model(name, rest)}
-                decisions.decide(_row(specimen, name), name, specimen.page(zones), models)
+                decisions.decide(_row(specimen, name), name, specimen.page(tested), models)
     return decisions.result()
 
 
-def _few_samples(classes: Mapping[str, Sequence[Specimen]], zones: Zones, few: int) -> Result:
-    decisions = _Decisions()
+def _few_samples(classes: Mapping[str, Sequence[Specimen]], trial: Trial, few: int) -> Result:
+    (learned, tested), decisions = TRIALS[trial], _Decisions()
     for draw in range(DRAWS):
         rng = np.random.default_rng([draw, few])
         models: Models = {}
-        tested: list[tuple[Specimen, str]] = []
+        held_out: list[tuple[Specimen, str]] = []
         for name, members in classes.items():
             drawn = set(rng.choice(len(members), min(few, len(members)), replace=False).tolist())
-            models[name] = initialize_model(name, _samples((members[at] for at in drawn), zones))
-            tested += [(member, name) for at, member in enumerate(members) if at not in drawn]
-        for specimen, name in tested:
-            decisions.decide(_row(specimen, name), name, specimen.page(zones), models)
+            models[name] = initialize_model(name, lessons((members[at] for at in sorted(drawn)), learned))
+            held_out += [(member, name) for at, member in enumerate(members) if at not in drawn]
+        for specimen, name in held_out:
+            decisions.decide(_row(specimen, name), name, specimen.page(tested), models)
     return decisions.result()
 
 
-def _kinds(specimens: Sequence[Specimen], zones: Zones) -> Result:
-    kinds, decisions = by_kind(specimens), _Decisions()
+def _kinds(specimens: Sequence[Specimen], trial: Trial) -> Result:
+    (learned, tested), decisions = TRIALS[trial], _Decisions()
+    kinds = by_kind(specimens)
     for fold in range(FOLDS):
         models: Models = {}
         for name, members in kinds.items():
-            learned = [member for at, member in enumerate(members) if at % FOLDS != fold]
-            models[name] = initialize_model(name, _samples(learned, zones))
+            rest = [member for at, member in enumerate(members) if at % FOLDS != fold]
+            models[name] = initialize_model(name, lessons(rest, learned))
         for name, members in kinds.items():
             for specimen in members[fold::FOLDS]:
-                decisions.decide(_row(specimen, name), name, specimen.page(zones), models)
+                decisions.decide(_row(specimen, name), name, specimen.page(tested), models)
     return decisions.result()
 
 
@@ -130,7 +128,10 @@ def _other_images(specimens: Sequence[Specimen]) -> Result:
     """Images whose class alone is known, by models of all others' own zones."""
     decisions: dict[str, _Decisions] = {}
     for what, groups in (("all classes", by_class(specimens)), ("four kinds", by_kind(specimens))):
-        models = {name: initialize_model(name, _samples(members, "own")) for name, members in groups.items()}
+        models = {
+            name: initialize_model(name, lessons(members, ("true", "own")))
+            for name, members in groups.items()
+        }
         decisions[what] = _Decisions()
         for specimen in of_sources(specimens, (OTHER_LETTERS,)):
             row = f"{what}: {specimen.source} {specimen.class_name}"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from benchmarks.baseline import Figures
-from benchmarks.layout_part import TRIALS, Part, Result, Results, share, table
+from benchmarks.layout_part import Part, Result, Results, share, table
 from benchmarks.layout_protocols import (
     Labels,
     component_counts,
@@ -14,7 +14,14 @@ from benchmarks.layout_protocols import (
     page_labels,
     wrong_zones,
 )
-from benchmarks.layout_specimens import Specimen, area_labelled, of_sources, with_ten_components
+from benchmarks.layout_specimens import (
+    TRIALS,
+    Specimen,
+    Trial,
+    area_labelled,
+    of_sources,
+    with_ten_components,
+)
 from benchmarks.layout_truth import TITLES_MADE, TITLES_REAL
 from models.layout_graph import Page
 
@@ -68,11 +75,18 @@ def _measure_titles(job: str, specimens: Sequence[Specimen]) -> Result:
 
 def _trials(
     true: Sequence[Page], own: Sequence[Page], most: int
-) -> dict[str, tuple[Sequence[Page], list[Labels]]]:
+) -> dict[Trial, tuple[Sequence[Page], list[Labels]]]:
     """For each trial the pages that were tested, and the labels found."""
-    by_true, across = label_in_folds(label_by_graph, true, most, true, own)
-    [by_own] = label_in_folds(label_by_graph, own, most, own)
-    return dict(zip(TRIALS, ((true, by_true), (own, by_own), (own, across)), strict=True))
+    both = list(zip(true, own, strict=True))
+    by_true, across = label_in_folds(label_by_graph, [[page] for page in true], most, true, own)
+    [by_own] = label_in_folds(label_by_graph, [[page] for page in own], most, own)
+    [taught] = label_in_folds(label_by_graph, both, most, own)
+    return {
+        "true zones": (true, by_true),
+        "own zones": (own, by_own),
+        "true to own": (own, across),
+        "taught to own": (own, taught),
+    }
 
 
 def _figures_of(
@@ -111,19 +125,23 @@ def _with_labels(page: Page, labels: Labels) -> Page:
 def _report_titles(results: Results) -> str:
     rows, remarks = [], []
     for job, result in results.items():
-        true, own, across = (result[trial] for trial in TRIALS)
+        true, own, across, taught = (result[trial] for trial in TRIALS)
         rows.append(
             [
                 *(job, true["pages"], true["zones"], true["error_percent"], true["perfect_percent"]),
-                *(own["zones"], own["error_percent"], own["area_percent"], own["found_percent"]),
-                *(across["error_percent"], across["area_percent"], across["found_percent"]),
+                own["zones"],
+                *(
+                    figures[name]
+                    for figures in (own, across, taught)
+                    for name in ("error_percent", "area_percent", "found_percent")
+                ),
             ]
         )
         for trial in TRIALS:
             remarks.append(f"  {job}, {trial}: {_confused(result[trial])}")
     head = (
-        *("model", "pages", "zones", "error %", "perfect %", "own zones", "error %", "area %", "found %"),
-        *("true->own", "area %", "found %"),
+        *("model", "pages", "zones", "error %", "perfect %", "own zones", "own>own", "area %", "found %"),
+        *("true>own", "area %", "found %", "both>own", "area %", "found %"),
     )
     return "\n".join(
         [
@@ -177,7 +195,7 @@ def _measure_letters(job: str, specimens: Sequence[Specimen]) -> Result:
             },
         }
     fine = [specimen.true for specimen in letters]
-    [found] = label_in_folds(label_by_graph, fine, MOST_FOLDS, fine)
+    [found] = label_in_folds(label_by_graph, [[page] for page in fine], MOST_FOLDS, fine)
     labels = [page_labels(page) for page in fine]
     mapped = [
         page_labels(with_ten_components(_with_labels(page, given)))

@@ -88,7 +88,7 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     truth = [page_labels(page) for page in pages]
 
     def in_folds(labeller: Callable[[Sequence[Page], Sequence[Page]], list[Labels]]) -> float:
-        return error_percent(truth, label_in_folds(labeller, pages, FOLDS, pages)[0])
+        return error_percent(truth, label_in_folds(labeller, [[page] for page in pages], FOLDS, pages)[0])
 
     result["all"] = {"graph": [in_folds(label_by_graph)], "forest": [in_folds(label_by_forest)]}
     result["pages"] = len(pages)

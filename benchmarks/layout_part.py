@@ -6,19 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.baseline import Figures
-from benchmarks.layout_specimens import Specimen, Zones
+from benchmarks.layout_specimens import Specimen
 
 Result = dict[str, Any]
 """What a job measured, as JSON has it."""
 Results = dict[str, Result]
 """By job."""
-
-TRIALS: dict[str, tuple[Zones, Zones]] = {
-    "true zones": ("true", "true"),
-    "own zones": ("own", "own"),
-    "true to own": ("true", "own"),
-}
-"""What a model learns from, and what it is tested on."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,16 +66,16 @@ def folds(count: int, most: int) -> Iterator[tuple[list[int], list[int]]]:
 
 
 def label_in_folds(
-    labeller: Labeller, samples: Sequence[Page], most: int, *tested: Sequence[Page]
+    labeller: Labeller, samples: Sequence[Sequence[Page]], most: int, *tested: Sequence[Page]
 ) -> list[list[Labels]]:
     """Labels of every page by a model without it, for each form of the pages in `tested`.
 
-    `tested[form][i]` is the page that is learned as `samples[i]`.
+    `samples[i]` are the pages that are learned of a sample, `tested[form][i]` is what it is tested as.
     """
     found: list[list[Labels]] = [[()] * len(samples) for _ in tested]
     for learned, held_out in folds(len(samples), most):
         asked = [pages[page] for pages in tested for page in held_out]
-        labels = iter(labeller([samples[page] for page in learned], asked))
+        labels = iter(labeller([lesson for page in learned for lesson in samples[page]], asked))
         for form in found:
             for page in held_out:
                 form[page] = next(labels)

@@ -20,13 +20,14 @@ from benchmarks.layout_learning import LEARNING, draw_curves
 from benchmarks.layout_part import Part, Result, Results
 from benchmarks.layout_sheet import SHEETS
 from benchmarks.layout_specimens import Specimen, load_specimens, segmented
-from benchmarks.layout_speed import SPEED, STEPS, open_engine
+from benchmarks.layout_speed import SPEED, STEPS
 from benchmarks.layout_truth import layout_folder
 from benchmarks.memory import Memory
 from benchmarks.options import make_parser
 from benchmarks.places import BASELINE, MEMORY, OUTPUT
 from benchmarks.workers import Progress, run_in_workers
 from services.ocr.engine import OcrEngine
+from services.ocr.tesseract import open_engine
 
 NAME = "layout"
 PARTS: dict[str, Part] = {

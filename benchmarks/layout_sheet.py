@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.layout_part import Part, Result, Results, table
 from benchmarks.layout_protocols import Labels, page_labels, recognized
-from benchmarks.layout_specimens import Specimen, by_class
+from benchmarks.layout_specimens import Specimen, by_class, lessons
 from benchmarks.places import OUTPUT
 from benchmarks.plots import contact_sheet, load_picture, make_strip, save_picture
 from models.layout_graph import Page
@@ -29,16 +29,13 @@ def _jobs(specimens: Sequence[Specimen]) -> list[str]:
 def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     """Draw `SHEET`; how many zones are wrong, by page."""
     classes = by_class(specimens)
-    samples = {
-        name: [page for page in (each.page("own") for each in members) if page.zones]
-        for name, members in classes.items()
-    }
+    samples = {name: lessons(members, ("true", "own")) for name, members in classes.items()}
     models = {name: initialize_model(name, pages) for name, pages in samples.items()}
     strips, result = [], {}
     for name, members in classes.items():
         specimen = members[len(members) // 2]
         page = specimen.page("own")
-        rest = [other for other in samples[name] if other is not page]
+        rest = lessons((other for other in members if other is not specimen), ("true", "own"))
         if not rest or not page.zones:
             continue
         answer = recognized(page, {**models, name: initialize_model(name, rest)})
@@ -78,7 +75,7 @@ def _crossed(image: RgbImage, answer: Recognition, true: Labels) -> RgbImage:
 
 
 def _pixels_per_unit(image: RgbImage, page: Page) -> float:
-    return image.shape[1] / page.width
+    return float(image.shape[1] / page.width)
 
 
 def _report(results: Results) -> str:

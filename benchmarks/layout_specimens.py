@@ -14,13 +14,13 @@ from benchmarks.layout_truth import (
     TITLES_REAL,
     LabelledPage,
     load_set,
-    shared_areas,
     transfer_labels,
 )
 from benchmarks.memory import Memory
 from benchmarks.plots import load_picture
 from models.layout_graph import Page
 from services.arrays import GrayImage
+from services.layout.label_transfer import shared_areas
 from services.layout.pipeline import content_features
 from services.layout.segmentation import segment_page
 from services.ocr.engine import OcrEngine
@@ -30,6 +30,14 @@ OTHER_LETTERS = "letters/real_other"
 
 Zones = Literal["true", "own"]
 ZONES: tuple[Zones, ...] = get_args(Zones)
+Trial = Literal["true zones", "own zones", "true to own", "taught to own"]
+TRIALS: dict[Trial, tuple[tuple[Zones, ...], Zones]] = {
+    "true zones": (("true",), "true"),
+    "own zones": (("own",), "own"),
+    "true to own": (("true",), "own"),
+    "taught to own": (("true", "own"), "own"),
+}
+"""What a model learns of each sample, and what it is tested on; the last as the service does with images."""
 
 TEN_COMPONENTS = {
     **{
@@ -98,6 +106,12 @@ def segmented(specimen: Specimen, engine: OcrEngine | None, memory: Memory) -> S
     words = None if engine is None else memory.page_words(engine, gray)
     found = content_features().measure_page(segment_page(gray, words))
     return replace(specimen, own=transfer_labels(specimen.true, found))
+
+
+def lessons(specimens: Iterable[Specimen], learned: Sequence[Zones]) -> list[Page]:
+    """Pages that a model learns from these samples, those without zones left out."""
+    pages = (specimen.page(zones) for specimen in specimens for zones in learned)
+    return [page for page in pages if page.zones]
 
 
 def of_sources(specimens: Iterable[Specimen], sources: Sequence[str]) -> list[Specimen]:

@@ -19,7 +19,7 @@ from services.arrays import RgbImage
 from services.layout.pipeline import VersionedModel, initialize_model, read_page, recognize
 from services.layout.recognition import RecognitionParameters
 from services.ocr.engine import OcrEngine
-from services.ocr.tesseract import EngineUnavailable, TesseractEngine
+from services.ocr.tesseract import open_engine
 
 WANTED_S = {"with OCR": 3.0, "without OCR": 0.8}
 """Most CPU seconds of a page image end to end, 150 to 300 dpi."""
@@ -30,14 +30,6 @@ SAMPLES = (1, 2, 3, 5, 10, 20, 40)
 STEP_SETS = (*TITLES_REAL, "letters/real", "letters/made")
 FOLDS = 10
 _PAGE, _PARTS = "page image", "zones given"
-
-
-def open_engine() -> OcrEngine | None:
-    """The embedded engine, None where there is none."""
-    try:
-        return TesseractEngine()
-    except EngineUnavailable:
-        return None
 
 
 def _jobs(specimens: Sequence[Specimen]) -> list[str]:
@@ -96,7 +88,8 @@ def _measure_parts(specimens: Sequence[Specimen]) -> Result:
     }
     recognition: Result = {}
     for name, members in classes.items():
-        one, every = [], []
+        one: list[float] = []
+        every: list[float] = []
         for member in members[:20]:
             for spent, chosen in ((one, {name: models[name]}), (every, models)):
                 recognized(member.true, chosen)
@@ -115,7 +108,8 @@ def _measure_parts(specimens: Sequence[Specimen]) -> Result:
 
 
 def _report(results: Results) -> str:
-    parts = []
+    parts: list[str] = []
+    head: tuple[str, ...]
     if _PAGE in results:
         images = dict(results[_PAGE])
         models = images.pop("models")

@@ -15,6 +15,7 @@ from benchmarks.plots import load_picture, save_picture
 from benchmarks.reading import Reader, Reading, prepare
 from benchmarks.stopwatch import Usage
 from services.arrays import GrayImage, RgbImage
+from services.ocr.engine import OcrEngine, Word
 
 
 class Memory:
@@ -33,6 +34,18 @@ class Memory:
         reading = reader.read(image)
         _write(file, json.dumps(asdict(reading)))
         return reading
+
+    def page_words(self, engine: OcrEngine, image: GrayImage) -> list[Word]:
+        """Words that `engine` reads on the page, as it is."""
+        if self.folder is None:
+            return engine.read_page(image)
+        file = self._file(f"{engine.name} words", image, ".json")
+        if file.is_file():
+            told = json.loads(file.read_text(encoding="utf-8"))
+            return [Word(text, (x0, y0, x1, y1), sure) for text, (x0, y0, x1, y1), sure in told]
+        words = engine.read_page(image)
+        _write(file, json.dumps([(word.text, word.box, word.confidence) for word in words]))
+        return words
 
     def page_dewarp(self, command: str, photo: RgbImage) -> tuple[RgbImage | None, Usage, str]:
         """See `run_page_dewarp`; only its pages are kept, with what they took: a failure is tried again."""
