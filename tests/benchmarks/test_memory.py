@@ -8,6 +8,7 @@ import pytest
 from benchmarks.memory import Memory
 from benchmarks.reading import Reading
 from benchmarks.stopwatch import Usage
+from services.ocr.engine import Word
 
 IMAGE = np.full((40, 30, 3), 200, np.uint8)
 IMAGE[10:12, 5:25] = 20
@@ -34,6 +35,28 @@ def test_an_image_is_read_once(tmp_path: Path) -> None:
     assert Memory(tmp_path).read(Counting("other"), IMAGE).sure_characters == 1
     assert reader.asked == 2
     assert {file.suffix for file in tmp_path.iterdir()} == {".json"}
+
+
+def test_words_of_a_page_are_read_once(tmp_path: Path) -> None:
+    class Engine:
+        name = "counting"
+        asked = 0
+
+        def read_page(self, image: np.ndarray) -> list[Word]:
+            """See `OcrEngine`."""
+            self.asked += 1
+            return [Word("Ä", (1.0, 2.0, 3.0, 4.5), 0.5)]
+
+        def read_line(self, image: np.ndarray) -> tuple[str, float]:
+            """See `OcrEngine`."""
+            return "", 0.0
+
+    engine, page = Engine(), np.ascontiguousarray(IMAGE[..., 0])
+    first = Memory(tmp_path).page_words(engine, page)
+    assert Memory(tmp_path).page_words(engine, page) == first == [Word("Ä", (1.0, 2.0, 3.0, 4.5), 0.5)]
+    assert engine.asked == 1
+    Memory(None).page_words(engine, page)
+    assert engine.asked == 2
 
 
 def test_without_a_folder_nothing_is_kept() -> None:
