@@ -163,3 +163,17 @@ def test_terms_are_those_of_the_tables(name: str) -> None:
     np.testing.assert_allclose(
         costs - costs[rows, given][:, None], expected - expected[rows, given][:, None], atol=1e-8
     )
+
+
+def test_pages_are_judged_by_models_that_did_not_see_them() -> None:
+    """What differs from page to page seems to tell labels only to a model that has seen the page."""
+    rng = np.random.default_rng(9)
+    labels = tuple("abcdefgh")
+    pages = []
+    for _ in range(4):
+        numeric = np.full((8, len(COLUMNS)), np.nan)
+        numeric[:, COLUMNS.index("digits")] = rng.uniform(0, 1, 8)
+        none = np.zeros((0, 2), np.intp), np.zeros((0, len(RELATIONS)), np.intp)
+        pages.append(LabelledGraph(LayoutGraph(numeric, np.zeros((8, len(NAMES))), NAMES, *none), labels))
+    usual = dict(zip(scale_names(NAMES), default_scales(NAMES).tolist(), strict=True))
+    assert fitted(pages)["digits"] < usual["digits"]
