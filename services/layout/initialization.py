@@ -1,23 +1,39 @@
 """Model initialization (5.5, 5.6.1): a layout graph model from a few labelled pages."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.layout_graph import LayoutModel, Page
 from services.layout.classification import calibrate
+from services.layout.content_features import ContentFeatures
 from services.layout.estimation import estimate_model, name_parts
 from services.layout.graph import build_graph
+from services.layout.over_segmentation import over_segment
 from services.layout.recognition import RecognitionParameters, comparable_cost, match_graph
 from services.layout.scale_fitting import fit_scales
-from services.layout.statistics import LabelledGraph, LabelStatistics, gather_statistics, total_statistics
+from services.layout.statistics import LabelledGraph, LabelStatistics, sample_statistics, total_statistics
 
 MOST_HELD_OUT = 40
-"""Pages that are held out in turn to see what pages of the class cost."""
+"""Samples that are held out in turn to see what pages of the class cost."""
 
 
-def initialize_model(name: str, samples: Sequence[Page], content_names: Sequence[str]) -> LayoutModel:
+@dataclass(frozen=True, slots=True)
+class _View:
+    """A page and its graph with the labels."""
+
+    page: Page
+    labelled: LabelledGraph
+
+
+def initialize_model(
+    name: str,
+    samples: Sequence[Page],
+    found: Sequence[Page | None],
+    content: ContentFeatures,
+) -> LayoutModel:
     """Layout graph model of the class `name` from verified pages, whose zones carry labels and content features.
 
     Typical values are means, weights inverse variances, relations look-up tables of frequencies, expectations of
@@ -25,49 +41,65 @@ def initialize_model(name: str, samples: Sequence[Page], content_names: Sequence
     the attributes' weights are fitted, and the cost of a page of the class is measured, on pages that were held
     out.
 
+    Every sample is seen in two views, which count as one page: as it was verified, and as segmentation finds it,
+    or may find it. `found` has that view for each sample, or None: then one is made up (`over_segmentation`).
+
     Raises
     ------
     ValueError
         When there is no sample with a zone.
     """
-    samples = [page for page in samples if page.zones]
-    if not samples:
-        raise ValueError("a model needs at least one page with zones")
-    pages = [
-        LabelledGraph(build_graph(page, content_names), tuple(zone.label for zone in page.zones))
-        for page in samples
+    seen = [
+        _see(sample, other, content, seed)
+        for seed, (sample, other) in enumerate(zip(samples, found, strict=True))
+        if sample.zones
     ]
-    labels = (None, *sorted({label for page in pages for label in page.labels if label is not None}))
-    statistics = [gather_statistics(page, labels) for page in pages]
+    if not seen:
+        raise ValueError("a model needs at least one page with zones")
+    graphs = [[view.labelled for view in views] for views in seen]
+    known = {label for views in graphs for view in views for label in view.labels if label is not None}
+    labels = (None, *sorted(known))
+    statistics = [sample_statistics(views, labels) for views in graphs]
     total = total_statistics(statistics)
-    scales = fit_scales(pages, statistics, labels)
-    costs = _held_out_costs(samples, pages, statistics, labels, scales)
+    scales = fit_scales(graphs, statistics, labels)
     return name_parts(
         estimate_model(total, labels, scales),
         name,
-        len(pages),
+        len(seen),
         total.zones,
-        pages[0].graph.content_names,
-        calibrate(costs),
+        graphs[0][0].graph.content_names,
+        calibrate(_held_out_costs(seen, statistics, labels, scales)),
     )
 
 
+def _see(sample: Page, found: Page | None, content: ContentFeatures, seed: int) -> list[_View]:
+    if found is None or not found.zones:
+        found = content.measure_page(over_segment(sample, np.random.default_rng(seed)))
+    return [
+        _View(
+            page,
+            LabelledGraph(build_graph(page, content.names), tuple(zone.label for zone in page.zones)),
+        )
+        for page in (sample, found)
+    ]
+
+
 def _held_out_costs(
-    samples: Sequence[Page],
-    pages: Sequence[LabelledGraph],
+    seen: Sequence[Sequence[_View]],
     statistics: Sequence[LabelStatistics],
     labels: Sequence[str | None],
     scales: NDArray[np.float64],
 ) -> list[float]:
-    """Cost a zone of pages, each matched with the model of all the others."""
-    if len(pages) < 2:
+    """Cost a zone of all views of samples, each matched with the model of all other samples."""
+    if len(seen) < 2:
         return []
     total = total_statistics(statistics)
-    chosen = np.unique(np.linspace(0, len(pages) - 1, min(len(pages), MOST_HELD_OUT)).astype(int))
+    chosen = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), MOST_HELD_OUT)).astype(int))
     costs = []
     for index in chosen:
-        graph = pages[index].graph
         model = estimate_model(total - statistics[index], labels, scales)
-        _, matching, _ = match_graph(graph, samples[index], model, RecognitionParameters())
-        costs.append(comparable_cost(graph, model, matching.labels) / graph.zones)
+        for view in seen[index]:
+            graph = view.labelled.graph
+            _, matching, _ = match_graph(graph, view.page, model, RecognitionParameters())
+            costs.append(comparable_cost(graph, model, matching.labels) / graph.zones)
     return costs

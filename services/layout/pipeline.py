@@ -103,11 +103,26 @@ def recognize(
 
 
 def initialize_model(
-    name: str, samples: Sequence[Page], features: ContentFeatures | None = None
+    name: str,
+    samples: Sequence[Page],
+    features: ContentFeatures | None = None,
+    found: Sequence[Page | None] | None = None,
 ) -> LayoutModel:
-    """Layout graph model of a class from its verified pages (`initialization.initialize_model`)."""
+    """Layout graph model of a class from its verified pages (`initialization.initialize_model`).
+
+    `found` has for each sample its page in the zones that we find in its image (`complete_sample`), or None.
+
+    Raises
+    ------
+    ValueError
+        When there is no sample with a zone.
+    """
     features = features or content_features()
-    return initialize_from_samples(name, [features.measure_page(page) for page in samples], features.names)
+    verified = [features.measure_page(page) for page in samples]
+    others = [
+        None if page is None else features.measure_page(page) for page in found or [None] * len(samples)
+    ]
+    return initialize_from_samples(name, verified, others, features)
 
 
 def _gray(image: RgbImage) -> GrayImage:

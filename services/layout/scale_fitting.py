@@ -29,32 +29,36 @@ class ScaleFittingParameters:
 
     prior_weight: float = 20.0
     """Of the usual weights: inverse of the variance that they have between classes."""
-    most_pages: int = 200
+    most_samples: int = 200
     """More say the same again; they are taken evenly from all."""
     most_iterations: int = 60
 
 
 def fit_scales(
-    pages: Sequence[LabelledGraph],
+    samples: Sequence[Sequence[LabelledGraph]],
     statistics: Sequence[LabelStatistics],
     labels: Sequence[str | None],
     parameters: ScaleFittingParameters = ScaleFittingParameters(),
 ) -> NDArray[np.float64]:
-    """Weights of all attributes, in the order of `scale_names`; `statistics` are those of each page.
+    """Weights of all attributes, in the order of `scale_names`.
 
-    Fewer than two pages leave the usual weights: nothing was held out.
+    A sample is a page in one view or several (`initialization`), of which `statistics` are the sums; all views are
+    held out together. Fewer than two samples leave the usual weights: nothing was held out.
     """
-    usual = default_scales(pages[0].graph.content_names if pages else ())
-    if len(pages) < 2:
+    usual = default_scales(samples[0][0].graph.content_names if samples else ())
+    if len(samples) < 2:
         return usual
     total = total_statistics(statistics)
-    chosen = np.unique(np.linspace(0, len(pages) - 1, min(len(pages), parameters.most_pages)).astype(int))
+    chosen = np.unique(
+        np.linspace(0, len(samples) - 1, min(len(samples), parameters.most_samples)).astype(int)
+    )
     terms, truth = [], []
     for index in chosen:
         model = estimate_model(total - statistics[index], labels, usual)
-        given = label_indices(pages[index].labels, labels)
-        terms.append(conditional_terms(pages[index], model, given))
-        truth.append(given)
+        for view in samples[index]:
+            given = label_indices(view.labels, labels)
+            terms.append(conditional_terms(view, model, given))
+            truth.append(given)
     return most_probable_scales(np.concatenate(terms), np.concatenate(truth), usual, parameters)
 
 

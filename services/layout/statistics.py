@@ -90,6 +90,12 @@ def gather_statistics(page: LabelledGraph, labels: Sequence[str | None]) -> Labe
     )
 
 
+def sample_statistics(views: Sequence[LabelledGraph], labels: Sequence[str | None]) -> LabelStatistics:
+    """Sums of one sample that was seen in several ways, which count as one page together."""
+    total = total_statistics([gather_statistics(view, labels) for view in views])
+    return LabelStatistics(*(getattr(total, each.name) / len(views) for each in fields(total)))
+
+
 def total_statistics(pages: Sequence[LabelStatistics]) -> LabelStatistics:
     """Sum over pages, at least one."""
     total = pages[0]

@@ -209,13 +209,15 @@ def initialize_from_samples(
     """
     # Each was within its limits when it was stored.
     bounds = replace(_exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
-    pages = []
+    pages, found = [], []
     for index, sample in enumerate(samples):
         try:
-            pages += [page_from_document(each, bounds) for each in (sample, sample.get(FOUND)) if each]
+            pages.append(page_from_document(sample, bounds))
+            other = sample.get(FOUND)
+            found.append(None if other is None else page_from_document(other, bounds))
         except InvalidLayout as error:
             raise InvalidOption(f"samples[{index}]: {error.detail}", f"samples[{index}]") from error
-    return _draft(initialize_model(name, pages, content_features(settings.content_features)))
+    return _draft(initialize_model(name, pages, content_features(settings.content_features), found))
 
 
 def import_model(name: str, document: bytes) -> ModelDraft:
