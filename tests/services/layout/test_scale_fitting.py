@@ -112,7 +112,8 @@ def page_with(rng: np.random.Generator) -> LabelledGraph:
 def fitted(pages: list[LabelledGraph], **parameters: float) -> dict[str, float]:
     labels = (None, *sorted({label for page in pages for label in page.labels if label}))
     statistics = [gather_statistics(page, labels) for page in pages]
-    scales = fit_scales(pages, statistics, labels, ScaleFittingParameters(**parameters))
+    samples = [[page] for page in pages]
+    scales = fit_scales(samples, statistics, labels, ScaleFittingParameters(**parameters))
     return dict(zip(scale_names(pages[0].graph.content_names), scales.tolist(), strict=True))
 
 
@@ -132,14 +133,14 @@ def test_nothing_is_fitted_where_nothing_can_be_held_out(pages: int) -> None:
     statistics = [gather_statistics(page, (None, "a", "b", "c")) for page in graphs]
     names = NAMES if pages else ()
     np.testing.assert_array_equal(
-        fit_scales(graphs, statistics, (None, "a", "b", "c")), default_scales(names)
+        fit_scales([[page] for page in graphs], statistics, (None, "a", "b", "c")), default_scales(names)
     )
 
 
-def test_more_pages_than_wanted_are_taken_evenly() -> None:
+def test_more_samples_than_wanted_are_taken_evenly() -> None:
     rng = np.random.default_rng(8)
     pages = [page_with(rng) for _ in range(12)]
-    few, all_ = fitted(pages, most_pages=4), fitted(pages)
+    few, all_ = fitted(pages, most_samples=4), fitted(pages)
     assert few["left"] != all_["left"]
     assert few["left"] > few["digits"]
 
