@@ -103,7 +103,8 @@ class ModelEdge:
 class Calibration:
     """Cost a zone that pages of the class have when they are matched: its mean and standard deviation.
 
-    `pages` says from how many pages that had no part in the model it was measured; 0: both are assumed.
+    `pages` says from how many pages, each view of a sample being one, that had no part in the model it was measured;
+    0: both are assumed.
     """
 
     mean: float

@@ -104,7 +104,7 @@ def name_parts(
     model: CompiledModel,
     name: str,
     samples: int,
-    zones: NDArray[np.float64],
+    zones: Sequence[float],
     content_names: Sequence[str],
     calibration: Calibration,
 ) -> LayoutModel:

@@ -1,5 +1,7 @@
 """Model initialization (5.5, 5.6.1): a layout graph model from a few labelled pages."""
 
+import zlib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -50,9 +52,7 @@ def initialize_model(
         When there is no sample with a zone.
     """
     seen = [
-        _see(sample, other, content, seed)
-        for seed, (sample, other) in enumerate(zip(samples, found, strict=True))
-        if sample.zones
+        _see(sample, other, content) for sample, other in zip(samples, found, strict=True) if sample.zones
     ]
     if not seen:
         raise ValueError("a model needs at least one page with zones")
@@ -61,19 +61,22 @@ def initialize_model(
     labels = (None, *sorted(known))
     statistics = [sample_statistics(views, labels) for views in graphs]
     total = total_statistics(statistics)
+    verified = Counter(zone.label for page in samples for zone in page.zones)
     scales = fit_scales(graphs, statistics, labels)
     return name_parts(
         estimate_model(total, labels, scales),
         name,
         len(seen),
-        total.zones,
+        [verified[label] for label in labels],
         graphs[0][0].graph.content_names,
         calibrate(_held_out_costs(seen, statistics, labels, scales)),
     )
 
 
-def _see(sample: Page, found: Page | None, content: ContentFeatures, seed: int) -> list[_View]:
+def _see(sample: Page, found: Page | None, content: ContentFeatures) -> list[_View]:
     if found is None or not found.zones:
+        # Of the page alone, so that neither the order of samples nor the day changes the model.
+        seed = zlib.crc32(repr([zone.box for zone in sample.zones]).encode())
         found = content.measure_page(over_segment(sample, np.random.default_rng(seed)))
     return [
         _View(

@@ -1,10 +1,11 @@
 """Models from labelled pages: what they hold, and that held-out pages calibrate them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
-from models.layout_graph import Page
+from models.layout_graph import LayoutModel, Page
 from models.model_document import model_from_document, model_to_document
 from services.layout.classification import ClassificationParameters, calibrate
 from services.layout.compiled_model import compile_model
@@ -15,6 +16,10 @@ from services.layout.recognition import RecognitionParameters, comparable_cost, 
 from tests.services.layout.samples import MAKERS, labelled_page, model_of, page_of
 
 NAMES = content_features().names
+
+
+def initialize(name: str, pages: Sequence[Page]) -> LayoutModel:
+    return initialize_model(name, pages, [None] * len(pages), content_features())
 
 
 @pytest.mark.parametrize("name", MAKERS)
@@ -44,14 +49,14 @@ def test_one_page_leaves_what_is_usual() -> None:
 def test_held_out_pages_calibrate() -> None:
     for name in MAKERS:
         calibration = model_of(name, 5).calibration
-        assert calibration.pages == 5
+        assert calibration.pages == 10, "each in two views"
         assert -25 < calibration.mean < -2
         assert 0 < calibration.deviation < 3
 
 
 def test_the_order_of_samples_says_nothing() -> None:
     pages = [labelled_page("memo", seed) for seed in range(3)]
-    one, other = (initialize_model("memo", each, NAMES) for each in (pages, pages[::-1]))
+    one, other = (initialize("memo", each) for each in (pages, pages[::-1]))
     assert one.labels == other.labels
     for first, second in zip(one.nodes, other.nodes, strict=True):
         assert first.numeric.keys() == second.numeric.keys()
@@ -64,17 +69,17 @@ def test_the_order_of_samples_says_nothing() -> None:
 def test_pages_without_zones_say_nothing() -> None:
     empty = Page(100, 100, ())
     with pytest.raises(ValueError, match="at least one page with zones"):
-        initialize_model("none", [empty, empty], NAMES)
+        initialize("none", [empty, empty])
     with pytest.raises(ValueError, match="at least one page"):
-        initialize_model("none", [], NAMES)
+        initialize("none", [])
     page = labelled_page("memo", 0)
-    assert initialize_model("memo", [empty, page], NAMES).samples == 1
+    assert initialize("memo", [empty, page]).samples == 1
 
 
 def test_pages_without_labels_make_a_model_of_null_alone() -> None:
     page = labelled_page("memo", 0)
     bare = replace(page, zones=tuple(replace(zone, label=None) for zone in page.zones))
-    model = initialize_model("bare", [bare, bare], NAMES)
+    model = initialize("bare", [bare, bare])
     assert model.labels == (None,)
     assert model.nodes[0].zones == 2 * len(page.zones)
 
@@ -83,14 +88,14 @@ def test_samples_of_one_zone_and_of_equal_zones_make_models() -> None:
     alone = page_of((10, 10, 500, 30), label="line")
     crowd = page_of(*[(10.0, 10.0, 500.0, 30.0)] * 5, label="line")
     for samples in ([alone], [alone, alone], [crowd, crowd], [alone, crowd]):
-        model = initialize_model("odd", samples, ())
+        model = initialize("odd", samples)
         assert model.labels == (None, "line")
         assert model_from_document(model_to_document(model)).samples == len(samples)
 
 
 def test_a_sample_given_twice_is_sure_of_itself_but_not_certain() -> None:
     page = labelled_page("letter", 0)
-    once, twice = (initialize_model("x", [page] * count, NAMES) for count in (1, 2))
+    once, twice = (initialize("x", [page] * count) for count in (1, 2))
     for first, second in zip(once.nodes[1:], twice.nodes[1:], strict=True):
         assert second.zones == 2 * first.zones
         if first.zones == 1:
