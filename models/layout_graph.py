@@ -20,6 +20,9 @@ MODEL_FORMAT = "layout-graph-model"
 MODEL_FORMAT_VERSION = 1
 """Raised when a model of this form can no longer be read by the code that wrote the last."""
 
+MOST_LABELS = 60
+"""Of one class; no class of the field's data sets has half as many, and tables of edges grow with the square."""
+
 
 class InvalidLayout(ValueError):
     """A page, a zone or a model that is not one; `field` names the part, as in `zones[3].box`."""

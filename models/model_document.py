@@ -6,6 +6,7 @@ from typing import Any
 from models.layout_graph import (
     MODEL_FORMAT,
     MODEL_FORMAT_VERSION,
+    MOST_LABELS,
     Calibration,
     InvalidLayout,
     LayoutModel,
@@ -15,8 +16,6 @@ from models.layout_graph import (
     is_finite_number,
 )
 
-MOST_NODES = 100
-"""More labels than any class has; the tables of edges grow with its square."""
 MOST_NAMES = 500
 """Of attributes, in one mapping."""
 MOST_DESCRIPTORS = 100
@@ -87,7 +86,7 @@ def model_from_document(document: Any) -> LayoutModel:
         )
     nodes = tuple(
         _read_node(each, f"nodes[{k}]")
-        for k, each in enumerate(_list(told.get("nodes"), "nodes", MOST_NODES))
+        for k, each in enumerate(_list(told.get("nodes"), "nodes", MOST_LABELS + 1))
     )
     labels = [node.label for node in nodes]
     if not labels or labels[0] is not None:
@@ -96,7 +95,7 @@ def model_from_document(document: Any) -> LayoutModel:
         raise InvalidLayout("nodes: every label may occur once.", "nodes")
     edges = tuple(
         _read_edge(each, labels, f"edges[{k}]")
-        for k, each in enumerate(_list(told.get("edges"), "edges", MOST_NODES**2))
+        for k, each in enumerate(_list(told.get("edges"), "edges", (MOST_LABELS + 1) ** 2))
     )
     if len({(edge.upper, edge.lower) for edge in edges}) != len(edges):
         raise InvalidLayout("edges: every pair of labels may occur once.", "edges")

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from models.layout_graph import InvalidLayout, LayoutModel, Page
+from models.layout_graph import MOST_LABELS, InvalidLayout, LayoutModel, Page
 from models.model_document import model_from_document, model_to_document
 from services.arrays import RgbImage
 from services.errors import InvalidModel, InvalidOption, TooLarge
@@ -217,6 +217,11 @@ def initialize_from_samples(
             found.append(None if other is None else page_from_document(other, bounds))
         except InvalidLayout as error:
             raise InvalidOption(f"samples[{index}]: {error.detail}", f"samples[{index}]") from error
+    labels = {zone.label for page in pages for zone in page.zones if zone.label is not None}
+    if len(labels) > MOST_LABELS:
+        raise InvalidOption(
+            f"samples: they have {len(labels)} different labels; a model may have {MOST_LABELS}.", "samples"
+        )
     return _draft(initialize_model(name, pages, content_features(settings.content_features), found))
 
 

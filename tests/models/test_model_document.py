@@ -23,8 +23,8 @@ from models.model_document import (
     LARGEST,
     LONGEST_NAME,
     MOST_DESCRIPTORS,
+    MOST_LABELS,
     MOST_NAMES,
-    MOST_NODES,
     model_from_document,
     model_to_document,
 )
@@ -149,7 +149,7 @@ DAMAGES: list[tuple[Path, Any, str]] = [
     (("samples",), True, "samples"),
     (("nodes",), [], "nodes"),
     (("nodes",), {}, "nodes"),
-    (("nodes",), [None] * (MOST_NODES + 1), "nodes"),
+    (("nodes",), [None] * (MOST_LABELS + 2), "nodes"),
     (("nodes", 0, "label"), "first", "nodes"),
     ((*NODE, "label"), None, "nodes"),
     ((*NODE, "label"), 5, "nodes[1].label"),

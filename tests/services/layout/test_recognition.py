@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from models.layout_graph import LayoutModel, Page, Zone
-from services.layout.initialization import initialize_model
 from services.layout.matching import MatchingParameters
-from services.layout.pipeline import content_features, recognize
+from services.layout.pipeline import initialize_model, recognize
 from services.layout.recognition import RecognitionParameters, VersionedModel
 from services.layout.results import LabelledZone, Recognition
 from tests.services.layout.samples import (
@@ -252,8 +251,7 @@ def test_zones_without_label_are_learned_as_such() -> None:
             scraps.append(Zone(f"scrap{k}", (x, y, x + 12, y + 9), kind="noise"))
         return replace(page, zones=(*page.zones, *scraps))
 
-    names = content_features().names
-    model: LayoutModel = initialize_model("memo", [with_scraps(seed) for seed in range(3)], names)
+    model: LayoutModel = initialize_model("memo", [with_scraps(seed) for seed in range(3)])
     assert model.nodes[0].label is None
     assert model.nodes[0].zones == 9
     for seed in range(1000, 1005):

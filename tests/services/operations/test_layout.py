@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from app.schemas.layout import result_of
-from models.layout_graph import Page, Zone
+from models.layout_graph import MOST_LABELS, Page, Zone
 from services.errors import InvalidModel, InvalidOption, TooLarge
 from services.imaging.codec import ImageLimits
 from services.layout.results import AttributeCost, ClassMatch, LabelledZone, MatchReport, Recognition
@@ -236,3 +236,14 @@ def test_a_page_without_an_image_is_drawn_on_white_if_it_is_not_too_large() -> N
     narrow = replace(SETTINGS, image=ImageLimits(max_megapixels=0.001))
     with pytest.raises(TooLarge, match=r"0\.001 megapixels"):
         recognize_upload(None, as_json(page), None, [], options, narrow)
+
+
+def test_a_class_has_a_bounded_number_of_labels() -> None:
+    zones = [
+        {"id": k, "box": [10, 10 * k, 90, 10 * k + 8], "label": f"label {k}"} for k in range(MOST_LABELS + 1)
+    ]
+    sample = {"width": 100, "height": 1000, "zones": zones}
+    with pytest.raises(InvalidOption, match="61 different labels; a model may have 60"):
+        initialize_from_samples("many", [sample], SETTINGS)
+    few = initialize_from_samples("many", [{**sample, "zones": zones[:-1]}], SETTINGS)
+    assert len(few.labels) == MOST_LABELS
