@@ -4,6 +4,7 @@ python -m benchmarks.readme_pictures [FOLDER]
 """
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,10 @@ from benchmarks.mosaic_ghosts import shifted_photo
 from benchmarks.plots import make_strip, save_picture
 from services.arrays import RgbImage
 from services.geometry.vanishing_points import estimate_vanishing_point
+from services.layout.exchange.limits import ExchangeLimits
+from services.layout.exchange.page_json import page_from_document
+from services.layout.overlay import draw_overlay
+from services.layout.pipeline import VersionedModel, complete_sample, initialize_model, read_page, recognize
 from services.mosaic.parameters import Composition, MosaicParameters
 from services.mosaic.pipeline import mosaic
 from services.operations import ocr_engine
@@ -22,6 +27,7 @@ from services.rectify.pipeline import rectify
 from services.rectify.results import StripsSurface
 from services.texture_flow.field import FlowSamples
 from simulation.degradation import PHONE
+from simulation.labelled_pages import LabelledPage, letter_page, memo_page, title_page
 from simulation.letter_pages import colour_page
 from simulation.mosaic_sets import MosaicSet, photograph_set
 from simulation.pages import own_pages
@@ -29,6 +35,11 @@ from simulation.scenes import BOOK, POSES, photograph
 
 SEED = 7
 COLOURS = ((220, 60, 40), (40, 130, 60), (50, 90, 210), (170, 90, 190))
+CLASSES: dict[str, Callable[[np.random.Generator], LabelledPage]] = {
+    "letter": letter_page,
+    "memo": memo_page,
+    "title page": lambda rng: title_page(rng, "margin"),
+}
 COMPOSITIONS: tuple[Composition, ...] = ("average", "selective")
 
 
@@ -116,6 +127,25 @@ def ghosts(made: MosaicSet) -> RgbImage:
     return make_strip(details, captions, height=300)
 
 
+def labelled_pages() -> RgbImage:
+    """Pages of three classes with their class and labels, by models of three samples each."""
+    engine = ocr_engine()
+    seen, models = {}, []
+    for seed, (name, draw) in enumerate(CLASSES.items()):
+        rng = np.random.default_rng(SEED + seed)
+        pages = [draw(rng) for _ in range(4)]
+        images = [np.repeat(page.image[..., None], 3, axis=2) for page in pages if page.image is not None]
+        samples = [page_from_document(page.document(), ExchangeLimits()) for page in pages[:3]]
+        taught = [
+            complete_sample(sample, image, engine) for sample, image in zip(samples, images[:3], strict=True)
+        ]
+        model = initialize_model(name, [each for each, _ in taught], found=[found for _, found in taught])
+        models.append(VersionedModel(model, 1))
+        seen[name] = images[3]
+    drawn = [draw_overlay(image, recognize(read_page(image, engine), models)) for image in seen.values()]
+    return make_strip(drawn, [f"POST /layout: a {name}" for name in seen], height=1000)
+
+
 def main() -> int:
     """Write the pictures into the folder that is named, else docs/pictures."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent.parent / "docs" / "pictures"
@@ -129,6 +159,7 @@ def main() -> int:
         "texture-flow": texture_flow(photo),
         "mosaic": four_photos(made),
         "ghosts": ghosts(made),
+        "labelled-pages": labelled_pages(),
     }
     for name, picture in pictures.items():
         save_picture(folder / f"{name}.jpg", picture)
