@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.baseline import Figures
 from benchmarks.layout_part import Part, Result, Results, share, table
-from benchmarks.layout_protocols import folds, recognized
+from benchmarks.layout_protocols import folds, make_model, recognized
 from benchmarks.layout_specimens import (
     OTHER_LETTERS,
     TRIALS,
@@ -19,7 +19,6 @@ from benchmarks.layout_specimens import (
     of_sources,
 )
 from models.layout_graph import LayoutModel, Page
-from services.layout.pipeline import initialize_model
 
 FEW = (3, 5)
 """Samples of a model besides all."""
@@ -86,13 +85,13 @@ def _row(specimen: Specimen, class_name: str) -> str:
 
 def _leave_one_out(classes: Mapping[str, Sequence[Specimen]], trial: Trial) -> Result:
     learned, tested = TRIALS[trial]
-    full = {name: initialize_model(name, lessons(members, learned)) for name, members in classes.items()}
+    full = {name: make_model(name, lessons(members, learned)) for name, members in classes.items()}
     decisions = _Decisions()
     for name, members in classes.items():
         for chosen, held_out in folds(len(members), len(members) if trial == "true zones" else TAUGHT_FOLDS):
             rest = lessons((members[at] for at in chosen), learned)
             if rest:
-                models = {**full, name: initialize_model(name, rest)}
+                models = {**full, name: make_model(name, rest)}
                 for specimen in (members[at] for at in held_out):
                     decisions.decide(_row(specimen, name), name, specimen.page(tested), models)
     return decisions.result()
@@ -106,7 +105,7 @@ def _few_samples(classes: Mapping[str, Sequence[Specimen]], trial: Trial, few: i
         held_out: list[tuple[Specimen, str]] = []
         for name, members in classes.items():
             drawn = set(rng.choice(len(members), min(few, len(members)), replace=False).tolist())
-            models[name] = initialize_model(name, lessons((members[at] for at in sorted(drawn)), learned))
+            models[name] = make_model(name, lessons((members[at] for at in sorted(drawn)), learned))
             held_out += [(member, name) for at, member in enumerate(members) if at not in drawn]
         for specimen, name in held_out:
             decisions.decide(_row(specimen, name), name, specimen.page(tested), models)
@@ -120,7 +119,7 @@ def _kinds(specimens: Sequence[Specimen], trial: Trial) -> Result:
         models: Models = {}
         for name, members in kinds.items():
             rest = [member for at, member in enumerate(members) if at % FOLDS != fold]
-            models[name] = initialize_model(name, lessons(rest, learned))
+            models[name] = make_model(name, lessons(rest, learned))
         for name, members in kinds.items():
             for specimen in members[fold::FOLDS]:
                 decisions.decide(_row(specimen, name), name, specimen.page(tested), models)
@@ -132,8 +131,7 @@ def _other_images(specimens: Sequence[Specimen]) -> Result:
     decisions: dict[str, _Decisions] = {}
     for what, groups in (("all classes", by_class(specimens)), ("four kinds", by_kind(specimens))):
         models = {
-            name: initialize_model(name, lessons(members, ("true", "own")))
-            for name, members in groups.items()
+            name: make_model(name, lessons(members, ("true", "own"))) for name, members in groups.items()
         }
         decisions[what] = _Decisions()
         for specimen in of_sources(specimens, (OTHER_LETTERS,)):

@@ -79,9 +79,12 @@ def _trials(
     true: Sequence[Page], own: Sequence[Page], most: int
 ) -> dict[Trial, tuple[Sequence[Page], list[Labels]]]:
     """For each trial the pages that were tested, and the labels found."""
-    both = list(zip(true, own, strict=True))
-    by_true, across = label_in_folds(label_by_graph, [[page] for page in true], most, true, own)
-    [by_own] = label_in_folds(label_by_graph, [[page] for page in own], OWN_FOLDS, own)
+    both = [
+        (page, found if any(zone.label for zone in found.zones) else None)
+        for page, found in zip(true, own, strict=True)
+    ]
+    by_true, across = label_in_folds(label_by_graph, [(page, None) for page in true], most, true, own)
+    [by_own] = label_in_folds(label_by_graph, [(page, None) for page in own], OWN_FOLDS, own)
     [taught] = label_in_folds(label_by_graph, both, OWN_FOLDS, own)
     return {
         "true zones": (true, by_true),
@@ -201,7 +204,7 @@ def _measure_letters(job: str, specimens: Sequence[Specimen]) -> Result:
             },
         }
     fine = [specimen.true for specimen in letters]
-    [found] = label_in_folds(label_by_graph, [[page] for page in fine], MOST_FOLDS, fine)
+    [found] = label_in_folds(label_by_graph, [(page, None) for page in fine], MOST_FOLDS, fine)
     labels = [page_labels(page) for page in fine]
     mapped = [
         page_labels(with_ten_components(_with_labels(page, given)))

@@ -1,6 +1,6 @@
 """Error against the number of samples: the layout graph model and a random forest on the same zones and attributes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ from benchmarks.baseline import Figures
 from benchmarks.layout_part import Part, Result, Results, table
 from benchmarks.layout_peers import TREES, ForestLabels
 from benchmarks.layout_protocols import (
+    Labeller,
     Labels,
     draws,
     error_percent,
@@ -17,7 +18,7 @@ from benchmarks.layout_protocols import (
     label_in_folds,
     page_labels,
 )
-from benchmarks.layout_specimens import Specimen, of_sources, with_ten_components
+from benchmarks.layout_specimens import Lesson, Specimen, of_sources, with_ten_components
 from benchmarks.layout_truth import TITLES_MADE, TITLES_REAL
 from models.layout_graph import Page
 
@@ -65,9 +66,9 @@ def _jobs(specimens: Sequence[Specimen]) -> list[str]:
     return list(_sets(specimens))
 
 
-def label_by_forest(samples: Sequence[Page], pages: Sequence[Page]) -> list[Labels]:
+def label_by_forest(samples: Sequence[Lesson], pages: Sequence[Page]) -> list[Labels]:
     """Labels by a random forest of the samples."""
-    return ForestLabels(samples).label(pages)
+    return ForestLabels([page for page, _ in samples]).label(pages)
 
 
 def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
@@ -81,14 +82,20 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
             samples = [pages[at] for at in drawn]
             tested = [page for at, page in enumerate(pages) if at not in drawn]
             truth = [page_labels(page) for page in tested]
-            errors["graph"].append(error_percent(truth, label_by_graph(samples, tested)))
-            errors["forest"].append(error_percent(truth, label_by_forest(samples, tested)))
+            errors["graph"].append(
+                error_percent(truth, label_by_graph([(page, None) for page in samples], tested))
+            )
+            errors["forest"].append(
+                error_percent(truth, label_by_forest([(page, None) for page in samples], tested))
+            )
             errors["floor"].append(floor_percent(samples, tested))
         result[str(size)] = errors
     truth = [page_labels(page) for page in pages]
 
-    def in_folds(labeller: Callable[[Sequence[Page], Sequence[Page]], list[Labels]]) -> float:
-        return error_percent(truth, label_in_folds(labeller, [[page] for page in pages], FOLDS, pages)[0])
+    def in_folds(labeller: Labeller) -> float:
+        return error_percent(
+            truth, label_in_folds(labeller, [(page, None) for page in pages], FOLDS, pages)[0]
+        )
 
     result["all"] = {"graph": [in_folds(label_by_graph)], "forest": [in_folds(label_by_forest)]}
     result["pages"] = len(pages)

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.layout_specimens import Lesson
 from models.layout_graph import LayoutModel, Page
 from services.layout.pipeline import VersionedModel, initialize_model, recognize
 from services.layout.recognition import RecognitionParameters
 from services.layout.results import Recognition
 
 Labels = tuple[str | None, ...]
-Labeller = Callable[[Sequence[Page], Sequence[Page]], list[Labels]]
+Labeller = Callable[[Sequence[Lesson], Sequence[Page]], list[Labels]]
 """(samples, pages) -> labels of each page's zones by a model of the samples."""
 
 
@@ -51,9 +52,14 @@ def recognized(
     return recognize(unlabelled(page), [VersionedModel(model, 1) for model in models.values()], parameters)
 
 
-def label_by_graph(samples: Sequence[Page], pages: Sequence[Page]) -> list[Labels]:
+def make_model(name: str, samples: Sequence[Lesson]) -> LayoutModel:
+    """Layout graph model of the samples, initialized only (round 0)."""
+    return initialize_model(name, [page for page, _ in samples], found=[found for _, found in samples])
+
+
+def label_by_graph(samples: Sequence[Lesson], pages: Sequence[Page]) -> list[Labels]:
     """Labels by the layout graph model of the samples, initialized only (round 0)."""
-    model = initialize_model("class", samples)
+    model = make_model("class", samples)
     return [tuple(zone.label for zone in recognized(page, {"class": model}).zones) for page in pages]
 
 
@@ -66,16 +72,16 @@ def folds(count: int, most: int) -> Iterator[tuple[list[int], list[int]]]:
 
 
 def label_in_folds(
-    labeller: Labeller, samples: Sequence[Sequence[Page]], most: int, *tested: Sequence[Page]
+    labeller: Labeller, samples: Sequence[Lesson], most: int, *tested: Sequence[Page]
 ) -> list[list[Labels]]:
     """Labels of every page by a model without it, for each form of the pages in `tested`.
 
-    `samples[i]` are the pages that are learned of a sample, `tested[form][i]` is what it is tested as.
+    `samples[i]` is what is learned of a page, `tested[form][i]` what it is tested as.
     """
     found: list[list[Labels]] = [[()] * len(samples) for _ in tested]
     for learned, held_out in folds(len(samples), most):
         asked = [pages[page] for pages in tested for page in held_out]
-        labels = iter(labeller([lesson for page in learned for lesson in samples[page]], asked))
+        labels = iter(labeller([samples[page] for page in learned], asked))
         for form in found:
             for page in held_out:
                 form[page] = next(labels)

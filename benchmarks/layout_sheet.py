@@ -7,14 +7,13 @@ import cv2
 import numpy as np
 
 from benchmarks.layout_part import Part, Result, Results, table
-from benchmarks.layout_protocols import Labels, page_labels, recognized
+from benchmarks.layout_protocols import Labels, make_model, page_labels, recognized
 from benchmarks.layout_specimens import Specimen, by_class, lessons
 from benchmarks.places import OUTPUT
 from benchmarks.plots import contact_sheet, load_picture, make_strip, save_picture
 from models.layout_graph import Page
 from services.arrays import RgbImage
 from services.layout.overlay import draw_overlay
-from services.layout.pipeline import initialize_model
 from services.layout.results import Recognition
 
 SHEET = OUTPUT / "layout_overlays.png"
@@ -30,7 +29,7 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     """Draw `SHEET`; how many zones are wrong, by page."""
     classes = by_class(specimens)
     samples = {name: lessons(members, ("true", "own")) for name, members in classes.items()}
-    models = {name: initialize_model(name, pages) for name, pages in samples.items()}
+    models = {name: make_model(name, pages) for name, pages in samples.items()}
     strips, result = [], {}
     for name, members in classes.items():
         specimen = members[len(members) // 2]
@@ -38,7 +37,7 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
         rest = lessons((other for other in members if other is not specimen), ("true", "own"))
         if not rest or not page.zones:
             continue
-        answer = recognized(page, {**models, name: initialize_model(name, rest)})
+        answer = recognized(page, {**models, name: make_model(name, rest)})
         true = page_labels(page)
         wrong = sum(zone.label != label for zone, label in zip(answer.zones, true, strict=True))
         chosen = answer.chosen.name if answer.chosen else "unknown"

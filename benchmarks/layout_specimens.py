@@ -108,10 +108,20 @@ def segmented(specimen: Specimen, engine: OcrEngine | None, memory: Memory) -> S
     return replace(specimen, own=transfer_labels(specimen.true, found))
 
 
-def lessons(specimens: Iterable[Specimen], learned: Sequence[Zones]) -> list[Page]:
-    """Pages that a model learns from these samples, those without zones left out."""
-    pages = (specimen.page(zones) for specimen in specimens for zones in learned)
-    return [page for page in pages if page.zones]
+Lesson = tuple[Page, Page | None]
+"""What a model learns of a sample: the verified page, and the page in our own zones if they are told apart."""
+
+
+def lessons(specimens: Iterable[Specimen], learned: Sequence[Zones]) -> list[Lesson]:
+    """What a model learns of these samples by their zones of these kinds; samples without zones are left out."""
+    found: list[Lesson] = []
+    for specimen in specimens:
+        verified = specimen.page(learned[0])
+        other = specimen.page(learned[1]) if len(learned) > 1 else None
+        if verified.zones:
+            taught = other is not None and any(zone.label is not None for zone in other.zones)
+            found.append((verified, other if taught else None))
+    return found
 
 
 def of_sources(specimens: Iterable[Specimen], sources: Sequence[str]) -> list[Specimen]:

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from benchmarks.layout_protocols import (
     unlabelled,
 )
 from benchmarks.layout_specimens import (
+    Lesson,
     Specimen,
     area_labelled,
     by_class,
@@ -72,11 +74,11 @@ def test_every_page_is_tested_once_by_a_model_without_it() -> None:
         assert sorted(seen) == list(range(count))
     pages = [Page(10.0, 10.0, (Zone(str(k), (0.0, 0.0, 1.0, 1.0), label=str(k)),)) for k in range(5)]
 
-    def tell_samples(samples: list[Page], tested: list[Page]) -> list[tuple[str | None, ...]]:
-        learned = {zone.label for page in samples for zone in page.zones}
+    def tell_samples(samples: Sequence[Lesson], tested: Sequence[Page]) -> list[tuple[str | None, ...]]:
+        learned = {zone.label for page, _ in samples for zone in page.zones}
         return [tuple("seen" if zone.label in learned else "new" for zone in page.zones) for page in tested]
 
-    [once, twice] = label_in_folds(tell_samples, [[page] for page in pages], 2, pages, pages[::-1])
+    [once, twice] = label_in_folds(tell_samples, [(page, None) for page in pages], 2, pages, pages[::-1])
     assert once == [("new",)] * 5
     assert twice[2] == ("new",)
 
@@ -167,7 +169,8 @@ def test_pages_by_class_and_kind(specimens: list[Specimen]) -> None:
         "memo": 4,
     }
     assert set(by_class(specimens)) == {"jose", "juliacon", "letter", "memo"}
-    assert len(lessons(specimens[:3], ("true", "own"))) == 6
+    assert lessons(specimens[:3], ("true",)) == [(each.true, None) for each in specimens[:3]]
+    assert lessons(specimens[:1], ("true", "own")) == [(specimens[0].true, specimens[0].own)]
 
 
 def test_title_pages_and_letters_are_measured_and_reported(specimens: list[Specimen]) -> None:
