@@ -35,13 +35,15 @@ class Components:
     """N connected components of ink in pixels of the working copy.
 
     `boxes` (N, 4) x0, y0, x1, y1, ends exclusive; `area` (N,) of ink; `stroke` (N,) mean width of strokes;
-    `hang` (N,) how far words whose letters touch hang below their baseline, 0 for all others.
+    `hang` (N,) how far words whose letters touch hang below their baseline, 0 for all others; `slant` (N,) of
+    their ink, how far it leans to the right by height: about 0.2 more in italics.
     """
 
     boxes: NDArray[np.float64]
     area: NDArray[np.float64]
     stroke: NDArray[np.float64]
     hang: NDArray[np.float64]
+    slant: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -100,7 +102,19 @@ def find_components(ink: Ink, parameters: SegmentationParameters) -> Components:
     ):
         own = labels[y[index] : y[index] + h[index], x[index] : x[index] + w[index]] == kept[index]
         hang[index] = _hang(np.count_nonzero(own, axis=1))
-    return Components(boxes, area[kept].astype(np.float64), area[kept] / length, hang)
+    slant = _slants(np.asarray(labels, dtype=np.int32), count)[kept]
+    return Components(boxes, area[kept].astype(np.float64), area[kept] / length, hang, slant)
+
+
+def _slants(labels: NDArray[np.int32], count: int) -> NDArray[np.float64]:
+    """Slant of every component (count,) by its second moments: shearing back by it makes x and y uncorrelated."""
+    y, x = np.nonzero(labels)
+    own = labels[y, x]
+    area = np.maximum(np.bincount(own, minlength=count), 1)
+    mean_y = np.bincount(own, weights=y, minlength=count) / area
+    up = mean_y[own] - y
+    spread = np.bincount(own, weights=np.square(up), minlength=count)
+    return np.asarray(np.bincount(own, weights=up * x, minlength=count) / np.maximum(spread, 1e-9))
 
 
 def _hang(profile: NDArray[np.intp]) -> float:

@@ -19,6 +19,7 @@ from services.layout.segmentation.measures import (
     zone_weight,
 )
 from services.layout.segmentation.non_text import Part, find_parts
+from services.layout.segmentation.page_numbers import split_page_numbers
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.reading_order import reading_order
 from services.layout.segmentation.text_lines import Line, find_lines, measure_line, unite_boxes
@@ -53,13 +54,14 @@ def segment_page(
         return Page(float(width), float(height), ())
     levelled = printed.levelled
     lines = find_lines(levelled, np.flatnonzero(printed.kinds.glyphs), parameters)
+    lines = split_page_numbers(lines, levelled, printed.frame.size[1], parameters)
     read = _read(lines, words, printed.frame, parameters)
     is_text = tell_text(lines, read, levelled, printed.frame.size, parameters)
     texts = [text for text, kept in zip(read.texts, is_text, strict=True) if kept]
     lines = [line for line, kept in zip(lines, is_text, strict=True) if kept]
     lines, texts, begins = _join_entries(lines, texts, levelled, parameters)
     line_boxes = np.array([line.box for line in lines]).reshape(-1, 4)
-    blocks = group_lines(lines, begins, parameters)
+    blocks = group_lines(lines, begins, levelled, printed.frame.size[1], parameters)
     hulls = np.array([_hull([lines[index] for index in block]) for block in blocks]).reshape(-1, 4)
     unused = ~_lie_within(levelled.boxes, hulls)
     for line in lines:

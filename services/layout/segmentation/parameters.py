@@ -72,6 +72,10 @@ class SegmentationParameters:
     """Lines whose sizes differ by more are set in different sizes: print steps by 1.1 to 1.2."""
     weight_step: float = 1.3
     """Bold strokes are 1.4 to 1.7 times as wide as regular ones."""
+    slanted_letters: int = 10
+    """So many letters tell whether a line is set in italics ..."""
+    slant_step: float = 0.11
+    """... which lean by 0.2 more than upright ones; figures and capitals blur that."""
     narrow: float = 12.0
     """Narrower lines with an edge in common (a bold "Edited by" above the name) stay together, bold or not, ..."""
     tight: float = 1.4
@@ -90,6 +94,21 @@ class SegmentationParameters:
     indent: float = 0.7
     """First lines of paragraphs begin by this much to the right of the others, at least."""
     largest_indent: float = 9.0
+
+    running_margin: float = 0.1
+    """Running heads and feet stand so near to the page's edge, over its height."""
+    running_components: int = 10
+    """They have so many glyphs, at least ..."""
+    number_digits: int = 4
+    """... and a page number no more than these,"""
+    number_step: float = 1.1
+    """higher than the capitals beside it by this factor,"""
+    number_gap: float = 2.5
+    """or apart by so many of the spaces between words."""
+    shortest_note: float = 4.8
+    """A first line this short at the foot of a letter's text ("JRB:tc", "Encl.") is no name or place."""
+    foot_of_text: float = 0.5
+    """What follows a letter's body stands lower than this, over the page's height."""
 
     least_confidence: float = 0.3
     """Words read with less confidence are no text."""

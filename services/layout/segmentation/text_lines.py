@@ -21,7 +21,8 @@ class Line:
     """One line of print, in pixels of the levelled working copy.
 
     `members` are indices of its components; `em` its font size by its capitals and ascenders, `small` the
-    height of its letters without (of capitals, where there are no others); `stroke` its mean stroke width.
+    height of its letters without (of capitals, where there are no others); `stroke` its mean stroke width;
+    `slant` the median one of its letters, None where too few tell.
     """
 
     members: Indices
@@ -30,6 +31,7 @@ class Line:
     em: float
     small: float
     stroke: float
+    slant: float | None = None
 
     @property
     def width(self) -> float:
@@ -113,7 +115,12 @@ def measure_line(components: Components, members: Indices, parameters: Segmentat
     capitals = _near_mean(rise, capitals, 0.12 * capitals)
     stroke = float(np.average(components.stroke[members], weights=components.area[members]))
     em = max(capitals, 1.0) / parameters.capital_height
-    return Line(members, (x0, y0, x1, y1), baseline, em, float(np.quantile(rise, 0.4)), stroke)
+    small = float(np.quantile(rise, 0.4))
+    # Words whose letters touch have no slant of their own.
+    letters = tall & (components.width[members] < 1.2 * height)
+    slants = components.slant[members[letters]]
+    slant = float(np.median(slants)) if len(slants) >= parameters.slanted_letters else None
+    return Line(members, (x0, y0, x1, y1), baseline, em, small, stroke, slant)
 
 
 def _near_mean(values: NDArray[np.float64], centre: float, reach: float) -> float:

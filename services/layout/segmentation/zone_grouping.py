@@ -1,25 +1,37 @@
 """Zones of text: lines linked to the next below, and divided where size, weight, leading or indent change."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes, Indices
+from services.layout.segmentation.ink import Components
+from services.layout.segmentation.notes import note_starts
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
 
 
 def group_lines(
-    lines: Sequence[Line], begins: set[int], parameters: SegmentationParameters
+    lines: Sequence[Line],
+    begins: set[int],
+    components: Components,
+    page_height: float,
+    parameters: SegmentationParameters,
 ) -> list[list[int]]:
-    """Indices of the lines of every zone, from the top down; the lines `begins` begin a zone each."""
+    """Indices of the lines of every zone, from the top down; the lines `begins` begin a zone each.
+
+    `components` are those that the lines' members number; `page_height` in their pixels.
+    """
     blocks: list[list[int]] = []
+    foot = parameters.foot_of_text * page_height
     chains = _chains(lines, parameters)
     for part in (part for chain in chains for part in _cut(chain, _positions(chain, begins))):
         for block in _split_at_leading(lines, part, parameters):
-            blocks.extend(_split_paragraphs(lines, block, parameters))
+            for note in _cut(block, note_starts(lines, block, components, foot, parameters)):
+                blocks.extend(_split_paragraphs(lines, note, parameters))
     return blocks
 
 
@@ -60,8 +72,28 @@ def _next_below(lines: Sequence[Line], parameters: SegmentationParameters) -> di
     # Side by side with another that has the same line above or below: heads over columns, not a block.
     alone = (np.sum(of_below & reachable, axis=1) == 1)[:, None] & (np.sum(of_above & reachable, axis=0) == 1)
     linked &= alone
-    pairs = zip(*np.nonzero(linked), strict=True)
-    return {int(i): int(j) for i, j in pairs if _set_alike(lines[int(i)], lines[int(j)], parameters)}
+    pairs = {int(i): int(j) for i, j in zip(*np.nonzero(linked), strict=True)}
+    alike = {i for i, j in pairs.items() if _set_alike(lines[i], lines[j], parameters)}
+    for i, j in pairs.items():
+        if j in pairs and _is_odd_one(lines[i], lines[j], lines[pairs[j]], parameters):
+            alike |= {i, j}
+    return {i: j for i, j in pairs.items() if i in alike}
+
+
+def _is_odd_one(above: Line, line: Line, below: Line, parameters: SegmentationParameters) -> bool:
+    """Whether a line stands in a column of print like any other of it, and only its size or weight are told apart.
+
+    Few capitals, or letters whose strokes touch, mislead both.
+    """
+    if not _set_alike(above, replace(below, baseline=line.baseline), parameters):
+        return False
+    em = max(above.em, below.em)
+    leadings = line.baseline - above.baseline, below.baseline - line.baseline
+    even = abs(leadings[0] - leadings[1]) < 0.08 * em and max(leadings) < parameters.largest_leading * em
+    edges = np.array([each.box for each in (above, line, below)])
+    left = float(np.ptp(edges[:, 0])) < parameters.edge_slack * em
+    right = float(np.ptp(edges[:2, 2])) < parameters.edge_slack * em
+    return even and left and right and line.width > parameters.narrow * em
 
 
 def _set_alike(first: Line, second: Line, parameters: SegmentationParameters) -> bool:
@@ -75,6 +107,12 @@ def _set_alike(first: Line, second: Line, parameters: SegmentationParameters) ->
         return False
     distance = second.baseline - first.baseline
     em = max(first.em, second.em)
+    if first.slant is not None and second.slant is not None:
+        # In running text a line may be in italics by chance; centred lines are parts of a title.
+        middles = abs(sum(first.box[::2]) - sum(second.box[::2])) / 2
+        centred = middles < em and abs(first.box[0] - second.box[0]) > em
+        if centred and abs(first.slant - second.slant) > parameters.slant_step:
+            return False
     weights = first.stroke / first.em, second.stroke / second.em
     if reliable and max(weights) > parameters.weight_step * min(weights):
         narrow = max(first.width, second.width) < parameters.narrow * em

@@ -1,0 +1,65 @@
+"""Notes that stand tight below each other, as at a letter's foot: initials, enclosures, and to whom copies go."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.segmentation.components import Indices
+from services.layout.segmentation.ink import Components
+from services.layout.segmentation.parameters import SegmentationParameters
+from services.layout.segmentation.text_lines import Line
+
+
+def note_starts(
+    lines: Sequence[Line],
+    block: Sequence[int],
+    components: Components,
+    foot: float,
+    parameters: SegmentationParameters,
+) -> Indices:
+    """Places in `block` (indices of `lines`, from the top down) at which another note begins.
+
+    A note with its items under each other begins with a mark or label ("cc:") at the block's left edge; the next
+    one begins where a line is back there. Below `foot`, a row of the page, a very short first line at
+    that edge is a note, too.
+    """
+    own = [lines[index] for index in block]
+    if len(own) < 2:
+        return np.zeros(0, dtype=np.intp)
+    em = float(np.median([line.em for line in own]))
+    left = np.array([line.box[0] for line in own])
+    edge = float(np.min(left))
+    slack = parameters.edge_slack * em
+    at_edge = left - edge < slack
+    widest = max(line.width for line in own)
+    starts = np.zeros(len(own), dtype=bool)
+    if widest < parameters.widest_value * em:
+        items = np.flatnonzero(~at_edge)
+        for head in np.flatnonzero(at_edge[:-1] & ~at_edge[1:]):
+            if np.any(np.abs(_word_starts(own[head], components, parameters) - left[head + 1]) < 1.5 * slack):
+                starts[head] = True
+                run = items[items > head]
+                ends = head + 1 + int(np.argmin(np.append(~at_edge[head + 1 :], False)))
+                if len(run) and ends < len(own):
+                    starts[ends] = True
+    first, second = own[0], own[1]
+    short = first.width < parameters.shortest_note * first.em and at_edge[0] and at_edge[1]
+    if short and first.box[1] > foot and _weight(first) < parameters.weight_step * _weight(second):
+        starts[1] = True
+    return np.flatnonzero(starts)
+
+
+def _weight(line: Line) -> float:
+    return line.stroke / line.em
+
+
+def _word_starts(
+    line: Line, components: Components, parameters: SegmentationParameters
+) -> NDArray[np.float64]:
+    """Left edges of the words of a line that follow its first, short one."""
+    boxes = components.boxes[line.members]
+    boxes = boxes[np.argsort(boxes[:, 0], kind="stable")]
+    reach = np.maximum.accumulate(boxes[:, 2])
+    starts = boxes[1:, 0][boxes[1:, 0] - reach[:-1] > parameters.least_space * line.em]
+    return np.asarray(starts[starts - line.box[0] < parameters.widest_label * line.em])
