@@ -23,6 +23,9 @@ log = logging.getLogger(__name__)
 DATABASE = "layout.sqlite3"
 MOST_THREADS = 4
 """Readers of SQLite run side by side, writers take turns: more threads would only wait for each other."""
+MOST_COMPETING_BYTES = 80 * 2**20
+"""Of the documents of models in one recognition: they are sent to a worker, which reads them (8 s) and keeps them. 200
+models of 15 labels have 40 MB, one of 60 labels has 2.5 MB."""
 PURGE_EVERY_S = 60.0
 PURGE_EVERY_RESULTS = 100
 """Results that are no longer kept are deleted whenever so much time or so many new ones have gone by."""
@@ -137,7 +140,7 @@ class LayoutStore:
         ModelNotFound
             When one of them does not exist.
         InvalidOption
-            When one of them has no version yet.
+            When one of them has no version yet, or they are too large to compete all at once.
         """
         ready = await self.ready()
         for name in names or ():
@@ -148,7 +151,15 @@ class LayoutStore:
                     f"POST /layout/models/{name}/initialize makes one.",
                     "models",
                 )
-        return [ready[name].document for name in (sorted(ready) if names is None else names)]
+        documents = [ready[name].document for name in (sorted(ready) if names is None else names)]
+        size = sum(len(model.document) for model in documents)
+        if size > MOST_COMPETING_BYTES:
+            raise InvalidOption(
+                f"models: the {len(documents)} models that compete have {size / 2**20:.0f} MiB together and may have "
+                f"{MOST_COMPETING_BYTES / 2**20:.0f}; name fewer of them.",
+                "models",
+            )
+        return documents
 
     async def keep_result(self, document: dict[str, Any]) -> str:
         """Keep what a recognition found; its id."""
@@ -169,7 +180,7 @@ class LayoutStore:
 
 def _read_ready(store: Store) -> dict[str, ReadyModel]:
     ready = {}
-    for model in store.ready_models():
+    for model in store.each_ready_model():
         if model.version is not None and model.document is not None:
             document = json.dumps(model.document, ensure_ascii=False, separators=(",", ":")).encode()
             ready[model.name] = ReadyModel(

@@ -159,13 +159,13 @@ def recognize_layout(
 
     Raises the `DocumentError`s of `services.operations`.
     """
-    from services.operations import layout
+    from services.operations import layout, stored_models
 
     reply = layout.recognize_upload(
         image,
         zones,
         zones_file,
-        [layout.StoredModel(model.name, model.version, model.document) for model in models],
+        [stored_models.StoredModel(model.name, model.version, model.document) for model in models],
         layout.LayoutOptions(
             options.rectify, options.ocr, options.format, options.explain, options.image_name
         ),

@@ -23,6 +23,9 @@ MODEL_FORMAT_VERSION = 1
 MOST_LABELS = 60
 """Of one class; no class of the field's data sets has half as many, and tables of edges grow with the square."""
 
+LONGEST_LABEL = 60
+"""Characters; the longest label of the labelled pages has 16."""
+
 
 class InvalidLayout(ValueError):
     """A page, a zone or a model that is not one; `field` names the part, as in `zones[3].box`."""
@@ -115,7 +118,7 @@ class Calibration:
     pages: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class LayoutModel:
     """Layout graph model of a document class (5.3): nodes, edges between all of them, and weights.
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from models.layout_graph import (
+    LONGEST_LABEL,
     MODEL_FORMAT,
     MODEL_FORMAT_VERSION,
     MOST_LABELS,
@@ -131,7 +132,7 @@ def _read_node(document: Any, where: str) -> ModelNode:
             f"{where}.count_costs: the costs of none and of one are needed.", f"{where}.count_costs"
         )
     return ModelNode(
-        label=None if label is None else _name(label, f"{where}.label"),
+        label=None if label is None else _label(label, f"{where}.label"),
         zones=_number(told.get("zones"), f"{where}.zones", 0.0),
         cost=_number(told.get("cost"), f"{where}.cost"),
         numeric=numeric,
@@ -187,6 +188,16 @@ def _name(value: Any, where: str) -> str:
     if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME or not value.isprintable():
         raise InvalidLayout(f"{where}: expected 1 to {LONGEST_NAME} printable characters.", where)
     return value
+
+
+def _label(value: Any, where: str) -> str:
+    """A label that zones of samples may have too, so that what is recognized can be sent as a sample."""
+    label = _name(value, where)
+    if len(label) > LONGEST_LABEL or label != label.strip():
+        raise InvalidLayout(
+            f"{where}: expected 1 to {LONGEST_LABEL} printable characters without blanks around them.", where
+        )
+    return label
 
 
 def _number(value: Any, where: str, least: float = -LARGEST, largest: float = LARGEST) -> float:

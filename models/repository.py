@@ -61,6 +61,8 @@ from models.tables import MAX_NAME, ModelRow, ResultRow, SampleRow, StateRow, Ve
 from models.ulid import UlidFactory, is_ulid
 
 _MAX_VERSION = 2**31 - 1  # of the column
+_READ_AT_ONCE = 8
+"""Rows of documents, each of some MB at most."""
 
 
 def utc_now() -> datetime:
@@ -144,8 +146,12 @@ class Store:
 
     def ready_models(self, names: Sequence[str] | None = None) -> list[StoredModel]:
         """The newest version of every class (or of those named) that has one, by name; `ModelNotFound`."""
+        return list(self.each_ready_model(names))
+
+    def each_ready_model(self, names: Sequence[str] | None = None) -> Iterator[StoredModel]:
+        """The same one after another, so that one document alone is unpacked at a time."""
         if names is not None and not names:
-            return []
+            return
         wanted = select(ModelRow, count_samples(), VersionRow).where(ModelRow.deleted_at.is_(None))
         wanted = wanted.outerjoin(
             VersionRow, (VersionRow.model_id == ModelRow.id) & (VersionRow.version == ModelRow.version)
@@ -157,8 +163,9 @@ class Store:
         missing = [name for name in names or () if name not in {row.name for row, _, _ in rows}]
         if missing:
             raise ModelNotFound(f"there is no model {missing[0]!r}", missing[0])
-        ready = [stored_model(row, samples, found) for row, samples, found in rows if found is not None]
-        return sorted(ready, key=lambda model: model.name)
+        for row, samples, found in sorted(rows, key=lambda each: each[0].name):
+            if found is not None:
+                yield stored_model(row, samples, found)
 
     def model_versions(self, name: str) -> list[VersionSummary]:
         """The history of a class, oldest first; `ModelNotFound`."""
@@ -283,6 +290,16 @@ class Store:
             of_model = select(SampleRow).where(SampleRow.model_id == row.id).order_by(SampleRow.id)
             rows = session.execute(of_model).scalars().all()
         return [stored_sample(sample, created=False) for sample in rows]
+
+    def each_sample(self, name: str, *, newest_first: bool = False) -> Iterator[StoredSample]:
+        """The same one after another, so that never all are in memory; `ModelNotFound` at the first."""
+        with self._reading() as session:
+            row = find_model(session, name)
+            order = SampleRow.id.desc() if newest_first else SampleRow.id
+            wanted = select(SampleRow).where(SampleRow.model_id == row.id).order_by(order)
+            for sample in session.execute(wanted.execution_options(yield_per=_READ_AT_ONCE)).scalars():
+                yield stored_sample(sample, created=False)
+                session.expunge(sample)
 
     def sample(self, name: str, sample_id: str) -> StoredSample:
         """One sample of a class; `ModelNotFound`, `SampleNotFound`."""

@@ -99,7 +99,9 @@ async def layout_samples(state: State, name: ModelName) -> SampleList:
         zones = len(sample.document["zones"])
         return SampleSummary(id=sample.id, zones=zones, labels=labels, created=sample.created_at)
 
-    summaries = await state.store.call(lambda store: [summarize(sample) for sample in store.samples(name)])
+    summaries = await state.store.call(
+        lambda store: [summarize(sample) for sample in store.each_sample(name)]
+    )
     return SampleList(model=name, samples=summaries)
 
 

@@ -46,8 +46,13 @@ class LayoutGraph:
         return indicators
 
 
-def build_graph(page: Page, content_names: Sequence[str]) -> LayoutGraph:
-    """Layout graph of `page`, whose zones already carry their content features."""
+def build_graph(
+    page: Page, content_names: Sequence[str], most_neighbours: int = MOST_NEIGHBOURS
+) -> LayoutGraph:
+    """Layout graph of `page`, whose zones already carry their content features.
+
+    On a page of more than twice `most_neighbours` zones only the nearest are joined.
+    """
     measures = measure_zones(page)
     with np.errstate(all="ignore"):
         columns = [attribute.measure(measures) for attribute in NUMERIC_ATTRIBUTES]
@@ -60,7 +65,7 @@ def build_graph(page: Page, content_names: Sequence[str]) -> LayoutGraph:
     kinds = np.array(
         [[zone.kind == kind for kind in KIND_FEATURES.values()] for zone in page.zones], dtype=np.float64
     ).reshape(len(page.zones), len(KIND_FEATURES))
-    pairs = pair_zones(measures, MOST_NEIGHBOURS)
+    pairs = pair_zones(measures, most_neighbours)
     pair_measures = measure_pairs(measures, pairs)
     relations = np.stack([relation.measure(pair_measures) for relation in RELATIONS], axis=1)
     return LayoutGraph(

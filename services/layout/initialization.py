@@ -13,6 +13,7 @@ from services.layout.classification import calibrate
 from services.layout.content_features import ContentFeatures
 from services.layout.estimation import estimate_model, name_parts
 from services.layout.graph import build_graph
+from services.layout.held_out import choose_evenly
 from services.layout.over_segmentation import over_segment
 from services.layout.recognition import RecognitionParameters, comparable_cost, match_graph
 from services.layout.scale_fitting import fit_scales
@@ -20,6 +21,9 @@ from services.layout.statistics import LabelledGraph, LabelStatistics, sample_st
 
 MOST_HELD_OUT = 40
 """Samples that are held out in turn to see what pages of the class cost."""
+MOST_MATCHED = 2e8
+"""Entries of their tables of pairs together: those of 40 pages of 200 zones with 15 labels; larger ones take seconds
+each, so that fewer are held out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,17 +63,16 @@ def initialize_model(
     graphs = [[view.labelled for view in views] for views in seen]
     known = {label for views in graphs for view in views for label in view.labels if label is not None}
     labels = (None, *sorted(known))
-    statistics = [sample_statistics(views, labels) for views in graphs]
-    total = total_statistics(statistics)
+    total = total_statistics(sample_statistics(views, labels) for views in graphs)
     verified = Counter(zone.label for page in samples for zone in page.zones)
-    scales = fit_scales(graphs, statistics, labels)
+    scales = fit_scales(graphs, total, labels)
     return name_parts(
         estimate_model(total, labels, scales),
         name,
         len(seen),
         [verified[label] for label in labels],
         graphs[0][0].graph.content_names,
-        calibrate(_held_out_costs(seen, statistics, labels, scales)),
+        calibrate(_held_out_costs(seen, total, labels, scales)),
     )
 
 
@@ -89,18 +92,18 @@ def _see(sample: Page, found: Page | None, content: ContentFeatures) -> list[_Vi
 
 def _held_out_costs(
     seen: Sequence[Sequence[_View]],
-    statistics: Sequence[LabelStatistics],
+    total: LabelStatistics,
     labels: Sequence[str | None],
     scales: NDArray[np.float64],
 ) -> list[float]:
     """Cost a zone of all views of samples, each matched with the model of all other samples."""
     if len(seen) < 2:
         return []
-    total = total_statistics(statistics)
-    chosen = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), MOST_HELD_OUT)).astype(int))
+    work = [sum(len(view.labelled.graph.pairs) for view in views) * len(labels) ** 2 for views in seen]
     costs = []
-    for index in chosen:
-        model = estimate_model(total - statistics[index], labels, scales)
+    for index in choose_evenly(work, MOST_HELD_OUT, MOST_MATCHED):
+        others = total - sample_statistics([view.labelled for view in seen[index]], labels)
+        model = estimate_model(others, labels, scales)
         for view in seen[index]:
             graph = view.labelled.graph
             _, matching, _ = match_graph(graph, view.page, model, RecognitionParameters())

@@ -18,6 +18,8 @@ class OverSegmentationParameters:
     """Specks and rules a page, on average."""
     share_of_specks: float = 0.6
     """Among these."""
+    most_zones: int = 500
+    """A page has no more by cutting; zones that are said to have thousands of lines would make thousands."""
     gap: float = 0.1
     """White between two pieces, as a share of the distance of lines, to either side."""
 
@@ -29,8 +31,10 @@ def over_segment(
 ) -> Page:
     """The page with some zones of several lines cut between lines, and with specks and rules that have no label."""
     zones: list[Zone] = []
-    for zone in page.zones:
-        zones += _cut(zone, rng, parameters)
+    for index, zone in enumerate(page.zones):
+        pieces = _cut(zone, rng, parameters)
+        fits = len(zones) + len(pieces) + len(page.zones) - index - 1 <= parameters.most_zones
+        zones += pieces if fits else [zone]
     for number in range(int(rng.poisson(parameters.specks))):
         zones.append(_speck(page, f"speck-{number}", rng, parameters))
     return replace(page, zones=tuple(zones))

@@ -3,8 +3,8 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from services.layout.classification import ClassificationParameters, classify
 from services.layout.compiled_model import CompiledModel, compile_model, default_scales
 from services.layout.cost import build_cost_tables, explain_cost, labelling_cost
 from services.layout.cost_tables import CostTables, Matching
-from services.layout.graph import LayoutGraph, build_graph
+from services.layout.graph import MOST_NEIGHBOURS, LayoutGraph, build_graph
 from services.layout.matching import (
     MatchingParameters,
     backbone_of,
@@ -25,12 +25,17 @@ from services.layout.matching import (
 )
 from services.layout.results import ClassMatch, LabelledZone, MatchReport, Recognition
 
-COMPILED_MODELS = 512
-"""Models whose arrays a process keeps: some 0.2 MB each."""
-
 CONTENDER = 0.02
 """A class this probable, next to the most probable one, may still win when its match is searched for thoroughly:
 on simulated pages that lowered the cost a zone by 0.17 at most, and its odds rise by no more than e^0.5."""
+
+
+MOST_CONTENDERS = 12
+"""Models that are matched thoroughly, the most probable first; more are so much alike that proofs do not part them."""
+
+MOST_ENTRIES, MOST_ENTRIES_TOGETHER = 6e7, 6e8
+"""Of the tables of pairs of one model (8 bytes each), and of all models together (10 ns each). Beyond it zones are
+joined to fewer neighbours: 500 zones keep all for a model of 60 labels, and for 200 models of 15."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +60,16 @@ class RecognitionParameters:
 class _Match:
     model: VersionedModel
     compiled: CompiledModel
-    tables: CostTables
     matching: Matching
     backbone: dict[int, int]
     comparable_cost: float
-    thorough: bool
+    conditional: NDArray[np.float64] | None
+    """Costs (N, L) of every label of every zone given the others', of thorough matches. Not the tables themselves:
+    those of a page of 500 zones and a model of 60 labels have 300 MB, and many models may compete."""
+
+    @property
+    def thorough(self) -> bool:
+        return self.conditional is not None
 
 
 def recognize_page(
@@ -79,7 +89,7 @@ def recognize_page(
         zones = tuple(LabelledZone(zone, None, 0.0, None, order) for order, zone in enumerate(page.zones))
         return Recognition(page, zones, None)
     started = time.perf_counter()
-    graph = build_graph(page, content_names)
+    graph = _graph_for(page, models, content_names)
     matches = _match_all(graph, page, models, parameters)
     matched = time.perf_counter()
     probabilities, unknown = _classify(graph, matches, parameters)
@@ -127,9 +137,24 @@ def comparable_cost(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np
     return sum(labelling_cost(graph, model, labels, default_scales(graph.content_names)))
 
 
-@lru_cache(maxsize=COMPILED_MODELS)
+_COMPILED: WeakKeyDictionary[LayoutModel, tuple[tuple[str, ...], CompiledModel]] = WeakKeyDictionary()
+"""Arrays of the models that somebody keeps, for the content features that were last asked for."""
+
+
 def _compiled(model: LayoutModel, content_names: tuple[str, ...]) -> CompiledModel:
-    return compile_model(model, content_names)
+    kept = _COMPILED.get(model)
+    if kept is None or kept[0] != content_names:
+        kept = _COMPILED[model] = content_names, compile_model(model, content_names)
+    return kept[1]
+
+
+def _graph_for(page: Page, models: Sequence[VersionedModel], content_names: tuple[str, ...]) -> LayoutGraph:
+    """The page's graph, with as many pairs as tables for these models may have."""
+    labels = [len(model.model.nodes) ** 2 for model in models]
+    most_pairs = min(MOST_ENTRIES / max(labels), MOST_ENTRIES_TOGETHER / sum(labels))
+    # Zones that are each other's neighbours share a pair: 500 have 23 pairs each, not 40.
+    neighbours = max(1, min(MOST_NEIGHBOURS, int(1.5 * most_pairs / len(page.zones))))
+    return build_graph(page, content_names, neighbours)
 
 
 def _match_all(
@@ -143,7 +168,10 @@ def _match_all(
     while True:
         probabilities, _ = _classify(graph, matches, parameters)
         contenders = probabilities >= CONTENDER * probabilities.max()
-        left = [int(index) for index in np.flatnonzero(contenders) if not matches[index].thorough]
+        ranked = [int(index) for index in np.argsort(-probabilities, kind="stable") if contenders[index]]
+        room = MOST_CONTENDERS - sum(match.thorough for match in matches)
+        # The first one is matched even where there is no room left: its labels are the answer.
+        left = [index for index in ranked[: max(1, room)] if not matches[index].thorough]
         if not left:
             return matches
         for index in left:
@@ -171,7 +199,8 @@ def _match(
     compiled = _compiled(model.model, graph.content_names)
     tables, matching, backbone = match_graph(graph, page, compiled, parameters)
     cost = comparable_cost(graph, compiled, matching.labels)
-    return _Match(model, compiled, tables, matching, backbone, cost, thorough)
+    conditional = conditional_costs(tables, matching.labels) if thorough else None
+    return _Match(model, compiled, matching, backbone, cost, conditional)
 
 
 def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
@@ -180,8 +209,9 @@ def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
     The weights of the costs are those under which true labels are most probable given the others, so that their
     exponentials are probabilities (`scale_fitting`).
     """
+    assert match.conditional is not None, "the most probable class was matched thoroughly"
     chosen = match.matching.labels
-    probabilities = softmax(-conditional_costs(match.tables, chosen), axis=1)
+    probabilities = softmax(-match.conditional, axis=1)
     labels = match.compiled.labels
     return tuple(
         LabelledZone(

@@ -20,7 +20,8 @@ from services.layout.cost import node_terms, relation_weight
 from services.layout.edge_attributes import RELATIONS
 from services.layout.estimation import estimate_model
 from services.layout.graph import RELATION_OFFSETS
-from services.layout.statistics import LabelledGraph, LabelStatistics, label_indices, total_statistics
+from services.layout.held_out import choose_evenly
+from services.layout.statistics import LabelledGraph, LabelStatistics, label_indices, sample_statistics
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,30 +32,30 @@ class ScaleFittingParameters:
     """Of the usual weights: inverse of the variance that they have between classes."""
     most_samples: int = 200
     """More say the same again; they are taken evenly from all."""
+    most_terms: float = 2e7
+    """Costs of zones by label and attribute (8 bytes each, every iteration reads them all): 200 pages of 40 zones with
+    15 labels in two views; only larger pages, or more labels, make the samples fewer."""
     most_iterations: int = 60
 
 
 def fit_scales(
     samples: Sequence[Sequence[LabelledGraph]],
-    statistics: Sequence[LabelStatistics],
+    total: LabelStatistics,
     labels: Sequence[str | None],
     parameters: ScaleFittingParameters = ScaleFittingParameters(),
 ) -> NDArray[np.float64]:
     """Weights of all attributes, in the order of `scale_names`.
 
-    A sample is a page in one view or several (`initialization`), of which `statistics` are the sums; all views are
-    held out together. Fewer than two samples leave the usual weights: nothing was held out.
+    A sample is a page in one view or several (`initialization`), all of which are held out together; `total` are the
+    sums over all samples (`sample_statistics`). Fewer than two samples leave the usual weights: nothing was held out.
     """
     usual = default_scales(samples[0][0].graph.content_names if samples else ())
     if len(samples) < 2:
         return usual
-    total = total_statistics(statistics)
-    chosen = np.unique(
-        np.linspace(0, len(samples) - 1, min(len(samples), parameters.most_samples)).astype(int)
-    )
+    work = [sum(view.graph.zones for view in views) * len(labels) * len(usual) for views in samples]
     terms, truth = [], []
-    for index in chosen:
-        model = estimate_model(total - statistics[index], labels, usual)
+    for index in choose_evenly(work, parameters.most_samples, parameters.most_terms):
+        model = estimate_model(total - sample_statistics(samples[index], labels), labels, usual)
         for view in samples[index]:
             given = label_indices(view.labels, labels)
             terms.append(conditional_terms(view, model, given))

@@ -3,7 +3,6 @@
 The app keeps models and samples; here they come in as its documents, and leave as such.
 """
 
-import functools
 import json
 import math
 from collections.abc import Sequence
@@ -27,7 +26,6 @@ from services.layout.exchange.zones_file import read_zones_file
 from services.layout.font_sizes import measure_font_classes
 from services.layout.overlay import draw_overlay
 from services.layout.pipeline import (
-    VersionedModel,
     complete_page,
     complete_sample,
     content_features,
@@ -40,6 +38,7 @@ from services.layout.results import ClassMatch, MatchReport, Recognition
 from services.ocr.engine import OcrEngine
 from services.operations.reader import ocr_engine
 from services.operations.replies import describe_warnings, timed, to_json_ready
+from services.operations.stored_models import StoredModel, open_models
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import Notice
@@ -54,8 +53,6 @@ EXPLAINED_TERMS = 1000
 """Terms of the cost that are told, largest first; a page of 500 zones has a million."""
 FOUND = "found"
 """Key of a sample's second page: the zones that segmentation finds in its image, with the verified labels."""
-CACHED_MODELS = 256
-"""Models that a worker keeps ready; more than an installation has, as a rule."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,15 +66,6 @@ class LayoutSettings:
     max_zones: int = 500
     max_zones_file_bytes: int = 8 * 2**20
     content_features: Path | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class StoredModel:
-    """A version of a layout model; `document` is its JSON."""
-
-    name: str
-    version: int
-    document: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +133,7 @@ def recognize_upload(
     timings_ms: dict[str, float] = {}
     engine = ocr_engine() if options.ocr else None
     with timed("models", timings_ms):
-        versions = [_open_model(model) for model in models]
+        versions = open_models(models)
     sight = _see(image, zones, zones_file, engine, options, settings, timings_ms)
     recognition = recognize(
         sight.page,
@@ -408,22 +396,6 @@ def _blank_page(page: Page, settings: LayoutSettings) -> RgbImage:
             "format",
         )
     return np.full((height, width, 3), 255, np.uint8)
-
-
-def _open_model(stored: StoredModel) -> VersionedModel:
-    """A model that was checked before it was stored, maybe by another release."""
-    try:
-        return VersionedModel(_parsed(stored.document), stored.version)
-    except InvalidLayout as error:
-        raise InvalidModel(
-            f"Version {stored.version} of model {stored.name} cannot be read by this release ({error.detail}) "
-            f"Initialize it again, delete it, or name the models that shall compete."
-        ) from error
-
-
-@functools.lru_cache(maxsize=CACHED_MODELS)
-def _parsed(document: bytes) -> LayoutModel:
-    return model_from_document(json.loads(document))
 
 
 def _draft(model: LayoutModel) -> ModelDraft:

@@ -9,6 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
+from app.routes import layout_models
 from tests.app.raw import connect, head, read_answer
 from tests.app.scripted import PAGE, model_document
 from tests.app.serving import serving
@@ -272,3 +273,21 @@ def test_a_restart_forgets_nothing(tmp_path: Path) -> None:
         assert len(client.get("/layout/models/letter/samples").json()["samples"]) == 1
         assert client.get(f"/layout/results/{result['id']}").json() == result
         assert client.post("/layout", data={"zones": json.dumps(PAGE)}).json()["class"]["name"] == "letter"
+
+
+@pytest.mark.parametrize("bound", ["MOST_ZONES", "MOST_CHARACTERS"])
+def test_of_very_many_samples_the_newest_make_the_model(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch, bound: str
+) -> None:
+    add_samples(client, *(labelled(label, label, text="x") for label in "abcd"))
+    monkeypatch.setattr(layout_models, bound, 5)
+    answer = client.post("/layout/models/letter/initialize").json()
+    assert (answer["samples"], answer["labels"]) == (2, {"c": 2, "d": 2})
+    monkeypatch.setattr(layout_models, bound, 0)
+    assert client.post("/layout/models/letter/initialize").json()["labels"] == {"d": 2}
+    assert [version["note"] for version in versions(client)] == ["1 samples", "2 samples"]
+
+
+def versions(client: httpx.Client) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = client.get("/layout/models/letter/versions").json()["versions"]
+    return found

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from app import layout_store
 from app.layout_store import MOST_THREADS, LayoutStore, ResultLimits
 from models.errors import ModelNotFound, ResultNotFound, StoreUnavailable
 from models.repository import Store
@@ -42,18 +43,36 @@ def test_the_folder_is_made(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "data").iterdir()] == ["layout.sqlite3"]
 
 
+def test_models_that_are_too_large_together_do_not_compete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def work(store: LayoutStore) -> None:
+        await add(store, "a")
+        await add(store, "b")
+        both = await store.ready_models(None)
+        monkeypatch.setattr(
+            layout_store, "MOST_COMPETING_BYTES", sum(len(model.document) for model in both) - 1
+        )
+        with pytest.raises(InvalidOption, match="name fewer") as caught:
+            await store.ready_models(None)
+        assert caught.value.field == "models"
+        assert len(await store.ready_models(["b"])) == 1
+
+    with_store(tmp_path, work)
+
+
 def test_models_are_read_again_only_when_one_has_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     readings = 0
-    ready_models = Store.ready_models
+    each_ready_model = Store.each_ready_model
 
     def counting(self: Store, names: Any = None) -> Any:
         nonlocal readings
         readings += 1
-        return ready_models(self, names)
+        return each_ready_model(self, names)
 
-    monkeypatch.setattr(Store, "ready_models", counting)
+    monkeypatch.setattr(Store, "each_ready_model", counting)
 
     async def work(store: LayoutStore) -> None:
         await add(store, "b")

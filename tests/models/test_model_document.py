@@ -21,6 +21,7 @@ from models.layout_graph import (
 )
 from models.model_document import (
     LARGEST,
+    LONGEST_LABEL,
     LONGEST_NAME,
     MOST_DESCRIPTORS,
     MOST_LABELS,
@@ -72,7 +73,7 @@ expectations = st.builds(NumericExpectation, numbers, st.floats(1e-9, LARGEST))
 
 @st.composite
 def models(draw: st.DrawFn) -> LayoutModel:
-    labels = (None, *draw(st.lists(names, max_size=4, unique=True)))
+    labels = (None, *draw(st.lists(names.map(lambda name: name[:LONGEST_LABEL]), max_size=4, unique=True)))
     nodes = tuple(
         ModelNode(
             label,
@@ -153,6 +154,8 @@ DAMAGES: list[tuple[Path, Any, str]] = [
     (("nodes", 0, "label"), "first", "nodes"),
     ((*NODE, "label"), None, "nodes"),
     ((*NODE, "label"), 5, "nodes[1].label"),
+    ((*NODE, "label"), "x" * 61, "nodes[1].label"),  # no zone of a sample may have these
+    ((*NODE, "label"), " body", "nodes[1].label"),
     (NODE, "node", "nodes[1]"),
     ((*NODE, "zones"), -1, "nodes[1].zones"),
     ((*NODE, "cost"), math.nan, "nodes[1].cost"),

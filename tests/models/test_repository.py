@@ -207,6 +207,10 @@ def test_samples_can_be_taken_away(store: Store) -> None:
     ids = [store.add_sample("letter", {"n": n}).id for n in range(4)]
     assert [sample.id for sample in store.samples("letter")] == ids
     assert [sample.document for sample in store.samples("letter")] == [{"n": n} for n in range(4)]
+    assert [sample.id for sample in store.each_sample("letter")] == ids
+    newest = store.each_sample("letter", newest_first=True)
+    assert (next(newest).id, next(newest).document) == (ids[3], {"n": 2})
+    newest.close()
     store.delete_sample("letter", ids[1])
     assert [sample.id for sample in store.samples("letter")] == [ids[0], ids[2], ids[3]]
     store.add_sample("memo", {})

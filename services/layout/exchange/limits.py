@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from models.layout_graph import LONGEST_LABEL
+
 
 @dataclass(frozen=True, slots=True)
 class ExchangeLimits:
@@ -12,8 +14,7 @@ class ExchangeLimits:
     max_side: float = 100_000.0
     """Of the page, pixels: beyond any scan (A0 at 600 dpi has 28 000)."""
     max_id_length: int = 100
-    max_label_length: int = 60
-    """The longest label of the labelled pages has 16 characters."""
+    max_label_length: int = LONGEST_LABEL
     max_text_length: int = 100_000
     """Characters of one zone; a page of fine print has 10 000."""
     max_content_features: int = 100

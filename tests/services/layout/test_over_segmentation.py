@@ -24,6 +24,15 @@ def test_a_zone_is_cut_between_its_lines() -> None:
     assert all(not piece.content for piece in pieces), "it is of the whole zone's text"
 
 
+def test_zones_that_are_said_to_have_thousands_of_lines_make_no_thousands_of_zones() -> None:
+    zones = tuple(Zone(str(index), (0, 0, 900, 900), lines=100_000, label="body") for index in range(300))
+    found = over_segment(Page(1000, 1000, zones), np.random.default_rng(0))
+    assert 300 <= len([zone for zone in found.zones if zone.kind == "text"]) <= 500
+    assert {zone.id.partition(".")[0] for zone in found.zones if zone.kind == "text"} == {
+        zone.id for zone in zones
+    }
+
+
 def test_words_are_shared_out_where_line_ends_are_not_known() -> None:
     zone = Zone("z", (0, 0, 90, 40), lines=2, text="a b c d e f", label="body")
     pieces = over_segment(Page(100, 200, (zone,)), np.random.default_rng(0), ALWAYS).zones

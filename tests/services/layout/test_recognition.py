@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
 
 from models.layout_graph import LayoutModel, Page, Zone
+from services.layout import recognition
 from services.layout.matching import MatchingParameters
 from services.layout.pipeline import initialize_model, recognize
 from services.layout.recognition import RecognitionParameters, VersionedModel
@@ -142,6 +144,44 @@ def test_contenders_are_searched_for_thoroughly() -> None:
         assert replace(among.match, explanation=()) == replace(alone.match, explanation=())
         assert quick.match.cost >= alone.match.cost - 1e-9
         assert quick.match.cost - quick.match.gap <= alone.match.cost + 1e-9
+
+
+def test_a_bounded_number_of_models_is_matched_thoroughly(monkeypatch: pytest.MonkeyPatch) -> None:
+    page, model = labelled_page("letter", 50), model_of("letter", 4)
+    calls: list[bool] = []
+    match = recognition._match
+
+    def counting(*arguments: Any, thorough: bool) -> Any:
+        calls.append(thorough)
+        return match(*arguments, thorough=thorough)
+
+    monkeypatch.setattr(recognition, "_match", counting)
+    monkeypatch.setattr(recognition, "MOST_CONTENDERS", 3)
+    found = recognize(page, [VersionedModel(model, version) for version in range(1, 9)])
+    assert calls.count(False) == 8
+    assert 3 <= calls.count(True) <= 8
+    assert found.match is not None
+    assert [zone.label for zone in found.zones] == [
+        zone.label for zone in recognize(page, [VersionedModel(model, 1)]).zones
+    ]
+
+
+@pytest.mark.parametrize("bound", ["MOST_ENTRIES", "MOST_ENTRIES_TOGETHER"])
+def test_large_tables_are_made_smaller(monkeypatch: pytest.MonkeyPatch, bound: str) -> None:
+    """Zones are joined to fewer neighbours; labels suffer little, and even one neighbour is enough to answer."""
+    page, models = labelled_page("letter", 51), [VersionedModel(model_of("letter", 4), 1)] * 2
+    tables = []
+    build = recognition.build_cost_tables
+    monkeypatch.setattr(recognition, "build_cost_tables", lambda *of: tables.append(build(*of)) or tables[-1])
+    whole = recognize(page, models)
+    entries = tables[-1].edge.size
+    monkeypatch.setattr(recognition, bound, entries / 2)
+    smaller = recognize(page, models)
+    assert tables[-1].edge.size < entries / (1.5 if bound == "MOST_ENTRIES" else 3)
+    same = [a.label == b.label for a, b in zip(whole.zones, smaller.zones, strict=True)]
+    assert np.mean(same) > 0.7
+    monkeypatch.setattr(recognition, bound, 0.0)
+    assert len(recognize(page, models).zones) == len(page.zones)
 
 
 def test_equal_models_share_the_probability() -> None:

@@ -111,9 +111,9 @@ def page_with(rng: np.random.Generator) -> LabelledGraph:
 
 def fitted(pages: list[LabelledGraph], **parameters: float) -> dict[str, float]:
     labels = (None, *sorted({label for page in pages for label in page.labels if label}))
-    statistics = [gather_statistics(page, labels) for page in pages]
+    total = total_statistics(gather_statistics(page, labels) for page in pages)
     samples = [[page] for page in pages]
-    scales = fit_scales(samples, statistics, labels, ScaleFittingParameters(**parameters))
+    scales = fit_scales(samples, total, labels, ScaleFittingParameters(**parameters))
     return dict(zip(scale_names(pages[0].graph.content_names), scales.tolist(), strict=True))
 
 
@@ -130,10 +130,10 @@ def test_pages_tell_which_attributes_can_be_trusted() -> None:
 def test_nothing_is_fitted_where_nothing_can_be_held_out(pages: int) -> None:
     rng = np.random.default_rng(6)
     graphs = [page_with(rng) for _ in range(pages)]
-    statistics = [gather_statistics(page, (None, "a", "b", "c")) for page in graphs]
+    total = gather_statistics(page_with(rng), (None, "a", "b", "c"))
     names = NAMES if pages else ()
     np.testing.assert_array_equal(
-        fit_scales([[page] for page in graphs], statistics, (None, "a", "b", "c")), default_scales(names)
+        fit_scales([[page] for page in graphs], total, (None, "a", "b", "c")), default_scales(names)
     )
 
 
@@ -143,6 +143,8 @@ def test_more_samples_than_wanted_are_taken_evenly() -> None:
     few, all_ = fitted(pages, most_samples=4), fitted(pages)
     assert few["left"] != all_["left"]
     assert few["left"] > few["digits"]
+    terms_of_a_page = 8 * 4 * len(default_scales(NAMES))
+    assert fitted(pages, most_terms=4.5 * terms_of_a_page) == few
 
 
 @pytest.mark.parametrize("name", ["letter", "two-column"])

@@ -20,13 +20,13 @@ from services.operations.layout import (
     EXPLAINED_TERMS,
     LayoutOptions,
     LayoutSettings,
-    StoredModel,
     describe_recognition,
     import_model,
     initialize_from_samples,
     measure_sample,
     recognize_upload,
 )
+from services.operations.stored_models import StoredModel
 from simulation.labelled_pages import letter_page
 from tests.services.imaging.files import make_file
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
@@ -65,13 +65,6 @@ def test_the_page_can_be_recognized_again(model: StoredModel) -> None:
     again = recognize_upload(None, as_json(reply.page), None, [model], LayoutOptions(), SETTINGS)
     assert again.document["match"] == reply.document["match"]
     assert again.page == reply.page
-
-
-def test_a_model_is_parsed_once(model: StoredModel) -> None:
-    layout._parsed.cache_clear()
-    for _ in range(3):
-        recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
-    assert layout._parsed.cache_info().misses == 1
 
 
 def test_a_stored_model_that_cannot_be_read_is_told() -> None:

@@ -1,0 +1,34 @@
+"""Stored models are read once, and kept within a bound of bytes."""
+
+import json
+
+from models.layout_graph import Calibration, LayoutModel, ModelNode
+from models.model_document import model_to_document
+from services.operations.stored_models import ReadyModels, StoredModel, open_models
+
+
+def stored(name: str) -> StoredModel:
+    node = ModelNode(None, 0.0, 0.0, {}, {}, (0.0, 0.0))
+    model = LayoutModel(name, 1, (node,), (), {}, Calibration(-5.0, 1.0, 0))
+    return StoredModel(name, 1, json.dumps(model_to_document(model)).encode())
+
+
+def test_a_model_is_read_once() -> None:
+    ready, model = ReadyModels(), stored("a")
+    first, again = (open_models([model], ready)[0].model for _ in range(2))
+    assert first is again
+
+
+def test_the_least_recently_used_models_go_first() -> None:
+    a, b, c = (stored(name).document for name in "abc")
+    ready = ReadyModels(most_bytes=len(a) + len(b))
+    kept_a, kept_b = ready.read(a), ready.read(b)
+    assert ready.read(a) is kept_a
+    ready.read(c)
+    assert ready.read(a) is kept_a
+    assert ready.read(b) is not kept_b
+
+
+def test_a_model_larger_than_all_that_is_kept_is_read_all_the_same() -> None:
+    ready = ReadyModels(most_bytes=1)
+    assert [ready.read(stored(name).document).name for name in "aba"] == ["a", "b", "a"]
