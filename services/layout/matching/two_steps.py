@@ -12,6 +12,9 @@ from services.layout.matching.parameters import MatchingParameters
 
 _LEAST_GAIN = 1e-10
 """Relative to the cost; smaller gains are rounding."""
+_LEFT_OVER = 0.05
+"""Of one and of what a label gains over null: the cost of being grouped later. The zone that a label fits best is the
+backbone's then, and the others of its group are left over."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +34,7 @@ def match_in_two_steps(tables: CostTables, boxes: Floats, parameters: MatchingPa
     `boxes` (N, 4), (x0, y0, x1, y1), are needed for `parameters.manhattan`: a zone may then join a group only if the
     box around both overlaps no zone of another group, and the zone no such box.
     """
-    if tables.zones == 0:
+    if tables.zones == 0 or tables.labels == 1:
         return TwoStepMatching(match_directly(tables, parameters), ())
     first = match_directly(_one_to_one(tables), parameters)
     labels = _without_doubles(tables, first.labels)
@@ -45,14 +48,22 @@ def match_in_two_steps(tables: CostTables, boxes: Floats, parameters: MatchingPa
 
 
 def _one_to_one(tables: CostTables) -> CostTables:
-    """The same costs, but a second zone of a model node costs more than all that labels can gain."""
+    """The same costs, but a second zone of a model node costs more than all that labels can gain.
+
+    What is left over will be grouped, so it is charged what its best label would cost: else the other paragraphs of a
+    page take the nodes of rare components, each cheaper than null, and the second step takes none back.
+    """
     ranges = np.ptp(tables.node, axis=1).sum() + np.ptp(tables.count, axis=1).sum()
     if len(tables.edge):
         ranges += np.ptp(tables.edge, axis=(1, 2)).sum()
     count = tables.count.copy()
     more = np.arange(2, count.shape[1])
     count[1:, 2:] = count[1:, 1:2] + (1.0 + ranges) * (more - 1)
-    return replace(tables, count=count)
+    count[0] = count[0].min()
+    node = tables.node.copy()
+    best = node[:, 1:].min(axis=1)
+    node[:, 0] = np.minimum(node[:, 0], best + _LEFT_OVER * (1.0 + node[:, 0] - best))
+    return replace(tables, node=node, count=count)
 
 
 def _without_doubles(tables: CostTables, labels: Labels) -> Labels:

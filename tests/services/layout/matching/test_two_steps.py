@@ -9,6 +9,7 @@ from services.layout.matching import MatchingParameters, match_directly, match_i
 from tests.services.layout.matching.brute_force import all_costs, all_labellings
 
 PARAMETERS = MatchingParameters(max_ms=10_000.0)
+MANHATTAN = replace(PARAMETERS, manhattan=True)
 
 
 def random_boxes(zones: int, rng: np.random.Generator) -> np.ndarray:
@@ -31,6 +32,12 @@ def test_the_first_step_is_the_best_one_to_one_mapping(seed: int) -> None:
     for label, zone in found.backbone:
         labels[zone] = label
     assert len({label for label, _ in found.backbone}) == len(found.backbone)
+    # zones that are left over are charged what they will cost as members of a group
+    node, count = tables.node.copy(), tables.count.copy()
+    best = node[:, 1:].min(axis=1)
+    node[:, 0] = np.minimum(node[:, 0], best + 0.05 * (1 + node[:, 0] - best))
+    count[0] = count[0].min()
+    tables = replace(tables, node=node, count=count)
     every = all_labellings(tables)
     single = (np.stack([(every == label).sum(1) for label in range(1, 4)]) <= 1).all(0)
     assert tables.cost(labels) == pytest.approx(all_costs(tables, every[single]).min(), abs=1e-9)
@@ -62,8 +69,8 @@ def test_boxes_of_groups_that_were_joined_overlap_no_other_group() -> None:
         rng = np.random.default_rng(seed)
         tables, _ = simulated_tables(18, 5, TYPICAL, rng)
         boxes = random_boxes(18, rng)
-        found = match_in_two_steps(tables, boxes, PARAMETERS)
-        free = match_in_two_steps(tables, boxes, replace(PARAMETERS, manhattan=False))
+        found = match_in_two_steps(tables, boxes, MANHATTAN)
+        free = match_in_two_steps(tables, boxes, PARAMETERS)
         assert free.backbone == found.backbone
         labels = found.matching.labels
         for label in np.flatnonzero(np.bincount(labels) > 1):
@@ -80,13 +87,13 @@ def test_a_zone_between_two_of_a_group_keeps_them_apart() -> None:
     node = np.array([[5.0, 0.0, 5.0], [5.0, 5.0, 0.0], [2.0, 1.0, 5.0]])
     tables = CostTables(node, np.zeros((0, 2), np.intp), np.zeros((0, 3, 3)), np.zeros((3, 4)))
     boxes = np.array([[0.0, 0, 10, 10], [0, 20, 10, 30], [0, 40, 10, 50]])
-    apart = match_in_two_steps(tables, boxes, PARAMETERS)
+    apart = match_in_two_steps(tables, boxes, MANHATTAN)
     assert apart.backbone == ((1, 0), (2, 1))
     assert apart.matching.labels.tolist() == [1, 2, 0]
-    together = match_in_two_steps(tables, boxes, replace(PARAMETERS, manhattan=False))
+    together = match_in_two_steps(tables, boxes, PARAMETERS)
     assert together.matching.labels.tolist() == [1, 2, 1]
     beside = boxes + np.array([[0, 0, 0, 0], [20, 0, 20, 0], [0, 0, 0, 0]])
-    assert match_in_two_steps(tables, beside, PARAMETERS).matching.labels.tolist() == [1, 2, 1]
+    assert match_in_two_steps(tables, beside, MANHATTAN).matching.labels.tolist() == [1, 2, 1]
 
 
 @pytest.mark.parametrize("zones", [0, 1, 2])
@@ -103,3 +110,10 @@ def test_without_any_budget_the_mapping_is_one_to_one_still() -> None:
     found = match_in_two_steps(tables, random_boxes(20, np.random.default_rng(3)), none)
     assert len({label for label, _ in found.backbone}) == len(found.backbone)
     assert found.matching.lower_bound <= match_directly(tables, PARAMETERS).cost
+
+
+def test_a_model_of_null_alone_takes_every_zone() -> None:
+    tables = CostTables(np.ones((3, 1)), np.zeros((0, 2), np.intp), np.zeros((0, 1, 1)), np.zeros((1, 4)))
+    found = match_in_two_steps(tables, random_boxes(3, np.random.default_rng(0)), PARAMETERS)
+    assert found.backbone == ()
+    assert found.matching.labels.tolist() == [0, 0, 0]
