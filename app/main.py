@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 import uvicorn
@@ -31,6 +32,7 @@ from app.schemas.layout_models import PageBody
 from app.schemas.problem import Problem
 from app.settings import Settings
 from app.uploads import Admission, BodyGuard, BodyLimits
+from services.layout.content_settings import InvalidContentSettings, read_settings
 
 log = logging.getLogger(__name__)
 
@@ -81,6 +83,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        _check_content_features(settings.content_features)
         async with store.opened():  # first, so that a service that cannot remember does not start
             await engine.start()
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
@@ -137,6 +140,22 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     app.add_middleware(RequestLog, metrics=metrics)
     _describe(app, bool(settings.api_keys))
     return app
+
+
+def _check_content_features(path: Path | None) -> None:
+    """Refuse to start with a settings file that no worker could use, and say which entry is wrong.
+
+    Raises
+    ------
+    InvalidContentSettings
+    """
+    if path is None:
+        return
+    try:
+        read_settings(path)
+    except InvalidContentSettings as error:
+        log.error("the content features (CONTENT_FEATURES) cannot be used: %s", error)
+        raise error.with_traceback(None) from None  # the server writes the rest down, and it is long
 
 
 def _version() -> str:

@@ -144,6 +144,68 @@ def test_results_as_xml_can_be_sent_again(learned: httpx.Client, name: str, root
     assert len(again.json()["zones"]) == len(first["zones"])
 
 
+def test_what_is_answered_can_be_sent_again(learned: httpx.Client) -> None:
+    """As zones, in every form, as a sample and under another name of the model: the labels and costs are the same."""
+    zones = json.dumps(without_labels(make("letter", 110, draw=False)))
+    ask = {"zones": zones, "models": "letter"}
+    first = learned.post("/layout", data=ask).json()
+    exported = learned.get("/layout/models/letter").json()
+    del exported["name"]
+    assert learned.put("/layout/models/again", json=exported).status_code == 201
+    answers = [learned.post("/layout", data={**ask, "models": "again"})]
+    answers.append(learned.post("/layout", data={**ask, "zones": json.dumps(first)}))
+    for form in ("pagexml", "alto", "json"):
+        sent = learned.post("/layout", data={**ask, "format": form}).content
+        answers.append(
+            learned.post("/layout", files={"zones_file": ("page", sent)}, data={"models": "letter"})
+        )
+    for answer in answers:
+        found = answer.json()
+        assert found["match"] == first["match"]
+        assert [(zone["id"], zone["label"], zone["text"], zone["font_size"]) for zone in found["zones"]] == [
+            (zone["id"], zone["label"], zone["text"], zone["font_size"]) for zone in first["zones"]
+        ]
+    sample = learned.post("/layout/models/again/samples", json=first)
+    assert sample.status_code == 201, sample.text
+    assert learned.post("/layout/models/again/initialize").json()["version"] == 2
+    assert learned.delete("/layout/models/again").status_code == 204
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 3000), (3000, 1), (40, 30)])
+def test_images_that_are_no_page(learned: httpx.Client, shape: tuple[int, int]) -> None:
+    pixels = np.random.default_rng(0).integers(0, 256, (*shape, 3)).astype(np.uint8)
+    response = learned.post("/layout", files={"image": encoded(Image.fromarray(pixels), "PNG")})
+    assert response.status_code == 200, response.text
+    assert (response.json()["height"], response.json()["width"]) == shape
+    response = learned.post("/layout", files={"image": encoded(Image.fromarray(pixels), "PNG")}, data=PNG)
+    assert (response.status_code, response.headers["content-type"]) == (200, "image/png")
+
+
+PNG = {"format": "png", "ocr": "off"}
+
+
+@pytest.mark.parametrize(
+    "number", ["1e999", "-1e999", "NaN", "Infinity", "9" * 400, "true", "null", '"1"', "[1]", "1e308"]
+)
+def test_what_are_no_coordinates(learned: httpx.Client, number: str) -> None:
+    for text, field in (
+        (
+            f'{{"width": 100, "height": 100, "zones": [{{"id": "a", "label": "b", "box": [1, 1, {number}, 9]}}]}}',
+            "zones[0].box",
+        ),
+        (f'{{"width": {number}, "height": 100, "zones": []}}', "width"),
+    ):
+        for response in (
+            learned.post("/layout", data={"zones": text}),
+            learned.post(
+                "/layout/models/bad/samples", content=text, headers={"Content-Type": "application/json"}
+            ),
+        ):
+            assert (response.status_code, response.json()["code"]) == (422, "invalid-option"), response.text
+            assert response.json()["field"] == field
+    assert learned.get("/layout/models/bad").status_code == 404
+
+
 def test_the_overlay(learned: httpx.Client) -> None:
     page = make("memo", 107)
     for files, data in (
