@@ -59,7 +59,9 @@ def complete_page(
     """
     if image is not None:
         gray = _gray(image)
-        unread = engine is not None and not all(zone.text for zone in page.zones)
+        # Rules and figures have no text as a rule: those of a page that was read do not call for it to be read again.
+        unread = any(zone.kind == "text" and not zone.text for zone in page.zones)
+        unread |= not any(zone.text for zone in page.zones)
         words = engine.read_page(gray) if engine is not None and unread else []
         page = fill_texts(measure_zones(gray, page), words)
     return (features or content_features()).measure_page(page)

@@ -88,6 +88,19 @@ def test_what_zones_have_is_kept_and_not_read_again() -> None:
     assert {zone.font_size for zone in found.zones} == {99.0}
 
 
+def test_figures_and_rules_without_text_do_not_call_for_reading() -> None:
+    """So what was answered for an image can be sent with it again, and costs no second reading."""
+    page = memo_page(np.random.default_rng(1000))
+    engine = TruthfulEngine(page)
+    first, *others = bare(page).zones
+    read = tuple(replace(zone, text="told") for zone in others)
+    complete_page(replace(bare(page), zones=(replace(first, kind="figure"), *read)), rgb(page), engine)
+    assert engine.calls == 0
+    complete_page(replace(bare(page), zones=(first, *read)), rgb(page), engine)
+    complete_page(replace(bare(page), zones=(replace(first, kind="figure"),)), rgb(page), engine)
+    assert engine.calls == 2
+
+
 def test_without_image_zones_stay_as_they_are() -> None:
     page = labelled_page("memo", 0)
     assert complete_page(page, None, None) == page
