@@ -40,6 +40,8 @@ def tell_kinds(
     glyphs &= ~rules & (height < 12 * width) & (width < 60 * height)
     solid = area > 0.85 * width * height
     glyphs &= ~(solid & (height > 2.0 * unit) & (width > 2.0 * unit))
+    # Frames and circles of drawings: no letters of that size have strokes so fine.
+    glyphs &= ~((components.stroke < parameters.hairline * height) & (height > 1.6 * unit))
     large = ~rules & ~glyphs & (length > unit)
     return Kinds(glyphs, rules, large)
 

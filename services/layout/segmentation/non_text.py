@@ -50,6 +50,20 @@ def find_parts(
     return _largest(components, parts, parameters.most_parts)
 
 
+def without_dirt(
+    parts: list[Part], components: Components, unit: float, parameters: SegmentationParameters
+) -> list[Part]:
+    """`parts` without small noise, and without what is more than `most_noise`."""
+    noise = []
+    for part in parts:
+        [box] = unite_boxes(components.boxes[part.members], np.zeros(len(part.members), dtype=np.intp))
+        if part.kind == "noise" and max(box[2] - box[0], box[3] - box[1]) > parameters.least_noise * unit:
+            noise.append(part)
+    return [part for part in parts if part.kind != "noise"] + _largest(
+        components, noise, parameters.most_noise
+    )
+
+
 def _largest(components: Components, parts: list[Part], most: int) -> list[Part]:
     """At most so many of `parts`: those with most ink."""
     if len(parts) <= most:
@@ -87,17 +101,39 @@ def _rules(
     parameters: SegmentationParameters,
 ) -> list[Part]:
     """Rules but underlines, which belong to the line above them."""
+    if len(members) == 0:
+        return []
     parts = []
-    for index in members:
-        x0, y0, x1, y1 = components.boxes[index]
+    groups = _rule_pieces(components.boxes[members], unit, parameters)
+    for number, (x0, y0, x1, y1) in enumerate(unite_boxes(components.boxes[members], groups)):
         if len(lines):
             under = (lines[:, 3] > y0 - 0.6 * unit) & (lines[:, 1] < y0) & (lines[:, 3] < y1 + 1.0 * unit)
             covered = np.minimum(lines[:, 2], x1) - np.maximum(lines[:, 0], x0)
             if np.any(under & (covered > 0.7 * (x1 - x0))):
                 continue
         if max(x1 - x0, y1 - y0) > parameters.least_rule * unit:
-            parts.append(Part(np.array([index]), "rule"))
+            parts.append(Part(members[groups == number], "rule"))
     return parts
+
+
+def _rule_pieces(boxes: Boxes, unit: float, parameters: SegmentationParameters) -> Indices:
+    """Groups (N,) of rules' boxes that continue each other along the rows or the columns."""
+    groups = []
+    for along, across in ((0, 1), (1, 0)):
+        length, thickness = (boxes[:, each + 2] - boxes[:, each] for each in (along, across))
+        low = boxes[:, along] - 0.5 * parameters.rule_gap * unit
+        i, j = near_pairs(low, boxes[:, along + 2] + 0.5 * parameters.rule_gap * unit)
+        centre = (boxes[:, across] + boxes[:, across + 2]) / 2
+        level = np.abs(centre[i] - centre[j]) < 0.3 * unit
+        level &= (length[i] > thickness[i]) & (length[j] > thickness[j])
+        # Neither lies beside the other: a double rule is two.
+        shared = np.minimum(boxes[i, along + 2], boxes[j, along + 2]) - np.maximum(
+            boxes[i, along], boxes[j, along]
+        )
+        level &= shared < unit
+        groups.append((i[level], j[level]))
+    first, second = (np.concatenate([pair[k] for pair in groups]) for k in (0, 1))
+    return group_linked(len(boxes), first, second)
 
 
 def _touches_border(boxes: Boxes, page_px: tuple[int, int], unit: float) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ from services.arrays import GrayImage
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.entries import find_entries
 from services.layout.segmentation.frame import Frame, PrintedPage, analyse_print
+from services.layout.segmentation.gathering import gather_scraps, trim_figures
 from services.layout.segmentation.ink import Components
 from services.layout.segmentation.measures import (
     zone_alignment,
@@ -18,7 +19,7 @@ from services.layout.segmentation.measures import (
     zone_line_spacing,
     zone_weight,
 )
-from services.layout.segmentation.non_text import Part, find_parts
+from services.layout.segmentation.non_text import Part, find_parts, without_dirt
 from services.layout.segmentation.page_numbers import split_page_numbers
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.reading_order import reading_order
@@ -70,12 +71,16 @@ def segment_page(
         levelled, printed.kinds, unused, line_boxes, printed.unit, printed.frame.size, parameters
     )
     blocks = _without_inner(blocks, hulls, lines, texts, parts, levelled, parameters)
+    is_sure = np.array([sum(map(str.isalnum, text)) > 1 for text in texts], dtype=bool)
+    blocks, parts = gather_scraps(blocks, lines, is_sure, parts, levelled, printed.unit, parameters)
+    parts = without_dirt(parts, levelled, printed.unit, parameters)
     column = (float(line_boxes[:, 0].min()), float(line_boxes[:, 2].max())) if lines else (0.0, 0.0)
     zones = [
         _text_zone([lines[i] for i in block], [texts[i] for i in block], printed, column) for block in blocks
     ]
     for part in parts:
         zones.append(Zone("", _union(printed.components, part.members, printed.frame), kind=part.kind))
+    zones = trim_figures(zones, parameters)
     order = reading_order([zone.box for zone in zones])
     numbered = (replace(zones[index], id=f"z{number}") for number, index in enumerate(order, 1))
     return Page(float(width), float(height), tuple(numbered))

@@ -34,6 +34,9 @@ class SegmentationParameters:
     rule_thickness: float = 0.5
     """Rules are thinner than this, in units."""
 
+    hairline: float = 0.04
+    """Strokes finer than this times their height draw no letters but of the smallest print."""
+
     letter_gap: float = 0.6
     """Components nearer than this times their height are one word, or words near each other."""
     tallest_partner: float = 2.3
@@ -85,6 +88,8 @@ class SegmentationParameters:
     reliable_components: int = 5
     """Sizes and weights of lines with fewer components are told with `unreliable_step` only."""
     unreliable_step: float = 1.35
+    doubtful_step: float = 1.22
+    """Sizes of lines that stand in even rows are taken for one up to here."""
     leading_step: float = 1.22
     """A line space wider than the next by this factor divides blocks."""
     largest_leading: float = 1.75
@@ -138,6 +143,21 @@ class SegmentationParameters:
     """A figure has a component of this size, in units."""
     least_rule: float = 6.0
     """Shorter rules are dashes, in units."""
+
+    scrap_components: int = 6
+    """Text of no more glyphs that nobody read may be a piece of a signature or a stamp, ..."""
+    scrap_gap: tuple[float, float] = (0.6, 0.5)
+    """... and is of the next piece if both, grown so far across and down in units, meet."""
+    least_noise: float = 4.0
+    """Noise is larger, in units; less is dirt."""
+    most_noise: int = 12
+    """Of more noise on a page the smaller is left out, too."""
+    rule_gap: float = 5.0
+    """Pieces of one rule are no farther apart, in units."""
+    trimmed_share: float = 0.5
+    """A figure whose upper part crosses a line of print begins below it, if so much of its height is left."""
+    largest_scrap: float = 40.0
+    """What is longer, in units, is no scrap but a border or a picture."""
 
     sure_confidence: float = 0.5
     """A line read with more is text, however it looks."""

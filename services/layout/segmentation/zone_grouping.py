@@ -27,19 +27,22 @@ def group_lines(
     """
     blocks: list[list[int]] = []
     foot = parameters.foot_of_text * page_height
-    chains = _chains(lines, parameters)
+    chains = _chains(lines, components, parameters)
+    marks = _marks(lines, components)
     for part in (part for chain in chains for part in _cut(chain, _positions(chain, begins))):
-        for block in _split_at_leading(lines, part, parameters):
+        for block in _split_at_leading(lines, part, marks, parameters):
             for note in _cut(block, note_starts(lines, block, components, foot, parameters)):
                 blocks.extend(_split_paragraphs(lines, note, parameters))
     return blocks
 
 
-def _chains(lines: Sequence[Line], parameters: SegmentationParameters) -> list[list[int]]:
+def _chains(
+    lines: Sequence[Line], components: Components, parameters: SegmentationParameters
+) -> list[list[int]]:
     """Lines linked to the one next below where it is theirs alone, and set alike."""
     if not lines:
         return []
-    below = _next_below(lines, parameters)
+    below = _next_below(lines, components, parameters)
     above = {j: i for i, j in below.items()}
     chains = []
     for start in range(len(lines)):
@@ -52,7 +55,9 @@ def _chains(lines: Sequence[Line], parameters: SegmentationParameters) -> list[l
     return chains
 
 
-def _next_below(lines: Sequence[Line], parameters: SegmentationParameters) -> dict[int, int]:
+def _next_below(
+    lines: Sequence[Line], components: Components, parameters: SegmentationParameters
+) -> dict[int, int]:
     boxes: Boxes = np.array([line.box for line in lines])
     baseline = np.array([line.baseline for line in lines])
     em = np.array([line.em for line in lines])
@@ -74,10 +79,66 @@ def _next_below(lines: Sequence[Line], parameters: SegmentationParameters) -> di
     linked &= alone
     pairs = {int(i): int(j) for i, j in zip(*np.nonzero(linked), strict=True)}
     alike = {i for i, j in pairs.items() if _set_alike(lines[i], lines[j], parameters)}
+    marks = _marks(lines, components)
+    above_of = {j: i for i, j in pairs.items()}
     for i, j in pairs.items():
+        near = [lines[k].baseline - lines[above_of[k]].baseline for k in (i, pairs.get(j)) if k in above_of]
+        if _is_evenly_set(lines[i], lines[j], near, parameters) or _are_items(lines, i, j, marks, parameters):
+            alike.add(i)
         if j in pairs and _is_odd_one(lines[i], lines[j], lines[pairs[j]], parameters):
             alike |= {i, j}
     return {i: j for i, j in pairs.items() if i in alike}
+
+
+def _marks(lines: Sequence[Line], components: Components) -> NDArray[np.float64]:
+    """Height of the mark that begins every line (L,), a bullet or dash before its first letter; 0 without."""
+    heights = np.zeros(len(lines))
+    for index, line in enumerate(lines):
+        boxes = components.boxes[line.members]
+        if len(boxes) < 3:
+            continue
+        order = np.argsort(boxes[:, 0], kind="stable")
+        first, second = boxes[order[0]], boxes[order[1]]
+        low = first[3] - first[1] < 0.55 * line.em and first[3] < line.baseline + 0.05 * line.em
+        if low and second[0] - first[2] > 0.35 * line.em:
+            heights[index] = first[3] - first[1]
+    return heights
+
+
+def _are_items(
+    lines: Sequence[Line], a: int, b: int, marks: NDArray[np.float64], parameters: SegmentationParameters
+) -> bool:
+    """Whether two lines are items of a list: alike marks stand below each other, of short lines, however far apart."""
+    em = max(lines[a].em, lines[b].em)
+    even = abs(lines[a].box[0] - lines[b].box[0]) < parameters.edge_slack * em
+    near = lines[b].baseline - lines[a].baseline < parameters.double_leading * em
+    near &= max(lines[a].width, lines[b].width) < parameters.widest_value * em
+    alike = min(marks[a], marks[b]) > 0 and max(marks[a], marks[b]) < 1.3 * min(marks[a], marks[b])
+    return bool(even and near and alike and em < parameters.unreliable_step * min(lines[a].em, lines[b].em))
+
+
+def _is_evenly_set(
+    first: Line, second: Line, leadings: Sequence[float], parameters: SegmentationParameters
+) -> bool:
+    """Whether a wide line and the next, which seem to differ somewhat in size or weight, stand like the lines around.
+
+    `leadings` are the distances of the baselines above the first and below the second. Broken or blurred print
+    misleads measures of a line; it moves no baseline.
+    """
+    em, small = max(first.em, second.em), min(first.em, second.em)
+    distance = second.baseline - first.baseline
+    if not leadings or em > parameters.doubtful_step * small or first.width < parameters.narrow * em:
+        return False
+    # Much wider lines reach into the next column.
+    if second.width > 1.5 * first.width:
+        return False
+    if max(first.stroke / first.em, second.stroke / second.em) > 1.5 * min(
+        first.stroke / first.em, second.stroke / second.em
+    ):
+        return False
+    even = max(abs(distance - each) for each in leadings) < 0.06 * em
+    edges = abs(first.box[0] - second.box[0]) < parameters.edge_slack * em
+    return even and edges and distance < parameters.largest_leading * em
 
 
 def _is_odd_one(above: Line, line: Line, below: Line, parameters: SegmentationParameters) -> bool:
@@ -125,7 +186,7 @@ def _set_alike(first: Line, second: Line, parameters: SegmentationParameters) ->
 
 
 def _split_at_leading(
-    lines: Sequence[Line], chain: list[int], parameters: SegmentationParameters
+    lines: Sequence[Line], chain: list[int], marks: NDArray[np.float64], parameters: SegmentationParameters
 ) -> list[list[int]]:
     """Parts of a chain within which the distance of baselines is even."""
     distance = np.diff([lines[index].baseline for index in chain])
@@ -139,6 +200,9 @@ def _split_at_leading(
     cuts |= ~np.isfinite(beside) & (distance > 1.5 * em)
     ends = _right_margin(lines, chain) - np.array([lines[index].box[2] for index in chain[:-1]])
     cuts |= (distance > parameters.paragraph_leading * em) & (ends > parameters.early_end * em)
+    for place, (a, b) in enumerate(pairwise(chain)):
+        if _are_items(lines, a, b, marks, parameters):
+            cuts[place] = False
     return _cut(chain, np.flatnonzero(cuts) + 1)
 
 
