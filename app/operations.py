@@ -14,12 +14,12 @@ from services.rectify.parameters import RectifyParameters
 
 if TYPE_CHECKING:
     from services.imaging.codec import ImageLimits
-    from services.operations import EncodingOptions, layout
+    from services.operations import EncodingOptions, page_zones
 
 Format = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
 LayoutFormat = Literal["json", "pagexml", "alto", "png"]
 
-PRELOADED = ("services.operations", "services.operations.layout")
+PRELOADED = ("services.operations", "services.operations.layout", "services.operations.layout_models")
 """Loaded once, before the first worker exists; every worker starts with it."""
 
 
@@ -176,31 +176,31 @@ def recognize_layout(
 
 def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
     """A labelled page, made complete by its image; raises the `DocumentError`s of `services.operations`."""
-    from services.operations import layout
+    from services.operations import layout_models
 
-    return layout.measure_sample(image, zones, _layout_settings(settings))
+    return layout_models.measure_sample(image, zones, _layout_settings(settings))
 
 
 def initialize_model(name: str, samples: list[dict[str, Any]], settings: LayoutSettings) -> ModelDraft:
     """The layout model of `samples`; raises the `DocumentError`s of `services.operations`."""
-    from services.operations import layout
+    from services.operations import layout_models
 
-    draft = layout.initialize_from_samples(name, samples, _layout_settings(settings))
+    draft = layout_models.initialize_from_samples(name, samples, _layout_settings(settings))
     return ModelDraft(draft.document, draft.labels)
 
 
 def import_model(name: str, document: bytes) -> ModelDraft:
     """The layout model in `document`, as it will be kept; raises the `DocumentError`s of `services.operations`."""
-    from services.operations import layout
+    from services.operations import layout_models
 
-    draft = layout.import_model(name, document)
+    draft = layout_models.import_model(name, document)
     return ModelDraft(draft.document, draft.labels)
 
 
-def _layout_settings(settings: LayoutSettings) -> "layout.LayoutSettings":
-    from services.operations import layout
+def _layout_settings(settings: LayoutSettings) -> "page_zones.LayoutSettings":
+    from services.operations import page_zones
 
-    return layout.LayoutSettings(
+    return page_zones.LayoutSettings(
         _image_limits(settings.image),
         settings.max_zones,
         settings.max_zones_file_bytes,

@@ -1,6 +1,6 @@
 """The entry points that a worker runs: bytes in, bytes and JSON out; a file for each flow.
 
-`services.operations.layout` is asked for by its own name: its entry points are several.
+`layout` and `layout_models` are asked for by their own names: their entry points are several.
 """
 
 from services.operations.mosaic import MosaicImageLimits, mosaic_uploads

@@ -8,7 +8,8 @@ import numpy as np
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.imaging.codec import ImageLimits, encode_image
-from services.operations.layout import LayoutOptions, LayoutSettings, recognize_upload
+from services.operations.layout import LayoutOptions, recognize_upload
+from services.operations.page_zones import LayoutSettings
 from services.operations.reader import ocr_engine
 from services.operations.rectify import rectify_upload
 from services.operations.replies import EncodingOptions

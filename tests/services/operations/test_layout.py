@@ -16,16 +16,10 @@ from services.errors import InvalidModel, InvalidOption, TooLarge
 from services.imaging.codec import ImageLimits
 from services.layout.results import AttributeCost, ClassMatch, LabelledZone, MatchReport, Recognition
 from services.operations import layout
-from services.operations.layout import (
-    EXPLAINED_TERMS,
-    LayoutOptions,
-    LayoutSettings,
-    describe_recognition,
-    import_model,
-    initialize_from_samples,
-    measure_sample,
-    recognize_upload,
-)
+from services.operations.layout import LayoutOptions, recognize_upload
+from services.operations.layout_models import import_model, initialize_from_samples, measure_sample
+from services.operations.layout_result import EXPLAINED_TERMS, describe_recognition
+from services.operations.page_zones import LayoutSettings
 from services.operations.stored_models import StoredModel
 from simulation.labelled_pages import letter_page
 from tests.services.imaging.files import make_file

@@ -1,0 +1,122 @@
+"""Labelled pages -> a layout model; models from elsewhere.
+
+The app keeps samples and models; here they come in as its documents, and leave as such.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from models.layout_graph import MOST_LABELS, InvalidLayout, LayoutModel, Page
+from models.model_document import model_from_document, model_to_document
+from services.errors import InvalidModel, InvalidOption
+from services.imaging.codec import decode_image
+from services.layout.exchange.page_json import page_from_document, page_to_document
+from services.layout.pipeline import complete_sample, content_features, initialize_model
+from services.operations.page_zones import LayoutSettings, check_frame, exchange_limits, read_zones
+from services.operations.reader import ocr_engine
+from services.operations.replies import to_json_ready
+
+FOUND = "found"
+"""Key of a sample's second page: the zones that segmentation finds in its image, with the verified labels."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelDraft:
+    """A layout model that is no version yet, and its labels."""
+
+    document: dict[str, object]
+    labels: list[str]
+
+
+def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
+    """A labelled page with all that can be measured and read of it, as JSON; `FOUND` has it in our own zones.
+
+    Content features of zones that have text are left out: they are computed when the model is made.
+
+    Raises
+    ------
+    UnsupportedMediaType, TooLarge, UndecodableImage
+        When the image is none that is accepted.
+    InvalidOption
+        When the zones are none, have no label, or are not in the image's pixels.
+    """
+    page = read_zones(zones, settings)
+    if all(zone.label is None for zone in page.zones):
+        raise InvalidOption(
+            "zones: give at least one zone its label; a page without any teaches nothing.", "zones"
+        )
+    picture = None if image is None else decode_image(image, settings.image).pixels
+    check_frame(page, picture)
+    engine = None if picture is None else ocr_engine()
+    verified, found = complete_sample(page, picture, engine, content_features(settings.content_features))
+    document = _sample_document(verified)
+    if found is not None:
+        document[FOUND] = _sample_document(found)
+    return document
+
+
+def _sample_document(page: Page) -> dict[str, object]:
+    kept = tuple(replace(zone, content={}) if zone.text else zone for zone in page.zones)
+    document: dict[str, object] = to_json_ready(page_to_document(replace(page, zones=kept)))
+    return document
+
+
+def initialize_from_samples(
+    name: str, samples: Sequence[dict[str, Any]], settings: LayoutSettings
+) -> ModelDraft:
+    """The layout model of these pages, as `measure_sample` has answered them.
+
+    Raises
+    ------
+    InvalidOption
+        When one of them is no page any more, by limits that have become narrower.
+    """
+    # Each was within its limits when it was stored.
+    bounds = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
+    pages, found = [], []
+    for index, sample in enumerate(samples):
+        try:
+            pages.append(page_from_document(sample, bounds))
+            other = sample.get(FOUND)
+            found.append(None if other is None else page_from_document(other, bounds))
+        except InvalidLayout as error:
+            raise InvalidOption(f"samples[{index}]: {error.detail}", f"samples[{index}]") from error
+    labels = {zone.label for page in pages for zone in page.zones if zone.label is not None}
+    if len(labels) > MOST_LABELS:
+        raise InvalidOption(
+            f"samples: they have {len(labels)} different labels; a model may have {MOST_LABELS}.", "samples"
+        )
+    return _draft(initialize_model(name, pages, content_features(settings.content_features), found))
+
+
+def import_model(name: str, document: bytes) -> ModelDraft:
+    """The layout model in a document, under `name`, as it will be kept.
+
+    Raises
+    ------
+    InvalidModel
+        When it is no layout model, is damaged, has a form that is not known here, or has another name.
+    """
+    try:
+        told = json.loads(document)
+        if isinstance(told, dict):
+            told.setdefault("name", name)
+        model = model_from_document(told)
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InvalidLayout):
+            raise InvalidModel(error.detail, error.field) from error
+        raise InvalidModel("The model is not JSON; send what GET /layout/models/{name} answers.") from error
+    if model.name != name:
+        raise InvalidModel(
+            f"name: the model is called {model.name}, the path says {name}; leave the name out of the document "
+            "to give it another one.",
+            "name",
+        )
+    return _draft(model)
+
+
+def _draft(model: LayoutModel) -> ModelDraft:
+    labels = [label for label in model.labels if label is not None]
+    return ModelDraft(to_json_ready(model_to_document(model)), labels)

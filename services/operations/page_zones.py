@@ -1,0 +1,64 @@
+"""What may be asked of a page, and its zones as they come from outside: checked, and in the pixels of its image."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from models.layout_graph import InvalidLayout, Page
+from services.arrays import RgbImage
+from services.errors import InvalidOption
+from services.imaging.codec import ImageLimits
+from services.layout.exchange.limits import ExchangeLimits
+from services.layout.exchange.page_json import page_from_document
+from services.layout.exchange.zones_file import read_zones_file
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutSettings:
+    """What a page may cost (its image, the number of its zones, a file of them), and how it is read.
+
+    `content_features` is the operator's settings file of content features (None: those that come along).
+    """
+
+    image: ImageLimits = field(default_factory=ImageLimits)
+    max_zones: int = 500
+    max_zones_file_bytes: int = 8 * 2**20
+    content_features: Path | None = None
+
+
+def read_zones(zones: bytes, settings: LayoutSettings) -> Page:
+    """The page in the contract's JSON."""
+    try:
+        return page_from_document(json.loads(zones), exchange_limits(settings))
+    except InvalidLayout as error:
+        raise InvalidOption(f"{error.field or 'zones'}: {error.detail}", error.field or "zones") from error
+    except (ValueError, RecursionError) as error:
+        raise InvalidOption("zones: this is not JSON.", "zones") from error
+
+
+def read_file(data: bytes, picture: RgbImage | None, settings: LayoutSettings) -> Page:
+    """The page of a zones file; `picture` gives its size where the file has other units than pixels."""
+    size = None if picture is None else (float(picture.shape[1]), float(picture.shape[0]))
+    try:
+        return read_zones_file(data, exchange_limits(settings), size)
+    except InvalidLayout as error:
+        within = "" if error.field in {None, "zones_file"} else f"{error.field}: "
+        raise InvalidOption(f"zones_file: {within}{error.detail}", "zones_file") from error
+
+
+def exchange_limits(settings: LayoutSettings) -> ExchangeLimits:
+    """What a description of zones may hold."""
+    return ExchangeLimits(max_zones=settings.max_zones, max_bytes=settings.max_zones_file_bytes)
+
+
+def check_frame(page: Page, picture: RgbImage | None) -> None:
+    """Zones and image must be of one size, for their pixels are the same."""
+    if picture is None:
+        return
+    height, width = picture.shape[:2]
+    if abs(page.width - width) > 1 or abs(page.height - height) > 1:
+        raise InvalidOption(
+            f"zones: they are on a page of {page.width:g} x {page.height:g} pixels, the image has {width} x {height}; "
+            "give them in the image's pixels.",
+            "zones",
+        )
