@@ -6,9 +6,6 @@ from pathlib import Path
 
 from benchmarks.places import data_folder
 from models.layout_graph import Page, Zone
-from services.layout.label_transfer import transfer_labels
-
-__all__ = ["LabelledPage", "layout_folder", "load_page", "load_set", "transfer_labels"]
 
 TITLES_REAL = tuple(f"titles/real/{name}" for name in ("jose", "juliacon", "rescience"))
 TITLES_MADE = tuple(f"titles/made/{name}" for name in ("acm", "elsevier", "ieee", "llncs", "revtex"))

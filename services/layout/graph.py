@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from models.layout_graph import Page
 from services.layout.edge_attributes import RELATIONS, measure_pairs, pair_zones
-from services.layout.node_attributes import NUMERIC_ATTRIBUTES, measure_zones
+from services.layout.node_attributes import NUMERIC_ATTRIBUTES, describe_zones
 
 MOST_NEIGHBOURS = 40
 """Pages of more than twice as many zones are joined to their nearest only: 500 zones have 12 000 pairs, not 125 000."""
@@ -53,7 +53,7 @@ def build_graph(
 
     On a page of more than twice `most_neighbours` zones only the nearest are joined.
     """
-    measures = measure_zones(page)
+    measures = describe_zones(page)
     with np.errstate(all="ignore"):
         columns = [attribute.measure(measures) for attribute in NUMERIC_ATTRIBUTES]
     numeric = np.stack(columns, axis=1)

@@ -56,7 +56,7 @@ class ZoneMeasures:
     characters: Values
 
 
-def measure_zones(page: Page) -> ZoneMeasures:
+def describe_zones(page: Page) -> ZoneMeasures:
     """Measures of all zones of `page`."""
     zones = page.zones
     boxes = np.array([zone.box for zone in zones], dtype=np.float64).reshape(-1, 4)

@@ -1,9 +1,9 @@
-"""The truth of labelled pages: what is read from a file, and how labels pass to other zones."""
+"""The truth of labelled pages: what is read from a file."""
 
 import json
 from pathlib import Path
 
-from benchmarks.layout_truth import load_page, load_set, transfer_labels
+from benchmarks.layout_truth import load_page, load_set
 from models.layout_graph import Page, Zone
 
 TOLD = {
@@ -39,25 +39,3 @@ def test_a_set_is_empty_without_the_data(tmp_path: Path) -> None:
     truth(tmp_path)
     [page] = load_set("titles", str(tmp_path))
     assert (page.name, page.class_name, page.image.name) == ("p1", "jose", "p1.webp")
-
-
-def test_labels_pass_to_what_a_true_zone_covers(tmp_path: Path) -> None:
-    boxes = {
-        "half of the title": (50.0, 0.0, 100.0, 9.0),
-        "most of the body": (0.0, 90.0, 100.0, 190.0),
-        "title and logo": (0.0, 0.0, 100.0, 20.0),
-        "nothing": (0.0, 50.0, 100.0, 80.0),
-        "a little of the body": (0.0, 40.0, 100.0, 130.0),
-    }
-    found = Page(100.0, 200.0, tuple(Zone(name, box) for name, box in boxes.items()))
-    labels = [zone.label for zone in transfer_labels(truth(tmp_path), found).zones]
-    assert labels == ["title", "body", "title", None, None]
-    assert transfer_labels(Page(100.0, 200.0, ()), found) == found
-
-
-def test_of_two_that_cover_alike_the_smaller_gives_the_label() -> None:
-    inner = Zone("1", (10.0, 10.0, 20.0, 20.0), label="inner")
-    outer = Zone("2", (0.0, 0.0, 100.0, 100.0), label="outer")
-    found = Page(100.0, 100.0, (Zone("f", (10.0, 10.0, 20.0, 20.0)),))
-    for zones in ((inner, outer), (outer, inner)):
-        assert transfer_labels(Page(100.0, 100.0, zones), found).zones[0].label == "inner"

@@ -14,7 +14,7 @@ from services.layout.edge_attributes import (
     pair_zones,
 )
 from services.layout.graph import MOST_NEIGHBOURS
-from services.layout.node_attributes import measure_zones
+from services.layout.node_attributes import describe_zones
 from tests.services.layout.samples import page_of
 
 STEP = 27.0
@@ -24,7 +24,7 @@ ACROSS = ["left-left", "left-right", "right-left", "right-right", "centre-centre
 
 def described(page: Page, upper: str, lower: str) -> dict[str, str]:
     """Descriptors of one pair by name."""
-    measures = measure_zones(page)
+    measures = describe_zones(page)
     pairs = pair_zones(measures, MOST_NEIGHBOURS)
     names = [zone.id for zone in page.zones]
     (row,) = np.flatnonzero((pairs == [names.index(upper), names.index(lower)]).all(axis=1))
@@ -129,7 +129,7 @@ def test_every_descriptor_is_one_of_its_relation() -> None:
     rng = np.random.default_rng(5)
     corners = rng.uniform(0, 900, (60, 2))
     boxes = np.hstack([corners, corners + rng.uniform(1, 400, (60, 2))])
-    measures = measure_zones(page_of(*map(tuple, boxes.tolist())))
+    measures = describe_zones(page_of(*map(tuple, boxes.tolist())))
     found = measure_pairs(measures, pair_zones(measures, MOST_NEIGHBOURS))
     for relation in RELATIONS:
         descriptors = relation.measure(found)
@@ -154,7 +154,7 @@ def on_grid(cells: list[tuple[int, int, int, int]]) -> list[Box]:
 
 
 def table(boxes: list[Box]) -> dict[tuple[int, int], dict[str, int]]:
-    measures = measure_zones(page_of(*boxes))
+    measures = describe_zones(page_of(*boxes))
     pairs = pair_zones(measures, MOST_NEIGHBOURS)
     found = measure_pairs(measures, pairs)
     columns = {relation.name: relation.measure(found).tolist() for relation in RELATIONS}
@@ -207,7 +207,7 @@ def test_all_zones_of_a_usual_page_are_paired_once(cells: list[tuple[int, int, i
 def test_crowded_pages_have_the_nearest_pairs_only(crowd: str) -> None:
     rng = np.random.default_rng(1)
     corners = rng.uniform(0, 950, (500, 2)) if crowd == "spread" else np.full((500, 2), 10.0)
-    measures = measure_zones(page_of(*map(tuple, np.hstack([corners, corners + 20]).tolist())))
+    measures = describe_zones(page_of(*map(tuple, np.hstack([corners, corners + 20]).tolist())))
     pairs = pair_zones(measures, MOST_NEIGHBOURS)
     assert 500 * MOST_NEIGHBOURS / 2 <= len(pairs) <= 500 * MOST_NEIGHBOURS
     assert len({frozenset(pair) for pair in pairs.tolist()}) == len(pairs)
@@ -221,7 +221,7 @@ def test_pairs_of_crowded_pages_do_not_depend_on_the_order_of_zones() -> None:
     order = np.random.default_rng(2).permutation(100)
 
     def pairs(of: np.ndarray) -> np.ndarray:
-        return pair_zones(measure_zones(page_of(*map(tuple, of.tolist()))), MOST_NEIGHBOURS)
+        return pair_zones(describe_zones(page_of(*map(tuple, of.tolist()))), MOST_NEIGHBOURS)
 
     assert {tuple(pair) for pair in order[pairs(boxes[order])].tolist()} == {
         tuple(pair) for pair in pairs(boxes).tolist()

@@ -14,7 +14,7 @@ from services.layout.node_attributes import (
     NUMERIC_ATTRIBUTES,
     CostFunction,
     absolute_difference,
-    measure_zones,
+    describe_zones,
     order_from_top,
     robust_difference,
     squared_difference,
@@ -25,7 +25,7 @@ COSTS = [robust_difference, squared_difference, absolute_difference]
 
 
 def measured(page: Page) -> dict[str, list[float]]:
-    measures = measure_zones(page)
+    measures = describe_zones(page)
     return {attribute.name: attribute.measure(measures).tolist() for attribute in NUMERIC_ATTRIBUTES}
 
 
