@@ -178,6 +178,7 @@ def draw_curves(path: Path, results: Results) -> None:
             axis.axhline(result["all"][who][0], color=colour, linestyle="--", linewidth=0.8)
         axis.set_xscale("log")
         axis.set_xticks(sizes, [str(size) for size in sizes])
+        axis.minorticks_off()
         axis.set_ylim(bottom=0)
         axis.set_title(f"{job} ({result['pages']})", fontsize=9)
         axis.legend(fontsize=7)

@@ -50,7 +50,7 @@ def test_a_lower_cost_makes_a_class_more_probable(cost: float, less: float, othe
 
 
 def test_one_class_by_hand() -> None:
-    for share, odds in ((0.58, 0.0), (0.78, 3.0), (0.38, -3.0)):
+    for share, odds in ((0.55, 0.0), (0.75, 3.0), (0.35, -3.0)):
         probabilities, unknown = classify(np.array([-6.0 * share]), [Calibration(-6.0, 1.0, 5)])
         assert probabilities[0] == pytest.approx(1 / (1 + np.exp(-odds)))
         assert unknown == pytest.approx(1 / (1 + np.exp(odds)))
