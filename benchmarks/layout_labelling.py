@@ -33,7 +33,7 @@ UNIFIED = {
 """The unified models. Made pages repeat texts of real ones, so that on all pages content is partly known."""
 MOST_FOLDS = 90
 """True zones: leave one out, but for the unified model of all pages."""
-OWN_FOLDS = 20
+OWN_FOLDS = 10
 """The trials on own zones, whose pages have more zones: leave one out of small sets only, which costs a fourth."""
 
 DISSERTATION_TITLES = """dissertation (5.6.1): 85 pages, 1347 zones; of Figures 5.7 and 5.10 the text says

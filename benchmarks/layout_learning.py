@@ -24,7 +24,7 @@ from models.layout_graph import Page
 
 SIZES = (1, 2, 3, 5, 10, 20)
 COMPARED = ("1", "3", "5", "10", "all")
-DRAWS = 6
+DRAWS = 4
 FOLDS = 10
 OTHER_PAGES = {
     "titles/real/jose": (2.3, 0.3),
