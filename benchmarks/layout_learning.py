@@ -163,7 +163,9 @@ def draw_curves(path: Path, results: Results) -> None:
 
     columns = 4
     rows = -(-len(results) // columns)
-    figure, axes = pyplot.subplots(rows, columns, figsize=(4 * columns, 3 * rows), squeeze=False)
+    figure, axes = pyplot.subplots(
+        rows, columns, figsize=(4 * columns, 3 * rows), squeeze=False, layout="constrained"
+    )
     for axis in axes.flat[len(results) :]:
         axis.set_axis_off()
     for axis, (job, result) in zip(axes.flat, results.items(), strict=False):
@@ -184,7 +186,6 @@ def draw_curves(path: Path, results: Results) -> None:
         axis.legend(fontsize=7)
     figure.supxlabel("samples (dashed: all)")
     figure.supylabel("zones with a wrong label, percent")
-    figure.tight_layout()
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=90)
     pyplot.close(figure)
