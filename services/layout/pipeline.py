@@ -11,6 +11,7 @@ import numpy as np
 
 from models.layout_graph import LayoutModel, Page
 from services.arrays import GrayImage, RgbImage
+from services.imaging.illumination import flatten_illumination
 from services.layout.content_features import ContentFeatures
 from services.layout.initialization import initialize_model as initialize_from_samples
 from services.layout.label_transfer import transfer_labels
@@ -18,7 +19,7 @@ from services.layout.recognition import RecognitionParameters, VersionedModel, r
 from services.layout.results import Recognition
 from services.layout.segmentation import measure_zones, segment_page
 from services.layout.zone_texts import fill_texts
-from services.ocr.engine import OcrEngine
+from services.ocr.engine import OcrEngine, Word
 
 __all__ = [
     "VersionedModel",
@@ -29,6 +30,9 @@ __all__ = [
     "read_page",
     "recognize",
 ]
+
+LIGHT_GROUND = 96
+"""Median gray level of the darkest photos of white paper; light print on dark ground stays below."""
 
 
 @lru_cache(maxsize=4)
@@ -46,7 +50,7 @@ def content_features(settings: Path | None = None) -> ContentFeatures:
 def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None) -> Page:
     """Zones of a page image (H, W, 3) with all that is measured and, with an engine, read of them."""
     gray = _gray(image)
-    words = None if engine is None else engine.read_page(gray)
+    words = _read_words(gray, engine)
     return (features or content_features()).measure_page(segment_page(gray, words))
 
 
@@ -62,8 +66,8 @@ def complete_page(
         # Rules and figures have no text as a rule: those of a page that was read do not call for it to be read again.
         unread = any(zone.kind == "text" and not zone.text for zone in page.zones)
         unread |= not any(zone.text for zone in page.zones)
-        words = engine.read_page(gray) if engine is not None and unread else []
-        page = fill_texts(measure_zones(gray, page), words)
+        words = _read_words(gray, engine) if unread else None
+        page = fill_texts(measure_zones(gray, page), words or [])
     return (features or content_features()).measure_page(page)
 
 
@@ -80,7 +84,7 @@ def complete_sample(
     if image is None:
         return complete_page(page, None, None, features), None
     gray = _gray(image)
-    words = None if engine is None else engine.read_page(gray)
+    words = _read_words(gray, engine)
     features = features or content_features()
     verified = features.measure_page(fill_texts(measure_zones(gray, page), words or []))
     found = features.measure_page(transfer_labels(page, segment_page(gray, words)))
@@ -129,3 +133,14 @@ def initialize_model(
 
 def _gray(image: RgbImage) -> GrayImage:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+
+
+def _read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
+    """Words of a page in even light: shadows cost an engine that thresholds a page as a whole half of its words.
+
+    A page whose ground is dark is read as it is; there is no light to even out.
+    """
+    if engine is None:
+        return None
+    is_light = np.median(gray[::8, ::8]) >= LIGHT_GROUND
+    return engine.read_page(flatten_illumination(gray) if is_light else gray)

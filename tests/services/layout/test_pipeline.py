@@ -16,7 +16,7 @@ from services.layout.pipeline import (
 )
 from services.layout.recognition import VersionedModel
 from services.ocr.engine import Word
-from simulation.labelled_pages import LabelledPage, memo_page
+from simulation.labelled_pages import LabelledPage, letter_page, memo_page
 from tests.services.layout.samples import labelled_page, model_of
 
 
@@ -137,3 +137,26 @@ def test_labelled_samples_make_a_model_that_labels() -> None:
 
 def test_settings_are_read_once() -> None:
     assert content_features() is content_features()
+
+
+class SeeingEngine(TruthfulEngine):
+    """Keeps the image that it was given."""
+
+    def read_page(self, image: GrayImage) -> list[Word]:
+        self.seen = image
+        return super().read_page(image)
+
+
+def test_a_page_is_read_in_even_light() -> None:
+    page = letter_page(np.random.default_rng(2))
+    assert page.image is not None
+    shadow = np.linspace(1.0, 0.45, page.image.shape[1])
+    shaded = (page.image * shadow).astype(np.uint8)
+    engine = SeeingEngine(page)
+    read_page(np.repeat(shaded[..., None], 3, axis=2), engine)
+    right = engine.seen[:, -200:]
+    assert np.median(shaded[:, -200:]) < 130
+    assert np.median(right) > 250
+    inverse = 255 - page.image
+    read_page(np.repeat(inverse[..., None], 3, axis=2), engine)
+    np.testing.assert_array_equal(engine.seen, inverse)
