@@ -19,6 +19,7 @@ from services.operations.replies import (
     describe_orientation,
     describe_warnings,
     make_reply,
+    rounded,
     timed,
 )
 
@@ -130,8 +131,8 @@ def _describe_patch(patch: Patch) -> dict[str, object]:
     return {
         "placed": patch.placed,
         "mesh": mesh,
-        "scale": _rounded(patch.scale),
-        "sharpness": _rounded(patch.sharpness),
+        "scale": rounded(patch.scale),
+        "sharpness": rounded(patch.sharpness),
     }
 
 
@@ -142,10 +143,6 @@ def _describe_pair(pair: Pair) -> dict[str, object]:
         "matches": pair.matches,
         "votes": pair.votes,
         "runner_up_votes": pair.runner_up_votes,
-        "overlap_fraction": _rounded(pair.overlap_fraction),
-        "residual_px": _rounded(pair.residual_px),
+        "overlap_fraction": rounded(pair.overlap_fraction),
+        "residual_px": rounded(pair.residual_px),
     }
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(float(value), 4)

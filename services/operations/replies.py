@@ -108,6 +108,11 @@ def describe_warnings(notices: tuple[Notice, ...]) -> list[dict[str, str]]:
     return [{"code": notice.code, "detail": notice.detail} for notice in notices]
 
 
+def rounded(value: float | None) -> float | None:
+    """A number of the contract to four places, None where there is none."""
+    return None if value is None else round(float(value), 4)
+
+
 def to_json_ready(value: Any) -> Any:
     """`value` in the types of JSON; numbers that are not finite become None."""
     if isinstance(value, dict):

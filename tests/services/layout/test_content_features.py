@@ -1,8 +1,6 @@
 """Content features: what marks a zone of a letter or a paper, in clean text and in misread text."""
 
-import re
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.layout_graph import Page, Zone
-from services.layout.bounded_patterns import UnboundedPattern, compile_bounded
 from services.layout.content_features import ContentFeatures
-from services.layout.content_settings import InvalidContentSettings
-from services.layout.fuzzy_words import ANCHORED, ANYWHERE, FuzzyWords
 from simulation.labelled_pages import fax_page, letter_page, memo_page, title_page
 
 FEATURES = ContentFeatures.load()
@@ -275,155 +270,3 @@ def test_marks_tell_the_zones_of_made_pages() -> None:
         }
         assert len(found & true) >= 0.98 * len(true), feature
         assert len(found & true) >= 0.95 * len(found), feature
-
-
-def write(folder: Path, text: str) -> Path:
-    path = folder / "mine.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def test_a_file_adds_extends_replaces_and_removes(tmp_path: Path) -> None:
-    path = write(
-        tmp_path,
-        """
-        [greeting]
-        phrases = ["moin"]
-        words_at_most = 3
-        [tax-number]
-        patterns = ['[0-9]{2}-[0-9]{7}']
-        [zipcode]
-        replace = true
-        at = "whole"
-        patterns = ['[A-Z][0-9][A-Z] ?[0-9][A-Z][0-9]']
-        [ps]
-        remove = true
-        """,
-    )
-    mine = ContentFeatures.load(path)
-    assert set(mine.names) == (set(FEATURES.names) | {"tax-number"}) - {"ps"}
-    assert mine.measure("Moin Herr Bell")["greeting"] == mine.measure("Dear Herr Bell")["greeting"] == 1.0
-    assert FEATURES.measure("Moin Herr Bell")["greeting"] == 0.0
-    assert mine.measure("Dear Mr. Bell and all the others")["greeting"] < 0.5
-    assert mine.measure("EIN 12-3456789")["tax-number"] == 1.0
-    assert mine.measure("K1A 0B1")["zipcode"] == 1.0
-    assert mine.measure("MD 20742")["zipcode"] == 0.0
-
-
-WRONG = [
-    ("greeting = 3", "greeting", "table"),
-    ("[x]\nat = 'middle'\nphrases = ['a']", "x.at", "start, line"),
-    ("[x]\nphrase = ['a']", "x.phrase", "no such key"),
-    ("[x]\nphrases = 'a'", "x.phrases", "list"),
-    ("[x]\nphrases = ['a', '']", "x.phrases[1]", "empty"),
-    ("[x]\npatterns = ['(']", "x.patterns[0]", "regular expression"),
-    ("[x]\npatterns = ['b', '(a+)+b']", "x.patterns[1]", "too many ways"),
-    ("[x]\nwords_at_most = 2", "x", "neither"),
-    ("[x]\nphrases = ['a']\nfull_share = 7", "x.full_share", "0.01 to 1"),
-    ("[x]\nphrases = ['a']\nfull_share = nan", "x.full_share", "0.01 to 1"),
-    ("[x]\nphrases = ['a']\nwords_at_most = true", "x.words_at_most", "whole number"),
-    ("[x]\nphrases = ['a']\nfuzzy = 'no'", "x.fuzzy", "0 to 1"),
-    ("[x]\nphrases = ['a']\nreplace = 1", "x.replace", "true or false"),
-    ("[x]\nremove = 1", "x.remove", "true or false"),
-    ("[x", "", "TOML"),
-]
-
-
-@pytest.mark.parametrize(("text", "key", "reason"), WRONG)
-def test_errors_name_file_and_key(tmp_path: Path, text: str, key: str, reason: str) -> None:
-    path = write(tmp_path, text)
-    with pytest.raises(InvalidContentSettings, match=re.escape(reason)) as caught:
-        ContentFeatures.load(path)
-    assert (caught.value.path, caught.value.key) == (path, key)
-    assert str(path) in str(caught.value)
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InvalidContentSettings, match="cannot be read"):
-        ContentFeatures.load(tmp_path / "none.toml")
-    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
-    with pytest.raises(InvalidContentSettings, match="no TOML"):
-        ContentFeatures.load(tmp_path / "bytes.toml")
-
-
-SLOW = [
-    r"(a+)+$",
-    r"(a|aa){1,60}b",
-    r"(.*)(.*)x",
-    r"\w+\s+\w+",
-    r"(a)\1",
-    r"((a?){20}){20}b",
-    r"(?:a{0,50}){0,9}b",
-    "a" * 3000,
-]
-SLOW += [r"(?P<n>a)(?P=n)", r"(a)(?(1)b|c)"]
-QUICK = [
-    r"\b[A-Z]{2} [0-9]{5}\b",
-    r"(?i)(?:jan|feb)[a-z]{0,7}+ \d{1,2}",
-    r"[]\]()]{1,3}",
-    r"(?>\w+) x",
-    r"\w++ \w++",
-    r"a{,3}b{2}",
-]
-
-
-@pytest.mark.parametrize("pattern", SLOW)
-def test_patterns_that_may_take_long_are_refused(pattern: str) -> None:
-    with pytest.raises(UnboundedPattern):
-        compile_bounded(pattern)
-
-
-@pytest.mark.parametrize("pattern", QUICK)
-def test_bounded_patterns_are_taken(pattern: str) -> None:
-    assert compile_bounded(pattern).pattern == pattern
-
-
-PIECES = [
-    "a",
-    "b",
-    "(",
-    ")",
-    "(?:",
-    "(?=",
-    "[ab]",
-    "[^a]",
-    "*",
-    "+",
-    "?",
-    "{1,3}",
-    "{2,}",
-    "|",
-    "\\w",
-    "\\b",
-    "*+",
-    "$",
-    "(?i:",
-]
-
-
-@given(st.lists(st.sampled_from(PIECES), max_size=9).map("".join))
-@settings(max_examples=300, deadline=None)
-def test_what_is_taken_is_quick(pattern: str) -> None:
-    try:
-        compiled = compile_bounded(pattern)
-    except UnboundedPattern:
-        return
-    began = time.process_time()
-    compiled.match("ab" * 1000 + "c")
-    compiled.match("a" * 2000 + "c")
-    assert time.process_time() - began < 0.25
-
-
-def test_words_are_found_again_after_misreading() -> None:
-    words = FuzzyWords(["dear", "sincerely", "march", "cc", "maryland"], ANCHORED)
-    assert words.near("deer") == ("dear",)
-    assert words.near("s1ncerety") == ("sincerely",)
-    assert words.near("rnarch") == ("march",)
-    assert words.near("marylamd") == ("maryland",)
-    assert words.near("ce") == words.near("x") == words.near("1234") == words.near("door") == ()
-    assert "dear" in words
-    assert "deer" not in words
-    running = FuzzyWords(["march", "maryland", "mary"], ANYWHERE)
-    assert running.near("match") == running.near("many") == ()
-    assert running.near("rnarch") == ("march",)
-    assert running.near("maryiand") == running.near("mryland") == ("maryland",)

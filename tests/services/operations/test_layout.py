@@ -14,11 +14,12 @@ from app.schemas.layout import result_of
 from models.layout_graph import MOST_LABELS, Page, Zone
 from services.errors import InvalidModel, InvalidOption, TooLarge
 from services.imaging.codec import ImageLimits
+from services.layout.cost import MOST_EXPLAINED
 from services.layout.results import AttributeCost, ClassMatch, LabelledZone, MatchReport, Recognition
 from services.operations import layout
 from services.operations.layout import LayoutOptions, recognize_upload
 from services.operations.layout_models import import_model, initialize_from_samples, measure_sample
-from services.operations.layout_result import EXPLAINED_TERMS, describe_recognition
+from services.operations.layout_result import describe_recognition
 from services.operations.page_zones import LayoutSettings
 from services.operations.stored_models import StoredModel
 from simulation.labelled_pages import letter_page
@@ -123,11 +124,11 @@ def test_a_recognition_as_json() -> None:
     }
 
 
-@pytest.mark.parametrize("terms", [0, 5, EXPLAINED_TERMS + 1])
+@pytest.mark.parametrize("terms", [0, 5, MOST_EXPLAINED + 1])
 def test_so_many_terms_are_explained(terms: int) -> None:
     match = describe_recognition(recognition(terms), explain=True)["match"]
     assert isinstance(match, dict)
-    assert len(match["explanation"]) == min(terms, EXPLAINED_TERMS)
+    assert len(match["explanation"]) == min(terms, MOST_EXPLAINED)
 
 
 def test_a_photo_is_rectified_first(monkeypatch: pytest.MonkeyPatch) -> None:
