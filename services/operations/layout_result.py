@@ -1,6 +1,7 @@
 """The contract's `LayoutResult`, ready for JSON."""
 
 from services.layout.cost import MOST_EXPLAINED
+from services.layout.exchange.page_json import plain_number
 from services.layout.font_sizes import measure_font_classes
 from services.layout.results import ClassMatch, MatchReport, Recognition
 from services.operations.replies import rounded
@@ -34,8 +35,8 @@ def describe_recognition(recognition: Recognition, *, explain: bool) -> dict[str
             }
         )
     return {
-        "width": _plain(recognition.page.width),
-        "height": _plain(recognition.page.height),
+        "width": plain_number(recognition.page.width),
+        "height": plain_number(recognition.page.height),
         "class": None if recognition.chosen is None else _describe_class(recognition.chosen),
         "classes": [_describe_class(match) for match in recognition.classes],
         "unknown_probability": rounded(recognition.unknown_probability),
@@ -68,8 +69,3 @@ def _describe_match(match: MatchReport, explain: bool) -> dict[str, object]:
         "backbone": dict(match.backbone),
         "explanation": terms if explain else None,
     }
-
-
-def _plain(side_px: float) -> float:
-    """A whole number without its fraction, as clients expect of an image's size."""
-    return int(side_px) if float(side_px).is_integer() else float(side_px)

@@ -64,8 +64,8 @@ def check_count(zones: int, limits: ExchangeLimits) -> None:
 def page_to_document(page: Page) -> dict[str, Any]:
     """The same as JSON; what was not measured is left away, an unknown label is null."""
     return {
-        "width": _plain(page.width),
-        "height": _plain(page.height),
+        "width": plain_number(page.width),
+        "height": plain_number(page.height),
         "zones": [_zone_document(zone) for zone in page.zones],
     }
 
@@ -73,7 +73,7 @@ def page_to_document(page: Page) -> dict[str, Any]:
 def _zone_document(zone: Zone) -> dict[str, Any]:
     document: dict[str, Any] = {
         "id": zone.id,
-        "box": [_plain(value) for value in zone.box],
+        "box": [plain_number(value) for value in zone.box],
         "label": zone.label,
         "kind": zone.kind,
     }
@@ -88,8 +88,8 @@ def _zone_document(zone: Zone) -> dict[str, Any]:
     return document
 
 
-def _plain(value: float) -> float:
-    """Whole numbers without their fraction, as they were most likely sent."""
+def plain_number(value: float) -> float:
+    """Whole numbers without their fraction, as clients send them and expect them of an image's size."""
     return int(value) if float(value).is_integer() else float(value)
 
 
