@@ -6,6 +6,7 @@ loads no numpy and no OpenCV, and what crosses the border between them is plain 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,7 +15,7 @@ from services.rectify.parameters import RectifyParameters
 
 if TYPE_CHECKING:
     from services.imaging.codec import ImageLimits
-    from services.operations import EncodingOptions, page_zones
+    from services.operations import EncodingOptions, page_zones, stored_models
 
 Format = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
 LayoutFormat = Literal["json", "pagexml", "alto", "png"]
@@ -112,6 +113,70 @@ class ModelDraft:
     labels: list[str]
 
 
+@dataclass(frozen=True, slots=True)
+class FeedbackTask:
+    """What a person said of a recognized page, beside what was found.
+
+    `page` is the page of the kept result, `found_labels` the label of each of its zones there (of the class
+    `found_class`; of the nearest one when that is None). `verified_class` None: the page is of no class. `labels` are
+    those that were sent, maybe not of all zones: the others keep their label where the class was right, and take else
+    the one that the verified class's model finds beside the named ones. `learners` tells how each model learns.
+    """
+
+    page: dict[str, Any]
+    found_class: str | None
+    found_labels: dict[str, str | None]
+    verified_class: str | None
+    labels: dict[str, str | None]
+    learners: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Adaptation:
+    """What a feedback makes of the models that it concerns.
+
+    `documents` holds the new model of each of them by name; `verified_labels` the label of every zone, and `wrong`
+    those that were found otherwise, each `{"zone", "found", "verified"}`. `costs` are those of both labellings under
+    each model, `{"model", "found": {"before", "after"}, "verified": {"before", "after"}}`. `sample` is the verified
+    page as `measure_sample` would answer it, of `zones` zones.
+    """
+
+    documents: dict[str, dict[str, Any]]
+    verified_labels: dict[str, str | None]
+    wrong: list[dict[str, Any]]
+    costs: list[dict[str, Any]]
+    sample: dict[str, Any]
+    zones: int
+
+
+@dataclass(frozen=True, slots=True)
+class Training:
+    """What rounds of training made of a model.
+
+    `rounds` has one `{"round", "error", "held_out_error"}` for each, from round 0, the model as it was; errors are
+    shares of zones, the second None where no page is held out. `document` is the model after round `kept_round`.
+    `stopped` says why there were no more: as many as were asked for, the error on held-out pages rose, or there was
+    none left to learn from.
+    """
+
+    document: dict[str, Any]
+    labels: list[str]
+    rounds: list[dict[str, Any]]
+    kept_round: int
+    stopped: Literal["rounds", "held-out", "no-errors"]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelDifference:
+    """What changed from one version of a model to another: `total` entries, of which `changes` are the largest.
+
+    Each is `{"part", "labels", "attribute", "old", "new"}`; `services.operations.layout_diff` tells what they mean.
+    """
+
+    total: int
+    changes: list[dict[str, Any]]
+
+
 LayoutOperation = Callable[
     [bytes | None, bytes | None, bytes | None, list[ModelDocument], LayoutOptions, LayoutSettings],
     LayoutReply,
@@ -119,6 +184,9 @@ LayoutOperation = Callable[
 SampleOperation = Callable[[bytes | None, bytes, LayoutSettings], dict[str, object]]
 InitializeOperation = Callable[[str, list[dict[str, Any]], LayoutSettings], ModelDraft]
 ImportOperation = Callable[[str, bytes], ModelDraft]
+AdaptOperation = Callable[[FeedbackTask, list[ModelDocument], LayoutSettings], Adaptation]
+TrainOperation = Callable[[ModelDocument, list[dict[str, Any]], int, str, LayoutSettings], Training]
+CompareOperation = Callable[[ModelDocument, ModelDocument, int], ModelDifference]
 RectifyOperation = Callable[[bytes, RectifyParameters, Encoding, UploadLimits], Reply]
 MosaicOperation = Callable[[list[bytes], MosaicParameters, Encoding, MosaicLimits], Reply]
 WarmUp = Callable[[Path | None], dict[str, object]]
@@ -159,13 +227,13 @@ def recognize_layout(
 
     Raises the `DocumentError`s of `services.operations`.
     """
-    from services.operations import layout, stored_models
+    from services.operations import layout
 
     reply = layout.recognize_upload(
         image,
         zones,
         zones_file,
-        [stored_models.StoredModel(model.name, model.version, model.document) for model in models],
+        _stored_models(models),
         layout.LayoutOptions(
             options.rectify, options.ocr, options.format, options.explain, options.image_name
         ),
@@ -195,6 +263,65 @@ def import_model(name: str, document: bytes) -> ModelDraft:
 
     draft = layout_models.import_model(name, document)
     return ModelDraft(draft.document, draft.labels)
+
+
+def adapt_models(task: FeedbackTask, models: list[ModelDocument], settings: LayoutSettings) -> Adaptation:
+    """What a person's correction of a page makes of `models`, the newest versions of the found and the verified class.
+
+    Of a class without a version, or without a class, there is none among them; the answer has then no document of it.
+    Raises the `DocumentError`s of `services.operations`.
+    """
+    layout_learning = import_module("services.operations.layout_learning")
+    adaptation = layout_learning.adapt_models(
+        layout_learning.FeedbackTask(
+            task.page,
+            task.found_class,
+            task.found_labels,
+            task.verified_class,
+            task.labels,
+            task.learners,
+        ),
+        _stored_models(models),
+        _layout_settings(settings),
+    )
+    return Adaptation(
+        adaptation.documents,
+        adaptation.verified_labels,
+        adaptation.wrong,
+        adaptation.costs,
+        adaptation.sample,
+        adaptation.zones,
+    )
+
+
+def train_model(
+    model: ModelDocument, samples: list[dict[str, Any]], rounds: int, learner: str, settings: LayoutSettings
+) -> Training:
+    """`model` after at most `rounds` rounds over `samples`; raises the `DocumentError`s of `services.operations`."""
+    layout_learning = import_module("services.operations.layout_learning")
+    (stored,) = _stored_models([model])
+    training = layout_learning.train_model(stored, samples, rounds, learner, _layout_settings(settings))
+    return Training(
+        training.document, training.labels, training.rounds, training.kept_round, training.stopped
+    )
+
+
+def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDifference:
+    """The `most` largest changes from `old` to `new`, versions of one model, and how many there are.
+
+    Raises the `DocumentError`s of `services.operations`.
+    """
+    from services.operations import layout_diff
+
+    before, after = _stored_models([old, new])
+    difference = layout_diff.compare_models(before, after, most)
+    return ModelDifference(difference.total, difference.changes)
+
+
+def _stored_models(models: list[ModelDocument]) -> "list[stored_models.StoredModel]":
+    from services.operations import stored_models
+
+    return [stored_models.StoredModel(model.name, model.version, model.document) for model in models]
 
 
 def _layout_settings(settings: LayoutSettings) -> "page_zones.LayoutSettings":
@@ -244,5 +371,8 @@ class Operations:
     measure_sample: SampleOperation = measure_sample
     initialize_model: InitializeOperation = initialize_model
     import_model: ImportOperation = import_model
+    adapt_models: AdaptOperation = adapt_models
+    train_model: TrainOperation = train_model
+    compare_models: CompareOperation = compare_models
     warm_up: WarmUp = warm_up
     preloaded: tuple[str, ...] = PRELOADED

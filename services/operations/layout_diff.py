@@ -1,0 +1,178 @@
+"""What changed from one version of a layout graph model to another, largest change first.
+
+A change is told with the number it concerns, and ordered by how much it can move the cost of a zone or a pair of
+zones: differences of look-up tables as they are, values in their standard deviations, variances by what they add to
+the cost (half their logarithm), expectation values by their log odds; each times the weight of its attribute. What
+costs nothing (numbers of zones and samples) comes last.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+from models.layout_graph import LayoutModel, ModelEdge, ModelNode, NumericExpectation
+from services.layout.compiled_model import COUNT, LABEL, SUREST, content_scale_name
+from services.layout.edge_attributes import RELATIONS
+from services.operations.stored_models import StoredModel, open_models
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+_DESCRIPTORS = {relation.name: relation.descriptors for relation in RELATIONS}
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One number that is another now; None where there is none.
+
+    `labels` are the label of a node, or those of an edge's upper and lower node (None is null), or none for what
+    the whole model has. `size` is how much the cost can move by it, infinite for a node that came or went.
+    """
+
+    part: Literal["node", "edge", "model"]
+    labels: tuple[str | None, ...]
+    attribute: str
+    old: float | None
+    new: float | None
+    size: float
+
+
+@dataclass(frozen=True, slots=True)
+class ModelDifference:
+    """`total` changes, and the largest of them as JSON: `{"part", "labels", "attribute", "old", "new"}`."""
+
+    total: int
+    changes: list[dict[str, object]]
+
+
+def compare_models(old: StoredModel, new: StoredModel, most: int) -> ModelDifference:
+    """The `most` largest changes from `old` to `new`, versions of one model, and how many there are.
+
+    Raises
+    ------
+    InvalidModel
+        When one of them cannot be read by this release.
+    """
+    before, after = (each.model for each in open_models([old, new]))
+    changes = [*_model_changes(before, after), *_node_changes(before, after), *_edge_changes(before, after)]
+    changes.sort(key=lambda change: -change.size)
+    told: list[dict[str, object]] = [
+        {
+            "part": change.part,
+            "labels": list(change.labels),
+            "attribute": change.attribute,
+            "old": change.old,
+            "new": change.new,
+        }
+        for change in changes[:most]
+    ]
+    return ModelDifference(len(changes), told)
+
+
+def _model_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
+    yield from _number("model", (), "samples", old.samples, new.samples, 0.0)
+    a, b = old.calibration, new.calibration
+    size = abs(b.mean - a.mean) / a.deviation
+    yield from _number("model", (), "calibration:mean", a.mean, b.mean, size)
+    size = abs(math.log(b.deviation / a.deviation))
+    yield from _number("model", (), "calibration:deviation", a.deviation, b.deviation, size)
+    yield from _number("model", (), "calibration:pages", a.pages, b.pages, 0.0)
+    for name, was, became in _both(old.scales, new.scales):
+        yield from _number("model", (), f"weight:{name}", was, became, _distance(was, became))
+
+
+def _node_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
+    nodes = _both({node.label: node for node in old.nodes}, {node.label: node for node in new.nodes})
+    for label, was, became in nodes:
+        if was is None or became is None:  # all its numbers are new, or gone: one change tells of them
+            sizes = (None if was is None else was.zones, None if became is None else became.zones)
+            yield Change("node", (label,), "zones", *sizes, math.inf)
+        elif was != became:
+            yield from _changes_of_node(was, became, old.scales)
+
+
+def _changes_of_node(old: ModelNode, new: ModelNode, scales: Mapping[str, float]) -> Iterator[Change]:
+    labels = (old.label,)
+    yield from _number("node", labels, "zones", old.zones, new.zones, 0.0)
+    yield from _number(
+        "node", labels, "cost", old.cost, new.cost, scales.get(LABEL, 1.0) * abs(new.cost - old.cost)
+    )
+    for name, a, b in _both(old.numeric, new.numeric):
+        yield from _changes_of_expectation(labels, name, a, b, scales.get(name, 1.0))
+    for name, was, became in _both(old.content, new.content):
+        size = scales.get(content_scale_name(name), 1.0) * abs(_log_odds(became) - _log_odds(was))
+        yield from _number("node", labels, content_scale_name(name), was, became, size)
+    for number in range(max(len(old.count_costs), len(new.count_costs))):
+        # The last cost of a node is that of more zones too.
+        cost, other = (costs[min(number, len(costs) - 1)] for costs in (old.count_costs, new.count_costs))
+        size = scales.get(COUNT, 1.0) * abs(other - cost)
+        yield from _number("node", labels, f"{COUNT}:{number}", cost, other, size)
+
+
+def _changes_of_expectation(
+    labels: tuple[str | None, ...],
+    name: str,
+    old: NumericExpectation | None,
+    new: NumericExpectation | None,
+    scale: float,
+) -> Iterator[Change]:
+    """Changes of the value and the variance of a numeric attribute; one that came or went moves by a deviation."""
+    value_size, variance_size = scale, 0.0
+    if old is not None and new is not None:
+        value_size = scale * abs(new.value - old.value) / math.sqrt(min(old.variance, new.variance))
+        variance_size = scale * 0.5 * abs(math.log(new.variance / old.variance))
+    was, became = ((None, None) if each is None else (each.value, each.variance) for each in (old, new))
+    yield from _number("node", labels, f"{name}:value", was[0], became[0], value_size)
+    yield from _number("node", labels, f"{name}:variance", was[1], became[1], variance_size)
+
+
+def _edge_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
+    kept = set(old.labels) & set(new.labels)
+    for (upper, lower), was, became in _both(_edges(old), _edges(new)):
+        if was == became or not {upper, lower} <= kept:  # a node that came or went is told already
+            continue
+        for relation, a, b in _both(was or {}, became or {}):
+            names = _DESCRIPTORS.get(relation, ())
+            for index in range(max(len(a or ()), len(b or ()))):
+                # An edge that is not listed has no cost.
+                cost, other = (each[index] if each and index < len(each) else 0.0 for each in (a, b))
+                name = names[index] if index < len(names) else str(index)
+                size = old.scales.get(relation, 1.0) * abs(other - cost)
+                yield from _number("edge", (upper, lower), f"{relation}:{name}", cost, other, size)
+
+
+def _edges(model: LayoutModel) -> dict[tuple[str | None, str | None], Mapping[str, tuple[float, ...]]]:
+    def ends(edge: ModelEdge) -> tuple[str | None, str | None]:
+        return edge.upper, edge.lower
+
+    return {ends(edge): edge.costs for edge in model.edges}
+
+
+def _number(
+    part: Literal["node", "edge", "model"],
+    labels: tuple[str | None, ...],
+    attribute: str,
+    old: float | None,
+    new: float | None,
+    size: float,
+) -> Iterator[Change]:
+    """The change of one number, if it changed."""
+    if old != new:
+        yield Change(part, labels, attribute, old, new, size)
+
+
+def _both(old: Mapping[K, V], new: Mapping[K, V]) -> Iterator[tuple[K, V | None, V | None]]:
+    """What each key has in both, None where it is not there; keys of `old` first."""
+    for key in dict.fromkeys((*old, *new)):
+        yield key, old.get(key), new.get(key)
+
+
+def _distance(old: float | None, new: float | None) -> float:
+    return abs((new or 0.0) - (old or 0.0))
+
+
+def _log_odds(expectation: float | None) -> float:
+    """Of an expectation value within the bounds it counts with; one that is not there is neither here nor there."""
+    sure = 0.5 if expectation is None else min(max(expectation, SUREST), 1 - SUREST)
+    return math.log(sure / (1 - sure))
