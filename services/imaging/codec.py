@@ -109,8 +109,10 @@ class DecodedImage:
     icc_profile: bytes | None
 
 
-def decode_image(data: bytes, limits: ImageLimits) -> DecodedImage:
+def decode_image(data: bytes, limits: ImageLimits, directory: int = 0) -> DecodedImage:
     """Picture in an upload: JPEG, PNG, WebP, TIFF (first page) or HEIC; of animations the first frame.
+
+    `directory` is that of another page of a TIFF file, as `containers.tiff_pages` has found and judged it.
 
     16 bits a sample are scaled to 8, transparency is laid over white, gray and palettes become RGB.
 
@@ -124,7 +126,7 @@ def decode_image(data: bytes, limits: ImageLimits) -> DecodedImage:
     UndecodableImage
         When the data is truncated or damaged.
     """
-    with _open_image(data, limits) as (picture, upload_format):
+    with _open_image(data, limits, directory) as (picture, upload_format):
         facts = read_camera_facts(picture)
         pixels = _decode_jpeg(data, picture) if upload_format == "jpeg" else None
         if pixels is None:
@@ -152,9 +154,11 @@ def count_pixels(data: bytes, limits: ImageLimits) -> int:
 
 
 @contextmanager
-def _open_image(data: bytes, limits: ImageLimits) -> Iterator[tuple[Image.Image, UploadFormat]]:
+def _open_image(
+    data: bytes, limits: ImageLimits, directory: int = 0
+) -> Iterator[tuple[Image.Image, UploadFormat]]:
     """The picture behind its gates, opened and not yet decoded; damage found inside is `UndecodableImage`."""
-    upload_format, plugin = _detect_format(data)
+    upload_format, plugin = detect_format(data)
     if len(data) > limits.max_bytes:
         raise TooLarge(f"The image has {len(data)} bytes; the limit is {limits.max_bytes}.")
     _check_container(data, upload_format, limits)
@@ -162,6 +166,8 @@ def _open_image(data: bytes, limits: ImageLimits) -> Iterator[tuple[Image.Image,
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of damaged metadata, which does not matter here
             with Image.open(io.BytesIO(data), formats=[plugin]) as picture:
+                if directory:
+                    picture.seek(directory)
                 _check_header(picture, limits)
                 yield picture, upload_format
     except (DocumentError, MemoryError):
@@ -177,8 +183,14 @@ def _open_image(data: bytes, limits: ImageLimits) -> Iterator[tuple[Image.Image,
         ) from error
 
 
-def _detect_format(data: bytes) -> tuple[UploadFormat, str]:
-    """Format by the header check of Pillow's plugin for it, and the plugin's name."""
+def detect_format(data: bytes) -> tuple[UploadFormat, str]:
+    """Format by the header check of Pillow's plugin for it, and the plugin's name.
+
+    Raises
+    ------
+    UnsupportedMediaType
+        When it is none that is accepted.
+    """
     for upload_format, plugin in _PLUGINS:
         accept = Image.OPEN[plugin][1]
         if accept is not None and accept(data[:16]) is True:

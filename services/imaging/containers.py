@@ -9,6 +9,7 @@ first excess. Limits are far above what any honest writer makes.
 import re
 import struct
 import zlib
+from dataclasses import dataclass
 
 from services.errors import TooLarge, UndecodableImage
 
@@ -22,6 +23,12 @@ _MOST_DIRECTORY_ENTRIES = 1024
 _MOST_STRIPS = 262_144
 _MOST_VALUES = 1_048_576
 """Values of one TIFF tag that holds numbers, strips apart: a colour map of 16 bits has 196,608."""
+
+_MOST_ENTRIES, _MOST_BYTES = 262_144, 256 * 2**20
+"""Of all directories of a TIFF file together: Pillow reads each of them, with its values, to reach a later page.
+A thousand pages of 1200 strips have 20,000 entries and 10 MB of values."""
+_TIFF_BYTES = {3: 2, 4: 4, 5: 8, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 16: 8, 17: 8, 18: 8}
+"""Bytes of a value by its type, where they are more than one (TIFF 6.0, section 2; BigTIFF)."""
 
 _MOST_STRAY_BYTES = 65_536
 """Fill and other bytes between a JPEG's header segments, which Pillow reads one at a time (0.3 us each)."""
@@ -40,6 +47,31 @@ _ADAM7_PASSES = (
 
 _JPEG_MARKER = re.compile(rb"\xff[\x02-\xcf\xd8-\xfe]")
 """Next marker; byte stuffing (FF 00), fill (FF FF), TEM and the restart markers (D0-D7) carry no segment."""
+
+
+@dataclass(frozen=True, slots=True)
+class TiffPage:
+    """A page of a TIFF file: the number of its directory, from 0, and its pixels."""
+
+    directory: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class _TiffLayout:
+    """Byte order, and whether offsets have 8 bytes (BigTIFF) or 4."""
+
+    order: str
+    is_big: bool
+
+    @property
+    def offset(self) -> str:
+        return "Q" if self.is_big else "I"
+
+    @property
+    def offset_bytes(self) -> int:
+        return 8 if self.is_big else 4
 
 
 def check_jpeg(data: bytes, max_exif_bytes: int) -> None:
@@ -176,9 +208,45 @@ def check_tiff(data: bytes, max_pixels: int) -> None:
         the picture).
     """
     try:
-        entries = _tiff_entries(data)
+        entries, _ = _tiff_directory(data, *_tiff_start(data))
     except struct.error:
         raise UndecodableImage("The TIFF file is truncated: its directory is not in it.") from None
+    _check_tiff_entries(entries, max_pixels)
+
+
+def tiff_pages(data: bytes, max_pixels: int, most: int) -> list[TiffPage]:
+    """The pages of a TIFF or BigTIFF file in their order, `most` at most; masks and reduced views are none.
+
+    Raises what `check_tiff` raises, of every directory up to the last page, and what `check_pixels` raises.
+    """
+    pages: list[TiffPage] = []
+    seen: set[int] = set()
+    entries_together, bytes_together = 0, 0
+    try:
+        layout, offset = _tiff_start(data)
+        while offset and offset not in seen and len(pages) < most:
+            entries, following = _tiff_directory(data, layout, offset)
+            _check_tiff_entries(entries, max_pixels)
+            entries_together += len(entries)
+            bytes_together += sum(count * _TIFF_BYTES.get(kind, 1) for _, kind, count, _ in entries)
+            if seen and (entries_together > _MOST_ENTRIES or bytes_together > _MOST_BYTES):
+                raise UndecodableImage("The TIFF file's directories are larger than any writer makes them.")
+            values = {tag: value for tag, _, _, value in entries}
+            # NewSubfileType: bit 0 a reduced view of another page, bit 2 a mask of one (TIFF 6.0, section 8).
+            if not seen or not values.get(254, 0) & 0b101:
+                width, height = values.get(256, 0), values.get(257, 0)
+                check_pixels(width, height, max_pixels)
+                pages.append(TiffPage(len(seen), width, height))
+            seen.add(offset)
+            offset = following
+    except struct.error:
+        raise UndecodableImage(
+            f"The TIFF file is truncated: the directory of its page {len(pages) + 1} is not in it."
+        ) from None
+    return pages
+
+
+def _check_tiff_entries(entries: list[tuple[int, int, int, int]], max_pixels: int) -> None:
     tile_width, tile_height = 1, 1
     for tag, kind, count, value in entries:
         is_bytes = kind in (1, 2, 6, 7)  # BYTE, ASCII, SBYTE, UNDEFINED: Pillow keeps them as they are
@@ -193,14 +261,18 @@ def check_tiff(data: bytes, max_pixels: int) -> None:
     check_pixels(tile_width, tile_height, max_pixels)
 
 
-def _tiff_entries(data: bytes) -> list[tuple[int, int, int, int]]:
-    """(tag, type, count, inline value) of the first directory's entries (TIFF 6.0, section 2)."""
-    order = "<" if data[:2] == b"II" else ">"
-    is_big = 43 in data[2:4]
-    if is_big:
-        (offset,) = struct.unpack_from(order + "Q", data, 8)
-    else:
-        (offset,) = struct.unpack_from(order + "I", data, 4)
+def _tiff_start(data: bytes) -> tuple[_TiffLayout, int]:
+    """How numbers are written, and where the first directory is (TIFF 6.0, section 2)."""
+    layout = _TiffLayout("<" if data[:2] == b"II" else ">", 43 in data[2:4])
+    (offset,) = struct.unpack_from(layout.order + layout.offset, data, 8 if layout.is_big else 4)
+    return layout, int(offset)
+
+
+def _tiff_directory(
+    data: bytes, layout: _TiffLayout, offset: int
+) -> tuple[list[tuple[int, int, int, int]], int]:
+    """(tag, type, count, inline value) of a directory's entries, and where the next one is (0: there is none)."""
+    order, is_big = layout.order, layout.is_big
     if offset > len(data):
         raise struct.error("directory outside of the file")
     (count,) = struct.unpack_from(order + ("Q" if is_big else "H"), data, offset)
@@ -214,7 +286,9 @@ def _tiff_entries(data: bytes) -> list[tuple[int, int, int, int]]:
         letter = {3: "H", 16: "Q"}.get(kind, "I")
         entries.append((tag, kind, values, struct.unpack_from(order + letter, field)[0]))
         offset += entry.size
-    return entries
+    following = data[offset : offset + layout.offset_bytes]
+    # What ends with its only directory has no place for a next one.
+    return entries, int.from_bytes(following, "little" if order == "<" else "big")
 
 
 def check_pixels(width: int, height: int, max_pixels: int) -> None:

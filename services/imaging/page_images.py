@@ -1,0 +1,273 @@
+"""The pages of an upload: images, TIFF files of several pages and PDFs, counted and judged before any is decoded."""
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import pypdfium2
+
+from services.arrays import RgbImage
+from services.errors import DocumentError, TooLarge, UndecodableImage, UnsupportedMediaType
+from services.imaging import containers
+from services.imaging.codec import ImageLimits, count_pixels, decode_image, detect_format
+
+RENDER_DPI = 200.0
+"""Of a PDF's pages: print of 8 pt is 22 px high, and a page of A4 has 3.9 megapixels."""
+_POINTS_PER_INCH = 72.0
+_PDF_MARK, _PDF_MARK_WITHIN = b"%PDF-", 1024
+"""The header may stand after other bytes (PDF 1.7, implementation note 13)."""
+_PASSWORD_ERROR = 4  # FPDF_ERR_PASSWORD
+
+
+@dataclass(frozen=True, slots=True)
+class PageLimits:
+    """What a document may cost: each page, their number, and all of them together; `TooLarge` beyond.
+
+    Pages are decoded one at a time, so the megapixels of all stand for time and not for memory.
+    """
+
+    image: ImageLimits = field(default_factory=ImageLimits)
+    max_pages: int = 20
+    max_megapixels: float = 200.0
+    """20 pages of A4 at 300 dpi are 174."""
+
+
+class PagePicture(NamedTuple):
+    """A decoded page: (H, W, 3) RGB uint8, and its focal length in pixels where it is a photo that tells it."""
+
+    pixels: RgbImage
+    focal_length_px: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageSource:
+    """A page that was judged and not yet decoded.
+
+    `upload` and `page` count from 0, `page` within its file; `label` names it among several (`image[1], page 3`),
+    and `field` its part of the request; both are empty for a page that is alone.
+    """
+
+    upload: int
+    page: int
+    pixels: int
+    label: str
+    field: str | None
+    file: "_File"
+
+    def decode(self) -> PagePicture:
+        """The page's picture; raises what `decode_image` raises, naming the page."""
+        with _naming(self.label, self.field):
+            return self.file.decode(self.page)
+
+
+@contextmanager
+def open_pages(
+    uploads: Sequence[bytes], limits: PageLimits, only: int | None = None
+) -> Iterator[list[PageSource]]:
+    """All pages of `uploads` in their order, or `only` one of them, counted from 1; they are there inside of the block.
+
+    An image is one page, and so is an animation (its first frame); TIFF files and PDFs have as many as they have.
+
+    Raises
+    ------
+    UnsupportedMediaType, UndecodableImage
+        When an upload is neither an image nor a PDF, is damaged, has no page, or needs a password.
+    TooLarge
+        When a limit is crossed: by one page, or by all of them together.
+    IndexError
+        When there is no page `only`; its argument is the number of pages.
+    """
+    most = limits.max_pages if only is None else only
+    with ExitStack() as stack:
+        pages: list[PageSource] = []
+        for index, upload in enumerate(uploads):
+            with _naming(*_label(index, 0, len(uploads), several=False)):
+                file = stack.enter_context(_open_file(upload, limits, most + 1 - len(pages)))
+                sizes = file.sizes()
+            for page, size in enumerate(sizes):
+                name = _label(index, page, len(uploads), several=len(sizes) > 1)
+                pages.append(PageSource(index, page, size, *name, file))
+            if len(pages) > most:
+                break
+        if only is not None:
+            if len(pages) < only:
+                raise IndexError(len(pages))
+            pages = pages[only - 1 : only]
+        _check_together(pages, limits)
+        yield pages
+
+
+def _check_together(pages: Sequence[PageSource], limits: PageLimits) -> None:
+    if len(pages) > limits.max_pages:
+        raise TooLarge(
+            f"image: a document may have {limits.max_pages} pages (MAX_PAGES), and this one has more; send fewer, "
+            "or say as `page` which one you want.",
+            "image",
+        )
+    pixels = sum(page.pixels for page in pages)
+    if len(pages) > 1 and pixels > limits.max_megapixels * 1e6:
+        raise TooLarge(
+            f"image: the pages have {pixels / 1e6:.1f} megapixels together; the limit of a document is "
+            f"{limits.max_megapixels:g} (MAX_DOCUMENT_MEGAPIXELS).",
+            "image",
+        )
+
+
+def is_pdf(upload: bytes) -> bool:
+    """Whether the bytes begin as a PDF."""
+    return _PDF_MARK in upload[:_PDF_MARK_WITHIN]
+
+
+class _File(Protocol):
+    """An upload with its pages, as many as were asked for at most."""
+
+    def sizes(self) -> list[int]:
+        """Pixels of every page."""
+        ...
+
+    def decode(self, page: int) -> PagePicture:
+        """The picture of a page, counted from 0."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Image:
+    """An image, of one page."""
+
+    data: bytes
+    limits: ImageLimits
+
+    def sizes(self) -> list[int]:
+        return [count_pixels(self.data, self.limits)]
+
+    def decode(self, page: int) -> PagePicture:
+        picture = decode_image(self.data, self.limits, page)
+        return PagePicture(picture.pixels, picture.focal_length_px)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tiff:
+    """A TIFF file, each page with a directory of its own."""
+
+    data: bytes
+    limits: ImageLimits
+    pages: list[containers.TiffPage]
+
+    def sizes(self) -> list[int]:
+        return [page.width * page.height for page in self.pages]
+
+    def decode(self, page: int) -> PagePicture:
+        picture = decode_image(self.data, self.limits, self.pages[page].directory)
+        return PagePicture(picture.pixels, picture.focal_length_px)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pdf:
+    """A PDF; its pages are drawn at `RENDER_DPI`, very large ones coarser, so that they keep to the limits."""
+
+    document: pypdfium2.PdfDocument
+    limits: ImageLimits
+    most: int
+
+    def sizes(self) -> list[int]:
+        pages = range(min(len(self.document), self.most))
+        return [width * height for width, height, _ in map(self._plan, pages)]
+
+    def decode(self, page: int) -> PagePicture:
+        width, height, scale = self._plan(page)
+        with _pdf_damage(f"its page {page + 1} cannot be drawn"):
+            sheet = self.document[page]
+            try:
+                bitmap = sheet.render(scale=scale, rev_byteorder=True)
+                pixels = np.array(bitmap.to_numpy()[:height, :width, :3], np.uint8)  # a copy: the bitmap goes
+                bitmap.close()
+            finally:
+                sheet.close()
+        return PagePicture(pixels, None)
+
+    def _plan(self, page: int) -> tuple[int, int, float]:
+        """Width and height in pixels, and pixels a point."""
+        with _pdf_damage(f"its page {page + 1} cannot be read"):
+            width, height = self.document.get_page_size(page)
+        if not (math.isfinite(width) and math.isfinite(height) and width > 0 and height > 0):
+            raise UndecodableImage(f"The PDF is damaged: its page {page + 1} has no size.")
+        scale = RENDER_DPI / _POINTS_PER_INCH
+        scale = min(scale, math.sqrt(self.limits.max_pixels / (width * height)))
+        scale = min(scale, self.limits.max_side_px / max(width, height))
+        # Rounded up by the renderer, never beyond the limits: what is over is cut off.
+        sides = (min(math.ceil(side * scale), self.limits.max_side_px) for side in (width, height))
+        columns, rows = (max(1, side) for side in sides)
+        return columns, rows, scale
+
+
+@contextmanager
+def _open_file(data: bytes, limits: PageLimits, most: int) -> Iterator[_File]:
+    if is_pdf(data) and not _is_image(data):
+        with _open_pdf(data, limits.image) as document:
+            yield _Pdf(document, limits.image, most)
+        return
+    try:
+        upload_format, _ = detect_format(data)
+    except UnsupportedMediaType as error:
+        raise UnsupportedMediaType(error.detail.replace(" image.", " image, nor a PDF.")) from error
+    if upload_format != "tiff":
+        yield _Image(data, limits.image)
+        return
+    if len(data) > limits.image.max_bytes:
+        raise TooLarge(f"The image has {len(data)} bytes; the limit is {limits.image.max_bytes}.")
+    yield _Tiff(data, limits.image, containers.tiff_pages(data, limits.image.max_pixels, most))
+
+
+@contextmanager
+def _open_pdf(data: bytes, limits: ImageLimits) -> Iterator[pypdfium2.PdfDocument]:
+    if len(data) > limits.max_bytes:
+        raise TooLarge(f"The PDF has {len(data)} bytes; the limit is {limits.max_bytes}.")
+    try:
+        document = pypdfium2.PdfDocument(data)
+    except pypdfium2.PdfiumError as error:
+        if error.err_code == _PASSWORD_ERROR:
+            raise UndecodableImage("The PDF is encrypted: send it without its password.") from error
+        raise UndecodableImage("The PDF is damaged, or has no page.") from error
+    try:
+        if document.get_formtype():
+            document.init_forms()  # what was filled in is drawn only with them
+        yield document
+    finally:
+        document.close()
+
+
+@contextmanager
+def _pdf_damage(what: str) -> Iterator[None]:
+    try:
+        yield
+    except pypdfium2.PdfiumError as error:
+        raise UndecodableImage(f"The PDF is damaged: {what}.") from error
+
+
+def _is_image(data: bytes) -> bool:
+    try:
+        detect_format(data)
+    except UnsupportedMediaType:
+        return False
+    return True
+
+
+def _label(upload: int, page: int, uploads: int, several: bool) -> tuple[str, str | None]:
+    """What a page is called, and its part of the request."""
+    place = f"image[{upload}]" if uploads > 1 else ""
+    label = ", ".join(part for part in (place, f"page {page + 1}" if several else "") if part)
+    return label, place or None
+
+
+@contextmanager
+def _naming(label: str, field: str | None) -> Iterator[None]:
+    """Say of which page an error in the block speaks."""
+    try:
+        yield
+    except DocumentError as error:
+        if not label:
+            raise
+        raise type(error)(f"{label}: {error.detail}", field or error.field) from error
