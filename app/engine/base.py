@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
 from services.errors import DocumentError
+from services.progress import ProgressSink
 
 T = TypeVar("T")
 
@@ -85,6 +86,10 @@ async def unspool(argument: object) -> object:
     return argument
 
 
+STARTED = "started"
+"""Stage of a job that a worker has taken and that has said nothing itself yet."""
+
+
 class Admission(Protocol):
     """A seat in the engine, held from before a body is read until its job is over."""
 
@@ -146,13 +151,18 @@ class Engine(Protocol):
         ...
 
     async def submit(
-        self, operation: Callable[..., T], *arguments: object, time_limit: TimeLimit | None = None
+        self,
+        operation: Callable[..., T],
+        *arguments: object,
+        time_limit: TimeLimit | None = None,
+        progress: ProgressSink | None = None,
     ) -> T:
         """Answer of `operation(*arguments)`, run in a worker within `time_limit` (None: the engine's own).
 
         `operation` is a function of a module, its arguments and answer pickle. A `Spooled` argument arrives
         as its bytes, which are read only when a worker is free, and a list of them as a list of theirs.
-        Cancelling the caller stops the work.
+        Cancelling the caller stops the work. `progress` is called in the event loop: with `STARTED` when a worker
+        takes the job, then with what the operation reports, never after the answer.
 
         Raises
         ------

@@ -14,11 +14,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 from app.engine import worker as inside
 from app.engine.base import (
+    STARTED,
     Busy,
     EngineFailed,
     EngineStatus,
@@ -31,8 +32,10 @@ from app.engine.base import (
     WorkerDied,
     unspool,
 )
+from app.engine.job import EngineJob
 from app.engine.process import WorkerGone, WorkerProcess
 from services.errors import DocumentError
+from services.progress import ProgressSink
 
 T = TypeVar("T")
 log = logging.getLogger(__name__)
@@ -56,16 +59,6 @@ class PoolLimits:
     worker_memory_bytes: int = 0
     jobs_per_worker: int = 200
     start_timeout_s: float = 60.0
-
-
-@dataclass(slots=True, eq=False)
-class _Job:
-    operation: Callable[..., Any]
-    arguments: tuple[object, ...]
-    time_limit: TimeLimit
-    answer: "asyncio.Future[Any]"
-    started: "asyncio.Future[None]"
-    queued_at: float = field(default_factory=time.monotonic)
 
 
 class _Seat:
@@ -95,7 +88,7 @@ class LocalEngine:
         self._warm_up = warm_up
         self._preload = list(preload)
         self._observe = observe
-        self._jobs: deque[_Job] = deque()
+        self._jobs: deque[EngineJob] = deque()
         self._bells: deque[asyncio.Future[None]] = deque()  # one for each idle worker
         self._open: set[asyncio.Future[Any]] = set()  # answers that somebody waits for
         self._hired: set[WorkerProcess] = set()
@@ -139,15 +132,20 @@ class LocalEngine:
         return _Seat(self)
 
     async def submit(
-        self, operation: Callable[..., T], *arguments: object, time_limit: TimeLimit | None = None
+        self,
+        operation: Callable[..., T],
+        *arguments: object,
+        time_limit: TimeLimit | None = None,
+        progress: ProgressSink | None = None,
     ) -> T:
         if self._stopped:
             raise ShuttingDown("The service is shutting down; send the request again.", 1)
         loop = asyncio.get_running_loop()
-        job = _Job(
+        job = EngineJob(
             operation,
             arguments,
             time_limit or TimeLimit(self._limits.job_timeout_s, "JOB_TIMEOUT_S"),
+            progress,
             loop.create_future(),
             loop.create_future(),
         )
@@ -279,7 +277,7 @@ class LocalEngine:
                 self._running -= 1
         self._recycled += 1
 
-    def _next_job(self) -> _Job | None:
+    def _next_job(self) -> EngineJob | None:
         while self._jobs:
             job = self._jobs.popleft()
             if not job.answer.done():
@@ -310,7 +308,7 @@ class LocalEngine:
                 self._bells.remove(bell)
         return not gone.done()
 
-    async def _run(self, worker: WorkerProcess, job: _Job) -> bool:
+    async def _run(self, worker: WorkerProcess, job: EngineJob) -> bool:
         """Answer the job; True when the worker can take another one."""
         loop = asyncio.get_running_loop()
         job.started.set_result(None)
@@ -331,6 +329,7 @@ class LocalEngine:
         value: object = None
         usable = False
         try:
+            job.tell(STARTED, 0.0)
             arguments = [await unspool(argument) for argument in job.arguments]
             if job.answer.done():
                 return True
@@ -338,7 +337,9 @@ class LocalEngine:
             # middle of its answer is stopped like one that computes for ever.
             alarm = loop.call_later(job.time_limit.seconds, expire)
             job.answer.add_done_callback(abandon)
-            outcome, value = await loop.run_in_executor(self._threads, worker.call, job.operation, arguments)
+            outcome, value = await loop.run_in_executor(
+                self._threads, worker.call, job.operation, arguments, job.listener(loop)
+            )
             usable = outcome in {inside.DONE, inside.REFUSED, inside.FAILED}
             error = self._error_of(outcome, value)
         except WorkerGone:
@@ -368,7 +369,7 @@ class LocalEngine:
         detail, traceback = cast(tuple[str, str], value)
         return JobFailed(detail, traceback)
 
-    def _error_of_loss(self, job: _Job, expired: bool) -> DocumentError | None:
+    def _error_of_loss(self, job: EngineJob, expired: bool) -> DocumentError | None:
         if job.answer.cancelled():
             return None  # the caller left and the worker was stopped for it
         if expired:
@@ -379,7 +380,7 @@ class LocalEngine:
         self._deaths += 1
         return WorkerDied("The process that did the work ended before it was done; nothing else is affected.")
 
-    def _settle(self, job: _Job, value: object, error: DocumentError | None, begin: float) -> None:
+    def _settle(self, job: EngineJob, value: object, error: DocumentError | None, begin: float) -> None:
         """Hand the answer over and remember how it went."""
         work_s = time.monotonic() - begin
         outcome = "cancelled" if job.answer.cancelled() else error.code if error is not None else "done"

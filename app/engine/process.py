@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import cast
 
 from app.engine import worker as inside
+from services.progress import ProgressSink
 
 
 class WorkerGone(Exception):
@@ -47,19 +48,27 @@ class WorkerProcess:
             raise WorkerGone
         return cast(dict[str, object], facts)
 
-    def call(self, operation: Callable[..., object], arguments: list[object]) -> inside.Outcome:
+    def call(
+        self, operation: Callable[..., object], arguments: list[object], listen: ProgressSink | None = None
+    ) -> inside.Outcome:
         """What became of `operation(*arguments)`; leaves `arguments` empty.
 
-        Uploads are large and work is long: this end forgets them when the worker has them.
+        Uploads are large and work is long: this end forgets them when the worker has them. `listen` is told the
+        work's progress, in the calling thread.
         """
-        call = pickle.dumps((operation, tuple(arguments)), protocol=pickle.HIGHEST_PROTOCOL)
+        call = pickle.dumps(
+            (operation, tuple(arguments), listen is not None), protocol=pickle.HIGHEST_PROTOCOL
+        )
         arguments.clear()
         try:
             self._connection.send_bytes(call)
         except OSError as error:
             raise WorkerGone from error
         del call
-        return self._receive()
+        while (outcome := self._receive())[0] == inside.PROGRESS:
+            if listen is not None:
+                listen(*cast(tuple[str, float], outcome[1]))
+        return outcome
 
     def _receive(self) -> inside.Outcome:
         try:

@@ -7,7 +7,9 @@ import faulthandler
 import os
 import pickle
 import resource
+import select
 import signal
+import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,9 +18,17 @@ from pathlib import Path
 from typing import Literal
 
 from services.errors import DocumentError
+from services.progress import progress_to
 
 READY, DONE, REFUSED, FAILED, OUT_OF_MEMORY = "ready", "done", "refused", "failed", "out-of-memory"
-Outcome = tuple[Literal["ready", "done", "refused", "failed", "out-of-memory"], object]
+PROGRESS = "progress"
+Outcome = tuple[Literal["ready", "done", "refused", "failed", "out-of-memory", "progress"], object]
+"""What a worker says: one word when it is warm, one for each call, and before that any number of `PROGRESS`."""
+
+REPORT_EVERY_S = 0.1
+"""Reports within one stage are no closer than this; nobody reads faster."""
+MOST_REPORTS = 2000
+"""Of one call, beginnings of stages included; then it goes on in silence."""
 
 SINGLE_THREAD_ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
@@ -59,7 +69,9 @@ def _settle(memory_bytes: int) -> None:
 
 
 def _answer_next(connection: Connection) -> bytes | None:
-    """Pickled `Outcome` of the next call, a pickled (operation, arguments); None when the engine hung up.
+    """Pickled `Outcome` of the next call, a pickled (operation, arguments, whether progress is asked for).
+
+    None when the engine hung up.
 
     Never raises what can be told instead.
     """
@@ -68,9 +80,10 @@ def _answer_next(connection: Connection) -> bytes | None:
     except (EOFError, OSError):
         return None
     try:
-        operation, arguments = pickle.loads(call)
+        operation, arguments, listens = pickle.loads(call)
         del call  # uploads are large; while the operation runs they are here once
-        return pickle.dumps((DONE, operation(*arguments)))
+        with progress_to(ProgressReports(connection).send if listens else None):
+            return pickle.dumps((DONE, operation(*arguments)))
     except DocumentError as error:
         return pickle.dumps((REFUSED, error))
     except BaseException as error:
@@ -78,3 +91,28 @@ def _answer_next(connection: Connection) -> bytes | None:
             return pickle.dumps((OUT_OF_MEMORY, None))
         # Told as text: the server need not import what raised it, and cannot stumble over its pickle.
         return pickle.dumps((FAILED, (f"{type(error).__name__}: {error}", traceback.format_exc())))
+
+
+class ProgressReports:
+    """Progress on its way to the engine, before the answer, over the same pipe.
+
+    Work must not wait for a reader and must not fail for want of one: what does not fit into the pipe is left out.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._room = select.poll()
+        self._room.register(connection.fileno(), select.POLLOUT)
+        self._left = MOST_REPORTS
+        self._stage: str | None = None
+        self._next_s = 0.0
+
+    def send(self, stage: str, fraction: float) -> None:
+        now = time.monotonic()
+        if not self._left or (stage == self._stage and now < self._next_s):
+            return
+        self._stage, self._next_s = stage, now + REPORT_EVERY_S
+        self._left -= 1
+        with suppress(OSError):
+            if self._room.poll(0):
+                self._connection.send_bytes(pickle.dumps((PROGRESS, (stage, fraction))))

@@ -28,8 +28,9 @@ from services.ocr.engine import OcrEngine
 from services.operations.layout_result import describe_recognition
 from services.operations.page_zones import LayoutSettings, check_frame, read_file, read_zones
 from services.operations.reader import ocr_engine
-from services.operations.replies import describe_warnings, timed, to_json_ready
+from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
 from services.operations.stored_models import StoredModel, open_models
+from services.progress import progress_within, report_progress
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import Notice
@@ -40,6 +41,8 @@ MEDIA_TYPES = {
     "alto": "application/xml",
     "png": "image/png",
 }
+FLATTENED, MATCHING_BEGINS = 0.6, 0.8
+"""Shares of the work that are done, as a rule, when a photo is flat and when its zones are read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +101,10 @@ def recognize_upload(
     """
     timings_ms: dict[str, float] = {}
     engine = ocr_engine() if options.ocr else None
-    with timed("models", timings_ms):
+    with timed("models", timings_ms, 0.0):
         versions = open_models(models)
     sight = _see(image, zones, zones_file, engine, options, settings, timings_ms)
+    report_progress("matching", MATCHING_BEGINS)
     recognition = recognize(
         sight.page,
         versions,
@@ -108,7 +112,7 @@ def recognize_upload(
         content_features(settings.content_features),
     )
     timings_ms |= recognition.timings_ms
-    with timed("encode", timings_ms):
+    with timed("encode", timings_ms, ENCODING_BEGINS):
         body = _encode(recognition, sight.image, options, settings)
     document = describe_recognition(recognition, explain=options.explain)
     document["warnings"] = describe_warnings(sight.notices)
@@ -129,20 +133,23 @@ def _see(
 ) -> _Sight:
     features = content_features(settings.content_features)
     picture: RgbImage | None = None
+    seen = 0.05
     notices: tuple[Notice, ...] = ()
     if image is not None:
-        with timed("decode", timings_ms):
+        with timed("decode", timings_ms, 0.02):
             photo = decode_image(image, settings.image)
         picture = photo.pixels
         if options.rectify:
-            flat = rectify(picture, RectifyParameters(), photo.focal_length_px, ocr_engine())
+            with progress_within(0.05, FLATTENED):
+                flat = rectify(picture, RectifyParameters(), photo.focal_length_px, ocr_engine())
             picture, notices = flat.image, flat.warnings
             timings_ms |= flat.timings_ms
+            seen = FLATTENED
     if zones is None and zones_file is None:
         assert picture is not None, "the app has seen to that"
-        with timed("zones", timings_ms):
+        with timed("zones", timings_ms, seen):
             return _Sight(read_page(picture, engine, features), picture, notices)
-    with timed("zones", timings_ms):
+    with timed("zones", timings_ms, seen):
         page = (
             read_zones(zones, settings)
             if zones is not None

@@ -13,6 +13,7 @@ from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Pair, Patch
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
+    ENCODING_BEGINS,
     EncodingOptions,
     PageReply,
     SourceFacts,
@@ -22,6 +23,7 @@ from services.operations.replies import (
     rounded,
     timed,
 )
+from services.progress import progress_within
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +55,11 @@ def mosaic_uploads(
         When `parameters` or `encoding` cannot be met.
     """
     timings_ms: dict[str, float] = {}
-    with timed("decode", timings_ms):
+    with timed("decode", timings_ms, 0.0):
         photos = _decode_photos(uploads, limits)
     focal_lengths_px = [photo.focal_length_px for photo in photos]
-    result = mosaic([photo.pixels for photo in photos], parameters, focal_lengths_px, ocr_engine())
+    with progress_within(0.03, ENCODING_BEGINS):
+        result = mosaic([photo.pixels for photo in photos], parameters, focal_lengths_px, ocr_engine())
     timings_ms |= result.timings_ms
     source = SourceFacts(photos[0].format, _resolution(photos, result), _colour_profile(photos))
     return make_reply(result.image, describe_mosaic(result), source, encoding, timings_ms)

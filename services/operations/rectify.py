@@ -8,6 +8,7 @@ from services.arrays import Vector
 from services.imaging.codec import ImageLimits, decode_image
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
+    ENCODING_BEGINS,
     EncodingOptions,
     PageReply,
     SourceFacts,
@@ -16,6 +17,7 @@ from services.operations.replies import (
     make_reply,
     timed,
 )
+from services.progress import progress_within
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import PlaneSurface, RectifyResult, StripsSurface
@@ -36,9 +38,10 @@ def rectify_upload(
         When `parameters` or `encoding` cannot be met.
     """
     timings_ms: dict[str, float] = {}
-    with timed("decode", timings_ms):
+    with timed("decode", timings_ms, 0.0):
         photo = decode_image(upload, limits)
-    result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
+    with progress_within(0.03, ENCODING_BEGINS):
+        result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
     timings_ms |= result.timings_ms
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
     return make_reply(result.image, describe_rectification(result), source, encoding, timings_ms)

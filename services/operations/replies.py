@@ -15,6 +15,7 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.imaging.codec import OutputFormat, UploadFormat, encode_image
+from services.progress import report_progress
 from services.rectify.results import Notice, Orientation
 
 MEDIA_TYPES = {
@@ -25,6 +26,10 @@ MEDIA_TYPES = {
     "pdf": "application/pdf",
     "json": "application/json",
 }
+
+
+ENCODING_BEGINS = 0.95
+"""The share of the work that is done when the page is encoded, as a rule."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +88,7 @@ def make_reply(
         image_format = encoding.format
     body, embedded = b"", None
     if encoding.format != "json" or encoding.embed:
-        with timed("encode", timings_ms):
+        with timed("encode", timings_ms, ENCODING_BEGINS):
             body = encode_image(page, image_format, encoding.quality, source.dpi, source.icc_profile)
     if encoding.format == "json":
         embedded = base64.b64encode(body).decode("ascii") if encoding.embed else None
@@ -127,8 +132,10 @@ def to_json_ready(value: Any) -> Any:
 
 
 @contextmanager
-def timed(stage: str, timings_ms: dict[str, float]) -> Iterator[None]:
-    """Write the milliseconds of the block down in `timings_ms`."""
+def timed(stage: str, timings_ms: dict[str, float], begins: float | None = None) -> Iterator[None]:
+    """Write the milliseconds of the block down in `timings_ms`; it `begins` when that share of the work is done."""
+    if begins is not None:
+        report_progress(stage, begins)
     started = time.perf_counter()
     yield
     timings_ms[stage] = (time.perf_counter() - started) * 1000

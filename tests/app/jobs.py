@@ -10,6 +10,7 @@ from pathlib import Path
 import psutil
 
 from services.errors import NoText
+from services.progress import report_progress
 
 
 def worker_pid() -> int:
@@ -92,3 +93,20 @@ def exit_while_warming_up() -> dict[str, object]:
 
 def say_warm() -> dict[str, object]:
     return {"ocr": "none", "pid": os.getpid()}
+
+
+def report_stages(folder: str) -> str:
+    report_progress("text", 0.25)
+    report_progress("text", 0.26)  # too soon after the first to be sent
+    report_progress("shape", 0.5)
+    announce_and_wait(folder)
+    return "done"
+
+
+def report_without_end(folder: str) -> int:
+    """More than a pipe holds, to an engine that is not reading."""
+    while not (Path(folder) / "go").exists():
+        time.sleep(0.005)
+    for number in range(10_000):
+        report_progress(f"stage {number}", number / 10_000)
+    return os.getpid()

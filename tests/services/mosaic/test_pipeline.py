@@ -13,6 +13,7 @@ from services.geometry.homographies import translation
 from services.mosaic.parameters import MosaicParameters
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult
+from services.progress import progress_to
 from tests.services.mosaic.views import look_at, page_image, photograph
 
 AS_LAID = MosaicParameters(upright=False)
@@ -79,8 +80,25 @@ def frontal_error_px(result: MosaicResult, cameras: Sequence[Homography]) -> flo
 
 
 @pytest.fixture(scope="module")
-def three() -> MosaicResult:
-    return mosaic(photos(), AS_LAID)
+def reports() -> list[tuple[str, float]]:
+    """What `three` tells of its progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def three(reports: list[tuple[str, float]]) -> MosaicResult:
+    with progress_to(lambda *report: reports.append(report)):
+        return mosaic(photos(), AS_LAID)
+
+
+@pytest.mark.usefixtures("three")
+def test_its_stages_are_told_as_they_begin(reports: list[tuple[str, float]]) -> None:
+    assert [stage for stage, _ in reports] == [
+        "flattening", "flattening", "flattening", "registration", "adjustment", "illumination", "composition",
+    ]  # fmt: skip
+    fractions = [fraction for _, fraction in reports]
+    assert fractions == sorted(set(fractions))
+    assert fractions[0] == 0.0 < fractions[-1] < 1.0
 
 
 def test_three_photos_become_the_page(three: MosaicResult) -> None:

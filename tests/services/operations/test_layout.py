@@ -22,6 +22,7 @@ from services.operations.layout_models import import_model, initialize_from_samp
 from services.operations.layout_result import describe_recognition
 from services.operations.page_zones import LayoutSettings
 from services.operations.stored_models import StoredModel
+from services.progress import progress_to
 from simulation.labelled_pages import letter_page
 from tests.services.imaging.files import make_file
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
@@ -136,7 +137,10 @@ def test_a_photo_is_rectified_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(layout, "rectify", pipeline)
     monkeypatch.setattr(layout, "ocr_engine", lambda: None)
     photo = make_file(np.full((40, 60, 3), 255, np.uint8), "PNG")
-    reply = recognize_upload(photo, None, None, [], LayoutOptions(rectify=True, format="png"), SETTINGS)
+    heard: list[str] = []
+    with progress_to(lambda stage, fraction: heard.append(f"{stage} {fraction:.2f}")):
+        reply = recognize_upload(photo, None, None, [], LayoutOptions(rectify=True, format="png"), SETTINGS)
+    assert heard == ["models 0.00", "decode 0.02", "zones 0.60", "matching 0.80", "encode 0.95"]
     assert len(pipeline.calls) == 1
     assert (reply.document["width"], reply.document["height"]) == (40, 60)  # it turns the photo
     assert reply.document["warnings"] == [{"code": "focal-length-unknown", "detail": "Say it."}]

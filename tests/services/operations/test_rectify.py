@@ -14,6 +14,8 @@ from PIL import Image, ImageCms
 from services.errors import InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging.codec import ImageLimits
 from services.operations import EncodingOptions, rectify_upload
+from services.operations import rectify as rectify_operation
+from services.progress import progress_to, report_progress
 from services.rectify.parameters import RectifyParameters
 from tests.services.imaging.files import make_exif, make_file
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
@@ -43,6 +45,22 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "warnings": [{"code": "focal-length-unknown", "detail": "Say it."}],
         "image": None,
     }
+
+
+@pytest.mark.usefixtures("pipeline")
+def test_the_pipelines_progress_is_a_part_of_the_operations(monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in = rectify_operation.rectify
+
+    def speak(*arguments: Any) -> Any:
+        report_progress("text", 0.0)
+        report_progress("remap", 1.0)
+        return stand_in(*arguments)
+
+    monkeypatch.setattr(rectify_operation, "rectify", speak)
+    heard: list[tuple[str, float]] = []
+    with progress_to(lambda *report: heard.append(report)):
+        rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS)
+    assert heard == [("decode", 0.0), ("text", 0.03), ("remap", pytest.approx(0.95)), ("encode", 0.95)]
 
 
 @pytest.mark.parametrize("not_finite", [math.nan, math.inf, -math.inf, np.float32("nan")])

@@ -7,6 +7,7 @@ import pytest
 
 from services.errors import InvalidOption, NoText
 from services.ocr.engine import OcrEngine, Word
+from services.progress import progress_to
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult, StripsSurface
@@ -25,8 +26,23 @@ def photo() -> SimulatedPhoto:
 
 
 @pytest.fixture(scope="module")
-def result(photo: SimulatedPhoto) -> RectifyResult:
-    return rectify(photo.image, AS_IT_LIES)
+def reports() -> list[tuple[str, float]]:
+    """What `result` tells of its progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def result(photo: SimulatedPhoto, reports: list[tuple[str, float]]) -> RectifyResult:
+    with progress_to(lambda *report: reports.append(report)):
+        return rectify(photo.image, AS_IT_LIES)
+
+
+def test_its_stages_are_told_as_they_begin(result: RectifyResult, reports: list[tuple[str, float]]) -> None:
+    assert list(dict(reports)) == ["text", "texture_flow", "shape", "framing", "remap"]
+    assert list(dict(reports)) == list(result.timings_ms)
+    begins = [fraction for _, fraction in sorted(dict(reports).items(), key=lambda report: report[1])]
+    assert begins == list(dict(reports).values())
+    assert begins[0] == 0.0 < begins[-1] < 1.0
 
 
 def mesh_residual(result: RectifyResult, photo: SimulatedPhoto) -> float:

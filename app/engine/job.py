@@ -1,0 +1,38 @@
+"""One call on its way through the pool."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from app.engine.base import TimeLimit
+from services.progress import ProgressSink
+
+
+@dataclass(slots=True, eq=False)
+class EngineJob:
+    """A call that waits for a worker or has one; `answer` is what its caller waits for."""
+
+    operation: Callable[..., Any]
+    arguments: tuple[object, ...]
+    time_limit: TimeLimit
+    progress: ProgressSink | None
+    answer: "asyncio.Future[Any]"
+    started: "asyncio.Future[None]"
+    queued_at: float = field(default_factory=time.monotonic)
+
+    def tell(self, stage: str, fraction: float) -> None:
+        """Report to whoever asked for it, as long as the answer is waited for."""
+        if self.progress is not None and not self.answer.done():
+            self.progress(stage, fraction)
+
+    def listener(self, loop: asyncio.AbstractEventLoop) -> ProgressSink | None:
+        """`tell`, for a thread beside the loop; None where nobody asked."""
+        if self.progress is None:
+            return None
+
+        def listen(stage: str, fraction: float) -> None:
+            loop.call_soon_threadsafe(self.tell, stage, fraction)
+
+        return listen
