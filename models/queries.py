@@ -1,15 +1,31 @@
 """Steps that the calls of the repository share: finding rows, judging what may be stored, rows as plain values."""
 
-from typing import cast
+from datetime import datetime
+from typing import cast, get_args
 
 from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
 from models.documents import decode_document
-from models.errors import ModelNotFound, NotStorable, SampleNotFound, VersionConflict
-from models.records import AnyVersion, ExpectedVersion, Origin, StoredModel, StoredSample
-from models.tables import MAX_NAME, ModelRow, SampleRow, VersionRow
+from models.errors import ModelNotFound, NotStorable, SampleNotFound, StoreFull, VersionConflict
+from models.records import (
+    DEFAULT_LEARNER,
+    AnyVersion,
+    ExpectedVersion,
+    Learner,
+    ModelSettings,
+    ModelSummary,
+    Origin,
+    SampleOrigin,
+    StoredModel,
+    StoredSample,
+)
+from models.tables import MAX_NAME, ModelRow, SampleRow, StateRow, VersionRow
 from models.ulid import is_ulid
+
+READ_AT_ONCE = 8
+"""Rows of documents, each of some MB at most."""
+_MAX_VERSION = 2**31 - 1  # of the column
 
 
 def look_up_model(session: Session, name: str) -> ModelRow | None:
@@ -26,12 +42,49 @@ def find_model(session: Session, name: str) -> ModelRow:
     return row
 
 
+def find_version(session: Session, row: ModelRow, version: int) -> VersionRow:
+    found = session.get(VersionRow, (row.id, version)) if 0 < version <= _MAX_VERSION else None
+    if found is None:
+        raise ModelNotFound(f"the model {row.name!r} has no version {version}", row.name)
+    return found
+
+
 def find_sample(session: Session, name: str, sample_id: str) -> SampleRow:
     model = find_model(session, name)
     row = session.get(SampleRow, sample_id) if is_ulid(sample_id) else None
     if row is None or row.model_id != model.id:
         raise SampleNotFound(f"the model {name!r} has no sample {sample_id!r}", sample_id)
     return row
+
+
+def create_model(session: Session, name: str, now: datetime, max_models: int | None) -> ModelRow:
+    """A class without samples and versions; one that was deleted comes back under its name, with no settings."""
+    alive = select(func.count()).select_from(ModelRow).where(ModelRow.deleted_at.is_(None))
+    if max_models is not None and session.execute(alive).scalar_one() >= max_models:
+        raise StoreFull(f"there are {max_models} models already")
+    row = session.execute(select(ModelRow).where(ModelRow.name == name)).scalar_one_or_none()
+    if row is None:
+        row = ModelRow(name=name, version=None, last_version=0, created_at=now, updated_at=now)
+        session.add(row)
+    row.created_at = row.updated_at = now
+    row.deleted_at = row.learner = row.genre = row.continues = None
+    session.flush()
+    return row
+
+
+def append_version(
+    session: Session, state: StateRow, row: ModelRow, packed: bytes, origin: Origin, note: str, now: datetime
+) -> VersionRow:
+    """Make an encoded document the newest version of a class."""
+    row.last_version += 1
+    row.version, row.updated_at = row.last_version, now
+    state.revision += 1
+    version = VersionRow(
+        model_id=row.id, version=row.version, origin=origin, note=note, created_at=now, document=packed
+    )
+    session.add(version)
+    session.flush()
+    return version
 
 
 def count_samples() -> ColumnElement[int]:
@@ -64,6 +117,30 @@ def require_storable(text: str, what: str) -> None:
         )
 
 
+def require_result_id(result_id: str) -> None:
+    if not is_ulid(result_id):
+        raise NotStorable("this is not the id of a result")
+
+
+def require_settings(name: str, settings: ModelSettings) -> None:
+    """`NotStorable` when the settings cannot be those of the class `name`."""
+    if settings.learner not in get_args(Learner):
+        raise NotStorable(f"learner: there are {', '.join(get_args(Learner))}")
+    for each in (settings.genre, settings.continues):
+        if each is not None:
+            require_storable(each, "name")
+    if settings.continues == name:
+        raise NotStorable("continues: a class cannot continue itself")
+
+
+def settings_of(row: ModelRow) -> ModelSettings:
+    return ModelSettings(cast(Learner, row.learner or DEFAULT_LEARNER), row.genre, row.continues)
+
+
+def model_summary(row: ModelRow, samples: int) -> ModelSummary:
+    return ModelSummary(row.name, row.version, samples, row.created_at, row.updated_at, settings_of(row))
+
+
 def stored_model(row: ModelRow, samples: int, version: VersionRow | None) -> StoredModel:
     return StoredModel(
         name=row.name,
@@ -73,8 +150,16 @@ def stored_model(row: ModelRow, samples: int, version: VersionRow | None) -> Sto
         created_at=row.created_at,
         updated_at=row.updated_at,
         origin=None if version is None else cast(Origin, version.origin),
+        settings=settings_of(row),
     )
 
 
 def stored_sample(row: SampleRow, *, created: bool) -> StoredSample:
-    return StoredSample(row.id, decode_document(row.document), row.created_at, created)
+    return StoredSample(
+        row.id,
+        decode_document(row.document),
+        row.created_at,
+        created,
+        cast(SampleOrigin, row.origin),
+        row.result_id,
+    )

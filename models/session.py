@@ -2,7 +2,8 @@
 
 SQLite is set up so that many processes may write: write-ahead log, every commit on the disk before it is
 answered, and writers that take the lock when they begin (a plain BEGIN that turns into a writer later fails when
-another one wrote in between). Readers never wait. Other databases are used as SQLAlchemy opens them.
+another one wrote in between). Readers never wait. On PostgreSQL a reader sees one state of the database too
+(REPEATABLE READ), and writers queue for a row that they lock first (READ COMMITTED: they see what the last one wrote).
 """
 
 import sqlite3
@@ -19,6 +20,7 @@ from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
+from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 
 from models.errors import StoreDamaged, StoreTooNew, StoreUnavailable
@@ -29,6 +31,7 @@ BUSY_TIMEOUT_S = 10.0
 never pause, on a disk that others use, one waited 3 s."""
 _POOL_SIZE, _POOL_OVERFLOW = 8, 32
 """Connections kept, and more at a rush: 40 in all, as many as anyio has threads."""
+_POSTGRESQL: Final = "postgresql+psycopg"
 _WRITER: Final = "store_writer"
 _MIGRATION_LOCK = 0x6C61796F75746D  # of PostgreSQL's advisory locks; any number that nobody else takes
 _migrating = threading.Lock()  # alembic keeps its context in globals
@@ -45,15 +48,10 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
     """An engine for a file of SQLite (made, with its folder, when absent) or for the URL of a database."""
     url = _url_of(where)
     with storage_errors():
+        if url.get_backend_name() == "postgresql":
+            return _open_postgresql(url, busy_timeout_s)
         if url.get_backend_name() != "sqlite":
-            return create_engine(
-                url,
-                hide_parameters=True,
-                pool_pre_ping=True,
-                pool_size=_POOL_SIZE,
-                max_overflow=_POOL_OVERFLOW,
-                pool_timeout=busy_timeout_s,
-            )
+            raise StoreUnavailable("the database is neither SQLite nor PostgreSQL")
         if not url.database or url.database == ":memory:":
             raise StoreUnavailable("SQLite needs a file: without one nothing would be remembered")
         Path(url.database).parent.mkdir(parents=True, exist_ok=True)
@@ -81,8 +79,31 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
     return engine
 
 
+def _open_postgresql(url: URL, busy_timeout_s: float) -> Engine:
+    engine = create_engine(
+        url,
+        hide_parameters=True,
+        isolation_level="REPEATABLE READ",
+        pool_pre_ping=True,
+        pool_size=_POOL_SIZE,
+        max_overflow=_POOL_OVERFLOW,
+        pool_timeout=busy_timeout_s,
+    )
+
+    @event.listens_for(engine, "connect")
+    def prepare(connection: DBAPIConnection, _: object) -> None:
+        cursor = connection.cursor()
+        cursor.execute(f"SET lock_timeout = {max(1, round(busy_timeout_s * 1000))}")
+        cursor.close()
+        connection.commit()
+
+    return engine
+
+
 def writers_of(engine: Engine) -> Engine:
     """The same connections, for transactions that write."""
+    if engine.dialect.name == "postgresql":
+        return engine.execution_options(isolation_level="READ COMMITTED")
     return engine.execution_options(**{_WRITER: True})
 
 
@@ -198,6 +219,8 @@ def _url_of(where: Path | str) -> URL:
         return URL.create("sqlite", database=str(where))
     try:
         url = make_url(where)
+        if url.drivername in ("postgres", "postgresql"):
+            url = url.set(drivername=_POSTGRESQL)
         url.get_dialect()
     except (ArgumentError, NoSuchModuleError) as error:
         raise StoreUnavailable("the URL of the database is not one, or its dialect is not known") from error

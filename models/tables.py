@@ -61,6 +61,10 @@ class ModelRow(Table):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
     updated_at: Mapped[datetime] = mapped_column(UtcDateTime)
     deleted_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    # Settings; a learner that is NULL is the default of the release that runs.
+    learner: Mapped[str | None] = mapped_column(String(20))
+    genre: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    continues: Mapped[str | None] = mapped_column(String(MAX_NAME))
 
 
 class VersionRow(Table):
@@ -77,7 +81,10 @@ class VersionRow(Table):
 
 
 class SampleRow(Table):
-    """A labelled page of a class: once for each content, once for each key."""
+    """A labelled page of a class: once for each content, once for each key.
+
+    One that came by feedback names the result that it verifies, and goes when that result is verified anew.
+    """
 
     __tablename__ = "layout_samples"
     __table_args__ = (Unique("model_id", "digest"), Unique("model_id", "key"))
@@ -87,6 +94,56 @@ class SampleRow(Table):
     key: Mapped[str | None] = mapped_column(String(MAX_NAME))
     digest: Mapped[str] = mapped_column(String(64))
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    document: Mapped[bytes] = mapped_column(LargeBinary)
+    origin: Mapped[str] = mapped_column(String(20), server_default="posted")
+    result_id: Mapped[str | None] = mapped_column(String(26), index=True)
+
+
+class FeedbackRow(Table):
+    """What a person said of a result: once for each body, once for each key. The result itself may be gone."""
+
+    __tablename__ = "layout_feedback"
+    __table_args__ = (Unique("result_id", "digest"), Unique("key"))
+
+    id: Mapped[str] = mapped_column(String(26), primary_key=True)
+    result_id: Mapped[str] = mapped_column(String(26))
+    key: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    digest: Mapped[str] = mapped_column(String(64))
+    found_class: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    verified_class: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    zones: Mapped[int]
+    wrong_zones: Mapped[int]
+    class_wrong: Mapped[bool]
+    sample_id: Mapped[str | None] = mapped_column(
+        ForeignKey("layout_samples.id", ondelete="SET NULL"), index=True
+    )
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    request: Mapped[bytes] = mapped_column(LargeBinary)
+    report: Mapped[bytes] = mapped_column(LargeBinary)
+
+
+class FeedbackModelRow(Table):
+    """A class that a feedback is about (found, verified, or both), and the versions between which it changed it."""
+
+    __tablename__ = "layout_feedback_models"
+
+    model_id: Mapped[int] = mapped_column(ForeignKey("layout_models.id"), primary_key=True)
+    feedback_id: Mapped[str] = mapped_column(
+        ForeignKey("layout_feedback.id", ondelete="CASCADE"), primary_key=True, index=True
+    )
+    old_version: Mapped[int | None]
+    new_version: Mapped[int | None]
+
+
+class UnknownPageRow(Table):
+    """A page that fitted no class, for a while: once for each result."""
+
+    __tablename__ = "layout_unknown_pages"
+
+    id: Mapped[str] = mapped_column(String(26), primary_key=True)
+    result_id: Mapped[str] = mapped_column(String(26), unique=True)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    expires_at: Mapped[datetime] = mapped_column(UtcDateTime, index=True)
     document: Mapped[bytes] = mapped_column(LargeBinary)
 
 

@@ -1,4 +1,4 @@
-"""A store on a real file, with a clock that only moves when it is told to."""
+"""A store on a real file, and on a real server where there is one, with a clock that moves when it is looked at."""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -8,6 +8,7 @@ import pytest
 from hypothesis import settings
 
 from models.repository import Store
+from tests.models.databases import KINDS, Cluster, empty_tables, running_cluster
 
 # The time of one example says nothing on a busy machine; the same examples run every time.
 settings.register_profile("laws", deadline=None, derandomize=True)
@@ -30,7 +31,32 @@ def clock() -> Clock:
     return Clock()
 
 
+@pytest.fixture(scope="session")
+def cluster() -> Iterator[Cluster]:
+    """A server of PostgreSQL; for tests that run where there is one."""
+    with running_cluster() as cluster:
+        yield cluster
+
+
+@pytest.fixture(scope="session")
+def emptied_url(cluster: Cluster) -> str:
+    """A database with all tables, from which `where` takes the rows before every test."""
+    url = cluster.make_database()
+    Store.open(url).close()
+    return url
+
+
+@pytest.fixture(params=KINDS)
+def where(request: pytest.FixtureRequest, tmp_path: Path) -> Path | str:
+    """What to open: a file that is not there yet, or a database without rows."""
+    if request.param == "sqlite":
+        return tmp_path / "store.sqlite3"
+    url: str = request.getfixturevalue("emptied_url")
+    empty_tables(request.getfixturevalue("cluster"), url)
+    return url
+
+
 @pytest.fixture
-def store(tmp_path: Path, clock: Clock) -> Iterator[Store]:
-    with Store.open(tmp_path / "store.sqlite3", clock=clock) as store:
+def store(where: Path | str, clock: Clock) -> Iterator[Store]:
+    with Store.open(where, clock=clock) as store:
         yield store

@@ -1,4 +1,4 @@
-"""What the store promises about models, samples and results, on a real database file."""
+"""What the store promises about models, samples and results, on real databases."""
 
 import json
 from collections.abc import Callable
@@ -24,6 +24,7 @@ from models.errors import (
 )
 from models.repository import Store
 from tests.models.conftest import Clock
+from tests.models.databases import KINDS
 
 ANY_TEXT = st.text(st.characters(), max_size=20)  # all of Unicode, halves of surrogate pairs too
 LEAVES = (
@@ -38,14 +39,26 @@ def as_json(document: Any) -> str:
     return json.dumps(document)
 
 
+@pytest.fixture(scope="module", params=KINDS)
+def shared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    if request.param == "sqlite":
+        where: Path | str = tmp_path_factory.mktemp("shared") / "store.sqlite3"
+    else:
+        where = request.getfixturevalue("cluster").make_database()
+    with Store.open(where) as store:
+        yield store
+
+
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def shared_file(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """For what is bytes before it reaches a database."""
     with Store.open(tmp_path_factory.mktemp("shared") / "store.sqlite3") as store:
         yield store
 
 
 @given(document=DOCUMENTS)
-def test_documents_come_back_as_they_were(shared: Store, document: dict[str, Any]) -> None:
+def test_documents_come_back_as_they_were(shared_file: Store, document: dict[str, Any]) -> None:
+    shared = shared_file
     version = shared.add_version("any", document, "import").version
     sample = shared.add_sample("any", document)
     result = shared.add_result(document, ttl_s=60)

@@ -1,0 +1,294 @@
+"""The store's calls about feedback: what people said of results, and what models made of it."""
+
+from collections.abc import Sequence
+from datetime import datetime
+
+from sqlalchemy import delete, func, select, update
+from sqlalchemy.orm import Session, defer
+
+from models.documents import Document, decode_document, digest_document, encode_document
+from models.errors import KeyReused, NotStorable
+from models.queries import (
+    append_version,
+    count_samples,
+    find_model,
+    look_up_model,
+    require_result_id,
+    require_storable,
+    require_version,
+)
+from models.records import FeedbackDraft, FeedbackSummary, ModelChange, ModelHealth, StoredFeedback
+from models.tables import FeedbackModelRow, FeedbackRow, ModelRow, SampleRow, UnknownPageRow
+from models.transactions import Transactions
+
+HEALTH_WINDOW = 50
+"""Feedbacks that count as recent: of a class with an error of 5 % that share is told within 3 % (one deviation)."""
+_MOST_ZONES = 2**31 - 1  # of the column
+Versions = dict[str, tuple[int | None, int]]
+
+
+class KeptFeedback(Transactions):
+    """Feedback, each in one transaction with the versions and the sample that it makes."""
+
+    def find_feedback(self, result_id: str, key: str | None, request: Document) -> StoredFeedback | None:
+        """The feedback that came before with this key, or with this body on this result.
+
+        `KeyReused` when the key came with another body or on another result, `NotStorable`.
+        """
+        if key is not None:
+            require_storable(key, "key")
+        digest = digest_document(request)
+        with self._reading() as session:
+            row = _look_up_feedback(session, result_id, key, digest)
+            return None if row is None else _stored_feedback(session, row, created=False)
+
+    def add_feedback(
+        self, draft: FeedbackDraft, changes: Sequence[ModelChange], *, max_samples: int | None = None
+    ) -> StoredFeedback:
+        """Keep a feedback with all that came of it: new versions of the models in `changes`, a sample, its report.
+
+        All of it is kept or nothing. What came before (`find_feedback`) is answered as it was, with `created` False,
+        and changes nothing. The verified page takes the place of the one that an earlier feedback on the same result
+        made a sample, and leaves the unknown pages. When the class has `max_samples` samples the oldest that came by
+        feedback makes room; if all were posted, no sample is made. The result need not be kept any longer.
+
+        `VersionConflict` when a model has another version than its change expects, `ModelNotFound`, `KeyReused`,
+        `NotStorable`.
+        """
+        require_result_id(draft.result_id)
+        if draft.key is not None:
+            require_storable(draft.key, "key")
+        for name in (draft.found_class, draft.verified_class):
+            if name is not None:
+                require_storable(name, "name")
+        if not 0 <= draft.wrong_zones <= draft.zones <= _MOST_ZONES:
+            raise NotStorable(f"of {draft.zones} zones {draft.wrong_zones} cannot be wrong")
+        if len({change.name for change in changes}) != len(changes):
+            raise NotStorable("a model can change once in a feedback")
+        digest = digest_document(draft.request)
+        request, report = encode_document(draft.request), encode_document(draft.report)
+        documents = {change.name: encode_document(change.document) for change in changes}
+        sample = (
+            None if draft.sample is None else (encode_document(draft.sample), digest_document(draft.sample))
+        )
+        with self._changing() as (session, state):
+            earlier = _look_up_feedback(session, draft.result_id, draft.key, digest)
+            if earlier is not None:
+                return _stored_feedback(session, earlier, created=False)
+            now = self._clock()
+            feedback_id = self._ulids.make(now)
+            rows = {change.name: find_model(session, change.name) for change in changes}
+            for change in changes:
+                require_version(change.name, rows[change.name].version, change.expected_version)
+            links = {
+                row.id: FeedbackModelRow(model_id=row.id, feedback_id=feedback_id)
+                for row in (*rows.values(), *_models_told(session, draft))
+            }
+            for name, row in rows.items():
+                links[row.id].old_version = row.version
+                append_version(
+                    session, state, row, documents[name], "feedback", f"result {draft.result_id}", now
+                )
+                links[row.id].new_version = row.version
+            sample_id = self._keep_sample(session, draft, sample, max_samples, now)
+            if draft.verified_class is not None:
+                known = UnknownPageRow.result_id == draft.result_id
+                session.execute(delete(UnknownPageRow).where(known))
+            feedback = FeedbackRow(
+                id=feedback_id,
+                result_id=draft.result_id,
+                key=draft.key,
+                digest=digest,
+                found_class=draft.found_class,
+                verified_class=draft.verified_class,
+                zones=draft.zones,
+                wrong_zones=draft.wrong_zones,
+                class_wrong=draft.class_wrong,
+                sample_id=sample_id,
+                created_at=now,
+                request=request,
+                report=report,
+            )
+            session.add(feedback)
+            session.flush()
+            session.add_all(links.values())
+            session.flush()
+            return _stored_feedback(session, feedback, created=True)
+
+    def feedbacks(self, name: str, newest: int = 50) -> list[FeedbackSummary]:
+        """The last feedbacks that found or verified this class, newest first; `ModelNotFound`."""
+        with self._reading() as session:
+            of_model = select(FeedbackModelRow.feedback_id).where(
+                FeedbackModelRow.model_id == find_model(session, name).id
+            )
+            wanted = select(FeedbackRow).where(FeedbackRow.id.in_(of_model))
+            wanted = wanted.options(defer(FeedbackRow.request), defer(FeedbackRow.report))
+            rows = session.execute(wanted.order_by(FeedbackRow.id.desc()).limit(newest)).scalars().all()
+            versions = _versions_of(session, [row.id for row in rows])
+        return [
+            FeedbackSummary(
+                id=row.id,
+                result_id=row.result_id,
+                found_class=row.found_class,
+                verified_class=row.verified_class,
+                zones=row.zones,
+                wrong_zones=row.wrong_zones,
+                class_wrong=row.class_wrong,
+                versions=versions.get(row.id, {}),
+                sample_id=row.sample_id,
+                created_at=row.created_at,
+            )
+            for row in rows
+        ]
+
+    def health(self, name: str) -> ModelHealth:
+        """What feedback told of a class; `ModelNotFound`."""
+        with self._reading() as session:
+            return _health(session, find_model(session, name).id)
+
+    def healths(self) -> dict[str, ModelHealth]:
+        """The same of all classes, by name."""
+        with self._reading() as session:
+            alive = select(ModelRow.name, ModelRow.id).where(ModelRow.deleted_at.is_(None))
+            return {name: _health(session, model_id) for name, model_id in session.execute(alive).all()}
+
+    def _keep_sample(
+        self,
+        session: Session,
+        draft: FeedbackDraft,
+        sample: tuple[bytes, str] | None,
+        max_samples: int | None,
+        now: datetime,
+    ) -> str | None:
+        """The verified page becomes a sample in the place of the earlier one of its result; its id."""
+        model, digest = None, None
+        if draft.verified_class is not None and sample is not None:
+            model, digest = find_model(session, draft.verified_class), sample[1]
+        _give_up_samples(session, draft.result_id, None if model is None else (model.id, digest))
+        if model is None or sample is None:
+            return None
+        of_model = select(SampleRow.id).where(SampleRow.model_id == model.id)
+        same = session.execute(of_model.where(SampleRow.digest == digest)).scalar_one_or_none()
+        if same is not None:
+            return same
+        count = session.execute(select(count_samples()).where(ModelRow.id == model.id)).scalar_one()
+        if max_samples is not None and count >= max_samples:
+            by_feedback = of_model.where(SampleRow.origin == "feedback").order_by(SampleRow.id).limit(1)
+            oldest = session.execute(by_feedback).scalar_one_or_none()
+            if oldest is None:
+                return None
+            session.execute(delete(SampleRow).where(SampleRow.id == oldest))
+        row = SampleRow(
+            id=self._ulids.make(now),
+            model_id=model.id,
+            key=None,
+            digest=sample[1],
+            created_at=now,
+            document=sample[0],
+            origin="feedback",
+            result_id=draft.result_id,
+        )
+        model.updated_at = now
+        session.add(row)
+        session.flush()
+        return row.id
+
+
+def _give_up_samples(session: Session, result_id: str, kept: tuple[int, str | None] | None) -> None:
+    """Samples that earlier feedback on this result made go, but for the one with this class and digest.
+
+    One that feedback on another result verified as well is from now on that result's.
+    """
+    session.execute(update(FeedbackRow).where(FeedbackRow.result_id == result_id).values(sample_id=None))
+    earlier = select(SampleRow).where(SampleRow.result_id == result_id, SampleRow.origin == "feedback")
+    for row in session.execute(earlier).scalars().all():
+        if (row.model_id, row.digest) == kept:
+            continue
+        others = select(FeedbackRow.result_id).where(FeedbackRow.sample_id == row.id).limit(1)
+        other = session.execute(others).scalar_one_or_none()
+        if other is None:
+            session.delete(row)
+        else:
+            row.result_id = other
+    session.flush()
+
+
+def _models_told(session: Session, draft: FeedbackDraft) -> list[ModelRow]:
+    """The classes that a feedback names; the found one may have been deleted, the verified one must be there."""
+    told = []
+    if draft.verified_class is not None:
+        told.append(find_model(session, draft.verified_class))
+    if draft.found_class is not None:
+        found = look_up_model(session, draft.found_class)
+        told += [] if found is None else [found]
+    return told
+
+
+def _look_up_feedback(session: Session, result_id: str, key: str | None, digest: str) -> FeedbackRow | None:
+    if key is not None:
+        row = session.execute(select(FeedbackRow).where(FeedbackRow.key == key)).scalar_one_or_none()
+        if row is not None:
+            if (row.result_id, row.digest) != (result_id, digest):
+                raise KeyReused(f"the idempotency key {key!r} came before, with another feedback")
+            return row
+    same = select(FeedbackRow).where(FeedbackRow.result_id == result_id, FeedbackRow.digest == digest)
+    return session.execute(same).scalar_one_or_none()
+
+
+def _stored_feedback(session: Session, row: FeedbackRow, *, created: bool) -> StoredFeedback:
+    return StoredFeedback(
+        id=row.id,
+        result_id=row.result_id,
+        request=decode_document(row.request),
+        report=decode_document(row.report),
+        versions=_versions_of(session, [row.id]).get(row.id, {}),
+        sample_id=row.sample_id,
+        created_at=row.created_at,
+        created=created,
+    )
+
+
+def _versions_of(session: Session, feedback_ids: list[str]) -> dict[str, Versions]:
+    """For every feedback that changed models, the version before and after of each, by its name."""
+    wanted = (
+        select(
+            ModelRow.name,
+            FeedbackModelRow.feedback_id,
+            FeedbackModelRow.old_version,
+            FeedbackModelRow.new_version,
+        )
+        .join(ModelRow, ModelRow.id == FeedbackModelRow.model_id)
+        .where(FeedbackModelRow.feedback_id.in_(feedback_ids))
+        .order_by(ModelRow.name)
+    )
+    versions: dict[str, Versions] = {}
+    for name, feedback_id, old, new in session.execute(wanted):
+        if new is not None:
+            versions.setdefault(feedback_id, {})[name] = (old, new)
+    return versions
+
+
+def _health(session: Session, model_id: int) -> ModelHealth:
+    of_model = FeedbackModelRow.model_id == model_id
+    count = session.execute(select(func.count()).select_from(FeedbackModelRow).where(of_model)).scalar_one()
+    wanted = (
+        select(FeedbackRow.zones, FeedbackRow.wrong_zones, FeedbackRow.class_wrong, FeedbackRow.created_at)
+        .join(FeedbackModelRow, FeedbackModelRow.feedback_id == FeedbackRow.id)
+        .where(of_model)
+        .order_by(FeedbackModelRow.feedback_id.desc())
+        .limit(2 * HEALTH_WINDOW)
+    )
+    rows = session.execute(wanted).all() if count else []
+    recent, earlier = rows[:HEALTH_WINDOW], rows[HEALTH_WINDOW:]
+    return ModelHealth(
+        feedbacks=count,
+        recent=len(recent),
+        recent_zone_error=_share(sum(row.wrong_zones for row in recent), sum(row.zones for row in recent)),
+        recent_class_error=_share(sum(row.class_wrong for row in recent), len(recent)),
+        earlier_zone_error=_share(sum(row.wrong_zones for row in earlier), sum(row.zones for row in earlier)),
+        last_feedback_at=recent[0].created_at if recent else None,
+    )
+
+
+def _share(part: int, whole: int) -> float | None:
+    return part / whole if whole else None

@@ -1,0 +1,109 @@
+"""The store's calls about samples: labelled pages of document classes."""
+
+from collections.abc import Iterator
+
+from sqlalchemy import select
+
+from models.documents import Document, digest_document, encode_document
+from models.errors import KeyReused, StoreFull
+from models.queries import (
+    READ_AT_ONCE,
+    count_samples,
+    create_model,
+    find_model,
+    find_sample,
+    look_up_model,
+    require_storable,
+    stored_sample,
+)
+from models.records import StoredSample
+from models.tables import ModelRow, SampleRow
+from models.transactions import Transactions
+
+
+class KeptSamples(Transactions):
+    """Samples of models, posted as such or verified by feedback."""
+
+    def add_sample(
+        self,
+        name: str,
+        document: Document,
+        *,
+        key: str | None = None,
+        max_samples: int | None = None,
+        max_models: int | None = None,
+    ) -> StoredSample:
+        """Add a labelled page to a class, which its first sample creates.
+
+        The same key or the same content counts once: the answer is then the first sample, with `created` False.
+        `KeyReused` when a key comes with another content, `StoreFull` at a bound, `NotStorable`.
+        """
+        require_storable(name, "name")
+        if key is not None:
+            require_storable(key, "key")
+        packed, digest = encode_document(document), digest_document(document)
+        with self._changing() as (session, state):
+            now = self._clock()
+            row = look_up_model(session, name)
+            if row is None:
+                row = create_model(session, name, now, max_models)
+                state.revision += 1
+            of_model = select(SampleRow).where(SampleRow.model_id == row.id)
+            if key is not None:
+                earlier = session.execute(of_model.where(SampleRow.key == key)).scalar_one_or_none()
+                if earlier is not None and earlier.digest != digest:
+                    raise KeyReused(f"the idempotency key {key!r} came before, with another sample")
+            same = session.execute(of_model.where(SampleRow.digest == digest)).scalar_one_or_none()
+            if same is not None:
+                same.origin = "posted"  # from now on it stays, whatever feedback says
+                return stored_sample(same, created=False)
+            count = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
+            if max_samples is not None and count >= max_samples:
+                raise StoreFull(f"the model {name!r} has {count} samples, {max_samples} are allowed")
+            row.updated_at = now
+            sample = SampleRow(
+                id=self._ulids.make(now),
+                model_id=row.id,
+                key=key,
+                digest=digest,
+                created_at=now,
+                document=packed,
+            )
+            session.add(sample)
+            session.flush()
+            return stored_sample(sample, created=True)
+
+    def samples(self, name: str) -> list[StoredSample]:
+        """All samples of a class with their documents, oldest first; `ModelNotFound`."""
+        with self._reading() as session:
+            row = find_model(session, name)
+            of_model = select(SampleRow).where(SampleRow.model_id == row.id).order_by(SampleRow.id)
+            rows = session.execute(of_model).scalars().all()
+        return [stored_sample(sample, created=False) for sample in rows]
+
+    def each_sample(self, name: str, *, newest_first: bool = False) -> Iterator[StoredSample]:
+        """The same one after another, so that never all are in memory; `ModelNotFound` at the first."""
+        with self._reading() as session:
+            row = find_model(session, name)
+            order = SampleRow.id.desc() if newest_first else SampleRow.id
+            wanted = select(SampleRow).where(SampleRow.model_id == row.id).order_by(order)
+            for sample in session.execute(wanted.execution_options(yield_per=READ_AT_ONCE)).scalars():
+                yield stored_sample(sample, created=False)
+                session.expunge(sample)
+
+    def sample(self, name: str, sample_id: str) -> StoredSample:
+        """One sample of a class; `ModelNotFound`, `SampleNotFound`."""
+        with self._reading() as session:
+            return stored_sample(find_sample(session, name, sample_id), created=False)
+
+    def sample_count(self, name: str) -> int:
+        """How many samples a class has; `ModelNotFound`."""
+        with self._reading() as session:
+            wanted = select(count_samples()).where(ModelRow.id == find_model(session, name).id)
+            return session.execute(wanted).scalar_one()
+
+    def delete_sample(self, name: str, sample_id: str) -> None:
+        """Take a sample away from a class, which stays; `ModelNotFound`, `SampleNotFound`."""
+        with self._changing() as (session, _):
+            session.delete(find_sample(session, name, sample_id))
+            find_model(session, name).updated_at = self._clock()

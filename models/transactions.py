@@ -1,0 +1,97 @@
+"""The transactions that all calls of the store are made of, and the beginning and the end of their connections."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Self
+
+from sqlalchemy.orm import Session
+
+from models.errors import StoreUnavailable
+from models.session import (
+    BUSY_TIMEOUT_S,
+    WriterTurns,
+    check_intact,
+    open_engine,
+    storage_errors,
+    upgrade_schema,
+    writers_of,
+)
+from models.tables import StateRow
+from models.ulid import UlidFactory
+
+
+def utc_now() -> datetime:
+    """The time, aware."""
+    return datetime.now(UTC)
+
+
+class Transactions:
+    """An open database; `models.repository.Store` says what can be done with it."""
+
+    @classmethod
+    def open(
+        cls,
+        where: Path | str,
+        *,
+        busy_timeout_s: float = BUSY_TIMEOUT_S,
+        clock: Callable[[], datetime] = utc_now,
+    ) -> Self:
+        """Open the SQLite file `where` (made when absent) or the database of a URL, and bring it up to date.
+
+        `StoreTooNew`, `StoreDamaged` or, for all else that stands in the way, `StoreUnavailable`.
+        """
+        return cls(where, busy_timeout_s, clock)
+
+    def __init__(self, where: Path | str, busy_timeout_s: float, clock: Callable[[], datetime]) -> None:
+        self._clock = clock
+        self._ulids = UlidFactory()
+        self._closed = False
+        self._readers = open_engine(where, busy_timeout_s)
+        self._writers = writers_of(self._readers)
+        self._turns = WriterTurns(self._readers, busy_timeout_s)
+        try:
+            check_intact(self._readers)
+            upgrade_schema(self._readers)
+        except BaseException:
+            self._readers.dispose()
+            raise
+
+    def close(self) -> None:
+        """Give the connections back; every later call is `StoreUnavailable`."""
+        self._closed = True
+        self._readers.dispose()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @contextmanager
+    def _reading(self) -> Iterator[Session]:
+        """A transaction that sees one state of the database and changes nothing."""
+        if self._closed:
+            raise StoreUnavailable("the store is closed")
+        with storage_errors(), Session(self._readers, expire_on_commit=False) as session:
+            yield session
+
+    @contextmanager
+    def _writing(self) -> Iterator[Session]:
+        """A transaction that is kept when the block ends well, and leaves no trace when it does not."""
+        if self._closed:
+            raise StoreUnavailable("the store is closed")
+        with (
+            self._turns.take(),
+            storage_errors(),
+            Session(self._writers, expire_on_commit=False) as session,
+            session.begin(),
+        ):
+            yield session
+
+    @contextmanager
+    def _changing(self) -> Iterator[tuple[Session, StateRow]]:
+        """`_writing` for models, samples and feedback: one at a time."""
+        with self._writing() as session:
+            yield session, session.get_one(StateRow, 1, with_for_update=True)

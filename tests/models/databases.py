@@ -1,0 +1,128 @@
+"""The databases that the store's promises are tested on: SQLite, and PostgreSQL where its server is installed."""
+
+import os
+import pwd
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psycopg
+
+from models.tables import Table
+
+_START_S = 30
+
+
+def _server_binaries() -> Path | None:
+    """Folder of the newest server of PostgreSQL: Debian's, which stand apart, or that on the PATH."""
+    folders = sorted(
+        Path("/usr/lib/postgresql").glob("*/bin"), key=lambda folder: float(folder.parent.name), reverse=True
+    )
+    found = shutil.which("initdb")
+    folders += [Path(found).resolve().parent] if found else []
+    return next(
+        (folder for folder in folders if all((folder / name).exists() for name in ("initdb", "postgres"))),
+        None,
+    )
+
+
+def _server_user() -> pwd.struct_passwd | None:
+    """Whom the server may run as: never root, and somebody with a name."""
+    for name in ("postgres", "nobody") if os.geteuid() == 0 else (None,):
+        try:
+            return pwd.getpwuid(os.geteuid()) if name is None else pwd.getpwnam(name)
+        except KeyError:
+            continue
+    return None
+
+
+BINARIES, USER = _server_binaries(), _server_user()
+KINDS = ("sqlite",) if BINARIES is None or USER is None else ("sqlite", "postgresql")
+
+
+class Cluster:
+    """A running server of PostgreSQL that listens on a socket in its own folder only."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._made = 0
+
+    def make_database(self) -> str:
+        """The URL of a fresh, empty database."""
+        self._made += 1
+        name = f"store_{self._made}"
+        with self.connect("postgres") as connection:
+            connection.execute(f"CREATE DATABASE {name}")  # type: ignore[call-overload]
+        return f"postgresql://store@/{name}?host={self.folder}"
+
+    def connect(self, database: str) -> psycopg.Connection[Any]:
+        """A connection beside the store's, which commits every statement."""
+        return psycopg.connect(host=str(self.folder), user="store", dbname=database, autocommit=True)
+
+
+@contextmanager
+def running_cluster(*, durable: bool = False) -> Iterator[Cluster]:
+    """A server with a fresh cluster, gone with the block; `durable` has it wait for the disk, as it should in use."""
+    assert BINARIES is not None
+    assert USER is not None
+    folder = Path(tempfile.mkdtemp(prefix="pg"))  # short: the path of a socket has 107 characters at most
+    identity: dict[str, Any] = {"cwd": folder}
+    if os.geteuid() == 0:
+        identity |= {"user": USER.pw_uid, "group": USER.pw_gid, "extra_groups": []}
+        os.chown(folder, USER.pw_uid, USER.pw_gid)
+    initdb = [BINARIES / "initdb", "--no-sync", "--username=store", "--auth=trust", "--encoding=UTF8"]
+    settings = {
+        "listen_addresses": "",
+        "unix_socket_directories": str(folder),
+        "shared_buffers": "16MB",
+        "fsync": "on" if durable else "off",
+    }
+    start = [
+        BINARIES / "postgres",
+        "-D",
+        folder / "data",
+        *(f"--{name}={settings[name]}" for name in settings),
+    ]
+    try:
+        made = subprocess.run(
+            [*initdb, "--locale=C", "--pgdata", folder / "data"], check=False, capture_output=True, **identity
+        )
+        assert made.returncode == 0, made.stderr.decode()
+        with (folder / "log").open("wb") as log:
+            server = subprocess.Popen(start, stdout=log, stderr=log, **identity)
+        try:
+            cluster = Cluster(folder)
+            _wait_for(cluster, server)
+            yield cluster
+        finally:
+            server.send_signal(signal.SIGINT)  # whoever is still connected is cut off
+            server.wait(_START_S)
+    finally:
+        shutil.rmtree(folder)
+
+
+def _wait_for(cluster: Cluster, server: "subprocess.Popen[bytes]") -> None:
+    deadline = time.monotonic() + _START_S
+    while True:
+        try:
+            cluster.connect("postgres").close()
+            return
+        except psycopg.OperationalError:
+            said = (cluster.folder / "log").read_text()
+            assert server.poll() is None, said
+            assert time.monotonic() < deadline, said
+        time.sleep(0.02)
+
+
+def empty_tables(cluster: Cluster, url: str) -> None:
+    """Take all rows out of a migrated database, and begin anew."""
+    tables = ", ".join(sorted(set(Table.metadata.tables) - {"store_state"}))
+    with cluster.connect(url.partition("@/")[2].partition("?")[0]) as connection:
+        connection.execute(f"TRUNCATE {tables} RESTART IDENTITY")  # type: ignore[call-overload]
+        connection.execute("UPDATE store_state SET revision = 0")
