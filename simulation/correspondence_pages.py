@@ -8,15 +8,20 @@ from simulation.labelled_zones import LabelledPage, ZoneSetter, broken, height
 LETTER_PX = (1275, 1650)
 """US letter at 150 dpi."""
 A4_PX = (1240, 1754)
+MOST_PARAGRAPHS = 12
 
 
-def letter_page(rng: np.random.Generator, *, scale: float = 1.0, draw: bool = True) -> LabelledPage:
+def letter_page(
+    rng: np.random.Generator, *, scale: float = 1.0, draw: bool = True, ends: bool = True
+) -> LabelledPage:
     """A business letter: block or modified block form, its optional parts present by chance.
+
+    One that does not end on this page has no closing and nothing of what follows it, and body to the foot.
 
     Labels: letterhead reference date receiver subject salutation body closing signature typist-initials
     enclosure cc ps footer page-number stamp handwriting.
     """
-    setter, size, left = _sheet(rng, scale, draw)
+    setter, size, left = sheet(rng, scale, draw)
     measure = setter.width - 2 * left
     modified = rng.random() < 0.4
     # In modified block form date and closing begin at the middle of the page.
@@ -40,15 +45,13 @@ def letter_page(rng: np.random.Generator, *, scale: float = 1.0, draw: bool = Tr
     y = setter.text("salutation", [_salutation(rng, receiver)], left, y, size) + size * rng.uniform(0.6, 1.2)
     if 0.2 <= subject_place < 0.3:
         y = setter.text("subject", [subject.upper()], left, y, size) + size * 1.1
-    tail = _tail(rng, sender)
+    if not ends:
+        paragraphs(rng, setter, size, left, measure, y, setter.height - 150, fill=True)
+        return setter.page("letter")
+    tail = tail_of(rng, sender)
     room = setter.height - 170 - size * (11 + sum(1.25 * len(lines) + 1.2 for _, lines in tail))
-    y = _paragraphs(rng, setter, size, left, measure, y, room)
-    y = setter.text("closing", [invented.pick(rng, invented.CLOSINGS)], inner, y, size)
-    scribble = size * rng.uniform(2.0, 3.2)
-    signed = [sender, *([invented.pick(rng, invented.POSITIONS)] if rng.random() < 0.6 else [])]
-    y = setter.text("signature", signed, inner, y + scribble + 8, size, ink_above=scribble)
-    for label, lines in tail:
-        y = setter.text(label, lines, left, y + size * 1.2, size)
+    y = paragraphs(rng, setter, size, left, measure, y, room)
+    y = set_ending(rng, setter, size, left, inner, y, sender, tail)
     if rng.random() < 0.15:
         foot = f"{invented.street(rng)} - {invented.town(rng)} - {invented.phone(rng)}"
         setter.text("footer", [foot], setter.width / 2, setter.height - 80, 0.75 * size, align="centre")
@@ -62,12 +65,16 @@ def letter_page(rng: np.random.Generator, *, scale: float = 1.0, draw: bool = Tr
     return setter.page("letter")
 
 
-def memo_page(rng: np.random.Generator, *, scale: float = 1.0, draw: bool = True) -> LabelledPage:
+def memo_page(
+    rng: np.random.Generator, *, scale: float = 1.0, draw: bool = True, ends: bool = True
+) -> LabelledPage:
     """An office memo: its fields TO, FROM, DATE and SUBJECT one below the other in a changing order.
+
+    One that does not end on this page has body to the foot.
 
     Labels: letterhead title date receiver sender subject body signature typist-initials enclosure cc.
     """
-    setter, size, left = _sheet(rng, scale, draw)
+    setter, size, left = sheet(rng, scale, draw)
     measure = setter.width - 2 * left
     y = rng.uniform(90, 150)
     if rng.random() < 0.4:
@@ -94,9 +101,12 @@ def memo_page(rng: np.random.Generator, *, scale: float = 1.0, draw: bool = True
     if rng.random() < 0.6:
         setter.rule(left, left + measure, y + 2)
         y += size
-    tail = [part for part in _tail(rng, sender) if part[0] != "ps"]
+    if not ends:
+        paragraphs(rng, setter, size, left, measure, y + 0.5 * size, setter.height - 150, fill=True)
+        return setter.page("memo")
+    tail = [part for part in tail_of(rng, sender) if part[0] != "ps"]
     room = setter.height - 150 - size * (8 + sum(1.25 * len(lines) + 1.2 for _, lines in tail))
-    y = _paragraphs(rng, setter, size, left, measure, y + 0.5 * size, room)
+    y = paragraphs(rng, setter, size, left, measure, y + 0.5 * size, room)
     if rng.random() < 0.25:
         scribble = 2.2 * size
         y = setter.text("signature", [sender], left, y + scribble, size, ink_above=scribble)
@@ -110,7 +120,7 @@ def fax_page(rng: np.random.Generator, *, scale: float = 1.0, draw: bool = True)
 
     Labels: other letterhead title receiver sender date field subject body signature footer.
     """
-    setter, size, left = _sheet(rng, scale, draw)
+    setter, size, left = sheet(rng, scale, draw)
     measure = setter.width - 2 * left
     if rng.random() < 0.7:
         line = f"{invented.date(rng)}  14:{int(rng.integers(10, 60))}  ID: {invented.phone(rng)}  PAGE 1"
@@ -144,7 +154,7 @@ def fax_page(rng: np.random.Generator, *, scale: float = 1.0, draw: bool = True)
     if rng.random() < 0.4:
         y = setter.text("other", ["URGENT     FOR REVIEW     PLEASE COMMENT"], left, y, 0.9 * size) + size
     if rng.random() < 0.9:
-        y = _paragraphs(rng, setter, size, left, measure, y, setter.height - 400)
+        y = paragraphs(rng, setter, size, left, measure, y, setter.height - 400)
     if rng.random() < 0.2:
         setter.text("signature", [sender], left, y + 2.4 * size, size, ink_above=2.2 * size)
     if rng.random() < 0.6:
@@ -156,11 +166,31 @@ def fax_page(rng: np.random.Generator, *, scale: float = 1.0, draw: bool = True)
     return setter.page("fax")
 
 
-def _sheet(rng: np.random.Generator, scale: float, draw: bool) -> tuple[ZoneSetter, float, float]:
+def sheet(rng: np.random.Generator, scale: float, draw: bool) -> tuple[ZoneSetter, float, float]:
     """An empty sheet, the size of its print and its left margin."""
     width, high = LETTER_PX if rng.random() < 0.75 else A4_PX
     setter = ZoneSetter(width, high, scale=scale, draw=draw)
     return setter, rng.uniform(20.0, 24.0), rng.uniform(120.0, 190.0)
+
+
+def set_ending(
+    rng: np.random.Generator,
+    setter: ZoneSetter,
+    size: float,
+    left: float,
+    inner: float,
+    y: float,
+    sender: str,
+    tail: list[tuple[str, list[str]]],
+) -> float:
+    """Closing and signature of a letter, at `inner`, and its tail."""
+    y = setter.text("closing", [invented.pick(rng, invented.CLOSINGS)], inner, y, size)
+    scribble = size * rng.uniform(2.0, 3.2)
+    signed = [sender, *([invented.pick(rng, invented.POSITIONS)] if rng.random() < 0.6 else [])]
+    y = setter.text("signature", signed, inner, y + scribble + 8, size, ink_above=scribble)
+    for label, lines in tail:
+        y = setter.text(label, lines, left, y + size * 1.2, size)
+    return y
 
 
 def _letterhead(rng: np.random.Generator, setter: ZoneSetter, size: float, left: float, house: str) -> float:
@@ -204,7 +234,7 @@ def _salutation(rng: np.random.Generator, receiver: str) -> str:
     return invented.pick(rng, ways) + end
 
 
-def _tail(rng: np.random.Generator, sender: str) -> list[tuple[str, list[str]]]:
+def tail_of(rng: np.random.Generator, sender: str) -> list[tuple[str, list[str]]]:
     """What stands below the signature: labels and lines."""
     parts: list[tuple[str, list[str]]] = []
     if rng.random() < 0.45:
@@ -233,7 +263,7 @@ def _tail(rng: np.random.Generator, sender: str) -> list[tuple[str, list[str]]]:
     return parts
 
 
-def _paragraphs(
+def paragraphs(
     rng: np.random.Generator,
     setter: ZoneSetter,
     size: float,
@@ -241,12 +271,17 @@ def _paragraphs(
     measure: float,
     y: float,
     lowest: float,
+    *,
+    fill: bool = False,
 ) -> float:
-    """One to five paragraphs of body, the first in any case, the others while they end above `lowest`."""
+    """One to five paragraphs of body, the first in any case, the others while they end above `lowest`.
+
+    With `fill` there are as many as have room.
+    """
     indent = size * rng.uniform(1.5, 3.0) if rng.random() < 0.3 else 0.0
     justified = rng.random() < 0.3
     gap = size * rng.uniform(0.7, 1.2)
-    for number in range(int(rng.integers(1, 6))):
+    for number in range(MOST_PARAGRAPHS if fill else int(rng.integers(1, 6))):
         count = int(rng.integers(1, 4 if number else 3))
         text = invented.sentences(rng, invented.LETTER_SENTENCES, count)
         if number and y + height(text, size, measure, indent=indent) > lowest:

@@ -71,8 +71,8 @@ def _plain(rng: np.random.Generator, setter: ZoneSetter) -> None:
         setter.text("footnote", [note], left, setter.height - 190, 0.75 * size)
         setter.rule(left, left + 200, setter.height - 200)
     if rng.random() < 0.2 and y < lowest - 520:
-        y = _illustrated(rng, setter, left, y, measure, size)
-    y = _body(rng, setter, left, y, measure, size, lowest)
+        y = set_illustration(rng, setter, left, y, measure, size)
+    y = set_body(rng, setter, left, y, measure, size, lowest)
     foot = setter.height - 110.0
     if rng.random() < 0.5:
         setter.text(
@@ -113,14 +113,14 @@ def _two_columns(rng: np.random.Generator, setter: ZoneSetter) -> None:
         note = f"Copyright held by the authors. {_doi(rng)}"
         kind = "licence" if rng.random() < 0.5 else "footnote"
         setter.paragraph(kind, note, left, lowest - 50, 0.75 * size, column)
-    _body(rng, setter, left, y, column, size, first_lowest)
+    set_body(rng, setter, left, y, column, size, first_lowest)
     y = top
     if rng.random() < 0.4:
-        y = _illustrated(rng, setter, second, y, column, size)
-    y = _body(rng, setter, second, y, column, size, top + 0.5 * (lowest - top))
+        y = set_illustration(rng, setter, second, y, column, size)
+    y = set_body(rng, setter, second, y, column, size, top + 0.5 * (lowest - top))
     heading = f"2. {invented.pick(rng, invented.SECTIONS[1:])}"
     y = setter.text("section-title", [heading], second, y + 0.6 * size, 1.1 * size, bold=True) + 0.4 * size
-    _body(rng, setter, second, y, column, size, lowest)
+    set_body(rng, setter, second, y, column, size, lowest)
     setter.text("page-number", ["1"], middle, setter.height - 110, size, align="centre")
 
 
@@ -135,14 +135,14 @@ def _margin(rng: np.random.Generator, setter: ZoneSetter) -> None:
     side = y
     y = setter.text("section-title", ["Summary"], left, y + 2 * size, 1.4 * size, bold=True) + 0.6 * size
     lowest = setter.height - 190.0
-    y = _body(rng, setter, left, y, measure, size, y + rng.uniform(0.3, 0.5) * (lowest - y))
+    y = set_body(rng, setter, left, y, measure, size, y + rng.uniform(0.3, 0.5) * (lowest - y))
     if rng.random() < 0.3:
-        y = _illustrated(rng, setter, left, y, measure, size)
+        y = set_illustration(rng, setter, left, y, measure, size)
     y = (
         setter.text("section-title", ["Statement of need"], left, y + size, 1.4 * size, bold=True)
         + 0.6 * size
     )
-    _body(rng, setter, left, y, measure, size, lowest)
+    set_body(rng, setter, left, y, measure, size, lowest)
     doi, author = _doi(rng), invented.pick(rng, invented.LAST_NAMES)
     side = setter.text("doi", [f"DOI: {doi}"], aside, side, note) + note
     links = ["Software", "- Review", "- Repository", "- Archive"]
@@ -161,7 +161,7 @@ def _margin(rng: np.random.Generator, setter: ZoneSetter) -> None:
     setter.text("page-number", ["1"], setter.width - 90, setter.height - 120, size, align="right")
 
 
-def _body(
+def set_body(
     rng: np.random.Generator,
     setter: ZoneSetter,
     left: float,
@@ -170,7 +170,7 @@ def _body(
     size: float,
     lowest: float,
 ) -> float:
-    """Paragraphs while they end above `lowest`; one in any case, if of one sentence only."""
+    """Paragraphs of a paper while they end above `lowest`; one in any case, if of one sentence only."""
     for number in range(12):
         text = invented.sentences(rng, invented.PAPER_SENTENCES, int(rng.integers(2, 6)))
         if y + height(text, size, measure) > lowest:
@@ -181,9 +181,10 @@ def _body(
     return y
 
 
-def _illustrated(
+def set_illustration(
     rng: np.random.Generator, setter: ZoneSetter, left: float, y: float, measure: float, size: float
 ) -> float:
+    """A figure and its caption."""
     tall = rng.uniform(0.25, 0.45) * measure
     setter.figure("figure", (left, y, left + measure, y + tall))
     caption = f"Figure 1: {invented.sentences(rng, invented.PAPER_SENTENCES, 1)}"

@@ -5,11 +5,23 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
+from typing import get_args
 
 import numpy as np
 import pytest
 
-from simulation.labelled_pages import LabelledPage, fax_page, letter_page, memo_page, title_page
+from simulation.labelled_pages import (
+    DocumentKind,
+    LabelledPage,
+    document_pages,
+    fax_page,
+    letter_continuation,
+    letter_page,
+    memo_continuation,
+    memo_page,
+    paper_continuation,
+    title_page,
+)
 
 Maker = Callable[..., LabelledPage]
 MAKERS: dict[str, Maker] = {
@@ -19,6 +31,10 @@ MAKERS: dict[str, Maker] = {
     "plain": partial(title_page, journal="plain"),
     "two-column": partial(title_page, journal="two-column"),
     "margin": partial(title_page, journal="margin"),
+    "letter-continuation": letter_continuation,
+    "memo-continuation": memo_continuation,
+    "plain-continuation": partial(paper_continuation, journal="plain"),
+    "two-column-continuation": partial(paper_continuation, journal="two-column"),
 }
 TITLE_LABELS = """title author affiliation abstract keywords date doi licence header footer page-number section-title
 body figure caption footnote margin-note logo correspondence other"""
@@ -32,6 +48,10 @@ ALWAYS = {
     "plain": {"header", "title", "author", "affiliation", "abstract", "section-title", "body", "page-number"},
     "two-column": {"title", "author", "affiliation", "abstract", "section-title", "body", "page-number"},
     "margin": {"logo", "title", "author", "doi", "margin-note", "date", "licence", "body", "footer"},
+    "letter-continuation": {"body", "closing", "signature"},
+    "memo-continuation": {"subject", "page-number", "body"},
+    "plain-continuation": {"header", "page-number", "body"},
+    "two-column-continuation": {"header", "page-number", "body"},
 }
 DARK = 70
 """Below the gray of a rule, which is no zone."""
@@ -148,4 +168,25 @@ def test_graphs_without_pictures_are_quick() -> None:
         for maker in MAKERS.values():
             maker(np.random.default_rng(seed), draw=False)
     # 3 ms a page, three times that on a busy machine.
-    assert time.process_time() - began < 360 * 0.009
+    assert time.process_time() - began < 60 * len(MAKERS) * 0.009
+
+
+@pytest.mark.parametrize("kind", get_args(DocumentKind))
+def test_documents_begin_and_go_on_and_end(kind: DocumentKind) -> None:
+    for seed in range(12):
+        pages = document_pages(np.random.default_rng(seed), kind, 3, draw=False)
+        assert [page.document_class for page in pages] == [kind, *[f"{kind}-continuation"] * 2]
+        labels = [{zone.label for zone in page.zones} for page in pages]
+        assert all("body" in page for page in labels)
+        assert "title" not in labels[1] | labels[2]
+        if kind == "letter":
+            assert ["closing" in page for page in labels] == [False, False, True]
+    alone = document_pages(np.random.default_rng(5), kind, 1, draw=False)
+    assert [page.zones for page in alone] == [MAKERS[kind](np.random.default_rng(5), draw=False).zones]
+
+
+def test_there_is_no_such_document() -> None:
+    with pytest.raises(ValueError, match="no such document"):
+        document_pages(np.random.default_rng(0), "letter", 0)
+    with pytest.raises(ValueError, match="goes on"):
+        paper_continuation(np.random.default_rng(0), "margin")
