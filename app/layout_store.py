@@ -48,10 +48,14 @@ class ResultLimits:
 
 
 class LayoutStore:
-    """Layout models, samples and results in one folder; what it answers is only there inside of `opened`."""
+    """Layout models, samples, feedback and results, in one folder or in the database of a URL.
 
-    def __init__(self, data_dir: Path, results: ResultLimits) -> None:
+    What it answers is only there inside of `opened`.
+    """
+
+    def __init__(self, data_dir: Path, results: ResultLimits, database_url: str = "") -> None:
         self._folder = data_dir
+        self._database_url = database_url
         self._results = results
         self._store: Store | None = None
         self._threads = CapacityLimiter(MOST_THREADS)
@@ -70,18 +74,22 @@ class LayoutStore:
         StoreError
             When it cannot be opened or written; a service that cannot remember shall not start.
         """
-        where = self._folder.resolve()
+        if self._database_url:  # which is not told: it may hold a password
+            where, place = "the database of DATABASE_URL", {"database": "DATABASE_URL"}
+        else:
+            folder = self._folder.resolve()
+            where, place = f"{folder} (DATA_DIR)", {"data_dir": str(folder)}
         try:
             self._store = await to_thread.run_sync(self._open)
         except StoreError as error:
             log.error(
-                "the store in %s (DATA_DIR) could not be opened: %s",
+                "the store in %s could not be opened: %s",
                 where,
                 error.detail,
-                extra={"data_dir": str(where), "code": error.code},
+                extra={**place, "code": error.code},
             )
             raise error.with_traceback(None) from None  # the server writes the rest down, and it is long
-        log.info("the store is open", extra={"data_dir": str(where)})
+        log.info("the store is open", extra=place)
         try:
             yield
         finally:
@@ -89,16 +97,19 @@ class LayoutStore:
             await to_thread.run_sync(store.close)
 
     def _open(self) -> Store:
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StoreUnavailable(f"the folder cannot be made: {error.strerror or error}") from error
-        store = Store.open(self._folder / DATABASE)
+        if self._database_url:
+            store, cannot = Store.open(self._database_url), "the database must be writable"
+        else:
+            try:
+                self._folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise StoreUnavailable(f"the folder cannot be made: {error.strerror or error}") from error
+            store, cannot = Store.open(self._folder / DATABASE), "the folder must be writable"
         try:
             store.purge_results(keep_newest=self._results.max_results)
         except StoreError as error:
             store.close()
-            raise type(error)(f"the folder must be writable: {error.detail}") from error
+            raise type(error)(f"{cannot}: {error.detail}") from error
         return store
 
     async def call(self, work: Callable[[Store], T]) -> T:

@@ -79,7 +79,11 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         observe=metrics.observe_job,
     )
     metrics.watch(engine.status)
-    store = LayoutStore(settings.data_dir, ResultLimits(settings.result_ttl_s, settings.max_results))
+    store = LayoutStore(
+        settings.data_dir,
+        ResultLimits(settings.result_ttl_s, settings.max_results),
+        database_url=settings.database_url,
+    )
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:

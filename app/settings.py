@@ -115,7 +115,13 @@ class Settings(BaseSettings):
     # What is remembered
     data_dir: Path = Field(
         default=Path("data"),
-        description="Folder of the database of layout models, samples and results; made if it is not there.",
+        description="Folder of the database of layout models, samples, feedback and results; made if it is not there.",
+    )
+    database_url: str = Field(
+        default="",
+        description="A database of PostgreSQL (postgresql://user:password@host/name, in UTF-8) in the place of the "
+        "file layout.sqlite3 in DATA_DIR; several services may share it.",
+        repr=False,
     )
     max_models: int = Field(default=200, ge=1, description="Most layout models.")
     max_samples_per_model: int = Field(default=1000, ge=1, description="Most samples of one layout model.")

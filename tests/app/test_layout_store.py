@@ -43,6 +43,16 @@ def test_the_folder_is_made(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "data").iterdir()] == ["layout.sqlite3"]
 
 
+def test_a_url_takes_the_place_of_the_folder(tmp_path: Path) -> None:
+    async def run() -> bool:
+        store = LayoutStore(tmp_path / "data", LIMITS, f"sqlite:///{tmp_path / 'elsewhere.sqlite3'}")
+        async with store.opened():
+            return await store.is_available()
+
+    assert asyncio.run(run())
+    assert [path.name for path in tmp_path.iterdir()] == ["elsewhere.sqlite3"]
+
+
 def test_models_that_are_too_large_together_do_not_compete(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,13 +13,17 @@ def test_defaults() -> None:
     assert (settings.host, settings.port, settings.workers) == ("127.0.0.1", 8000, usable_processors())
     assert settings.api_keys == ()
     assert settings.data_dir == Path("data")
+    assert settings.database_url == ""
 
 
 def test_the_environment_sets_them(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in {"PORT": "9000", "API_KEYS": "a, b", "JOB_TIMEOUT_S": "2.5", "WORKERS": "3"}.items():
         monkeypatch.setenv(name, value)
     monkeypatch.setenv("DATA_DIR", "/somewhere/else")
+    monkeypatch.setenv("DATABASE_URL", "postgresql://someone:secret-word@host/layout")
     assert Settings().data_dir == Path("/somewhere/else")
+    assert Settings().database_url == "postgresql://someone:secret-word@host/layout"
+    assert "secret-word" not in repr(Settings())
     settings = Settings()
     assert (settings.port, settings.api_keys, settings.job_timeout_s, settings.workers) == (
         9000,

@@ -12,12 +12,18 @@ import pytest
 from tests.end_to_end.processes import ROOT, SCRIPTED
 
 
-def start(data_dir: Path) -> tuple[int, list[dict[str, Any]]]:
+def start(data_dir: Path, database_url: str = "") -> tuple[int, list[dict[str, Any]]]:
     """Exit status and log of a service that is expected to give up."""
     ended = subprocess.run(
         [sys.executable, "-m", SCRIPTED],
         cwd=ROOT,
-        env={**os.environ, "HOST": "127.0.0.1", "PORT": "0", "DATA_DIR": str(data_dir)},
+        env={
+            **os.environ,
+            "HOST": "127.0.0.1",
+            "PORT": "0",
+            "DATA_DIR": str(data_dir),
+            "DATABASE_URL": database_url,
+        },
         capture_output=True,
         text=True,
         timeout=60,
@@ -40,3 +46,13 @@ def test_the_reason_is_told(tmp_path: Path, what: str) -> None:
     assert line["data_dir"] == str(tmp_path / "data")
     assert f"{tmp_path / 'data'} (DATA_DIR)" in line["message"]
     assert ("cannot be made" if what == "no folder" else "damaged") in line["message"]
+
+
+def test_a_server_that_does_not_answer_is_told_without_its_password(tmp_path: Path) -> None:
+    url = f"postgresql://someone:secret-word@/layout?host={tmp_path}"
+    status, log = start(tmp_path / "data", url)
+    assert status != 0
+    (line,) = [line for line in log if line["logger"] == "app.layout_store"]
+    assert "the database of DATABASE_URL could not be opened" in line["message"]
+    assert "secret-word" not in json.dumps(log)
+    assert not (tmp_path / "data").exists()
