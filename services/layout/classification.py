@@ -56,8 +56,7 @@ def classify(
     has no advantage over one of few. M >= 1.
     """
     means = np.array([calibration.mean for calibration in calibrations])
-    excess = costs_per_zone - parameters.share_of_mean * means
-    among = softmax(-parameters.sharpness * excess)
+    among = softmax(-parameters.sharpness * excess_costs(costs_per_zone, means, parameters))
     best = int(np.argmax(among))
     fit = costs_per_zone[best] / min(means[best], -1.0)
     # Bounded, so that the nearest class keeps a probability above the others' however bad it is.
@@ -65,3 +64,12 @@ def classify(
         np.clip(parameters.fit_sharpness * (fit - parameters.least_fit), -MOST_LOG_ODDS, MOST_LOG_ODDS)
     )
     return np.asarray(expit(odds) * among), float(expit(-odds))
+
+
+def excess_costs(
+    costs_per_zone: NDArray[np.float64],
+    means: NDArray[np.float64],
+    parameters: ClassificationParameters = ClassificationParameters(),
+) -> NDArray[np.float64]:
+    """Costs a zone (M,) as classes are compared by them: less the share of the class's mean cost; least is best."""
+    return np.asarray(costs_per_zone - parameters.share_of_mean * means)

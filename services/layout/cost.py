@@ -27,7 +27,8 @@ def _columns_by_cost() -> Iterator[tuple[CostFunction, list[int], NDArray[np.flo
         yield cost, columns, background[:, 0], background[:, 1] ** 2
 
 
-_COLUMNS_BY_COST = tuple(_columns_by_cost())
+COLUMNS_BY_COST = tuple(_columns_by_cost())
+"""(cost function, its attributes' columns, their backgrounds' means and variances)."""
 _RELATION_OF_DESCRIPTOR = np.repeat(np.arange(len(RELATIONS)), np.diff(RELATION_OFFSETS))
 
 
@@ -46,7 +47,7 @@ def _node_terms(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.int
     attributes = len(NUMERIC_ATTRIBUTES)
     terms = np.empty((graph.zones, labels.shape[1], attributes + len(graph.content_names) + 1))
     with np.errstate(invalid="ignore"):
-        for cost, columns, means, variances in _COLUMNS_BY_COST:
+        for cost, columns, means, variances in COLUMNS_BY_COST:
             values = graph.numeric[:, None, columns]
             expected, spread = model.values[:, columns][labels], model.variances[:, columns][labels]
             terms[:, :, columns] = cost(values, expected, spread) - cost(values, means, variances)

@@ -16,6 +16,7 @@ from services.layout.compiled_model import CompiledModel, compile_model, default
 from services.layout.cost import build_cost_tables, explain_cost, labelling_cost
 from services.layout.cost_tables import CostTables, Matching
 from services.layout.graph import MOST_NEIGHBOURS, LayoutGraph, build_graph
+from services.layout.hierarchy import MOST_CANDIDATES, Competitor, rank_models
 from services.layout.matching import (
     MatchingParameters,
     backbone_of,
@@ -40,18 +41,23 @@ joined to fewer neighbours: 500 zones keep all for a model of 60 labels, and for
 
 @dataclass(frozen=True, slots=True)
 class VersionedModel:
-    """A model that competes, and its version in the store."""
+    """A model that competes, its version in the store, and the genre that its class was given, if it was."""
 
     model: LayoutModel
     version: int
+    genre: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class RecognitionParameters:
-    """`method` chooses between the two ways of 5.4; `explain` adds the terms of the cost to the match."""
+    """`method` chooses between the two ways of 5.4; `explain` adds the terms of the cost to the match.
+
+    Of more than `most_candidates` models the hierarchy tells as many that are searched for.
+    """
 
     method: Literal["direct", "two-steps"] = "direct"
     explain: bool = False
+    most_candidates: int = MOST_CANDIDATES
     matching: MatchingParameters = field(default_factory=MatchingParameters)
     classification: ClassificationParameters = field(default_factory=ClassificationParameters)
 
@@ -68,8 +74,22 @@ class _Match:
     those of a page of 500 zones and a model of 60 labels have 300 MB, and many models may compete."""
 
     @property
+    def cost(self) -> float:
+        return self.matching.cost
+
+    @property
     def thorough(self) -> bool:
         return self.conditional is not None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Look:
+    """A model that was not searched for: its place in the hierarchy tells what the page costs it at most."""
+
+    model: VersionedModel
+    cost: float
+    comparable_cost: float
+    thorough: Literal[False] = False
 
 
 def recognize_page(
@@ -80,8 +100,10 @@ def recognize_page(
 ) -> Recognition:
     """Class and labels of a page whose zones carry their content features.
 
-    Every model is matched by local search alone first. Proofs take most of the time, above all those for models
-    that do not fit, so only the contenders for the class are matched with the whole budget.
+    Of many models the hierarchy tells the candidates (`most_candidates`), which are matched by local search alone
+    first; the others have the cost, and from it the probability, that they had when they were ruled out. Proofs take
+    most of the time, above all those for models that do not fit, so only the contenders for the class are matched
+    with the whole budget.
 
     Without models, or without zones, nothing is labelled and no class is chosen.
     """
@@ -98,12 +120,13 @@ def recognize_page(
         ClassMatch(
             matches[index].model.model.name,
             matches[index].model.version,
-            matches[index].matching.cost,
+            matches[index].cost,
             float(probabilities[index]),
         )
         for index in order
     )
     best = matches[order[0]]
+    assert isinstance(best, _Match), "the most probable class was matched thoroughly"
     return Recognition(
         page=page,
         zones=_label_zones(page, best),
@@ -159,12 +182,16 @@ def _graph_for(page: Page, models: Sequence[VersionedModel], content_names: tupl
 
 def _match_all(
     graph: LayoutGraph, page: Page, models: Sequence[VersionedModel], parameters: RecognitionParameters
-) -> list[_Match]:
-    """Matches of all models, those of the contenders thorough; the most probable class is among them."""
+) -> list[_Match | _Look]:
+    """Standings of all models, those of the contenders thorough; the most probable class is among them."""
     quick = replace(parameters, matching=replace(parameters.matching, max_nodes=0, max_sweeps=0))
     if len(models) == 1:
         return [_match(graph, page, models[0], parameters, thorough=True)]
-    matches = [_match(graph, page, model, quick, thorough=False) for model in models]
+    matches: list[_Match | _Look]
+    if len(models) > parameters.most_candidates:
+        matches = _match_candidates(graph, page, models, quick)
+    else:
+        matches = [_match(graph, page, model, quick, thorough=False) for model in models]
     while True:
         probabilities, _ = _classify(graph, matches, parameters)
         contenders = probabilities >= CONTENDER * probabilities.max()
@@ -178,8 +205,27 @@ def _match_all(
             matches[index] = _match(graph, page, models[index], parameters, thorough=True)
 
 
+def _match_candidates(
+    graph: LayoutGraph, page: Page, models: Sequence[VersionedModel], parameters: RecognitionParameters
+) -> list[_Match | _Look]:
+    """Matches of the models that the hierarchy holds worth it, looks of all others."""
+    competitors = [
+        Competitor(each.model, _compiled(each.model, graph.content_names), each.genre) for each in models
+    ]
+    standing = rank_models(graph, competitors, parameters.classification, parameters.most_candidates)
+    candidates = set(standing.candidates)
+    return [
+        _match(graph, page, model, parameters, thorough=False)
+        if index in candidates
+        else _Look(model, cost, comparable)
+        for index, (model, cost, comparable) in enumerate(
+            zip(models, standing.costs.tolist(), standing.comparable.tolist(), strict=True)
+        )
+    ]
+
+
 def _classify(
-    graph: LayoutGraph, matches: Sequence[_Match], parameters: RecognitionParameters
+    graph: LayoutGraph, matches: Sequence[_Match | _Look], parameters: RecognitionParameters
 ) -> tuple[NDArray[np.float64], float]:
     return classify(
         np.array([match.comparable_cost for match in matches]) / graph.zones,

@@ -23,7 +23,11 @@ class LabelledZone:
 
 @dataclass(frozen=True, slots=True)
 class ClassMatch:
-    """How well the page matches one model: its least `cost`, and the `probability`, 0-1, of the class."""
+    """How well the page matches one model: its least `cost`, and the `probability`, 0-1, of the class.
+
+    Among many models the cost of a class that was not searched for is that of its look, or of its genre's
+    (`services.layout.hierarchy`).
+    """
 
     name: str
     model_version: int
