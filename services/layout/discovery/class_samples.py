@@ -1,0 +1,122 @@
+"""Samples of a class as discovery looks at them: what each would cost by models that it had no part in."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.layout_graph import Page
+from services.layout.compiled_model import CompiledModel, default_scales
+from services.layout.cost import build_cost_tables
+from services.layout.estimation import estimate_model
+from services.layout.graph import LayoutGraph, build_graph
+from services.layout.held_out import choose_evenly
+from services.layout.matching import MatchingParameters, match_directly
+from services.layout.recognition import comparable_cost
+from services.layout.statistics import (
+    LabelledGraph,
+    LabelStatistics,
+    sample_statistics,
+    total_statistics,
+)
+
+MOST_SAMPLES = 24
+"""Of a class; costs and distances of more tell the same."""
+MOST_MATCHED = 5e7
+"""Entries of the tables of pairs of a class's samples together, 10 ns each; of larger pages fewer are looked at."""
+
+_QUICK = MatchingParameters(max_nodes=0, max_sweeps=0)
+"""Local search alone, as the decision about the class begins: proofs change costs by 0.2 a zone at most."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassSamples:
+    """A class with its samples, each seen in one view or two, and what they say of each label.
+
+    `labels` begin with None, as in every model; `statistics` has the sums of each sample, `total` those of all.
+    """
+
+    name: str
+    samples: tuple[tuple[LabelledGraph, ...], ...]
+    labels: tuple[str | None, ...]
+    statistics: tuple[LabelStatistics, ...]
+    total: LabelStatistics
+
+    @property
+    def content_names(self) -> tuple[str, ...]:
+        return self.samples[0][0].graph.content_names
+
+    def verified(self) -> list[LayoutGraph]:
+        """Graphs of the samples as people verified them."""
+        return [views[0].graph for views in self.samples]
+
+    def model(self, statistics: LabelStatistics | None = None) -> CompiledModel:
+        """Model of all samples, or of those in `statistics`, by the usual weights, which all classes share."""
+        total = self.total if statistics is None else statistics
+        return estimate_model(total, self.labels, default_scales(self.content_names))
+
+
+def gather_samples(
+    name: str, samples: Sequence[tuple[Page, Page | None]], content_names: Sequence[str]
+) -> tuple[ClassSamples, tuple[int, ...]]:
+    """A class from its samples, and which of them were taken (indices, rising), if there are too many.
+
+    Each sample is the verified page with its content features, and the page in the zones that segmentation found
+    (None where it is not known).
+
+    Raises
+    ------
+    ValueError
+        When no sample has a zone.
+    """
+    printed = [index for index, (verified, _) in enumerate(samples) if verified.zones]
+    if not printed:
+        raise ValueError("a class needs at least one page with zones")
+    views = [_views(*samples[index], content_names) for index in printed]
+    labels = (
+        None,
+        *sorted({label for each in views for view in each for label in view.labels if label is not None}),
+    )
+    work = [sum(len(view.graph.pairs) for view in each) * len(labels) ** 2 for each in views]
+    chosen = choose_evenly(work, MOST_SAMPLES, MOST_MATCHED)
+    taken = tuple(views[index] for index in chosen)
+    statistics = tuple(sample_statistics(each, labels) for each in taken)
+    gathered = ClassSamples(name, taken, labels, statistics, total_statistics(statistics))
+    return gathered, tuple(printed[index] for index in chosen)
+
+
+def _views(verified: Page, found: Page | None, content_names: Sequence[str]) -> tuple[LabelledGraph, ...]:
+    pages = [page for page in (verified, found) if page is not None and page.zones]
+    return tuple(
+        LabelledGraph(build_graph(page, content_names), tuple(zone.label for zone in page.zones))
+        for page in pages
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampleCost:
+    """Cost a zone of a sample by a model, the mean of its views, and the model's labels (indices) of its first view."""
+
+    cost: float
+    labels: NDArray[np.intp]
+
+
+def match_sample(views: Sequence[LabelledGraph], model: CompiledModel) -> SampleCost:
+    """What a sample costs by a model, whatever its labels are."""
+    found = [match_directly(build_cost_tables(view.graph, model), _QUICK).labels for view in views]
+    costs = [
+        comparable_cost(view.graph, model, labels) / view.graph.zones
+        for view, labels in zip(views, found, strict=True)
+    ]
+    return SampleCost(float(np.mean(costs)), found[0])
+
+
+def held_out_costs(samples: ClassSamples) -> NDArray[np.float64]:
+    """Cost a zone (S,) of every sample by a model of the others; there are two at least."""
+    return np.array(
+        [
+            match_sample(views, samples.model(samples.total - own)).cost
+            for views, own in zip(samples.samples, samples.statistics, strict=True)
+        ]
+    )
