@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 from anyio import CapacityLimiter, to_thread
 
 from app.operations import ModelDocument
-from models.errors import StoreError, StoreUnavailable
+from models.errors import ModelNotFound, StoreError, StoreUnavailable
+from models.records import StoredModel
 from models.repository import Store
 from services.errors import InvalidOption
 
@@ -41,10 +42,12 @@ class ReadyModel:
 
 @dataclass(frozen=True, slots=True)
 class ResultLimits:
-    """For how long results are kept, and how many; `app.settings` documents both."""
+    """For how long results and unknown pages are kept, and how many; `app.settings` documents each."""
 
     ttl_s: float
     max_results: int
+    max_unknown_pages: int
+    unknown_ttl_s: float
 
 
 class LayoutStore:
@@ -134,12 +137,13 @@ class LayoutStore:
         return True
 
     async def ready(self) -> Mapping[str, ReadyModel]:
-        """Newest versions of all models that have one, by name; read anew only when one has changed."""
+        """Newest versions of all models that have one, by name; only those that have changed are read anew."""
         async with self._loading:
             revision = await self.call(Store.revision)
             if revision != self._revision:
                 # Should a model change in between, the revision is the older one and they are read once more.
-                self._ready = await self.call(_read_ready)
+                known = self._ready
+                self._ready = await self.call(lambda store: _read_ready(store, known))
                 self._revision = revision
             return self._ready
 
@@ -173,7 +177,7 @@ class LayoutStore:
         return documents
 
     async def keep_result(self, document: dict[str, Any]) -> str:
-        """Keep what a recognition found; its id."""
+        """Keep what a recognition found, and its page also among the unknown ones if it fits no class; its id."""
         now = time.monotonic()
         self._results_since_purge += 1
         is_due = now - self._last_purge_s > PURGE_EVERY_S or self._results_since_purge > PURGE_EVERY_RESULTS
@@ -182,22 +186,54 @@ class LayoutStore:
 
         def keep(store: Store) -> str:
             result_id = store.add_result(document, self._results.ttl_s)
+            if _is_unknown(document):
+                self._keep_unknown_page(store, document["page"], result_id)
             if is_due:
                 store.purge_results(keep_newest=self._results.max_results)
             return result_id
 
         return await self.call(keep)
 
+    async def keep_unknown_page(self, page: dict[str, Any], result_id: str) -> None:
+        """Keep the page of a result among those that are of no class, once."""
+        await self.call(lambda store: self._keep_unknown_page(store, page, result_id))
 
-def _read_ready(store: Store) -> dict[str, ReadyModel]:
+    def _keep_unknown_page(self, store: Store, page: dict[str, Any], result_id: str) -> None:
+        limits = self._results
+        store.keep_unknown_page(page, result_id, limits.max_unknown_pages, limits.unknown_ttl_s)
+
+
+def _is_unknown(document: Mapping[str, Any]) -> bool:
+    """Whether models competed for this page, and none was likely enough."""
+    result, page = document.get("result", {}), document.get("page", {})
+    return bool(result.get("classes")) and result.get("class") is None and bool(page.get("zones"))
+
+
+def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, ReadyModel]:
+    """Newest versions of all models; what is `known` is not read again, for no version ever changes."""
     ready = {}
-    for model in store.each_ready_model():
-        if model.version is not None and model.document is not None:
-            document = json.dumps(model.document, ensure_ascii=False, separators=(",", ":")).encode()
-            ready[model.name] = ReadyModel(
-                ModelDocument(model.name, model.version, document), labels_of(model.document)
-            )
+    for summary in store.models():
+        if summary.version is None:
+            continue
+        earlier = known.get(summary.name)
+        if earlier is not None and earlier.document.version == summary.version:
+            ready[summary.name] = earlier
+            continue
+        try:
+            model = store.model(summary.name, summary.version)
+        except ModelNotFound:  # deleted just now
+            continue
+        assert model.document is not None
+        ready[summary.name] = ReadyModel(document_of(model), labels_of(model.document))
     return ready
+
+
+def document_of(model: StoredModel) -> ModelDocument:
+    """A version of a model, as workers take it."""
+    assert model.version is not None
+    assert model.document is not None
+    document = json.dumps(model.document, ensure_ascii=False, separators=(",", ":")).encode()
+    return ModelDocument(model.name, model.version, document)
 
 
 def labels_of(document: Mapping[str, Any]) -> tuple[str, ...]:

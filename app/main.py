@@ -24,9 +24,21 @@ from app.engine.local import LocalEngine, PoolLimits
 from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
 from app.metrics import Metrics
+from app.model_locks import ModelLocks
 from app.operations import Operations
 from app.problems import FrameworkErrors, ProblemBoundary, documented
-from app.routes import health, layout, layout_models, layout_samples, mosaic, rectify
+from app.routes import (
+    health,
+    layout,
+    layout_feedback,
+    layout_models,
+    layout_samples,
+    layout_settings,
+    layout_training,
+    layout_versions,
+    mosaic,
+    rectify,
+)
 from app.routes.state import AppState
 from app.schemas.layout_models import PageBody
 from app.schemas.problem import Problem
@@ -40,8 +52,12 @@ ROUTERS = (
     rectify.router,
     mosaic.router,
     layout.router,
+    layout_feedback.router,
     layout_models.router,
     layout_samples.router,
+    layout_training.router,
+    layout_versions.router,
+    layout_settings.router,
     health.router,
 )
 WORK = frozenset(
@@ -52,6 +68,9 @@ WORK = frozenset(
         ("PUT", "/layout/models/{name}"),
         ("POST", "/layout/models/{name}/samples"),
         ("POST", "/layout/models/{name}/initialize"),
+        ("POST", "/layout/models/{name}/train"),
+        ("GET", "/layout/models/{name}/versions/{version}/diff"),
+        ("POST", "/layout/results/{id}/feedback"),
     }
 )
 """Requests that need a seat in the engine before their body is read."""
@@ -81,7 +100,9 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     metrics.watch(engine.status)
     store = LayoutStore(
         settings.data_dir,
-        ResultLimits(settings.result_ttl_s, settings.max_results),
+        ResultLimits(
+            settings.result_ttl_s, settings.max_results, settings.max_unknown_pages, settings.unknown_ttl_s
+        ),
         database_url=settings.database_url,
     )
 
@@ -106,7 +127,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         redirect_slashes=False,
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
-    app.state.document_rectification = AppState(settings, engine, operations, store, metrics)
+    app.state.document_rectification = AppState(settings, engine, operations, store, metrics, ModelLocks())
     for router in ROUTERS:
         if router is layout.router:
             # A field is refused by its own limit, which is told by name, before by that of all fields.

@@ -62,7 +62,7 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "method-not-allowed": "The resource does not know this method; `Allow` lists what it knows.",
     "not-acceptable": "No representation fits `Accept`.",
     "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S.",
-    "conflict": "The model changed under the writer (`If-Match`), or an Idempotency-Key came with another sample.",
+    "conflict": "The model changed under the writer (`If-Match`), or an Idempotency-Key came with another body.",
     "store-full": "As many models or samples as MAX_MODELS or MAX_SAMPLES_PER_MODEL allow.",
     "too-large": "More bytes or megapixels than a limit allows; judged before decoding.",
     "out-of-memory": "The work needs more memory than WORKER_MEMORY_BYTES.",

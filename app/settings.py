@@ -99,7 +99,9 @@ class Settings(BaseSettings):
         default=120.0, gt=0, description="The same for a mosaic; eight photos of 3 megapixels take 18 s."
     )
     model_timeout_s: float = Field(
-        default=120.0, gt=0, description="The same for making a layout model of its samples."
+        default=120.0,
+        gt=0,
+        description="The same for making a layout model of its samples, and for training one.",
     )
     worker_memory_bytes: int = Field(
         default=4096 * MIB, ge=0, description="Address space of a worker (RLIMIT_AS); 0: no limit."
@@ -128,6 +130,17 @@ class Settings(BaseSettings):
     result_ttl_s: int = Field(default=86400, ge=1, description="A result of /layout is kept for so long.")
     max_results: int = Field(
         default=10_000, ge=1, description="Most results that are kept; beyond it the oldest go first."
+    )
+
+    max_unknown_pages: int = Field(
+        default=200,
+        ge=1,
+        description="Most pages of no known class that are kept, so that new classes can be proposed; the oldest go.",
+    )
+    unknown_ttl_s: int = Field(
+        default=30 * 86400,
+        ge=1,
+        description="They are kept for so long: new kinds of documents show in weeks.",
     )
 
     @field_validator("api_keys", mode="before")

@@ -3,15 +3,18 @@
 import json
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
 from app.engine.base import TimeLimit
 from app.operations import ModelDraft
-from app.preconditions import Precondition, entity_tag, parse_precondition
+from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
 from app.routes.connection import while_connected
 from app.routes.labelled_pages import count_labels, layout_settings
+from app.routes.layout_settings import health_of
+from app.routes.model_answers import BODY, ETAG, LOCATION, READING, WORK, IfMatch, IfNoneMatch
+from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import State
 from app.schemas.layout_models import (
     ImportedModel,
@@ -19,41 +22,14 @@ from app.schemas.layout_models import (
     ModelList,
     ModelName,
     ModelSummary,
-    Version,
-    VersionList,
 )
 from app.schemas.options import Absent
 from models.errors import ModelNotFound
 from models.records import StoredModel, StoredSample
 from models.repository import Store
-from services.errors import DocumentError
 
 router = APIRouter(prefix="/layout/models", tags=["layout models"])
 
-IfMatch = Annotated[
-    str | Absent, Header(description="The model's ETag: write only if it still has that version; else 409.")
-]
-IfNoneMatch = Annotated[
-    str | Absent,
-    Header(
-        description="*: write only if there is no such model yet; else 409.",
-        json_schema_extra={"enum": ["*"]},
-    ),
-]
-
-_ETAG: dict[str, Any] = {
-    "ETag": {"description": "The version, quoted; for If-Match.", "schema": {"type": "string"}}
-}
-_LOCATION: dict[str, Any] = {"Location": {"description": "Its path.", "schema": {"type": "string"}}}
-_BODY = ("too-large", "request-timeout")
-_READING = ("not-found", "invalid-option", "internal", "store-unavailable")
-_WORK = (
-    "out-of-memory",
-    "worker-died",
-    "busy",
-    "shutting-down",
-    "timed-out",
-)
 _MODEL: dict[str, Any] = {
     "type": "object",
     "description": "A layout graph model, as GET exports it.",
@@ -62,17 +38,11 @@ _MODEL: dict[str, Any] = {
 }
 
 
-class NoSamples(DocumentError):
-    """There is nothing to make a model of."""
-
-    code = "no-samples"
-
-
 @router.get("", operation_id="layout_models", responses=documented("internal", "store-unavailable"))
 async def layout_models(state: State) -> ModelList:
-    """All layout models, by name, without what they hold."""
+    """All layout models, by name, without what they hold; with their health, as feedback tells it."""
     ready = await state.store.ready()
-    models = await state.store.call(Store.models)
+    models, healths = await state.store.call(lambda store: (store.models(), store.healths()))
     return ModelList(
         models=[
             ModelSummary(
@@ -80,10 +50,12 @@ async def layout_models(state: State) -> ModelList:
                 version=model.version,
                 samples=model.samples,
                 labels=list(ready[model.name].labels) if model.name in ready else [],
+                health=health_of(healths[model.name]),
                 created=model.created_at,
                 updated=model.updated_at,
             )
             for model in models
+            if model.name in healths
         ]
     )
 
@@ -96,9 +68,9 @@ async def layout_models(state: State) -> ModelList:
         200: {
             "description": "The model, which PUT takes back.",
             "content": {"application/json": {"schema": _MODEL}},
-            "headers": _ETAG,
+            "headers": ETAG,
         },
-        **documented(*_READING),
+        **documented(*READING),
     },
 )
 async def layout_model(
@@ -125,13 +97,13 @@ async def layout_model(
     operation_id="import_layout_model",
     response_class=Response,
     responses={
-        200: {"description": "A new version of the model.", "model": ImportedModel, "headers": _ETAG},
+        200: {"description": "A new version of the model.", "model": ImportedModel, "headers": ETAG},
         201: {
             "description": "The first version of a new model.",
             "model": ImportedModel,
-            "headers": {**_ETAG, **_LOCATION},
+            "headers": {**ETAG, **LOCATION},
         },
-        **documented("conflict", "store-full", "invalid-model", *_READING, *_BODY, *_WORK),
+        **documented("conflict", "store-full", "invalid-model", *READING, *BODY, *WORK),
     },
     openapi_extra={
         "requestBody": {"required": True, "content": {"application/json": {"schema": _MODEL}}},
@@ -177,7 +149,7 @@ async def import_layout_model(
     "/{name}",
     operation_id="delete_layout_model",
     status_code=204,
-    responses=documented("conflict", *_READING),
+    responses=documented("conflict", *READING),
 )
 async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch = None) -> None:
     """Delete a model with its samples. A model that is made under this name again goes on counting versions."""
@@ -190,28 +162,13 @@ async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch =
     await state.store.call(write)
 
 
-@router.get("/{name}/versions", operation_id="layout_model_versions", responses=documented(*_READING))
-async def layout_model_versions(state: State, name: ModelName) -> VersionList:
-    """Versions of a model, newest first; GET /layout/models/{name}?version= exports each of them."""
-    versions = await state.store.call(lambda store: store.model_versions(name))
-    return VersionList(
-        name=name,
-        versions=[
-            Version(
-                version=version.version, origin=version.origin, note=version.note, created=version.created_at
-            )
-            for version in reversed(versions)
-        ],
-    )
-
-
 @router.post(
     "/{name}/initialize",
     operation_id="initialize_layout_model",
     response_class=Response,
     responses={
-        200: {"description": "The new version.", "model": InitializedModel, "headers": _ETAG},
-        **documented("conflict", "no-samples", *_READING, *_BODY, *_WORK),
+        200: {"description": "The new version.", "model": InitializedModel, "headers": ETAG},
+        **documented("conflict", "no-samples", *READING, *BODY, *WORK),
     },
 )
 async def initialize_layout_model(
@@ -222,7 +179,12 @@ async def initialize_layout_model(
     Of very many or very large samples the newest are taken, with 40000 zones in all; `samples` tells how many.
     """
     precondition = parse_precondition(if_match, None)
-    samples = await state.store.call(lambda store: _samples_to_learn_from(store, name, precondition))
+
+    def read(store: Store) -> list[StoredSample]:
+        precondition.check(name, store.model_summary(name).version)
+        return samples_to_learn_from(store, name)
+
+    samples = await state.store.call(read)
     work = state.engine.submit(
         state.operations.initialize_model,
         name,
@@ -258,27 +220,3 @@ def _current_version(store: Store, name: str) -> int | None:
         return store.model_summary(name).version
     except ModelNotFound:
         return None
-
-
-MOST_ZONES = 40_000
-"""Of all samples that a model is made of: 1000 pages of 40 zones, or 80 of the largest; they take two minutes."""
-MOST_CHARACTERS = 20_000_000
-"""Of their texts, which cross from here to the worker; ordinary pages of so many zones have a tenth of it."""
-
-
-def _samples_to_learn_from(store: Store, name: str, precondition: Precondition) -> list[StoredSample]:
-    """The newest samples within the bounds, oldest first; one at least."""
-    precondition.check(name, store.model_summary(name).version)
-    samples: list[StoredSample] = []
-    zones = characters = 0
-    for sample in store.each_sample(name, newest_first=True):
-        page = sample.document["zones"]
-        found = (sample.document.get("found") or {}).get("zones", [])
-        zones += max(len(page), len(found))
-        characters += sum(len(zone.get("text") or "") for zone in (*page, *found))
-        if samples and (zones > MOST_ZONES or characters > MOST_CHARACTERS):
-            break
-        samples.append(sample)
-    if not samples:
-        raise NoSamples(f"Model {name} has no samples; POST /layout/models/{name}/samples adds one.")
-    return samples[::-1]

@@ -1,28 +1,16 @@
 """/layout/models/{name}/samples: the verified pages that a model is made of."""
 
-from typing import Annotated
-
-from fastapi import APIRouter, Header, Request, Response
-from pydantic import Field
+from fastapi import APIRouter, Request, Response
 
 from app.problems import documented
 from app.routes.connection import while_connected
 from app.routes.labelled_pages import LABELLED_PAGE_BODY, count_labels, labelled_page, layout_settings
+from app.routes.model_answers import READING, IdempotencyKey
 from app.routes.state import State
 from app.schemas.layout_models import ModelName, Sample, SampleList, SampleReceipt, SampleSummary
-from app.schemas.options import Absent
 from models.records import StoredSample
 
 router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"])
-
-IdempotencyKey = Annotated[
-    Annotated[str, Field(min_length=1, max_length=200)] | Absent,
-    Header(
-        description="The same key counts once, however often the request is sent. So does the same page without "
-        "a key.",
-    ),
-]
-_READING = ("not-found", "invalid-option", "internal", "store-unavailable")
 
 
 @router.post(
@@ -90,7 +78,7 @@ async def add_layout_sample(
     )
 
 
-@router.get("", operation_id="layout_samples", responses=documented(*_READING))
+@router.get("", operation_id="layout_samples", responses=documented(*READING))
 async def layout_samples(state: State, name: ModelName) -> SampleList:
     """Samples of a model, oldest first, without their zones."""
 
@@ -105,7 +93,7 @@ async def layout_samples(state: State, name: ModelName) -> SampleList:
     return SampleList(model=name, samples=summaries)
 
 
-@router.get("/{id}", operation_id="layout_sample", responses=documented(*_READING))
+@router.get("/{id}", operation_id="layout_sample", responses=documented(*READING))
 async def layout_sample(state: State, name: ModelName, id: str) -> Sample:
     """One sample, with all that was measured."""
     sample = await state.store.call(lambda store: store.sample(name, id))
@@ -114,7 +102,7 @@ async def layout_sample(state: State, name: ModelName, id: str) -> Sample:
     )
 
 
-@router.delete("/{id}", operation_id="delete_layout_sample", status_code=204, responses=documented(*_READING))
+@router.delete("/{id}", operation_id="delete_layout_sample", status_code=204, responses=documented(*READING))
 async def delete_layout_sample(state: State, name: ModelName, id: str) -> None:
     """Take a sample away; the model changes with the next POST .../initialize."""
     await state.store.call(lambda store: store.delete_sample(name, id))

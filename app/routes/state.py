@@ -8,6 +8,7 @@ from fastapi import Depends, Request
 from app.engine.base import Engine
 from app.layout_store import LayoutStore
 from app.metrics import Metrics
+from app.model_locks import ModelLocks
 from app.operations import Operations
 from app.settings import Settings
 
@@ -21,6 +22,7 @@ class AppState:
     operations: Operations
     store: LayoutStore
     metrics: Metrics
+    locks: ModelLocks
 
 
 def app_state(request: Request) -> AppState:

@@ -11,7 +11,8 @@ from app.schemas.layout import MODEL_NAME_PATTERN
 from app.schemas.page import Answer
 
 
-def _checked_name(name: str) -> str:
+def checked_name(name: str) -> str:
+    """The name of a model, as it is; ValueError when it is none."""
     if not re.fullmatch(MODEL_NAME_PATTERN, name):
         raise ValueError("expected 1-60 letters, digits, dots, underscores and hyphens, no dot first")
     return name
@@ -19,13 +20,33 @@ def _checked_name(name: str) -> str:
 
 ModelName = Annotated[
     str,
-    AfterValidator(_checked_name),
+    AfterValidator(checked_name),
     Path(
         json_schema_extra={"pattern": MODEL_NAME_PATTERN},
         description="Of the model, that is of the document class: 1-60 letters, digits, dots, underscores and "
         "hyphens, no dot first.",
     ),
 ]
+
+
+NameInBody = Annotated[
+    str, AfterValidator(checked_name), Field(json_schema_extra={"pattern": MODEL_NAME_PATTERN})
+]
+
+
+class Health(Answer):
+    """What feedback tells of a class: how much recognition errs, lately and before that.
+
+    Errors are shares, 0-1, null where there is nothing to look at: of zones whose label was wrong, of pages whose
+    class was. When `recent_zone_error` has grown over `earlier_zone_error` the class may have changed.
+    """
+
+    feedbacks: int = Field(ge=0, description="All that found or verified this class.")
+    recent: int = Field(ge=0, description="The last of them, which the recent errors are of.")
+    recent_zone_error: float | None = Field(ge=0, le=1)
+    recent_class_error: float | None = Field(ge=0, le=1)
+    earlier_zone_error: float | None = Field(ge=0, le=1, description="Of as many feedbacks before those.")
+    last_feedback: datetime | None
 
 
 class ModelSummary(Answer):
@@ -35,6 +56,7 @@ class ModelSummary(Answer):
     version: int | None = Field(ge=1, description="Its newest; null: POST .../initialize makes the first.")
     samples: int = Field(ge=0)
     labels: list[str] = Field(description="Of the newest version.")
+    health: Health
     created: datetime
     updated: datetime
 

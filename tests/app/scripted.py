@@ -13,15 +13,19 @@ from typing import Any
 from pydantic import ValidationError
 
 from app.operations import (
+    Adaptation,
     Encoding,
+    FeedbackTask,
     LayoutOptions,
     LayoutReply,
     LayoutSettings,
+    ModelDifference,
     ModelDocument,
     ModelDraft,
     MosaicLimits,
     Operations,
     Reply,
+    Training,
     UploadLimits,
 )
 from app.schemas.layout_models import PageBody
@@ -307,6 +311,62 @@ def import_model(name: str, document: bytes) -> ModelDraft:
     return ModelDraft({**model, "nodes": nodes}, labels)
 
 
+def adapt_models(task: FeedbackTask, models: list[ModelDocument], settings: LayoutSettings) -> Adaptation:
+    """Follow the scripts in the labels; then every model has written the verified labels and its learner down."""
+    for label in task.labels.values():
+        _follow((label or "").encode(), "labels")
+    is_right = task.found_class == task.verified_class
+    verified = {
+        zone: task.labels.get(zone, found if is_right else None) for zone, found in task.found_labels.items()
+    }
+    documents = {}
+    for model in models:
+        document = json.loads(model.document)
+        lesson = [*task.labels.values(), task.learners[model.name]]
+        documents[model.name] = {**document, "taught": [*document.get("taught", []), lesson]}
+    wrong = [
+        {"zone": zone, "found": task.found_labels[zone], "verified": label}
+        for zone, label in verified.items()
+        if label != task.found_labels[zone]
+    ]
+    costs = [
+        {
+            "model": model.name,
+            "found": {"before": 1.0, "after": 2.0},
+            "verified": {"before": 1.5, "after": None},
+        }
+        for model in models
+    ]
+    zones = [{**zone, "label": verified[str(zone["id"])]} for zone in task.page["zones"]]
+    return Adaptation(documents, verified, wrong, costs, {**task.page, "zones": zones}, len(zones))
+
+
+def train_model(
+    model: ModelDocument, samples: list[dict[str, Any]], rounds: int, learner: str, settings: LayoutSettings
+) -> Training:
+    """Follow the script in the first sample; a round is better than the one before unless the script says `learned`."""
+    document = json.loads(model.document)
+    script = str(samples[0]["zones"][0].get("text") or "")
+    verb = _follow(script.encode(), "samples")
+    kept = 0 if verb == b"learned" else rounds
+    errors = [
+        {"round": index, "error": 1 / (index + 2), "held_out_error": None} for index in range(rounds + 1)
+    ]
+    trained = document if kept == 0 else {**document, "trained": [rounds, learner]}
+    return Training(trained, _labels(model.document), errors, kept, "held-out" if kept == 0 else "rounds")
+
+
+def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDifference:
+    """The keys that are others; old and new are how much there is of each."""
+    before, after = json.loads(old.document), json.loads(new.document)
+    changes = [
+        {"part": "model", "labels": [None], "attribute": key, "old": None, "new": len(str(after.get(key)))}
+        for key in dict.fromkeys((*before, *after))
+        if before.get(key) != after.get(key)
+    ]
+    return ModelDifference(len(changes), changes[:most])
+
+
 def _labels(document: bytes) -> list[str]:
     return [node["label"] for node in json.loads(document)["nodes"] if node["label"]]
 
@@ -323,6 +383,9 @@ OPERATIONS = Operations(
     measure_sample=measure_sample,
     initialize_model=initialize_model,
     import_model=import_model,
+    adapt_models=adapt_models,
+    train_model=train_model,
+    compare_models=compare_models,
     warm_up=warm_up,
     preloaded=("tests.app.scripted",),
 )

@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.routes import layout_models
+from app.routes import model_samples
 from tests.app.raw import connect, head, read_answer
 from tests.app.scripted import PAGE, model_document
 from tests.app.serving import serving
@@ -86,7 +86,7 @@ def test_the_list_is_light(client: httpx.Client) -> None:
     add_samples(client, labelled("subject"), name="fax")
     models = client.get("/layout/models").json()["models"]
     assert [list(model) for model in models] == [
-        ["name", "version", "samples", "labels", "created", "updated"]
+        ["name", "version", "samples", "labels", "health", "created", "updated"]
     ] * 2
     assert [(m["name"], m["version"], m["samples"], m["labels"]) for m in models] == [
         ("fax", None, 1, []),
@@ -280,10 +280,10 @@ def test_of_very_many_samples_the_newest_make_the_model(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch, bound: str
 ) -> None:
     add_samples(client, *(labelled(label, label, text="x") for label in "abcd"))
-    monkeypatch.setattr(layout_models, bound, 5)
+    monkeypatch.setattr(model_samples, bound, 5)
     answer = client.post("/layout/models/letter/initialize").json()
     assert (answer["samples"], answer["labels"]) == (2, {"c": 2, "d": 2})
-    monkeypatch.setattr(layout_models, bound, 0)
+    monkeypatch.setattr(model_samples, bound, 0)
     assert client.post("/layout/models/letter/initialize").json()["labels"] == {"d": 2}
     assert [version["note"] for version in versions(client)] == ["1 samples", "2 samples"]
 

@@ -17,7 +17,7 @@ from tests.app.scripted import PAGE, model_document
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 
-LIMITS = ResultLimits(ttl_s=1000, max_results=10)
+LIMITS = ResultLimits(ttl_s=1000, max_results=10, max_unknown_pages=2, unknown_ttl_s=1000)
 
 
 def with_store(folder: Path, work: Any, limits: ResultLimits = LIMITS) -> Any:
@@ -33,6 +33,27 @@ def with_store(folder: Path, work: Any, limits: ResultLimits = LIMITS) -> Any:
 
 def add(store: LayoutStore, name: str) -> Any:
     return store.call(lambda inner: inner.add_version(name, model_document(name, "sender"), "import"))
+
+
+def recognized(class_name: str | None, competed: int = 1, zones: int = 2) -> dict[str, Any]:
+    """What is kept of a recognition."""
+    page = {**PAGE, "zones": [{"id": str(index), "box": [0, 0, 1, 1]} for index in range(zones)]}
+    chosen = None if class_name is None else {"name": class_name}
+    return {"result": {"class": chosen, "classes": [{"name": "a"}] * competed}, "page": page}
+
+
+def test_pages_of_no_class_are_kept_among_the_unknown_ones(tmp_path: Path) -> None:
+    async def work(store: LayoutStore) -> None:
+        for document in (recognized("a"), recognized(None, competed=0), recognized(None, zones=0)):
+            await store.keep_result(document)
+        assert await store.call(lambda inner: list(inner.each_unknown_page())) == []
+        kept = [await store.keep_result(recognized(None)) for _ in range(3)]
+        await store.keep_unknown_page({"zones": []}, kept[2])  # it is there already
+        pages = await store.call(lambda inner: list(inner.each_unknown_page()))
+        assert [page.result_id for page in pages] == kept[1:]
+        assert all(page.page == recognized(None)["page"] for page in pages)
+
+    with_store(tmp_path, work)
 
 
 def test_the_folder_is_made(tmp_path: Path) -> None:
@@ -74,15 +95,14 @@ def test_models_that_are_too_large_together_do_not_compete(
 def test_models_are_read_again_only_when_one_has_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    readings = 0
-    each_ready_model = Store.each_ready_model
+    read: list[str] = []
+    model = Store.model
 
-    def counting(self: Store, names: Any = None) -> Any:
-        nonlocal readings
-        readings += 1
-        return each_ready_model(self, names)
+    def noting(self: Store, name: str, version: int | None = None) -> Any:
+        read.append(name)
+        return model(self, name, version)
 
-    monkeypatch.setattr(Store, "each_ready_model", counting)
+    monkeypatch.setattr(Store, "model", noting)
 
     async def work(store: LayoutStore) -> None:
         await add(store, "b")
@@ -92,10 +112,15 @@ def test_models_are_read_again_only_when_one_has_changed(
         await store.call(lambda inner: inner.add_sample("a", PAGE))
         await store.keep_result({})
         await asyncio.gather(*(store.ready_models(None) for _ in range(5)))
-        assert readings == 1
+        assert read == ["a", "b"]
         await add(store, "a")
         assert [model.version for model in await store.ready_models(["b", "a"])] == [1, 2]
-        assert readings == 2
+        assert read == ["a", "b", "a"]
+        await store.call(lambda inner: inner.delete_model("a"))
+        assert [model.name for model in await store.ready_models(None)] == ["b"]
+        await add(store, "a")
+        assert [model.version for model in await store.ready_models(None)] == [3, 1]
+        assert read == ["a", "b", "a", "a"]
 
     with_store(tmp_path, work)
 

@@ -64,7 +64,9 @@ def test_every_route_is_documented_and_every_job_is_admitted() -> None:
     routes = [route for router in ROUTERS for route in router.routes if isinstance(route, APIRoute)]
     assert {route.path for route in routes} == DOCUMENT["paths"].keys()
     methods = {(method, route.path) for route in routes for method in route.methods}
-    assert {(method, path) for method, path in methods if method in {"POST", "PUT"}} == WORK
+    writes = {(method, path) for method, path in methods if method in {"POST", "PUT"}}
+    assert writes - WORK == {("POST", "/layout/models/{name}/rollback")}  # of the store alone
+    assert WORK - writes == {("GET", "/layout/models/{name}/versions/{version}/diff")}
 
 
 def test_problems_are_documented_as_problems() -> None:

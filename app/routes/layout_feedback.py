@@ -1,0 +1,115 @@
+"""What people say of results, and what models learn of it: POST /layout/results/{id}/feedback."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+
+from app.problems import documented
+from app.routes.connection import while_connected
+from app.routes.feedback_learning import learn_from
+from app.routes.json_bodies import json_request, read_json
+from app.routes.model_answers import BODY, READING, WORK, IdempotencyKey
+from app.routes.state import State
+from app.schemas.layout_feedback import (
+    AdaptedModel,
+    CostChange,
+    Feedback,
+    FeedbackBody,
+    FeedbackEntry,
+    FeedbackList,
+    FeedbackVersions,
+    FoundAndVerified,
+    WrongLabel,
+)
+from app.schemas.layout_models import ModelName
+from models.records import FeedbackSummary, StoredFeedback
+
+router = APIRouter(tags=["layout feedback"])
+
+MOST_LISTED = 200
+
+
+@router.post(
+    "/layout/results/{id}/feedback",
+    operation_id="give_layout_feedback",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "What became of it; of one that had come before, the same again.",
+            "model": Feedback,
+        },
+        **documented("conflict", "invalid-model", "not-storable", *READING, *BODY, *WORK),
+    },
+    openapi_extra=json_request(FeedbackBody),
+)
+async def give_layout_feedback(
+    request: Request, state: State, id: str, idempotency_key: IdempotencyKey = None
+) -> Response:
+    """Say what is right about a result: the class, and the labels of its zones, or of those that were wrong.
+
+    The model of the class adapts at once, and the page becomes one of its samples. When the class was wrong, the model
+    that was chosen learns too, to leave such pages to the other. A class that has samples and no model yet gets its
+    first one, of them and this page; a class that does not exist is 404. `class` null says that the page is of none
+    of the classes: it is then kept among the unknown pages, of which new classes may be proposed.
+    """
+    limit = state.settings.max_zones_bytes
+    body = await read_json(request, FeedbackBody, most_bytes=limit, setting="MAX_ZONES_BYTES")
+    feedback = await while_connected(request, learn_from(state, id, idempotency_key, body))
+    request.state.seat.release()
+    return Response(_answer(feedback).model_dump_json(by_alias=True), media_type="application/json")
+
+
+@router.get(
+    "/layout/models/{name}/feedback",
+    operation_id="layout_model_feedback",
+    responses=documented(*READING),
+)
+async def layout_model_feedback(
+    state: State, name: ModelName, limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50
+) -> FeedbackList:
+    """The last feedbacks on pages that were found to be of this class, or are, newest first."""
+    feedbacks = await state.store.call(lambda store: store.feedbacks(name, limit))
+    return FeedbackList(model=name, feedback=[_entry(feedback) for feedback in feedbacks])
+
+
+def _answer(feedback: StoredFeedback) -> Feedback:
+    costs = {told["model"]: told for told in feedback.report["costs"]}
+
+    def cost(model: str, labelling: str) -> CostChange | None:
+        return CostChange(**costs[model][labelling]) if model in costs else None
+
+    return Feedback(
+        id=feedback.id,
+        result=feedback.result_id,
+        created=feedback.created,
+        **{"class": FoundAndVerified(**feedback.report["class"])},
+        zones=feedback.report["zones"],
+        wrong=[WrongLabel(**told) for told in feedback.report["wrong"]],
+        models=[
+            AdaptedModel(
+                name=name,
+                old_version=old,
+                new_version=new,
+                cost_found=cost(name, "found"),
+                cost_verified=cost(name, "verified"),
+            )
+            for name, (old, new) in sorted(feedback.versions.items())
+        ],
+        sample=feedback.sample_id,
+    )
+
+
+def _entry(feedback: FeedbackSummary) -> FeedbackEntry:
+    return FeedbackEntry(
+        id=feedback.id,
+        result=feedback.result_id,
+        **{"class": FoundAndVerified(found=feedback.found_class, verified=feedback.verified_class)},
+        zones=feedback.zones,
+        wrong=feedback.wrong_zones,
+        models=[
+            FeedbackVersions(name=name, old_version=old, new_version=new)
+            for name, (old, new) in sorted(feedback.versions.items())
+        ],
+        sample=feedback.sample_id,
+        created=feedback.created_at,
+    )

@@ -1,0 +1,69 @@
+"""/layout/models/{name}: what is set for a model beside its versions, and how well it does."""
+
+from dataclasses import asdict
+
+from fastapi import APIRouter, Request
+
+from app.preconditions import Conflict
+from app.problems import documented
+from app.routes.json_bodies import json_request, read_json
+from app.routes.model_answers import BODY, READING
+from app.routes.state import State
+from app.schemas.layout_learning import ModelHealthReport, Settings, SettingsBody
+from app.schemas.layout_models import Health, ModelName
+from models.errors import NotStorable
+from models.records import ModelHealth, ModelSettings
+from models.repository import Store
+
+router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
+
+
+@router.get("/health", operation_id="layout_model_health", responses=documented(*READING))
+async def layout_model_health(state: State, name: ModelName) -> ModelHealthReport:
+    """How much recognition errs on pages of this class, by what feedback tells, lately and before that."""
+    health = await state.store.call(lambda store: store.health(name))
+    return ModelHealthReport(name=name, **health_of(health).model_dump())
+
+
+@router.get("/settings", operation_id="layout_model_settings", responses=documented(*READING))
+async def layout_model_settings(state: State, name: ModelName) -> Settings:
+    """What is set for a model; no version of it changes with that."""
+    settings = await state.store.call(lambda store: store.settings(name))
+    return Settings(**asdict(settings))
+
+
+@router.patch(
+    "/settings",
+    operation_id="change_layout_model_settings",
+    responses=documented("conflict", *READING, *BODY),
+    openapi_extra=json_request(SettingsBody),
+)
+async def change_layout_model_settings(request: Request, state: State, name: ModelName) -> Settings:
+    """Change the settings that are named, and leave the others; null takes one back (RFC 7396)."""
+    body = await read_json(request, SettingsBody)
+    changes = body.model_dump(include=body.model_fields_set)
+
+    def write(store: Store) -> ModelSettings:
+        if store.model_summary(name).name == body.continues:
+            raise Conflict(f"continues: {name} cannot continue itself.", "continues")
+        try:
+            return store.change_settings(name, **changes)
+        except (
+            NotStorable
+        ) as error:  # names are checked already: what other classes continue stands against it
+            raise Conflict(f"{error.detail}.", "continues") from error
+
+    settings = await state.store.call(write)
+    return Settings(**asdict(settings))
+
+
+def health_of(health: ModelHealth) -> Health:
+    """The contract's health."""
+    return Health(
+        feedbacks=health.feedbacks,
+        recent=health.recent,
+        recent_zone_error=health.recent_zone_error,
+        recent_class_error=health.recent_class_error,
+        earlier_zone_error=health.earlier_zone_error,
+        last_feedback=health.last_feedback_at,
+    )

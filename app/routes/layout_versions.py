@@ -1,0 +1,116 @@
+"""/layout/models/{name}/versions: the history of a model, what changed in it, and the way back."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query, Request, Response
+from pydantic import Field
+
+from app.layout_store import document_of, labels_of
+from app.operations import ModelDifference, ModelDocument
+from app.preconditions import entity_tag, parse_precondition
+from app.problems import documented
+from app.routes.connection import while_connected
+from app.routes.json_bodies import json_request, read_json
+from app.routes.model_answers import BODY, ETAG, READING, WORK, IfMatch
+from app.routes.state import State
+from app.schemas.layout_learning import MOST_VERSION, Change, Difference, RestoredModel, RollbackBody
+from app.schemas.layout_models import ModelName, Version, VersionList
+from app.schemas.options import Absent
+from models.errors import ModelNotFound
+from models.records import StoredModel
+from models.repository import Store
+
+router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
+
+MOST_CHANGES = 1000
+
+
+@router.get("/versions", operation_id="layout_model_versions", responses=documented(*READING))
+async def layout_model_versions(state: State, name: ModelName) -> VersionList:
+    """Versions of a model, newest first; GET /layout/models/{name}?version= exports each of them."""
+    versions = await state.store.call(lambda store: store.model_versions(name))
+    return VersionList(
+        name=name,
+        versions=[
+            Version(
+                version=version.version, origin=version.origin, note=version.note, created=version.created_at
+            )
+            for version in reversed(versions)
+        ],
+    )
+
+
+@router.get(
+    "/versions/{version}/diff",
+    operation_id="layout_model_diff",
+    responses=documented("invalid-model", *READING, *WORK),
+)
+async def layout_model_diff(
+    request: Request,
+    state: State,
+    name: ModelName,
+    version: Annotated[int, Path(ge=1, le=MOST_VERSION)],
+    against: Annotated[
+        Annotated[int, Field(ge=1, le=MOST_VERSION)] | Absent,
+        Query(description="The other version; the one before when left out."),
+    ] = None,
+    limit: Annotated[
+        int,
+        Query(ge=0, le=MOST_CHANGES, description="So many changes are told, the largest; all are counted."),
+    ] = 100,
+) -> Difference:
+    """What changed in a model from one version to another, what moves costs most first.
+
+    Old and new numbers of attributes, weights and look-up tables; a change is the larger the more it can move the
+    cost of a zone or of a pair of zones.
+    """
+
+    def read(store: Store) -> tuple[ModelDocument, ModelDocument]:
+        after = document_of(store.model(name, version))
+        if against is None and version == 1:
+            raise ModelNotFound(
+                f"the model {name} has no version before version 1; name another with against", name
+            )
+        return document_of(store.model(name, version - 1 if against is None else against)), after
+
+    old, new = await state.store.call(read)
+    work = state.engine.submit(state.operations.compare_models, old, new, limit)
+    difference: ModelDifference = await while_connected(request, work)
+    return Difference(
+        name=name,
+        version=new.version,
+        against=old.version,
+        total=difference.total,
+        changes=[Change(**change) for change in difference.changes],
+    )
+
+
+@router.post(
+    "/rollback",
+    operation_id="roll_layout_model_back",
+    response_class=Response,
+    responses={
+        200: {"description": "The new version.", "model": RestoredModel, "headers": ETAG},
+        **documented("conflict", *READING, *BODY),
+    },
+    openapi_extra=json_request(RollbackBody),
+)
+async def roll_layout_model_back(
+    request: Request, state: State, name: ModelName, if_match: IfMatch = None
+) -> Response:
+    """Make what an earlier version holds the newest version; the versions in between are kept."""
+    precondition = parse_precondition(if_match, None)
+    body = await read_json(request, RollbackBody)
+
+    def write(store: Store) -> StoredModel:
+        expected = precondition.check(name, store.model_summary(name).version)
+        return store.rollback(name, body.version, expected)
+
+    model = await state.store.call(write)
+    assert model.version is not None
+    assert model.document is not None
+    answer = RestoredModel(
+        name=name, version=model.version, restored=body.version, labels=list(labels_of(model.document))
+    )
+    headers = {"ETag": entity_tag(model.version)}
+    return Response(answer.model_dump_json(), headers=headers, media_type="application/json")
