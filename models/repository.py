@@ -15,6 +15,9 @@ from models.kept_feedback import KeptFeedback
 from models.kept_models import KeptModels
 from models.kept_results import KeptResults
 from models.kept_samples import KeptSamples
+from models.transactions import utc_now
+
+__all__ = ["Store", "utc_now"]
 
 
 class Store(KeptModels, KeptSamples, KeptFeedback, KeptResults):

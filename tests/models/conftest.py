@@ -1,6 +1,7 @@
 """A store on a real file, and on a real server where there is one, with a clock that moves when it is looked at."""
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -54,6 +55,16 @@ def where(request: pytest.FixtureRequest, tmp_path: Path) -> Path | str:
     url: str = request.getfixturevalue("emptied_url")
     empty_tables(request.getfixturevalue("cluster"), url)
     return url
+
+
+@pytest.fixture(params=KINDS)
+def fresh(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[[], Path | str]:
+    """Makes what to open: files that are not there yet, or databases without tables."""
+    if request.param == "sqlite":
+        names = itertools.count()
+        return lambda: tmp_path / f"fresh-{next(names)}" / "store.sqlite3"
+    cluster: Cluster = request.getfixturevalue("cluster")
+    return cluster.make_database
 
 
 @pytest.fixture

@@ -101,7 +101,7 @@ def running_cluster(*, durable: bool = False) -> Iterator[Cluster]:
             _wait_for(cluster, server)
             yield cluster
         finally:
-            server.send_signal(signal.SIGINT)  # whoever is still connected is cut off
+            server.send_signal(signal.SIGQUIT)  # at once: nothing of it is needed any more
             server.wait(_START_S)
     finally:
         shutil.rmtree(folder)

@@ -3,6 +3,7 @@
 import random
 import signal
 import sqlite3
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -12,6 +13,7 @@ from typing import Any
 
 from models.repository import Store
 from tests.models import writers
+from tests.models.whole_database import everything
 from tests.models.writers import CONTEXT, start
 
 
@@ -22,7 +24,7 @@ def all_reports(pipes: list[Connection]) -> list[Any]:
 
 
 def test_writers_lose_no_update(tmp_path: Path) -> None:
-    path, count, number = tmp_path / "store.sqlite3", 30, 4
+    path, count, number = tmp_path / "store.sqlite3", 20, 4
     with Store.open(path) as store:
         store.add_version("letter", {"count": 0}, "import")
     barrier = CONTEXT.Barrier(2 * number)
@@ -50,8 +52,51 @@ def test_writers_lose_no_update(tmp_path: Path) -> None:
     assert sum(conflicts) > 0  # they did meet
 
 
-def test_processes_that_open_a_fresh_file_at_once(tmp_path: Path) -> None:
-    paths, number = [tmp_path / str(n) / "store.sqlite3" for n in range(8)], 4
+def test_no_feedback_is_lost(where: Path | str) -> None:
+    count, number = 15, 4
+    with Store.open(where) as store:
+        store.add_version("memo", {"count": 0}, "import")
+        store.add_version("letter", {"count": 0}, "import")
+    barrier = CONTEXT.Barrier(number)
+    pipes = [CONTEXT.Pipe(duplex=False) for _ in range(number)]
+    processes = [
+        start(writers.post_feedback, where, barrier, writer, count, sender)
+        for writer, (_, sender) in enumerate(pipes)
+    ]
+    conflicts = all_reports([receiver for receiver, _ in pipes])
+    for process in processes:
+        process.join()
+        assert process.exitcode == 0
+    with Store.open(where) as store:
+        check_feedback(store, ("memo",), number * count)
+        assert store.model("letter").version == 1
+    assert sum(conflicts) > 0  # they did meet
+
+
+def check_feedback(store: Store, names: tuple[str, ...], count: int) -> set[str]:
+    """`count` feedbacks are there with all that came of each, and nothing else is; their keys."""
+    rows = everything(store)
+    assert store.health("memo").feedbacks == count == len(rows["layout_feedback"])
+    told = sorted(store.feedbacks("memo", newest=count), key=lambda feedback: feedback.versions["memo"][1])
+    samples = {sample.id: sample for sample in store.samples("memo")}
+    assert {feedback.sample_id for feedback in told} == samples.keys()
+    for name in names:
+        assert store.model(name).version == count + 1
+        versions = [version.version for version in store.model_versions(name)]
+        assert versions == list(range(1, count + 2))
+        assert [feedback.versions[name] for feedback in told] == [(n, n + 1) for n in range(1, count + 1)]
+        for n, feedback in enumerate(told, start=1):
+            document = store.model(name, n + 1).document
+            assert document is not None
+            sample = samples[str(feedback.sample_id)]
+            assert document == {"count": n, "last": sample.document}
+            assert sample.result_id == feedback.result_id
+    assert len(rows["layout_feedback_models"]) == 2 * count  # a letter was found, a memo verified
+    return {f"{sample.document['writer']}-{sample.document['step']}" for sample in samples.values()}
+
+
+def test_processes_that_open_a_fresh_database_at_once(fresh: Callable[[], Path | str]) -> None:
+    paths, number = [fresh() for _ in range(6)], 4
     barrier = CONTEXT.Barrier(number)
     pipes = [CONTEXT.Pipe(duplex=False) for _ in range(number)]
     processes = [start(writers.open_fresh, paths, barrier, sender) for _, sender in pipes]
@@ -64,6 +109,7 @@ def test_processes_that_open_a_fresh_file_at_once(tmp_path: Path) -> None:
 
 
 ROUNDS = 8
+FEEDBACK_ROUNDS = 3
 Kept = dict[str, dict[Any, tuple[int, int]]]
 """What writers said is kept: by kind, then by version or id, which writer wrote it in which step."""
 
@@ -84,7 +130,7 @@ def test_killed_writers_leave_nothing_by_halves(tmp_path: Path) -> None:
         store.add_version("letter", {}, "import")
     kept: Kept = {"version": {}, "sample": {}, "deleted": {}, "result": {}}
     for number in range(ROUNDS):
-        first, second = (begin(path, 2 * number + which) for which in (0, 1))
+        first, second = (begin(writers.write_until_killed, path, 2 * number + which) for which in (0, 1))
         for _ in range(generator.randint(1, 12)):
             note(kept, second)
         kill(kept, first)
@@ -95,9 +141,34 @@ def test_killed_writers_leave_nothing_by_halves(tmp_path: Path) -> None:
             check(path, kept, kills=2 * (number + 1))
 
 
-def begin(path: Path, number: int) -> Writer:
+def test_killed_writers_leave_no_half_of_a_feedback(where: Path | str) -> None:
+    """Two models, a sample and the feedback itself: whenever SIGKILL comes, all of them are there or none."""
+    generator = random.Random(6)
+    with Store.open(where) as store:
+        for name in ("letter", "memo"):
+            store.add_version(name, {"count": 0}, "import")
+    kept: Kept = {"feedback": {}}
+    for number in range(FEEDBACK_ROUNDS):
+        first, second = (
+            begin(writers.post_feedback_until_killed, where, 2 * number + which) for which in (0, 1)
+        )
+        for _ in range(generator.randint(1, 6)):
+            note(kept, second)
+        kill(kept, first)
+        for _ in range(generator.randint(1, 6)):
+            note(kept, second)
+        kill(kept, second)
+    with Store.open(where, busy_timeout_s=30) as store:
+        assert store.add_sample("fax", {}).created  # a killed writer's lock is gone
+        count = store.health("memo").feedbacks
+        there = check_feedback(store, ("letter", "memo"), count)
+    assert kept["feedback"].keys() <= there
+    assert len(there) - len(kept["feedback"]) <= 2 * FEEDBACK_ROUNDS
+
+
+def begin(work: Callable[..., None], where: Path | str, number: int) -> Writer:
     receiver, sender = CONTEXT.Pipe(duplex=False)
-    process = start(writers.write_until_killed, path, number, sender)
+    process = start(work, where, number, sender)
     sender.close()
     return Writer(number, process, receiver)
 

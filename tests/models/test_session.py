@@ -5,18 +5,24 @@ import shutil
 import sqlite3
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
+from sqlalchemy import bindparam, inspect, select, text
 
 from models import migrations, session
+from models.documents import digest_document, encode_document
 from models.errors import StoreDamaged, StoreTooNew, StoreUnavailable
+from models.records import FeedbackDraft, ModelChange, ModelSettings
 from models.repository import Store
-from models.tables import Table
+from models.tables import ModelRow, StateRow, Table, UtcDateTime
+from tests.models.conftest import Clock
 
 PAGE = 4096  # of SQLite's file
 
@@ -30,16 +36,13 @@ def filled(path: Path) -> Path:
     return path
 
 
-def test_migrations_lead_to_the_tables_that_are_mapped(tmp_path: Path) -> None:
-    engine = session.open_engine(tmp_path / "store.sqlite3")
+def test_migrations_lead_to_the_tables_that_are_mapped(fresh: Callable[[], Path | str]) -> None:
+    engine = session.open_engine(fresh())
     session.upgrade_schema(engine)
     with engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True})
         assert compare_metadata(context, Table.metadata) == []
-        names = {
-            name
-            for (name,) in connection.exec_driver_sql("SELECT name FROM sqlite_master WHERE type = 'table'")
-        }
+        names = set(inspect(connection).get_table_names())
     engine.dispose()
     assert names == {*Table.metadata.tables, "alembic_version"}
 
@@ -107,6 +110,75 @@ def upgrade():
     with op.batch_alter_table("layout_models", recreate="always") as table:
         table.add_column(sa.Column("colour", sa.String(20), nullable=False, server_default="none"))
 """
+
+
+FIRST_RELEASE = """
+INSERT INTO layout_models VALUES (1, 'letter', 2, 2, :now, :now, NULL);
+INSERT INTO layout_models VALUES (2, 'memo', NULL, 1, :now, :now, :now);
+INSERT INTO layout_model_versions VALUES (1, 1, 'import', 'first', :now, :document);
+INSERT INTO layout_model_versions VALUES (1, 2, 'feedback', '', :now, :document);
+INSERT INTO layout_model_versions VALUES (2, 1, 'import', '', :now, :document);
+INSERT INTO layout_samples VALUES ('01KDYSJ4W8000000000000000A', 1, 'key', :digest, :now, :document);
+INSERT INTO layout_results VALUES ('01KDYSJ4W8000000000000000B', :now, :later, :document);
+UPDATE store_state SET revision = 5
+"""
+
+
+def test_the_database_of_the_first_release_goes_on(fresh: Callable[[], Path | str], clock: Clock) -> None:
+    where, document = fresh(), {"n": 1}
+    engine = session.open_engine(where)
+    values = {
+        "now": clock(),
+        "later": clock() + timedelta(days=1),
+        "document": encode_document(document),
+        "digest": digest_document(document),
+    }
+    with session.writers_of(engine).begin() as connection:
+        config = session._alembic_config()
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0001")
+        for statement in FIRST_RELEASE.strip().split(";\n"):
+            named = {name: value for name, value in values.items() if f":{name}" in statement}
+            moments = [bindparam(name, type_=UtcDateTime) for name in named if name in ("now", "later")]
+            connection.execute(text(statement).bindparams(*moments), named)
+    engine.dispose()
+    with Store.open(where, clock=clock) as store:
+        (letter,) = store.models()
+        assert (letter.name, letter.version, letter.samples) == ("letter", 2, 1)
+        assert letter.settings == ModelSettings()
+        assert [version.note for version in store.model_versions("letter")] == ["first", ""]
+        (sample,) = store.samples("letter")
+        assert (sample.document, sample.origin, sample.result_id) == (document, "posted", None)
+        assert not store.add_sample("letter", document, key="key").created
+        result = store.result("01KDYSJ4W8000000000000000B")
+        assert (result.document, store.revision()) == (document, 5)
+        draft = FeedbackDraft(
+            result.id, None, {"told": 1}, {}, "letter", "letter", 3, 1, False, sample={"page": 2}
+        )
+        kept = store.add_feedback(draft, [ModelChange("letter", {"n": 3}, 2)])
+        assert (dict(kept.versions), store.sample_count("letter")) == ({"letter": (2, 3)}, 2)
+        assert store.add_version("memo", {}, "import").version == 2
+        assert store.change_settings("memo", continues="letter").continues == "letter"
+    with Store.open(where, clock=clock) as store:
+        assert store.health("letter").feedbacks == 1
+
+
+def test_a_reader_sees_one_state(where: Path | str) -> None:
+    with Store.open(where) as store:
+        with store._reading() as reading:
+            before = reading.execute(select(StateRow.revision)).scalar_one()
+            store.add_version("letter", {}, "import")
+            assert reading.execute(select(StateRow.revision)).scalar_one() == before
+            assert reading.execute(select(ModelRow)).all() == []
+        assert store.revision() > before
+
+
+def test_a_writer_waits_for_another_no_longer_than_it_says(where: Path | str) -> None:
+    with Store.open(where, busy_timeout_s=0.05) as store, Store.open(where) as other:
+        with other._changing(), pytest.raises(StoreUnavailable, match="lock"):
+            store.add_sample("letter", {})
+        assert store.models() == []
+        assert store.add_sample("letter", {}).created
 
 
 def test_a_later_migration_may_make_tables_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -235,7 +307,15 @@ def test_a_folder_that_cannot_be_written() -> None:
 
 @pytest.mark.parametrize(
     "where",
-    ["/dev/null/store.sqlite3", "sqlite://", "sqlite:///:memory:", "nonsense://x", "sqlite+none:///x"],
+    [
+        "/dev/null/store.sqlite3",
+        "sqlite://",
+        "sqlite:///:memory:",
+        "nonsense://x",
+        "sqlite+none:///x",
+        "mysql+pymysql://x",
+        "postgresql://someone@/store?host=/dev/null",
+    ],
 )
 def test_places_where_nothing_can_be_kept(where: str) -> None:
     with pytest.raises(StoreUnavailable):

@@ -1,0 +1,423 @@
+"""What the store promises about feedback: once, whole, and beside it settings, rollback, health and unknown pages."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from sqlalchemy.orm import Session
+
+from models.errors import KeyReused, ModelNotFound, NotStorable, StoreUnavailable, VersionConflict
+from models.kept_feedback import HEALTH_WINDOW
+from models.records import (
+    DEFAULT_LEARNER,
+    FeedbackDraft,
+    ModelChange,
+    ModelHealth,
+    ModelSettings,
+    StoredFeedback,
+)
+from models.repository import Store
+from models.ulid import is_ulid
+from tests.models.conftest import Clock
+from tests.models.whole_database import everything
+
+
+def draft(
+    result_id: str,
+    request: Any = "sender",
+    *,
+    key: str | None = None,
+    found: str | None = "letter",
+    verified: str | None = "letter",
+    zones: int = 10,
+    wrong: int = 1,
+    sample: Any = "the page",
+) -> FeedbackDraft:
+    """A feedback that says `request`."""
+    return FeedbackDraft(
+        result_id=result_id,
+        key=key,
+        request={"labels": {"z1": request}},
+        report={"wrong": wrong, "of": zones},
+        found_class=found,
+        verified_class=verified,
+        zones=zones,
+        wrong_zones=wrong,
+        class_wrong=found != verified,
+        sample=None if sample is None else {"page": sample, "label": request},
+    )
+
+
+@pytest.fixture
+def letters(store: Store) -> Store:
+    """A store with the classes letter, memo (both in version 1) and fax (one sample, no version)."""
+    store.add_version("letter", {"n": 1}, "import")
+    store.add_version("memo", {"n": 1}, "import")
+    store.add_sample("fax", {"n": 1})
+    return store
+
+
+@pytest.fixture
+def result(letters: Store) -> str:
+    return letters.add_result({"page": "the page"}, ttl_s=1000)
+
+
+def change(name: str, expected: int | None = 1, n: int = 2) -> ModelChange:
+    return ModelChange(name, {"n": n}, expected)
+
+
+def as_stored(feedback: StoredFeedback) -> dict[str, Any]:
+    """All of it but `created`."""
+    return {
+        field.name: getattr(feedback, field.name)
+        for field in dataclasses.fields(feedback)
+        if field.name != "created"
+    }
+
+
+def test_a_feedback_and_all_that_came_of_it_are_kept(letters: Store, result: str) -> None:
+    revision = letters.revision()
+    said = draft(result, found="memo", wrong=4)
+    kept = letters.add_feedback(said, [change("letter"), change("memo", n=7)])
+    assert kept.created
+    assert is_ulid(kept.id)
+    assert (kept.result_id, kept.request, kept.report) == (result, said.request, said.report)
+    assert dict(kept.versions) == {"letter": (1, 2), "memo": (1, 2)}
+    assert (letters.model("letter").document, letters.model("memo").document) == ({"n": 2}, {"n": 7})
+    assert [version.origin for version in letters.model_versions("letter")] == ["import", "feedback"]
+    assert letters.model_versions("memo")[-1].note == f"result {result}"
+    (sample,) = letters.samples("letter")
+    assert (sample.id, sample.document) == (kept.sample_id, said.sample)
+    assert (sample.origin, sample.result_id) == ("feedback", result)
+    assert letters.sample_count("memo") == 0
+    assert letters.revision() > revision
+    for name in ("letter", "memo"):
+        (summary,) = letters.feedbacks(name)
+        assert (summary.id, summary.result_id, summary.sample_id) == (kept.id, result, sample.id)
+        assert (summary.found_class, summary.verified_class, summary.class_wrong) == ("memo", "letter", True)
+        assert (summary.zones, summary.wrong_zones) == (10, 4)
+        assert (dict(summary.versions), summary.created_at) == (dict(kept.versions), kept.created_at)
+    assert letters.feedbacks("fax") == []
+
+
+def test_it_may_come_when_nothing_was_wrong_and_when_the_result_is_gone(letters: Store, result: str) -> None:
+    letters.purge_results(keep_newest=0)
+    before = letters.revision()
+    kept = letters.add_feedback(draft(result, wrong=0), [])
+    assert (dict(kept.versions), letters.model("letter").version) == ({}, 1)
+    assert letters.sample_count("letter") == 1
+    assert letters.revision() == before  # no model changed
+    found = letters.find_feedback(result, None, kept.request)
+    assert found is not None
+    assert as_stored(found) == as_stored(kept)
+
+
+def test_the_first_feedback_may_make_the_first_version(letters: Store, result: str) -> None:
+    kept = letters.add_feedback(draft(result, verified="fax", found=None), [change("fax", expected=None)])
+    assert dict(kept.versions) == {"fax": (None, 1)}
+    assert (letters.model("fax").version, letters.model("fax").samples) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("first", "again"), [("key", "key"), (None, None), ("key", None), (None, "key"), ("key", "another")]
+)
+def test_the_same_counts_once(letters: Store, result: str, first: str | None, again: str | None) -> None:
+    kept = letters.add_feedback(draft(result, key=first), [change("letter")])
+    before = everything(letters)
+    said = draft(result, key=again)
+    found = letters.find_feedback(result, again, said.request)
+    assert found is not None
+    # It comes again with the version that the first one saw, as a client's retry does.
+    for repeated in (found, letters.add_feedback(said, [change("letter")])):
+        assert not repeated.created
+        assert as_stored(repeated) == as_stored(kept)
+    assert everything(letters) == before
+
+
+def test_keys_are_of_one_body_and_one_result(letters: Store, result: str) -> None:
+    other = letters.add_result({}, ttl_s=1000)
+    letters.add_feedback(draft(result, key="key"), [change("letter")])
+    before = everything(letters)
+    for said in (draft(result, "date", key="key"), draft(other, key="key")):
+        with pytest.raises(KeyReused):
+            letters.find_feedback(said.result_id, "key", said.request)
+        with pytest.raises(KeyReused):
+            letters.add_feedback(said, [change("letter", 2)])
+    assert everything(letters) == before
+    assert letters.find_feedback(result, "fresh", draft(result, "date").request) is None
+    assert letters.find_feedback(other, None, draft(other).request) is None
+    assert letters.add_feedback(draft(other), [change("letter", 2)]).created
+
+
+REFUSED: dict[str, tuple[type[Exception], Callable[[str], FeedbackDraft], list[ModelChange]]] = {
+    "the second model is newer": (
+        VersionConflict,
+        lambda result: draft(result, found="memo"),
+        [change("letter"), change("memo", 2)],
+    ),
+    "a version where none was expected": (VersionConflict, draft, [change("letter", None)]),
+    "no version where one was expected": (
+        VersionConflict,
+        lambda r: draft(r, verified="fax"),
+        [change("fax")],
+    ),
+    "no such model": (ModelNotFound, draft, [change("letter"), change("novel")]),
+    "no such class": (ModelNotFound, lambda result: draft(result, verified="novel"), [change("letter")]),
+    "the same model twice": (NotStorable, draft, [change("letter"), change("letter")]),
+    "no number": (NotStorable, draft, [change("letter"), ModelChange("memo", {"n": float("nan")}, 1)]),
+    "no sample": (NotStorable, lambda result: draft(result, sample={1}), [change("letter")]),
+    "more wrong than there are": (NotStorable, lambda result: draft(result, wrong=11), [change("letter")]),
+    "no key": (NotStorable, lambda result: draft(result, key=""), [change("letter")]),
+    "no result": (NotStorable, lambda _: draft("\0"), [change("letter")]),
+    "a name that cannot be": (NotStorable, lambda result: draft(result, found="\ud800"), [change("letter")]),
+}
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_what_is_refused_leaves_no_trace(letters: Store, result: str, why: str) -> None:
+    error, said, changes = REFUSED[why]
+    letters.add_feedback(draft(result, "earlier"), [])
+    before = everything(letters)
+    with pytest.raises(error):
+        letters.add_feedback(said(result), changes)
+    assert everything(letters) == before
+
+
+@pytest.mark.parametrize("stage", range(1, 8))
+def test_what_fails_in_the_middle_leaves_no_trace(
+    letters: Store, result: str, stage: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The disk fails after the first, second, ... thing that is written."""
+    letters.add_feedback(draft(result, "earlier"), [])
+    letters.keep_unknown_page({"page": 1}, result, bound=3)
+    before, flush, flushes = everything(letters), Session.flush, itertools.count(1)
+
+    def flush_and_fail(session: Session, objects: Any = None) -> None:
+        flush(session, objects)
+        if next(flushes) == stage:
+            raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Session, "flush", flush_and_fail)
+        with pytest.raises(StoreUnavailable, match="No space left"):
+            letters.add_feedback(draft(result, found="memo"), [change("letter"), change("memo")])
+    assert everything(letters) == before
+
+
+def test_another_body_replaces_the_sample(letters: Store, result: str) -> None:
+    first = letters.add_feedback(draft(result, "sender"), [change("letter")])
+    second = letters.add_feedback(draft(result, "date"), [change("letter", 2)])
+    assert second.created
+    (sample,) = letters.samples("letter")
+    assert (sample.id, sample.document["label"]) == (second.sample_id, "date")
+    assert first.sample_id != second.sample_id
+    assert [feedback.sample_id for feedback in letters.feedbacks("letter")] == [second.sample_id, None]
+    letters.add_feedback(draft(result, "memo's", verified="memo"), [change("memo")])
+    assert (letters.sample_count("letter"), letters.sample_count("memo")) == (0, 1)
+    letters.add_feedback(draft(result, "nothing", verified=None), [])
+    assert letters.sample_count("memo") == 0
+    assert letters.model("letter").version == 3  # what was learned stays
+
+
+def test_another_body_with_the_same_page_keeps_the_sample(letters: Store, result: str) -> None:
+    first = letters.add_feedback(draft(result), [])
+    said = dataclasses.replace(draft(result), request={"labels": {"z1": "sender", "z2": None}})
+    second = letters.add_feedback(said, [])
+    assert (second.created, second.sample_id) == (True, first.sample_id)
+    assert letters.sample_count("letter") == 1
+
+
+def test_a_page_of_two_results_is_one_sample_until_both_say_otherwise(letters: Store, result: str) -> None:
+    other = letters.add_result({}, ttl_s=1000)
+    first = letters.add_feedback(draft(result), [])
+    assert letters.add_feedback(draft(other), []).sample_id == first.sample_id
+    letters.add_feedback(draft(result, "date"), [])
+    assert sorted(sample.document["label"] for sample in letters.samples("letter")) == ["date", "sender"]
+    letters.add_feedback(draft(other, "subject"), [])
+    assert sorted(sample.document["label"] for sample in letters.samples("letter")) == ["date", "subject"]
+
+
+def test_posted_samples_stay(letters: Store, result: str) -> None:
+    posted = letters.add_sample("letter", {"page": "the page", "label": "sender"})
+    assert letters.add_feedback(draft(result), []).sample_id == posted.id
+    letters.add_feedback(draft(result, "date"), [])
+    assert [sample.origin for sample in letters.samples("letter")] == ["posted", "feedback"]
+    again = letters.add_sample("letter", {"page": "the page", "label": "date"})
+    assert (again.created, again.origin) == (False, "posted")  # now somebody has posted it
+    letters.add_feedback(draft(result, "subject"), [])
+    assert letters.sample_count("letter") == 3
+
+
+def test_a_full_class_makes_room_among_samples_of_feedback(letters: Store) -> None:
+    posted = letters.add_sample("letter", {"posted": True}).id
+    ids = []
+    for n in range(4):
+        result = letters.add_result({}, ttl_s=1000)
+        ids.append(letters.add_feedback(draft(result, n), [], max_samples=3).sample_id)
+    assert [sample.id for sample in letters.samples("letter")] == [posted, ids[2], ids[3]]
+    assert [feedback.sample_id for feedback in letters.feedbacks("letter")] == [ids[3], ids[2], None, None]
+    for sample_id in ids[2:]:
+        letters.delete_sample("letter", str(sample_id))
+    for n in range(2):
+        letters.add_sample("letter", {"posted": n})
+    kept = letters.add_feedback(draft(letters.add_result({}, ttl_s=1)), [change("letter")], max_samples=3)
+    assert (kept.sample_id, dict(kept.versions)) == (None, {"letter": (1, 2)})
+    assert letters.sample_count("letter") == 3
+
+
+def test_a_deleted_class_takes_the_feedback_on_its_pages_along(letters: Store, result: str) -> None:
+    others = [letters.add_result({}, ttl_s=1000) for _ in range(3)]
+    letters.add_feedback(draft(result, key="key"), [change("letter")])
+    letters.add_feedback(draft(others[0], found="memo"), [change("letter", 2), change("memo")])
+    kept = letters.add_feedback(draft(others[1], found="letter", verified="memo"), [change("letter", 3)])
+    letters.add_feedback(draft(others[2], found="letter", verified=None), [change("letter", 4)])
+    letters.delete_model("letter")
+    (left,) = letters.feedbacks("memo")
+    assert (left.id, left.found_class, dict(left.versions)) == (kept.id, "letter", {})
+    rows = everything(letters)
+    assert len(rows["layout_feedback"]) == len(rows["layout_feedback_models"]) == 1
+    assert letters.find_feedback(result, "key", draft(result).request) is None
+    with pytest.raises(ModelNotFound):
+        letters.feedbacks("letter")
+    with pytest.raises(ModelNotFound):
+        letters.health("letter")
+    # Made anew it begins with a clean sheet, and the same feedback counts again.
+    letters.add_version("letter", {"n": 1}, "import", expected_version=None)
+    assert letters.health("letter") == ModelHealth(0, 0, None, None, None, None)
+    assert dict(letters.add_feedback(draft(result, key="key"), [change("letter", 6)]).versions) == {
+        "letter": (6, 7)
+    }
+    # A result may have found a class that is deleted by now.
+    letters.delete_model("memo")
+    late = letters.add_feedback(draft(others[1], found="memo", sample="late"), [change("letter", 7)])
+    assert dict(late.versions) == {"letter": (7, 8)}
+
+
+def test_feedbacks_are_told_newest_first(letters: Store) -> None:
+    ids = [letters.add_feedback(draft(letters.add_result({}, ttl_s=1), n), []).id for n in range(5)]
+    assert [feedback.id for feedback in letters.feedbacks("letter")] == ids[::-1]
+    assert [feedback.id for feedback in letters.feedbacks("letter", newest=2)] == [ids[4], ids[3]]
+
+
+def test_health_is_told_from_recent_feedback(letters: Store, clock: Clock) -> None:
+    none = ModelHealth(0, 0, None, None, None, None)
+    assert letters.healths() == {"letter": none, "memo": none, "fax": none}
+    for n in range(HEALTH_WINDOW + 10):
+        # The first ten are wrong in half of their zones, the others in a tenth; every fifth was found as a memo.
+        said = draft(
+            letters.add_result({}, ttl_s=1),
+            n,
+            found="letter" if n % 5 else "memo",
+            wrong=5 if n < 10 else 1,
+            sample=None,
+        )
+        letters.add_feedback(said, [])
+    health = letters.health("letter")
+    assert (health.feedbacks, health.recent) == (60, 50)
+    assert health.recent_zone_error == pytest.approx(0.1)
+    assert health.recent_class_error == pytest.approx(0.2)
+    assert health.earlier_zone_error == pytest.approx(0.5)
+    assert health.last_feedback_at == letters.feedbacks("letter")[0].created_at <= clock.now
+    memo = letters.health("memo")
+    assert (memo.feedbacks, memo.recent, memo.recent_class_error) == (12, 12, 1.0)
+    assert memo.earlier_zone_error is None
+    assert letters.healths() == {"letter": health, "memo": memo, "fax": none}
+    letters.add_feedback(draft(letters.add_result({}, ttl_s=1), verified="fax", zones=0, wrong=0), [])
+    assert letters.health("fax").recent_zone_error is None
+
+
+def test_rollback_makes_a_new_version(letters: Store) -> None:
+    letters.add_version("letter", {"n": 2}, "train")
+    letters.add_version("letter", {"n": 3}, "feedback")
+    revision = letters.revision()
+    model = letters.rollback("letter", 1, expected_version=3)
+    assert (model.version, model.document, model.origin) == (4, {"n": 1}, "rollback")
+    assert letters.model_versions("letter")[-1].note == "version 1"
+    assert letters.model("letter", 3).document == {"n": 3}
+    assert letters.revision() > revision
+    before = everything(letters)
+    with pytest.raises(VersionConflict):
+        letters.rollback("letter", 2, expected_version=3)
+    for name, version in (("letter", 5), ("letter", 0), ("letter", 2**31), ("fax", 1), ("novel", 1)):
+        with pytest.raises(ModelNotFound):
+            letters.rollback(name, version)
+    assert everything(letters) == before
+    assert letters.rollback("letter", 2).version == 5
+
+
+def test_settings_stay_when_versions_change(letters: Store) -> None:
+    assert letters.settings("letter") == ModelSettings(DEFAULT_LEARNER, None, None)
+    revision = letters.revision()
+    changed = letters.change_settings("letter", learner="perceptron", genre="correspondence")
+    assert changed == ModelSettings("perceptron", "correspondence", None)
+    assert letters.revision() > revision  # whoever has read the models has read their settings
+    letters.add_version("letter", {}, "train")
+    later = letters.change_settings("letter", genre=None)
+    assert later == letters.settings("letter") == ModelSettings("perceptron", None, None)
+    assert letters.model("letter").settings == letters.ready_models(["letter"])[0].settings == later
+    assert [model.settings for model in letters.models() if model.name == "letter"] == [later]
+    assert letters.change_settings("letter", learner=None).learner == DEFAULT_LEARNER
+    before = everything(letters)
+    assert letters.change_settings("letter") == ModelSettings()
+    assert everything(letters) == before
+    letters.change_settings("letter", genre="correspondence")
+    letters.delete_model("letter")
+    letters.add_sample("letter", {})
+    assert letters.settings("letter") == ModelSettings()
+
+
+def test_settings_that_cannot_be(letters: Store) -> None:
+    letters.change_settings("memo", continues="letter")
+    before = everything(letters)
+    wrong: list[tuple[type[Exception], str, dict[str, str | None]]] = [
+        (NotStorable, "letter", {"learner": "guessing"}),
+        (NotStorable, "letter", {"learner": ""}),
+        (NotStorable, "letter", {"genre": ""}),
+        (NotStorable, "letter", {"genre": "\0"}),
+        (NotStorable, "letter", {"colour": "red"}),
+        (NotStorable, "letter", {"continues": "letter"}),
+        (NotStorable, "fax", {"continues": "memo"}),  # memo continues letter
+        (NotStorable, "letter", {"continues": "fax"}),  # letter is continued
+        (ModelNotFound, "letter", {"continues": "novel"}),
+        (ModelNotFound, "novel", {"genre": "book"}),
+    ]
+    for error, name, changes in wrong:
+        with pytest.raises(error):
+            letters.change_settings(name, **changes)
+    assert everything(letters) == before
+    with pytest.raises(ModelNotFound):
+        letters.settings("novel")
+    letters.delete_model("letter")
+    assert letters.settings("memo").continues is None
+
+
+def test_unknown_pages_are_a_ring(letters: Store, clock: Clock) -> None:
+    results = [letters.add_result({}, ttl_s=1000) for _ in range(5)]
+    kept = [letters.keep_unknown_page({"n": n}, result, bound=3) for n, result in enumerate(results)]
+    pages = list(letters.each_unknown_page())
+    assert [(page.id, page.result_id, page.page) for page in pages] == [
+        (kept[n].id, results[n], {"n": n}) for n in (2, 3, 4)
+    ]
+    again = letters.keep_unknown_page({"n": "again"}, results[4], bound=3)
+    assert (again.id, again.page) == (kept[4].id, {"n": 4})
+    assert letters.forget_unknown_pages([kept[3].id, kept[0].id, "no id"]) == 1
+    assert letters.forget_unknown_pages([]) == 0
+    letters.keep_unknown_page({"short": True}, results[0], bound=3, ttl_s=10)
+    clock.now += timedelta(seconds=20)
+    assert [page.page for page in letters.each_unknown_page()] == [{"n": 2}, {"n": 4}]
+    assert len(everything(letters)["layout_unknown_pages"]) == 3
+    letters.purge_results()
+    assert len(everything(letters)["layout_unknown_pages"]) == 2
+    with pytest.raises(NotStorable):
+        letters.keep_unknown_page({}, "no id", bound=3)
+
+
+def test_a_page_that_found_its_class_is_unknown_no_longer(letters: Store, result: str) -> None:
+    letters.keep_unknown_page({"n": 1}, result, bound=3)
+    letters.add_feedback(draft(result, found=None, verified=None), [])
+    assert len(list(letters.each_unknown_page())) == 1
+    letters.add_feedback(draft(result, "more", found=None), [])
+    assert list(letters.each_unknown_page()) == []
