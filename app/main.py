@@ -21,6 +21,7 @@ from starlette.exceptions import HTTPException
 from app.authentication import HEADER as API_KEY_HEADER
 from app.authentication import OPEN_PATHS, ApiKeys
 from app.engine.local import LocalEngine, PoolLimits
+from app.jobs import JobLimits, Jobs
 from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
 from app.metrics import Metrics
@@ -39,6 +40,7 @@ from app.routes import (
     mosaic,
     rectify,
 )
+from app.routes import jobs as job_routes
 from app.routes.state import AppState
 from app.schemas.layout_models import PageBody
 from app.schemas.problem import Problem
@@ -58,6 +60,7 @@ ROUTERS = (
     layout_training.router,
     layout_versions.router,
     layout_settings.router,
+    job_routes.router,
     health.router,
 )
 WORK = frozenset(
@@ -105,6 +108,14 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         ),
         database_url=settings.database_url,
     )
+    jobs = Jobs(
+        JobLimits(
+            ttl_s=settings.job_ttl_s,
+            max_jobs=settings.max_jobs,
+            max_result_bytes=settings.max_job_result_bytes,
+            max_listeners=settings.max_job_listeners,
+        )
+    )
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -116,6 +127,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
                 yield
             finally:
                 await engine.drain(settings.shutdown_grace_s)
+                await jobs.close()
 
     app = FastAPI(
         title="Document rectification",
@@ -127,7 +139,9 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         redirect_slashes=False,
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
-    app.state.document_rectification = AppState(settings, engine, operations, store, metrics, ModelLocks())
+    app.state.document_rectification = AppState(
+        settings, engine, operations, store, metrics, ModelLocks(), jobs
+    )
     for router in ROUTERS:
         if router is layout.router:
             # A field is refused by its own limit, which is told by name, before by that of all fields.

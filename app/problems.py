@@ -32,6 +32,8 @@ STATUS_OF_CODE: Mapping[str, int] = {
     "not-acceptable": 406,
     "request-timeout": 408,
     "conflict": 409,
+    "not-finished": 409,
+    "cancelled": 410,
     "store-full": 409,
     "too-large": 413,
     "out-of-memory": 413,
@@ -63,6 +65,8 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "not-acceptable": "No representation fits `Accept`.",
     "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S.",
     "conflict": "The model changed under the writer (`If-Match`), or an Idempotency-Key came with another body.",
+    "not-finished": "The job has no result yet.",
+    "cancelled": "The job was cancelled; it has no result and will have none.",
     "store-full": "As many models or samples as MAX_MODELS or MAX_SAMPLES_PER_MODEL allow.",
     "too-large": "More bytes or megapixels than a limit allows; judged before decoding.",
     "out-of-memory": "The work needs more memory than WORKER_MEMORY_BYTES.",
@@ -146,7 +150,7 @@ class ProblemBoundary:
         except Exception as error:
             if started:
                 raise
-            await _response_for(_told(error, scope), scope)(scope, receive, send)
+            await problem_response(error, scope)(scope, receive, send)
 
 
 class FrameworkErrors:
@@ -167,6 +171,11 @@ class FrameworkErrors:
             allowed = ", ".join(sorted(self._methods[template]))
             refusal = replace(refusal, headers=(("Allow", allowed),))
         return _response_for(refusal, request.scope)
+
+
+def problem_response(error: Exception, scope: Scope) -> Response:
+    """The problem document for what befell a request; written to the log if it is our own fault."""
+    return _response_for(_told(error, scope), scope)
 
 
 def _told(error: Exception, scope: Scope) -> Refusal:

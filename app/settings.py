@@ -108,6 +108,22 @@ class Settings(BaseSettings):
     )
     jobs_per_worker: int = Field(default=200, ge=1, description="A worker is replaced after so many jobs.")
 
+    # Work whose answer is fetched later
+    job_ttl_s: int = Field(
+        default=3600, ge=1, description="A job and its result are kept for so long after its end."
+    )
+    max_jobs: int = Field(
+        default=200, ge=1, description="Most jobs that are kept; beyond it those that ended first go first."
+    )
+    max_job_result_bytes: int = Field(
+        default=512 * MIB,
+        ge=1024,
+        description="Of the results of all jobs together, in temporary files; beyond it those that ended first go.",
+    )
+    max_job_listeners: int = Field(
+        default=100, ge=1, description="Most clients that listen to the events of jobs; beyond it 503 `busy`."
+    )
+
     # What layout recognition knows before it learns
     content_features: FilePath | None = Field(
         default=None,

@@ -7,11 +7,12 @@ from fastapi import APIRouter, Form, Request, Response
 from app.operations import LayoutOptions, LayoutReply
 from app.problems import documented
 from app.representations import LAYOUT_MEDIA_TYPES, choose_layout_format, layout_headers
-from app.routes.connection import while_connected
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
+from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import State
 from app.schemas.layout import LayoutForm, LayoutResult, parse_names, result_of
 from services.errors import InvalidOption
+from services.progress import ProgressSink
 
 router = APIRouter(tags=["layout"])
 
@@ -39,6 +40,7 @@ _HEADERS: dict[str, Any] = {
             },
             "headers": _HEADERS,
         },
+        **ACCEPTED,
         **documented(
             "bad-request",
             "not-found",
@@ -59,6 +61,7 @@ _HEADERS: dict[str, Any] = {
             "timed-out",
         ),
     },
+    openapi_extra=PREFER,
     form_limits={"max_fields": 10, "max_files": 4},
 )
 async def layout(
@@ -75,24 +78,30 @@ async def layout(
     chosen = choose_layout_format(form.format, request.headers.get("accept"))
     settings = state.settings
     models = await state.store.ready_models(None if form.models is None else parse_names(form.models))
-    work = state.engine.submit(
-        state.operations.recognize_layout,
-        form.image,
-        zones_upload(form.zones, "zones", settings.max_zones_bytes),
-        zones_upload(form.zones_file, "zones_file", settings.max_zones_file_bytes),
-        models,
-        LayoutOptions(form.rectify, form.ocr == "auto", chosen, form.explain, _image_name(form)),
-        layout_settings(settings),
-    )
-    reply: LayoutReply = await while_connected(request, work)
-    request.state.seat.release()
-    result_of(reply.document, "held to the contract before it is kept")
-    result_id = await state.store.keep_result({"result": reply.document, "page": reply.page})
-    headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
-    if chosen != "json":
-        return Response(reply.body, media_type=reply.media_type, headers=headers)
-    body = result_of(reply.document, result_id).model_dump_json(by_alias=True)
-    return Response(body, media_type=LAYOUT_MEDIA_TYPES["json"], headers=headers)
+    zones = zones_upload(form.zones, "zones", settings.max_zones_bytes)
+    zones_file = zones_upload(form.zones_file, "zones_file", settings.max_zones_file_bytes)
+
+    async def work(progress: ProgressSink | None) -> Response:
+        reply: LayoutReply = await state.engine.submit(
+            state.operations.recognize_layout,
+            form.image,
+            zones,
+            zones_file,
+            models,
+            LayoutOptions(form.rectify, form.ocr == "auto", chosen, form.explain, _image_name(form)),
+            layout_settings(settings),
+            progress=progress,
+        )
+        request.state.seat.release()
+        result_of(reply.document, "held to the contract before it is kept")
+        result_id = await state.store.keep_result({"result": reply.document, "page": reply.page})
+        headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
+        if chosen != "json":
+            return Response(reply.body, media_type=reply.media_type, headers=headers)
+        body = result_of(reply.document, result_id).model_dump_json(by_alias=True)
+        return Response(body, media_type=LAYOUT_MEDIA_TYPES["json"], headers=headers)
+
+    return await answer_now_or_later(request, state, work)
 
 
 @router.get(

@@ -6,12 +6,13 @@ from fastapi import APIRouter, Form, Request, Response
 
 from app.engine.base import TimeLimit
 from app.operations import MosaicLimits, UploadLimits
-from app.routes.connection import while_connected
+from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import answer_page, choose_encoding, documented_page
 from app.routes.state import State
 from app.schemas.mosaic import MosaicForm, MosaicResult
 from services.errors import InvalidOption
 from services.mosaic.parameters import MosaicParameters
+from services.progress import ProgressSink
 
 router = APIRouter(tags=["mosaic"])
 
@@ -29,6 +30,7 @@ MOST_FILES = 64
         "Indices of the photos that could not be placed, separated by commas.",
         ("not-overlapping",),
     ),
+    openapi_extra=PREFER,
     form_limits={"max_files": MOST_FILES},
 )
 async def mosaic(
@@ -45,17 +47,21 @@ async def mosaic(
     photo_limits = UploadLimits(
         settings.max_mosaic_upload_bytes, settings.max_megapixels, settings.max_exif_bytes
     )
-    work = state.engine.submit(
-        state.operations.mosaic,
-        form.images,
-        parameters,
-        encoding,
-        MosaicLimits(photo_limits, settings.max_mosaic_megapixels),
-        time_limit=TimeLimit(settings.mosaic_timeout_s, "MOSAIC_TIMEOUT_S"),
-    )
-    reply = await while_connected(request, work)
-    request.state.seat.release()
-    return answer_page(reply, encoding, MosaicResult)
+
+    async def work(progress: ProgressSink | None) -> Response:
+        reply = await state.engine.submit(
+            state.operations.mosaic,
+            form.images,
+            parameters,
+            encoding,
+            MosaicLimits(photo_limits, settings.max_mosaic_megapixels),
+            time_limit=TimeLimit(settings.mosaic_timeout_s, "MOSAIC_TIMEOUT_S"),
+            progress=progress,
+        )
+        request.state.seat.release()
+        return answer_page(reply, encoding, MosaicResult)
+
+    return await answer_now_or_later(request, state, work)
 
 
 def parameters_of(form: MosaicForm) -> MosaicParameters:

@@ -8,6 +8,7 @@ from pydantic import BaseModel
 from app.operations import Encoding, Format, Reply
 from app.problems import documented
 from app.representations import MEDIA_TYPES, SNIFFED_BYTES, choose_format, image_headers, sniff_format
+from app.routes.long_work import ACCEPTED
 
 Documentation = dict[int | str, dict[str, Any]]
 
@@ -60,6 +61,7 @@ def documented_page(
             "content": {media_type: _BINARY for name, media_type in MEDIA_TYPES.items() if name != "json"},
             "headers": {header: {"description": meaning, "schema": {"type": "string"}}, **_HEADERS},
         },
+        **ACCEPTED,
         **documented(*_PROBLEMS, *problems),
     }
 

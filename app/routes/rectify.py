@@ -5,10 +5,11 @@ from typing import Annotated
 from fastapi import APIRouter, Form, Request, Response
 
 from app.operations import UploadLimits
-from app.routes.connection import while_connected
+from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import answer_page, choose_encoding, documented_page
 from app.routes.state import State
 from app.schemas.rectify import RectifyForm, RectifyResult, parse_region
+from services.progress import ProgressSink
 from services.rectify.parameters import RectifyParameters
 
 router = APIRouter(tags=["rectify"])
@@ -19,6 +20,7 @@ router = APIRouter(tags=["rectify"])
     operation_id="rectify",
     response_class=Response,
     responses=documented_page(RectifyResult, "Document-Kind", "planar or curved."),
+    openapi_extra=PREFER,
 )
 async def rectify(
     request: Request, state: State, form: Annotated[RectifyForm, Form(media_type="multipart/form-data")]
@@ -39,7 +41,12 @@ async def rectify(
     limits = UploadLimits(
         state.settings.max_upload_bytes, state.settings.max_megapixels, state.settings.max_exif_bytes
     )
-    work = state.engine.submit(state.operations.rectify, form.image, parameters, encoding, limits)
-    reply = await while_connected(request, work)
-    request.state.seat.release()
-    return answer_page(reply, encoding, RectifyResult)
+
+    async def work(progress: ProgressSink | None) -> Response:
+        reply = await state.engine.submit(
+            state.operations.rectify, form.image, parameters, encoding, limits, progress=progress
+        )
+        request.state.seat.release()
+        return answer_page(reply, encoding, RectifyResult)
+
+    return await answer_now_or_later(request, state, work)

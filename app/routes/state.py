@@ -6,6 +6,7 @@ from typing import Annotated, cast
 from fastapi import Depends, Request
 
 from app.engine.base import Engine
+from app.jobs import Jobs
 from app.layout_store import LayoutStore
 from app.metrics import Metrics
 from app.model_locks import ModelLocks
@@ -23,6 +24,7 @@ class AppState:
     store: LayoutStore
     metrics: Metrics
     locks: ModelLocks
+    jobs: Jobs
 
 
 def app_state(request: Request) -> AppState:

@@ -40,6 +40,7 @@ from services.errors import (
     UnsupportedMediaType,
 )
 from services.mosaic.parameters import MosaicParameters
+from services.progress import report_progress
 from services.rectify.parameters import RectifyParameters
 
 JPEG = b"\xff\xd8\xff\xe0" + b"\0" * 28
@@ -113,6 +114,7 @@ def _follow(upload: bytes, field: str) -> bytes:
 
 def _announce_and_wait(folder: Path) -> None:
     """Tell that the job runs, then wait until the folder says `go`."""
+    report_progress("waiting", 0.25)
     (folder / "running").write_text(str(os.getpid()), encoding="ascii")
     while not (folder / "go").exists():
         time.sleep(0.01)

@@ -54,6 +54,10 @@ def test_the_environment_sets_them(monkeypatch: pytest.MonkeyPatch) -> None:
         ("MAX_ZONES_BYTES", "1"),
         ("MAX_ZONES_FILE_BYTES", "1"),
         ("MAX_MODEL_BYTES", "1"),
+        ("JOB_TTL_S", "0"),
+        ("MAX_JOBS", "0"),
+        ("MAX_JOB_RESULT_BYTES", "1"),
+        ("MAX_JOB_LISTENERS", "0"),
     ],
 )
 def test_nonsense_is_refused(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:

@@ -1,0 +1,354 @@
+"""Long work: its requests are accepted at once, and its answers are kept for a while to be fetched.
+
+All of it is in this process: a restart loses the jobs and their answers.
+"""
+
+import asyncio
+import json
+import logging
+import os
+import tempfile
+import time
+import uuid
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Coroutine
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import IO, Any, Literal
+
+from anyio import to_thread
+from starlette.responses import Response
+
+from app.engine.base import Busy, ShuttingDown
+from services.errors import DocumentError, TooLarge
+from services.progress import ProgressSink
+
+log = logging.getLogger(__name__)
+
+JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+Work = Callable[[ProgressSink | None], Coroutine[Any, Any, Response]]
+"""What answers a request; it hands the sink on to `Engine.submit`. None: nobody listens."""
+Tell = Callable[[Exception], Response]
+"""The problem document that the request would have been answered with."""
+SMALL_BYTES = 65_536
+"""Answers up to this size stay in memory."""
+COME_AGAIN_S = 5
+"""Said to whoever finds no room."""
+
+
+class JobNotFound(DocumentError):
+    """There is no such job, it has expired, or it belongs to another API key."""
+
+    code = "not-found"
+
+
+class JobNotFinished(DocumentError):
+    """The job has no answer yet."""
+
+    code = "not-finished"
+
+
+class JobCancelled(DocumentError):
+    """The job was cancelled and will have no answer."""
+
+    code = "cancelled"
+
+
+@dataclass(frozen=True, slots=True)
+class JobLimits:
+    """The bounds of what is kept; `app.settings` documents the first four, with `max_` or `job_` in their names.
+
+    `heartbeat_s`: a listener that has nothing to hear hears at least a comment so often, because proxies close
+    connections on which nothing comes for a minute.
+    """
+
+    ttl_s: float = 3600.0
+    max_jobs: int = 200
+    max_result_bytes: int = 1 << 29
+    max_listeners: int = 100
+    heartbeat_s: float = 15.0
+
+
+class KeptAnswer:
+    """An answer; what is not small is in a file without a name, which goes with this process whatever becomes of it."""
+
+    def __init__(self, answer: Response, file: IO[bytes] | None = None) -> None:
+        """`file` holds the body; None: it is kept in memory."""
+        self.size = len(answer.body)
+        self._status = answer.status_code
+        self._headers = answer.raw_headers
+        self._body = bytes(answer.body) if file is None else b""
+        self._file = file
+
+    @classmethod
+    async def of(cls, answer: Response) -> "KeptAnswer":
+        """Write the answer down, away from the event loop."""
+        if len(answer.body) <= SMALL_BYTES:
+            return cls(answer)
+        return cls(answer, await to_thread.run_sync(_spool, answer.body))
+
+    async def response(self) -> Response:
+        """The answer as it was."""
+        body = self._body
+        if self._file is not None:
+            # The job may expire meanwhile; what is read here stays open.
+            descriptor = os.dup(self._file.fileno())
+            try:
+                body = await to_thread.run_sync(os.pread, descriptor, self.size, 0)
+            finally:
+                os.close(descriptor)
+        response = Response(body, self._status)
+        response.raw_headers = list(self._headers)
+        return response
+
+    def close(self) -> None:
+        """Give the file back."""
+        if self._file is not None:
+            self._file.close()
+
+
+def _spool(body: bytes | memoryview) -> IO[bytes]:
+    """A file that lives as long as its job."""
+    file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
+    try:
+        view = memoryview(body)
+        while view:
+            view = view[file.write(view) :]
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+class Job:
+    """One piece of long work, as it stands."""
+
+    def __init__(self, owner: str | None) -> None:
+        """`owner` is the API key that it was sent with; None where the service has none."""
+        self.id = uuid.uuid4().hex  # 122 bits of the system's randomness: not to be guessed
+        self.owner = owner
+        self.state: JobState = "queued"
+        self.stage: str | None = None
+        self.progress = 0.0
+        self.created = datetime.now(UTC)
+        self.started: datetime | None = None
+        self.ended: datetime | None = None
+        self.problem: dict[str, Any] | None = None
+        self.revision = 0
+        """Counts the changes."""
+        self.answer: KeptAnswer | None = None
+        self.expires_s = 0.0
+        self.task: asyncio.Task[None] | None = None
+        self.is_unwanted = False
+        self.changed = asyncio.Event()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether its state is final."""
+        return self.ended is not None
+
+    async def wait(self) -> None:
+        """Return when the work has ended, in whatever way."""
+        if self.task is not None:
+            await asyncio.wait((self.task,))
+
+    def abandon(self) -> None:
+        """Have the work stop, if it has not ended."""
+        if self.task is not None:
+            self.task.cancel()
+
+    def report(self, stage: str, fraction: float) -> None:
+        """Progress of the work, the first of which says that a worker has it; it never goes back."""
+        if self.is_over:
+            return
+        if self.state == "queued":
+            self.state, self.started = "running", datetime.now(UTC)
+        self.stage, self.progress = stage, max(self.progress, fraction)
+        self.note_change()
+
+    def end(self, state: JobState, problem: dict[str, Any] | None = None) -> None:
+        """The last change."""
+        self.state, self.problem, self.ended = state, problem, datetime.now(UTC)
+        if state == "succeeded":
+            self.progress = 1.0
+        self.note_change()
+
+    def note_change(self) -> None:
+        """Wake whoever follows."""
+        self.revision += 1
+        self.changed.set()
+        self.changed = asyncio.Event()
+
+
+class Jobs:
+    """The jobs of one app: bounded in number, in the bytes of their answers, and in time.
+
+    The oldest of those that are over leave first. Unfinished ones hold seats of the engine, which bounds them too.
+    """
+
+    def __init__(self, limits: JobLimits, clock: Callable[[], float] = time.monotonic) -> None:
+        self._limits = limits
+        self._clock = clock
+        self._jobs: dict[str, Job] = {}
+        self._over: deque[Job] = deque()  # in the order in which they ended
+        self._bytes = 0
+        self._listeners = 0
+        self._closed = False
+        self._timer: asyncio.TimerHandle | None = None
+
+    def start(self, work: Work, owner: str | None, tell: Tell) -> Job:
+        """Begin to work; `tell` says what a failure is answered with.
+
+        Raises
+        ------
+        Busy
+            When there are as many unfinished jobs as jobs may be.
+        """
+        self._sweep()
+        while len(self._jobs) >= self._limits.max_jobs and self._over:
+            self._drop_oldest()
+        if len(self._jobs) >= self._limits.max_jobs:
+            raise Busy(
+                f"All {self._limits.max_jobs} jobs (MAX_JOBS) are unfinished; send the request again later.",
+                COME_AGAIN_S,
+            )
+        job = Job(owner)
+        self._jobs[job.id] = job
+        job.task = asyncio.create_task(self._run(job, work, tell))
+        return job
+
+    def find(self, id: str, owner: str | None) -> Job:
+        """The job of this id.
+
+        Raises
+        ------
+        JobNotFound
+            Also when it is another owner's, who is not told of it.
+        """
+        self._sweep()
+        job = self._jobs.get(id)
+        if job is None or job.owner != owner:
+            raise JobNotFound(
+                f"There is no job {id[:64]}; jobs are kept for {self._limits.ttl_s:g} s (JOB_TTL_S) after their end, "
+                "the newest of them, and until the service is started again."
+            )
+        return job
+
+    async def answer(self, job: Job) -> Response:
+        """What the request would have been answered with.
+
+        Raises
+        ------
+        JobNotFinished
+        """
+        if job.answer is None:
+            raise JobNotFinished(f"The job is {job.state}; it has no result yet.")
+        return await job.answer.response()
+
+    async def cancel(self, job: Job) -> None:
+        """Stop the work if it is not over; return when it has stopped."""
+        if not job.is_over:
+            job.is_unwanted = True
+            job.abandon()
+            await job.wait()
+
+    def enter_listener(self) -> None:
+        """Make room for one more who follows.
+
+        Raises
+        ------
+        Busy
+            When there are too many.
+        """
+        if self._listeners >= self._limits.max_listeners:
+            raise Busy(
+                f"There are {self._listeners} listeners (MAX_JOB_LISTENERS) already; ask for the job itself.",
+                COME_AGAIN_S,
+            )
+        self._listeners += 1
+
+    def leave_listener(self) -> None:
+        """The opposite of `enter_listener`."""
+        self._listeners -= 1
+
+    async def follow(self, job: Job) -> AsyncIterator[bool]:
+        """True now and whenever the job has changed, False when nothing has happened for a heartbeat.
+
+        Ends with the job, or when the service stops. Who is slow misses changes in between, never the last one.
+        """
+        while True:
+            changed = job.changed
+            yield True
+            if job.is_over or self._closed:
+                return
+            while True:
+                try:
+                    async with asyncio.timeout(self._limits.heartbeat_s):
+                        await changed.wait()
+                    break
+                except TimeoutError:
+                    yield False
+
+    async def close(self) -> None:
+        """Stop what still runs, send the listeners away, forget everything."""
+        self._closed = True
+        unfinished = [job for job in self._jobs.values() if not job.is_over]
+        for job in unfinished:
+            job.abandon()
+        for job in unfinished:
+            await job.wait()
+        while self._over:
+            self._drop_oldest()
+        if self._timer is not None:
+            self._timer.cancel()
+
+    # Inside
+
+    async def _run(self, job: Job, work: Work, tell: Tell) -> None:
+        try:
+            answer = await work(job.report)
+            size = len(answer.body)
+            if size > self._limits.max_result_bytes:
+                raise TooLarge(
+                    f"The result has {size} bytes; those of jobs may have {self._limits.max_result_bytes} together "
+                    "(MAX_JOB_RESULT_BYTES). Send the request without `Prefer: respond-async`."
+                )
+            job.answer = await KeptAnswer.of(answer)
+            job.end("succeeded")
+        except asyncio.CancelledError:
+            if job.is_unwanted:
+                self._fail(job, "cancelled", tell(JobCancelled("The job was cancelled.")))
+            else:
+                stopping = ShuttingDown("The service stopped before the work was done; send it again.", 1)
+                self._fail(job, "failed", tell(stopping))
+        except Exception as error:
+            self._fail(job, "failed", tell(error))
+        self._bytes += job.answer.size if job.answer is not None else 0
+        job.expires_s = self._clock() + self._limits.ttl_s
+        self._over.append(job)
+        log.info("job ended", extra={"job": job.id, "state": job.state})
+        self._sweep()
+
+    def _fail(self, job: Job, state: JobState, problem: Response) -> None:
+        job.answer = KeptAnswer(problem)
+        job.end(state, json.loads(bytes(problem.body)))
+
+    def _sweep(self) -> None:
+        """Drop what has expired and what there is no room for; come back when the next one expires."""
+        now = self._clock()
+        while self._over and (self._over[0].expires_s <= now or self._bytes > self._limits.max_result_bytes):
+            self._drop_oldest()
+        if self._timer is None and self._over and not self._closed:
+            wait_s = max(0.0, self._over[0].expires_s - now)
+            self._timer = asyncio.get_running_loop().call_later(wait_s, self._sweep_again)
+
+    def _sweep_again(self) -> None:
+        self._timer = None
+        self._sweep()
+
+    def _drop_oldest(self) -> None:
+        job = self._over.popleft()
+        del self._jobs[job.id]
+        if job.answer is not None:
+            self._bytes -= job.answer.size
+            job.answer.close()
