@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -224,7 +224,9 @@ def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, Read
         except ModelNotFound:  # deleted just now
             continue
         assert model.document is not None
-        ready[summary.name] = ReadyModel(document_of(model), labels_of(model.document))
+        # What it has seen is for learning alone, and half of it.
+        recognizing = replace(model, document=model.document | {"memory": None})
+        ready[summary.name] = ReadyModel(document_of(recognizing), labels_of(model.document))
     return ready
 
 

@@ -13,6 +13,9 @@ Box = tuple[float, float, float, float]
 Kind = Literal["text", "figure", "rule", "noise"]
 Alignment = Literal["left", "right", "centre", "justified"]
 
+Learner = Literal["passive-aggressive", "counting", "error-correction"]
+"""How a model learns from a verified page; what each does is told by `services.layout.learning.learners`."""
+
 KINDS: tuple[Kind, ...] = get_args(Kind)
 ALIGNMENTS: tuple[Alignment, ...] = get_args(Alignment)
 
@@ -69,10 +72,14 @@ class Page:
 
 @dataclass(frozen=True, slots=True)
 class NumericExpectation:
-    """Typical value of a numeric attribute of a model node; its weight is the inverse of `variance` (5.6.1)."""
+    """Typical value of a numeric attribute of a model node; its weight is the inverse of `variance` (5.6.1).
+
+    `weight` is what adaptive learning has multiplied that with (5.5).
+    """
 
     value: float
     variance: float
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +97,7 @@ class ModelNode:
     numeric: Mapping[str, NumericExpectation]
     content: Mapping[str, float]
     count_costs: tuple[float, ...]
+    content_weights: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +118,51 @@ class Calibration:
     """Cost a zone that pages of the class have when they are matched: its mean and standard deviation.
 
     `pages` says from how many pages, each view of a sample being one, that had no part in the model it was measured;
-    0: both are assumed.
+    0: both are assumed. `bias` is added to the cost of every page: what wrong decisions on classes have taught.
     """
 
     mean: float
     deviation: float
     pages: int
+    bias: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class NodeMemory:
+    """What was counted of a model node: a page that was seen in two views counts half in each.
+
+    `numeric` holds for each attribute how many zones had a known value, the sum of the values and that of their
+    squares; `content` for each feature how many zones were read and the sum of its confidences; `counts[n]` how many
+    pages had n zones with the label.
+    """
+
+    zones: float
+    numeric: Mapping[str, tuple[float, float, float]]
+    content: Mapping[str, tuple[float, float]]
+    counts: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeMemory:
+    """How many pairs of zones of two components had each descriptor of each relation."""
+
+    upper: str | None
+    lower: str | None
+    descriptors: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelMemory:
+    """What a model has seen, so that it can learn from one page more without the pages before (5.5).
+
+    `nodes` stand in the order of the model's; edges that were never seen are left out. `certainty` tells for each of
+    the model's `scales` how sure it is: the second derivative of the pages' log likelihood.
+    """
+
+    pages: float
+    nodes: tuple[NodeMemory, ...]
+    edges: tuple[EdgeMemory, ...]
+    certainty: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
@@ -125,7 +172,8 @@ class LayoutModel:
     Two models are the same only if they are one object, so that what is made of a model can be kept by it.
 
     The first node is null. `scales` weigh every attribute by name; together with the variance of its node it
-    makes the attribute's weight. An edge that is not listed has no cost.
+    makes the attribute's weight. An edge that is not listed has no cost. Without a `memory`, one is presumed when the
+    model shall learn.
     """
 
     name: str
@@ -134,6 +182,7 @@ class LayoutModel:
     edges: tuple[ModelEdge, ...]
     scales: Mapping[str, float]
     calibration: Calibration
+    memory: ModelMemory | None = None
 
     @property
     def labels(self) -> tuple[str | None, ...]:

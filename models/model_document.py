@@ -9,10 +9,13 @@ from models.layout_graph import (
     MODEL_FORMAT_VERSION,
     MOST_LABELS,
     Calibration,
+    EdgeMemory,
     InvalidLayout,
     LayoutModel,
     ModelEdge,
+    ModelMemory,
     ModelNode,
+    NodeMemory,
     NumericExpectation,
     is_finite_number,
 )
@@ -22,6 +25,7 @@ MOST_NAMES = 500
 MOST_DESCRIPTORS = 100
 LONGEST_NAME = 100
 LARGEST = 1e9
+MOST_BIAS = 100.0
 
 
 def model_to_document(model: LayoutModel) -> dict[str, Any]:
@@ -46,7 +50,9 @@ def model_to_document(model: LayoutModel) -> dict[str, Any]:
             "mean": model.calibration.mean,
             "deviation": model.calibration.deviation,
             "pages": model.calibration.pages,
+            "bias": model.calibration.bias,
         },
+        "memory": None if model.memory is None else _memory_document(model.memory, index),
     }
 
 
@@ -56,11 +62,36 @@ def _node_document(node: ModelNode) -> dict[str, Any]:
         "zones": node.zones,
         "cost": node.cost,
         "numeric": {
-            name: {"value": expected.value, "variance": expected.variance}
+            name: {"value": expected.value, "variance": expected.variance, "weight": expected.weight}
             for name, expected in node.numeric.items()
         },
         "content": dict(node.content),
+        "content_weights": dict(node.content_weights),
         "count_costs": list(node.count_costs),
+    }
+
+
+def _memory_document(memory: ModelMemory, index: Mapping[str | None, int]) -> dict[str, Any]:
+    return {
+        "pages": memory.pages,
+        "nodes": [
+            {
+                "zones": node.zones,
+                "numeric": {name: list(sums) for name, sums in node.numeric.items()},
+                "content": {name: list(sums) for name, sums in node.content.items()},
+                "counts": list(node.counts),
+            }
+            for node in memory.nodes
+        ],
+        "edges": [
+            {
+                "upper": index[edge.upper],
+                "lower": index[edge.lower],
+                "descriptors": {name: list(seen) for name, seen in edge.descriptors.items()},
+            }
+            for edge in memory.edges
+        ],
+        "certainty": dict(memory.certainty),
     }
 
 
@@ -111,7 +142,9 @@ def model_from_document(document: Any) -> LayoutModel:
             _number(calibration.get("mean"), "calibration.mean"),
             _number(calibration.get("deviation"), "calibration.deviation", 1e-6),
             _whole(calibration.get("pages"), "calibration.pages"),
+            _number(calibration.get("bias", 0.0), "calibration.bias", -MOST_BIAS, MOST_BIAS),
         ),
+        memory=None if told.get("memory") is None else _read_memory(told["memory"], labels),
     )
 
 
@@ -125,6 +158,7 @@ def _read_node(document: Any, where: str) -> ModelNode:
         numeric[name] = NumericExpectation(
             _number(expected.get("value"), f"{place}.value"),
             _number(expected.get("variance"), f"{place}.variance", 1e-9),
+            _number(expected.get("weight", 1.0), f"{place}.weight", 0.0, 1e3),
         )
     counts = _list(told.get("count_costs"), f"{where}.count_costs", MOST_DESCRIPTORS)
     if len(counts) < 2:
@@ -138,22 +172,81 @@ def _read_node(document: Any, where: str) -> ModelNode:
         numeric=numeric,
         content=_numbers(told.get("content"), f"{where}.content", 0.0, 1.0),
         count_costs=tuple(_number(cost, f"{where}.count_costs") for cost in counts),
+        content_weights=_numbers(told.get("content_weights", {}), f"{where}.content_weights", 0.0, 1e3),
     )
 
 
 def _read_edge(document: Any, labels: list[str | None], where: str) -> ModelEdge:
     told = _object(document, where)
+    upper, lower = _read_ends(told, labels, where)
+    return ModelEdge(upper, lower, _rows(told.get("costs"), f"{where}.costs", -LARGEST))
+
+
+def _read_ends(
+    told: Mapping[str, Any], labels: list[str | None], where: str
+) -> tuple[str | None, str | None]:
     ends = []
     for end in ("upper", "lower"):
         index = _whole(told.get(end), f"{where}.{end}")
         if index >= len(labels):
             raise InvalidLayout(f"{where}.{end}: there is no node {index}.", f"{where}.{end}")
         ends.append(labels[index])
-    costs = {}
-    for name, each in _mapping(told.get("costs"), f"{where}.costs").items():
-        place = f"{where}.costs.{name}"
-        costs[name] = tuple(_number(cost, place) for cost in _list(each, place, MOST_DESCRIPTORS))
-    return ModelEdge(ends[0], ends[1], costs)
+    return ends[0], ends[1]
+
+
+def _read_memory(document: Any, labels: list[str | None]) -> ModelMemory:
+    told = _object(document, "memory")
+    nodes = [
+        _read_node_memory(each, f"memory.nodes[{k}]")
+        for k, each in enumerate(_list(told.get("nodes"), "memory.nodes", len(labels)))
+    ]
+    if len(nodes) != len(labels):
+        raise InvalidLayout("memory.nodes: one is needed for each of the model's nodes.", "memory.nodes")
+    edges = []
+    for k, each in enumerate(_list(told.get("edges"), "memory.edges", len(labels) ** 2)):
+        where = f"memory.edges[{k}]"
+        edge = _object(each, where)
+        upper, lower = _read_ends(edge, labels, where)
+        edges.append(EdgeMemory(upper, lower, _rows(edge.get("descriptors"), f"{where}.descriptors", 0.0)))
+    return ModelMemory(
+        pages=_number(told.get("pages"), "memory.pages", 0.0),
+        nodes=tuple(nodes),
+        edges=tuple(edges),
+        certainty=_numbers(told.get("certainty"), "memory.certainty", 0.0, LARGEST),
+    )
+
+
+def _read_node_memory(document: Any, where: str) -> NodeMemory:
+    told = _object(document, where)
+    numeric, content = {}, {}
+    for name, sums in _rows(told.get("numeric"), f"{where}.numeric", -LARGEST).items():
+        if len(sums) != 3 or sums[0] < 0 or sums[2] < 0:
+            place = f"{where}.numeric.{name}"
+            raise InvalidLayout(f"{place}: expected a count, a sum and a sum of squares.", place)
+        numeric[name] = (sums[0], sums[1], sums[2])
+    for name, sums in _rows(told.get("content"), f"{where}.content", 0.0).items():
+        if len(sums) != 2 or sums[1] > sums[0] * (1 + 1e-6):
+            place = f"{where}.content.{name}"
+            raise InvalidLayout(f"{place}: expected a count and a sum that is not larger.", place)
+        content[name] = (sums[0], sums[1])
+    counts = _list(told.get("counts"), f"{where}.counts", MOST_DESCRIPTORS)
+    return NodeMemory(
+        zones=_number(told.get("zones"), f"{where}.zones", 0.0),
+        numeric=numeric,
+        content=content,
+        counts=tuple(_number(pages, f"{where}.counts", 0.0) for pages in counts),
+    )
+
+
+def _rows(value: Any, where: str, least: float) -> dict[str, tuple[float, ...]]:
+    """Lists of numbers by name."""
+    return {
+        name: tuple(
+            _number(number, f"{where}.{name}", least)
+            for number in _list(each, f"{where}.{name}", MOST_DESCRIPTORS)
+        )
+        for name, each in _mapping(value, where).items()
+    }
 
 
 def _object(value: Any, where: str) -> Mapping[str, Any]:

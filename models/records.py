@@ -7,13 +7,12 @@ from enum import Enum
 from typing import Any, Final, Literal
 
 from models.documents import Document
+from models.layout_graph import Learner
 
 Origin = Literal["initialize", "import", "feedback", "train", "rollback"]
 """What made a version of a model."""
 SampleOrigin = Literal["posted", "feedback"]
 """Whether somebody sent a sample as such, or it is the verified page of a feedback."""
-Learner = Literal["passive-aggressive", "perceptron", "error-correction"]
-"""How a model learns from feedback; "error-correction" is the update of the dissertation's 5.5."""
 DEFAULT_LEARNER: Final[Learner] = "passive-aggressive"
 """Of models whose settings name none."""
 

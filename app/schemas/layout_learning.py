@@ -6,7 +6,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from app.schemas.layout_models import Health, NameInBody
 from app.schemas.page import Answer
-from models.records import Learner
+from models.layout_graph import Learner
 
 MOST_ROUNDS = 100
 """Of one training; the dissertation's curves (5.6) end there."""

@@ -56,6 +56,7 @@ def classify(
     has no advantage over one of few. M >= 1.
     """
     means = np.array([calibration.mean for calibration in calibrations])
+    costs_per_zone = costs_per_zone + [calibration.bias for calibration in calibrations]
     among = softmax(-parameters.sharpness * excess_costs(costs_per_zone, means, parameters))
     best = int(np.argmax(among))
     fit = costs_per_zone[best] / min(means[best], -1.0)

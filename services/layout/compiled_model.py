@@ -35,15 +35,16 @@ class CompiledModel:
     """Arrays of a model with L nodes for A numeric attributes, C content features and D descriptors.
 
     `values`, `variances` (L, A), NaN where the model has none; `content` (L, C) expectation values, NaN likewise;
-    `label_costs` (L,); `relations` (L, L, D) costs of descriptors by upper and lower label; `counts` (L, M) costs
-    of 0 .. M - 1 zones. `scales` weigh A numeric attributes, C features, the label's own cost, R relations, and
-    the counts, in this order.
+    `weights` (L, A + C) of both, beside their scales; `label_costs` (L,); `relations` (L, L, D) costs of descriptors
+    by upper and lower label; `counts` (L, M) costs of 0 .. M - 1 zones. `scales` weigh A numeric attributes, C
+    features, the label's own cost, R relations, and the counts, in this order.
     """
 
     labels: tuple[str | None, ...]
     values: NDArray[np.float64]
     variances: NDArray[np.float64]
     content: NDArray[np.float64]
+    weights: NDArray[np.float64]
     label_costs: NDArray[np.float64]
     relations: NDArray[np.float64]
     counts: NDArray[np.float64]
@@ -78,15 +79,22 @@ def compile_model(model: LayoutModel, content_names: Sequence[str]) -> CompiledM
     """Arrays of `model`; attributes that it does not know cost nothing, those that only it knows are left out."""
     nodes, count = model.nodes, len(model.nodes)
     values = np.full((count, len(NUMERIC_ATTRIBUTES)), np.nan)
-    variances = np.ones_like(values)
+    variances, weights = np.ones_like(values), np.ones_like(values)
     for row, node in enumerate(nodes):
         for column, attribute in enumerate(NUMERIC_ATTRIBUTES):
             expected = node.numeric.get(attribute.name)
             if expected is not None:
                 values[row, column], variances[row, column] = expected.value, expected.variance
-    content = np.array(
-        [[node.content.get(name, np.nan) for name in content_names] for node in nodes], dtype=np.float64
-    ).reshape(count, len(content_names))
+                weights[row, column] = expected.weight
+    content, content_weights = (
+        np.array(
+            [[told.get(name, default) for name in content_names] for told in by_node], dtype=np.float64
+        ).reshape(count, len(content_names))
+        for by_node, default in (
+            ([node.content for node in nodes], np.nan),
+            ([node.content_weights for node in nodes], 1.0),
+        )
+    )
     index = {node.label: position for position, node in enumerate(nodes)}
     relations = np.zeros((count, count, RELATION_OFFSETS[-1]))
     for edge in model.edges:
@@ -104,6 +112,7 @@ def compile_model(model: LayoutModel, content_names: Sequence[str]) -> CompiledM
         values=values,
         variances=variances,
         content=np.clip(content, SUREST, 1 - SUREST),
+        weights=np.hstack([weights, content_weights]),
         label_costs=np.array([node.cost for node in nodes]),
         relations=relations,
         counts=counts,

@@ -33,7 +33,7 @@ _RELATION_OF_DESCRIPTOR = np.repeat(np.arange(len(RELATIONS)), np.diff(RELATION_
 
 
 def node_terms(graph: LayoutGraph, model: CompiledModel) -> NDArray[np.float64]:
-    """Unweighted costs (N, L, A + C + 1) of giving zone z label l, attribute by attribute.
+    """Costs (N, L, A + C + 1) of giving zone z label l, attribute by attribute, not yet weighted by scales.
 
     Each is relative to a zone of any page, so that 0 means that the attribute says nothing for or against the
     label: numeric attributes, content features, and the label's own cost. What is unknown of the zone or in the
@@ -52,6 +52,7 @@ def _node_terms(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.int
             expected, spread = model.values[:, columns][labels], model.variances[:, columns][labels]
             terms[:, :, columns] = cost(values, expected, spread) - cost(values, means, variances)
         terms[:, :, attributes:-1] = CONTENT_COST(graph.content[:, None, :], model.content[labels])
+        terms[:, :, :-1] *= model.weights[labels]
     terms[:, :, -1] = model.label_costs[labels]
     return np.nan_to_num(terms, copy=False, nan=0.0)
 
@@ -145,12 +146,20 @@ def explain_cost(
     return tuple(told)
 
 
+def weighted_node_terms(
+    graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp], scales: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Terms (N, A + C + 1) of the nodes of one labelling (N,), weighted by `scales`."""
+    nodes = len(scales) - len(RELATIONS) - 1
+    return np.asarray(_node_terms(graph, model, labels[:, None])[:, 0] * scales[:nodes])
+
+
 def _chosen_terms(
     graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp], scales: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Weighted terms of a labelling: of its nodes (N, A + C + 1), and of its edges (E, R)."""
+    node = weighted_node_terms(graph, model, labels, scales)
     nodes = len(scales) - len(RELATIONS) - 1
-    node = _node_terms(graph, model, labels[:, None])[:, 0] * scales[:nodes]
     upper, lower = labels[graph.pairs.T]
     descriptors = graph.relations + RELATION_OFFSETS[:-1]
     edge = model.relations[upper[:, None], lower[:, None], descriptors] * scales[nodes:-1]

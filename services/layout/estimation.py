@@ -6,7 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.layout_graph import Calibration, LayoutModel, ModelEdge, ModelNode, NumericExpectation
+from models.layout_graph import (
+    Calibration,
+    LayoutModel,
+    ModelEdge,
+    ModelMemory,
+    ModelNode,
+    NumericExpectation,
+)
 from services.layout.compiled_model import CompiledModel, scale_names
 from services.layout.edge_attributes import RELATIONS
 from services.layout.graph import RELATION_OFFSETS
@@ -45,6 +52,7 @@ def estimate_model(
         values=values,
         variances=variances,
         content=_estimate_content(statistics, parameters),
+        weights=np.ones((len(labels), values.shape[1] + statistics.content.shape[1])),
         label_costs=-np.log(
             (statistics.zones + parameters.label_weight)
             / (statistics.zones.sum() + parameters.label_weight * len(labels))
@@ -107,8 +115,14 @@ def name_parts(
     zones: Sequence[float],
     content_names: Sequence[str],
     calibration: Calibration,
+    memory: ModelMemory | None,
 ) -> LayoutModel:
     """The model as it is stored, its arrays told by name and rounded to what matters."""
+    values, variances = np.round(model.values, 5).tolist(), np.round(model.variances, 8).tolist()
+    known = np.isfinite(model.values)
+    numeric_weights, content_weights = np.split(np.round(model.weights, 4), [len(NUMERIC_ATTRIBUTES)], axis=1)
+    content, counts = np.round(model.content, 4), np.round(model.counts, 3).tolist()
+    relations, has_costs = np.round(model.relations, 3).tolist(), np.any(model.relations, axis=2).tolist()
     return LayoutModel(
         name=name,
         samples=samples,
@@ -119,37 +133,44 @@ def name_parts(
                 cost=round(float(model.label_costs[row]), 4),
                 numeric={
                     attribute.name: NumericExpectation(
-                        round(float(model.values[row, column]), 5),
-                        max(round(float(model.variances[row, column]), 8), 1e-8),
+                        values[row][column],
+                        max(variances[row][column], 1e-8),
+                        float(numeric_weights[row, column]),
                     )
                     for column, attribute in enumerate(NUMERIC_ATTRIBUTES)
-                    if np.isfinite(model.values[row, column])
+                    if known[row, column]
                 },
                 content={
-                    feature: round(float(model.content[row, column]), 4)
+                    feature: float(content[row, column])
                     for column, feature in enumerate(content_names)
-                    if np.isfinite(model.content[row, column])
+                    if np.isfinite(content[row, column])
                 },
-                count_costs=tuple(round(float(cost), 3) for cost in model.counts[row]),
+                count_costs=tuple(counts[row]),
+                content_weights={
+                    feature: float(content_weights[row, column])
+                    for column, feature in enumerate(content_names)
+                    if content_weights[row, column] != 1.0
+                },
             )
             for row, label in enumerate(model.labels)
         ),
         edges=tuple(
-            ModelEdge(upper, lower, _name_costs(model.relations[row, column]))
+            ModelEdge(upper, lower, _name_costs(relations[row][column]))
             for row, upper in enumerate(model.labels)
             for column, lower in enumerate(model.labels)
-            if model.relations[row, column].any()
+            if has_costs[row][column]
         ),
         scales={
             each: round(float(scale), 4)
             for each, scale in zip(scale_names(content_names), model.scales, strict=True)
         },
         calibration=calibration,
+        memory=memory,
     )
 
 
-def _name_costs(row: NDArray[np.float64]) -> dict[str, tuple[float, ...]]:
+def _name_costs(row: Sequence[float]) -> dict[str, tuple[float, ...]]:
     return {
-        relation.name: tuple(round(float(cost), 3) for cost in row[start : start + len(relation.descriptors)])
+        relation.name: tuple(row[start : start + len(relation.descriptors)])
         for relation, start in zip(RELATIONS, RELATION_OFFSETS[:-1], strict=True)
     }

@@ -3,21 +3,21 @@
 import zlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from models.layout_graph import LayoutModel, Page
+from models.layout_graph import Calibration, LayoutModel, Page
 from services.layout.classification import calibrate
 from services.layout.content_features import ContentFeatures
-from services.layout.estimation import estimate_model, name_parts
+from services.layout.estimation import estimate_model
 from services.layout.graph import build_graph
 from services.layout.held_out import choose_evenly
+from services.layout.learning.state import LearningModel, end_learning
 from services.layout.over_segmentation import over_segment
 from services.layout.recognition import RecognitionParameters, comparable_cost, match_graph
 from services.layout.scale_fitting import fit_scales
-from services.layout.statistics import LabelledGraph, LabelStatistics, sample_statistics, total_statistics
+from services.layout.statistics import LabelledGraph, sample_statistics, total_statistics
 
 MOST_HELD_OUT = 40
 """Samples that are held out in turn to see what pages of the class cost."""
@@ -27,11 +27,15 @@ each, so that fewer are held out."""
 
 
 @dataclass(frozen=True, slots=True)
-class _View:
+class View:
     """A page and its graph with the labels."""
 
     page: Page
     labelled: LabelledGraph
+
+
+Views = Sequence[View]
+"""Of one sample: as it was verified, and as segmentation finds it."""
 
 
 def initialize_model(
@@ -55,57 +59,74 @@ def initialize_model(
     ValueError
         When there is no sample with a zone.
     """
-    seen = [
-        _see(sample, other, content) for sample, other in zip(samples, found, strict=True) if sample.zones
-    ]
+    seen = see_samples(samples, found, content)
     if not seen:
         raise ValueError("a model needs at least one page with zones")
+    begun = begin_model(name, seen)
+    return end_learning(replace(begun, calibration=calibrate_model(begun, seen)))
+
+
+def see_samples(
+    samples: Sequence[Page], found: Sequence[Page | None], content: ContentFeatures
+) -> list[Views]:
+    """Both views of every sample that has zones."""
+    return [
+        _see(sample, other, content) for sample, other in zip(samples, found, strict=True) if sample.zones
+    ]
+
+
+def begin_model(
+    name: str, seen: Sequence[Views], labels: Sequence[str | None] | None = None
+) -> LearningModel:
+    """The model of the samples in `seen`, at least one, with a calibration that is assumed.
+
+    `labels` are those of its nodes, None first (None: those of the samples).
+    """
     graphs = [[view.labelled for view in views] for views in seen]
-    known = {label for views in graphs for view in views for label in view.labels if label is not None}
-    labels = (None, *sorted(known))
+    if labels is None:
+        known = {label for views in graphs for view in views for label in view.labels if label is not None}
+        labels = (None, *sorted(known))
     total = total_statistics(sample_statistics(views, labels) for views in graphs)
-    verified = Counter(zone.label for page in samples for zone in page.zones)
-    scales = fit_scales(graphs, total, labels)
-    return name_parts(
-        estimate_model(total, labels, scales),
-        name,
-        len(seen),
-        [verified[label] for label in labels],
-        graphs[0][0].graph.content_names,
-        calibrate(_held_out_costs(seen, total, labels, scales)),
+    fitted = fit_scales(graphs, total, labels)
+    verified = Counter(zone.label for views in seen for zone in views[0].page.zones)
+    return LearningModel(
+        name=name,
+        model=estimate_model(total, labels, fitted.scales),
+        statistics=total,
+        certainty=fitted.certainty,
+        zones=np.array([verified[label] for label in labels], dtype=np.float64),
+        samples=len(seen),
+        calibration=calibrate([]),
+        content_names=graphs[0][0].graph.content_names,
     )
 
 
-def _see(sample: Page, found: Page | None, content: ContentFeatures) -> list[_View]:
+def calibrate_model(begun: LearningModel, seen: Sequence[Views]) -> Calibration:
+    """What pages of the class cost, measured on the samples of `begun`, each held out in turn."""
+    if len(seen) < 2:
+        return calibrate([])
+    labels = begun.labels
+    work = [sum(len(view.labelled.graph.pairs) for view in views) * len(labels) ** 2 for views in seen]
+    costs = []
+    for index in choose_evenly(work, MOST_HELD_OUT, MOST_MATCHED):
+        others = begun.statistics - sample_statistics([view.labelled for view in seen[index]], labels)
+        model = estimate_model(others, labels, begun.model.scales)
+        for view in seen[index]:
+            graph = view.labelled.graph
+            _, matching, _ = match_graph(graph, view.page, model, RecognitionParameters())
+            costs.append(comparable_cost(graph, model, matching.labels) / graph.zones)
+    return calibrate(costs)
+
+
+def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
     if found is None or not found.zones:
         # Of the page alone, so that neither the order of samples nor the day changes the model.
         seed = zlib.crc32(repr([zone.box for zone in sample.zones]).encode())
         found = content.measure_page(over_segment(sample, np.random.default_rng(seed)))
     return [
-        _View(
+        View(
             page,
             LabelledGraph(build_graph(page, content.names), tuple(zone.label for zone in page.zones)),
         )
         for page in (sample, found)
     ]
-
-
-def _held_out_costs(
-    seen: Sequence[Sequence[_View]],
-    total: LabelStatistics,
-    labels: Sequence[str | None],
-    scales: NDArray[np.float64],
-) -> list[float]:
-    """Cost a zone of all views of samples, each matched with the model of all other samples."""
-    if len(seen) < 2:
-        return []
-    work = [sum(len(view.labelled.graph.pairs) for view in views) * len(labels) ** 2 for views in seen]
-    costs = []
-    for index in choose_evenly(work, MOST_HELD_OUT, MOST_MATCHED):
-        others = total - sample_statistics([view.labelled for view in seen[index]], labels)
-        model = estimate_model(others, labels, scales)
-        for view in seen[index]:
-            graph = view.labelled.graph
-            _, matching, _ = match_graph(graph, view.page, model, RecognitionParameters())
-            costs.append(comparable_cost(graph, model, matching.labels) / graph.zones)
-    return costs

@@ -1,7 +1,7 @@
 """The steps of layout recognition, in their order: image -> zones -> content features -> class and labels."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -9,12 +9,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from models.layout_graph import LayoutModel, Page
+from models.layout_graph import LayoutModel, Learner, Page
 from services.arrays import GrayImage, RgbImage
 from services.imaging.illumination import flatten_illumination
 from services.layout.content_features import ContentFeatures
 from services.layout.initialization import initialize_model as initialize_from_samples
 from services.layout.label_transfer import transfer_labels
+from services.layout.learning.feedback import LearnedModel, VerifiedPage
+from services.layout.learning.feedback import learn_from_feedback as learn
+from services.layout.learning.training import TrainedModel, train_on_samples
 from services.layout.recognition import RecognitionParameters, VersionedModel, recognize_page
 from services.layout.results import Recognition
 from services.layout.segmentation import measure_zones, segment_page
@@ -22,13 +25,16 @@ from services.layout.zone_texts import fill_texts
 from services.ocr.engine import OcrEngine, Word
 
 __all__ = [
+    "VerifiedPage",
     "VersionedModel",
     "complete_page",
     "complete_sample",
     "content_features",
     "initialize_model",
+    "learn_from_feedback",
     "read_page",
     "recognize",
+    "train_model",
 ]
 
 LIGHT_GROUND = 96
@@ -129,6 +135,31 @@ def initialize_model(
         None if page is None else features.measure_page(page) for page in found or [None] * len(samples)
     ]
     return initialize_from_samples(name, verified, others, features)
+
+
+def learn_from_feedback(
+    said: VerifiedPage,
+    models: Mapping[str, LayoutModel],
+    learners: Mapping[str, Learner],
+    features: ContentFeatures,
+) -> tuple[tuple[str | None, ...], dict[str, LearnedModel]]:
+    """Labels of a verified page, and the models that have learned from it (`learning.feedback`)."""
+    return learn(said, models, learners, features.names)
+
+
+def train_model(
+    model: LayoutModel,
+    samples: Sequence[Page],
+    found: Sequence[Page | None],
+    rounds: int,
+    learner: Learner,
+    features: ContentFeatures,
+    report: Callable[[float], None] = lambda share: None,
+) -> TrainedModel:
+    """The model after rounds over its verified pages (`learning.training`)."""
+    verified = [features.measure_page(page) for page in samples]
+    others = [None if page is None else features.measure_page(page) for page in found]
+    return train_on_samples(model, verified, others, rounds, learner, features, report)
 
 
 def _gray(image: RgbImage) -> GrayImage:

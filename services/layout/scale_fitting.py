@@ -38,12 +38,20 @@ class ScaleFittingParameters:
     most_iterations: int = 60
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedScales:
+    """Weights of all attributes (K,), and how sure each is: `certainty` (K,) is the pages' part of its curvature."""
+
+    scales: NDArray[np.float64]
+    certainty: NDArray[np.float64]
+
+
 def fit_scales(
     samples: Sequence[Sequence[LabelledGraph]],
     total: LabelStatistics,
     labels: Sequence[str | None],
     parameters: ScaleFittingParameters = ScaleFittingParameters(),
-) -> NDArray[np.float64]:
+) -> FittedScales:
     """Weights of all attributes, in the order of `scale_names`.
 
     A sample is a page in one view or several (`initialization`), all of which are held out together; `total` are the
@@ -51,7 +59,7 @@ def fit_scales(
     """
     usual = default_scales(samples[0][0].graph.content_names if samples else ())
     if len(samples) < 2:
-        return usual
+        return FittedScales(usual, np.zeros_like(usual))
     work = [sum(view.graph.zones for view in views) * len(labels) * len(usual) for views in samples]
     terms, truth = [], []
     for index in choose_evenly(work, parameters.most_samples, parameters.most_terms):
@@ -60,13 +68,15 @@ def fit_scales(
             given = label_indices(view.labels, labels)
             terms.append(conditional_terms(view, model, given))
             truth.append(given)
-    return most_probable_scales(np.concatenate(terms), np.concatenate(truth), usual, parameters)
+    known = np.concatenate(terms)
+    scales = most_probable_scales(known, np.concatenate(truth), usual, parameters)
+    return FittedScales(scales, scale_certainty(scales, known))
 
 
 def conditional_terms(
     page: LabelledGraph, model: CompiledModel, given: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Unweighted costs (N, L, K) of giving one zone another label while all others keep the `given` ones."""
+    """Costs (N, L, K), not yet weighted by scales, of another label for one zone while all others keep the `given`."""
     graph = page.graph
     return np.concatenate(
         [
@@ -120,6 +130,14 @@ def negative_log_likelihood(
     value = (total - score[rows, truth]).sum() + 0.5 * prior_weight * (away @ away)
     slope = terms[rows, truth].sum(axis=0) - np.tensordot(probability, terms, axes=2) + prior_weight * away
     return float(value), slope
+
+
+def scale_certainty(scales: NDArray[np.float64], terms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Second derivatives (K,) of the zones' part of `negative_log_likelihood`: variances of their terms."""
+    score = -(terms @ scales)
+    probability = np.exp(score - logsumexp(score, axis=1)[:, None])[:, None, :]
+    mean = (probability @ terms)[:, 0]
+    return np.asarray(((probability @ terms**2)[:, 0] - mean**2).sum(axis=0))
 
 
 def most_probable_scales(

@@ -51,13 +51,14 @@ def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) 
     check_frame(page, picture)
     engine = None if picture is None else ocr_engine()
     verified, found = complete_sample(page, picture, engine, content_features(settings.content_features))
-    document = _sample_document(verified)
+    document = sample_document(verified)
     if found is not None:
-        document[FOUND] = _sample_document(found)
+        document[FOUND] = sample_document(found)
     return document
 
 
-def _sample_document(page: Page) -> dict[str, object]:
+def sample_document(page: Page) -> dict[str, object]:
+    """A labelled page as samples are kept; content features of zones that have text are computed again."""
     kept = tuple(replace(zone, content={}) if zone.text else zone for zone in page.zones)
     document: dict[str, object] = to_json_ready(page_to_document(replace(page, zones=kept)))
     return document
@@ -73,9 +74,24 @@ def initialize_from_samples(
     InvalidOption
         When one of them is no page any more, by limits that have become narrower.
     """
+    pages, found = read_samples(samples, settings)
+    return draft_of(initialize_model(name, pages, content_features(settings.content_features), found))
+
+
+def read_samples(
+    samples: Sequence[dict[str, Any]], settings: LayoutSettings
+) -> tuple[list[Page], list[Page | None]]:
+    """Labelled pages as they were stored, and for each the page in our own zones, if there is one.
+
+    Raises
+    ------
+    InvalidOption
+        When one of them is no page any more, by limits that have become narrower, or they have too many labels.
+    """
     # Each was within its limits when it was stored.
     bounds = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
-    pages, found = [], []
+    pages: list[Page] = []
+    found: list[Page | None] = []
     for index, sample in enumerate(samples):
         try:
             pages.append(page_from_document(sample, bounds))
@@ -88,7 +104,7 @@ def initialize_from_samples(
         raise InvalidOption(
             f"samples: they have {len(labels)} different labels; a model may have {MOST_LABELS}.", "samples"
         )
-    return _draft(initialize_model(name, pages, content_features(settings.content_features), found))
+    return pages, found
 
 
 def import_model(name: str, document: bytes) -> ModelDraft:
@@ -114,9 +130,10 @@ def import_model(name: str, document: bytes) -> ModelDraft:
             "to give it another one.",
             "name",
         )
-    return _draft(model)
+    return draft_of(model)
 
 
-def _draft(model: LayoutModel) -> ModelDraft:
+def draft_of(model: LayoutModel) -> ModelDraft:
+    """The model as the app stores it."""
     labels = [label for label in model.labels if label is not None]
     return ModelDraft(to_json_ready(model_to_document(model)), labels)

@@ -132,7 +132,7 @@ def test_a_repeated_feedback_outlives_its_result(client: httpx.Client, tmp_path:
 
 def test_a_wrong_class_teaches_both_models(client: httpx.Client) -> None:
     client.put("/layout/models/memo", json=MEMO)
-    client.patch("/layout/models/memo/settings", json={"learner": "perceptron"})
+    client.patch("/layout/models/memo/settings", json={"learner": "counting"})
     told = answer(give(client, recognize(client, "letter"), {"class": "memo", "labels": {"z2": "title"}}))
     assert told["class"] == {"found": "letter", "verified": "memo"}
     assert [(m["name"], m["old_version"], m["new_version"]) for m in told["models"]] == [
@@ -144,7 +144,7 @@ def test_a_wrong_class_teaches_both_models(client: httpx.Client) -> None:
         {"zone": "z2", "found": None, "verified": "title"},
     ]
     assert taught(client) == [["title", DEFAULT]]
-    assert taught(client, "memo") == [["title", "perceptron"]]
+    assert taught(client, "memo") == [["title", "counting"]]
     assert client.get("/layout/models/letter/samples").json()["samples"] == []
     assert len(client.get("/layout/models/memo/samples").json()["samples"]) == 1
 

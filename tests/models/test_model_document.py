@@ -13,10 +13,13 @@ from hypothesis import strategies as st
 from models.layout_graph import (
     MODEL_FORMAT_VERSION,
     Calibration,
+    EdgeMemory,
     InvalidLayout,
     LayoutModel,
     ModelEdge,
+    ModelMemory,
     ModelNode,
+    NodeMemory,
     NumericExpectation,
 )
 from models.model_document import (
@@ -35,14 +38,31 @@ MODEL = LayoutModel(
     samples=2,
     nodes=(
         ModelNode(None, 0.0, 2.5, {}, {}, (0.1, 2.0)),
-        ModelNode("date", 2.0, 0.7, {"left": NumericExpectation(0.4, 0.01)}, {"date": 0.9}, (3.0, 0.1, 4.0)),
+        ModelNode(
+            "date",
+            2.0,
+            0.7,
+            {"left": NumericExpectation(0.4, 0.01, 1.25)},
+            {"date": 0.9},
+            (3.0, 0.1, 4.0),
+            {"date": 0.5},
+        ),
     ),
     edges=(
         ModelEdge("date", "date", {"left-left": (1.0, -0.5, 1.0)}),
         ModelEdge(None, "date", {}),
     ),
     scales={"left": 0.15, "label": 0.4},
-    calibration=Calibration(-6.5, 0.8, 2),
+    calibration=Calibration(-6.5, 0.8, 2, 0.25),
+    memory=ModelMemory(
+        pages=2.0,
+        nodes=(
+            NodeMemory(0.0, {}, {}, (2.0,)),
+            NodeMemory(2.0, {"left": (2.0, 0.8, 0.34)}, {"date": (2.0, 1.9)}, (0.0, 2.0)),
+        ),
+        edges=(EdgeMemory("date", "date", {"left-left": (1.0, 0.0, 1.0)}),),
+        certainty={"left": 3.5},
+    ),
 )
 Path = tuple[str | int, ...]
 
@@ -53,7 +73,10 @@ def document() -> dict[str, Any]:
 
 
 def fields_of(model: LayoutModel) -> tuple[object, ...]:
-    return (model.name, model.samples, model.nodes, model.edges, model.scales, model.calibration)
+    return (
+        *(model.name, model.samples, model.nodes, model.edges),
+        *(model.scales, model.calibration, model.memory),
+    )
 
 
 def changed(path: Path, value: Any) -> dict[str, Any]:
@@ -189,6 +212,18 @@ DAMAGES: list[tuple[Path, Any, str]] = [
     (("calibration", "mean"), "low", "calibration.mean"),
     (("calibration", "deviation"), 0.0, "calibration.deviation"),
     (("calibration", "pages"), -1, "calibration.pages"),
+    (("calibration", "bias"), 1e9, "calibration.bias"),
+    ((*NODE, "numeric", "left", "weight"), -0.1, "nodes[1].numeric.left.weight"),
+    ((*NODE, "content_weights", "date"), "much", "nodes[1].content_weights.date"),
+    (("memory",), [], "memory"),
+    (("memory", "pages"), -1, "memory.pages"),
+    (("memory", "nodes"), [], "memory.nodes"),
+    (("memory", "nodes", 1, "numeric", "left"), [1, 2], "memory.nodes[1].numeric.left"),
+    (("memory", "nodes", 1, "numeric", "left"), [2, 0.5, -1], "memory.nodes[1].numeric.left"),
+    (("memory", "nodes", 1, "content", "date"), [1, 2], "memory.nodes[1].content.date"),
+    (("memory", "edges", 0, "upper"), 2, "memory.edges[0].upper"),
+    (("memory", "edges", 0, "descriptors", "left-left"), [-1, 0, 0], "memory.edges[0].descriptors.left-left"),
+    (("memory", "certainty", "left"), -1, "memory.certainty.left"),
 ]  # fmt: skip
 
 
@@ -217,14 +252,25 @@ def test_a_version_of_more_digits_than_are_told_is_refused() -> None:
 PATHS = sorted(paths(document()), key=str)
 
 
+LEARNED = ("weight", "content_weights", "bias", "memory")
+"""What models of earlier releases have not."""
+NEEDED_OF_MEMORY = (
+    *("pages", "nodes", "edges", "certainty"),
+    *("zones", "numeric", "content", "counts", "upper", "lower", "descriptors"),
+)
+
+
 def optional(path: Path) -> bool:
     """Whether the rest is a model without what is at `path`."""
     return (
         (path[0] == "edges" and len(path) == 2)
-        or path[:-1] in (("scales",), (*NODE, "numeric"), (*NODE, "content"))
+        or path[:-1] in (("scales",), *((*NODE, each) for each in ("numeric", "content", "content_weights")))
         or "costs" in path[:-1]
         or path[:-1] == (*NODE, "count_costs")
         or path == ("nodes", 0, "label")  # which is null
+        or path[-1] in LEARNED
+        or (path[0] == "memory" and not isinstance(path[-1], int) and path[-1] not in NEEDED_OF_MEMORY)
+        or (path[0] == "memory" and path[-2] in ("counts", "left-left", "edges"))
     )
 
 

@@ -61,7 +61,10 @@ class ModelBank:
         label_costs = np.concatenate([model.label_costs for model in models])
         usual = np.tile(default_scales(content_names), (len(models), 1))
         own = np.stack([model.scales for model in models])
-        self._own, self._usual = (self._weigh(scales, known, content, label_costs) for scales in (own, usual))
+        learned = np.concatenate([model.weights for model in models])
+        self._own, self._usual = (
+            self._weigh(scales, learned, known, content, label_costs) for scales in (own, usual)
+        )
         # Row u L + l of a model's part has the costs of all descriptors for the labels u and l.
         self._pair_starts = np.cumsum(self.sizes**2) - self.sizes**2
         self._relations = np.concatenate(
@@ -78,12 +81,14 @@ class ModelBank:
     def _weigh(
         self,
         scales: NDArray[np.float64],
+        learned: NDArray[np.float64],
         known: NDArray[np.bool_],
         content: NDArray[np.float64],
         label_costs: NDArray[np.float64],
     ) -> _Weights:
         attributes, features = len(NUMERIC_ATTRIBUTES), content.shape[1]
         of_nodes = scales[self._model]
+        of_nodes[:, : attributes + features] *= learned
         # The cost of content is linear in the confidence, so its ends tell it: one product does for all zones.
         weights = of_nodes[:, attributes : attributes + features]
         absent = np.nan_to_num(CONTENT_COST(np.zeros(1), content)) * weights

@@ -80,6 +80,7 @@ class Hierarchy:
     ) -> None:
         """Of M >= 1 models; genres are taken over from hierarchies `before` where they have the same models."""
         self._means = np.array([each.model.calibration.mean for each in competitors])
+        self._biases = np.array([each.model.calibration.bias for each in competitors])
         self._members = list(_group(competitors, content_names))
         known = {genre.models: genre for each in before for genre in each._genres}
         self._genres: list[_Genre] = []
@@ -109,12 +110,14 @@ class Hierarchy:
             looks = self._genres[number].bank.look(graph)
             costs[self._members[number]], comparable[self._members[number]] = looks.costs, looks.comparable
         looked = np.sort(np.concatenate([self._members[number] for number in kept]))
-        excess = excess_costs(comparable[looked] / zones, self._means[looked], parameters)
+        of_looked = comparable[looked] / zones + self._biases[looked]
+        excess = excess_costs(of_looked, self._means[looked], parameters)
         for number in left:
             members = self._members[number]
             costs[members] = coarse.costs[number]
             least = max(float(excess.max()), float(coarse_excess[number]))
-            comparable[members] = zones * (least + parameters.share_of_mean * self._means[members])
+            usual = parameters.share_of_mean * self._means[members] - self._biases[members]
+            comparable[members] = zones * (least + usual)
         best = looked[np.argsort(excess, kind="stable")][:most_candidates]
         return Standing(tuple(best.tolist()), costs, comparable)
 

@@ -103,6 +103,7 @@ class _Sums:
             values=np.where(self._known > 0, mean, np.nan),
             variances=np.where(self._known > 0, variance, 1.0),
             content=np.where(self._read > 0, content, np.nan),
+            weights=np.ones((len(labels), mean.shape[1] + content.shape[1])),
             label_costs=-np.log(np.maximum(self._label, np.exp(-LARGEST_COST)) / self._models),
             relations=np.where(self._pairs > 0, relations, 0.0),
             counts=-np.log(np.maximum(counts / self._models, np.exp(-LARGEST_COST))),

@@ -113,7 +113,7 @@ def fitted(pages: list[LabelledGraph], **parameters: float) -> dict[str, float]:
     labels = (None, *sorted({label for page in pages for label in page.labels if label}))
     total = total_statistics(gather_statistics(page, labels) for page in pages)
     samples = [[page] for page in pages]
-    scales = fit_scales(samples, total, labels, ScaleFittingParameters(**parameters))
+    scales = fit_scales(samples, total, labels, ScaleFittingParameters(**parameters)).scales
     return dict(zip(scale_names(pages[0].graph.content_names), scales.tolist(), strict=True))
 
 
@@ -133,7 +133,7 @@ def test_nothing_is_fitted_where_nothing_can_be_held_out(pages: int) -> None:
     total = gather_statistics(page_with(rng), (None, "a", "b", "c"))
     names = NAMES if pages else ()
     np.testing.assert_array_equal(
-        fit_scales([[page] for page in graphs], total, (None, "a", "b", "c")), default_scales(names)
+        fit_scales([[page] for page in graphs], total, (None, "a", "b", "c")).scales, default_scales(names)
     )
 
 

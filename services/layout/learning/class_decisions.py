@@ -1,0 +1,82 @@
+"""What a verified class teaches: the usual cost of its pages, and a bias where a decision was wrong or narrow."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from models.layout_graph import Calibration
+from services.layout.classification import ClassificationParameters
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionParameters:
+    """Margins are log odds of 1 between classes, and of fitting."""
+
+    most_step: float = 0.5
+    """Of a bias by one page, in cost a zone: log odds of 1.5, so that one odd page turns no class upside down."""
+    memory_pages: int = 200
+    """The usual cost is that of so many last pages."""
+    classification: ClassificationParameters = field(default_factory=ClassificationParameters)
+
+
+def count_cost(
+    calibration: Calibration,
+    cost_per_zone: float,
+    parameters: DecisionParameters = DecisionParameters(),
+) -> Calibration:
+    """The calibration with one page more that its model had not seen: as `calibrate` makes it of all."""
+    usual = parameters.classification
+    pages = min(calibration.pages, parameters.memory_pages - 1)
+    mean = calibration.mean + (cost_per_zone - calibration.mean) / (pages + 1 + usual.usual_weight)
+    squares = calibration.deviation**2 * (pages + 2)
+    squares += (cost_per_zone - calibration.mean) * (cost_per_zone - mean)
+    deviation = float(np.sqrt(squares / (pages + 3)))
+    return replace(calibration, mean=mean, deviation=max(deviation, 1e-3), pages=calibration.pages + 1)
+
+
+def prefer_class(
+    right: tuple[float, Calibration],
+    wrong: tuple[float, Calibration],
+    parameters: DecisionParameters = DecisionParameters(),
+) -> tuple[Calibration, Calibration]:
+    """Biases moved so that a page of the right class is decided for it by a margin: of both classes, by half each.
+
+    Each class is given as the page's cost a zone under its model, and the calibration. It is the step of PA-I for the
+    difference of the two classes' excess costs (`classification.classify`), which is linear in their biases.
+    """
+    usual = parameters.classification
+    loss = 1 / usual.sharpness + _excess(*right, usual) - _excess(*wrong, usual)
+    step = min(parameters.most_step, max(0.0, loss / 2))
+    return _biased(right[1], -step), _biased(wrong[1], step)
+
+
+def accept_page(
+    cost_per_zone: float,
+    calibration: Calibration,
+    parameters: DecisionParameters = DecisionParameters(),
+) -> Calibration:
+    """The calibration by which a page of the class, which was taken for a page of none, rather fits it."""
+    usual = parameters.classification
+    most = (usual.least_fit + 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
+    loss = cost_per_zone + calibration.bias - most
+    return _biased(calibration, -min(parameters.most_step, max(0.0, loss)))
+
+
+def refuse_page(
+    cost_per_zone: float,
+    calibration: Calibration,
+    parameters: DecisionParameters = DecisionParameters(),
+) -> Calibration:
+    """The calibration by which a page of no class, which was taken for one of this class, rather does not fit it."""
+    usual = parameters.classification
+    least = (usual.least_fit - 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
+    loss = least - cost_per_zone - calibration.bias
+    return _biased(calibration, min(parameters.most_step, max(0.0, loss)))
+
+
+def _excess(cost_per_zone: float, calibration: Calibration, usual: ClassificationParameters) -> float:
+    return cost_per_zone + calibration.bias - usual.share_of_mean * calibration.mean
+
+
+def _biased(calibration: Calibration, step: float) -> Calibration:
+    return replace(calibration, bias=calibration.bias + step) if step else calibration

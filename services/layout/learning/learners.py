@@ -1,0 +1,63 @@
+"""How a model learns from one verified page; which way is a setting of the model.
+
+- "passive-aggressive": the page is counted (`counting`), then errors and too narrow margins are corrected
+  (`passive_aggressive`).
+- "counting": the page is counted alone.
+- "error-correction": the dissertation's update (`error_correction`): errors alone change anything.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.layout_graph import Learner
+from services.layout.cost import build_cost_tables
+from services.layout.graph import LayoutGraph
+from services.layout.learning.counting import count_page
+from services.layout.learning.error_correction import correct_errors
+from services.layout.learning.passive_aggressive import learn_by_margin
+from services.layout.learning.state import LearningModel, with_labels
+from services.layout.matching import MatchingParameters, match_directly
+from services.layout.statistics import LabelledGraph, label_indices
+
+MOST_STEPS = 3
+"""By a margin, for one page at once: most pages have theirs after one or two."""
+
+
+def learn_page(learned: LearningModel, page: LabelledGraph, learner: Learner) -> LearningModel:
+    """The model after a page that it has not seen; labels that it had not become nodes."""
+    if learner != "error-correction":
+        learned = count_page(learned, page)
+    learned = with_labels(learned, page.labels)
+    for _ in range(MOST_STEPS if learner == "passive-aggressive" else 1):
+        learned, changed = practise(learned, page, learner)
+        if not changed:
+            break
+    return learned
+
+
+def practise(learned: LearningModel, page: LabelledGraph, learner: Learner) -> tuple[LearningModel, bool]:
+    """The model after a page of which it has seen the values before, and whether it changed: one step of a round.
+
+    Every label of the page is one of the model's.
+    """
+    truth = label_indices(page.labels, learned.labels)
+    if not len(truth) or learner == "counting":
+        return learned, False
+    if learner == "passive-aggressive":
+        model, changed = learn_by_margin(learned.model, page.graph, truth)
+        return (learned.with_model(model), True) if changed else (learned, False)
+    found = match_page(learned, page.graph)
+    if np.array_equal(found, truth):
+        return learned, False
+    return learned.with_model(correct_errors(learned.model, page.graph, truth, found)), True
+
+
+def match_page(learned: LearningModel, graph: LayoutGraph) -> NDArray[np.intp]:
+    """Labels (N,) of least cost, as indices of the model's nodes."""
+    return match_directly(build_cost_tables(graph, learned.model), MatchingParameters()).labels
+
+
+def wrong_zones(learned: LearningModel, page: LabelledGraph) -> int:
+    """How many zones of a page the model labels otherwise than they are; labels that it has not are wrong."""
+    found = match_page(learned, page.graph)
+    return sum(learned.labels[index] != label for index, label in zip(found, page.labels, strict=True))

@@ -1,0 +1,173 @@
+"""What a model has seen, as it is kept with it (`ModelMemory`) and as the sums that estimation works on."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.layout_graph import EdgeMemory, LayoutModel, ModelMemory, NodeMemory
+from services.layout.compiled_model import CompiledModel, scale_names
+from services.layout.edge_attributes import RELATIONS
+from services.layout.graph import RELATION_OFFSETS
+from services.layout.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.statistics import MOST_COUNTED, LabelStatistics
+
+_DIGITS = 6
+"""Of sums, after the point: attributes are shares and logarithms."""
+
+
+def keep_memory(
+    statistics: LabelStatistics,
+    labels: Sequence[str | None],
+    content_names: Sequence[str],
+    certainty: NDArray[np.float64],
+) -> ModelMemory:
+    """The sums over pages with `labels`, told by name."""
+    sums = [statistics.known, statistics.totals, statistics.squares]
+    numeric = np.round(np.stack(sums, axis=2), _DIGITS).tolist()
+    content = np.round(np.stack([statistics.read, statistics.content], axis=2), _DIGITS).tolist()
+    zones, counts = (np.round(each, _DIGITS).tolist() for each in (statistics.zones, statistics.counts))
+    descriptors = np.round(statistics.descriptors, _DIGITS).tolist()
+    is_seen = np.any(statistics.descriptors, axis=2).tolist()
+    return ModelMemory(
+        pages=float(statistics.pages[0]),
+        nodes=tuple(
+            NodeMemory(
+                zones=zones[row],
+                numeric={
+                    attribute.name: tuple(values)
+                    for attribute, values in zip(NUMERIC_ATTRIBUTES, numeric[row], strict=True)
+                    if values[0]
+                },
+                content={
+                    name: tuple(values)
+                    for name, values in zip(content_names, content[row], strict=True)
+                    if values[0]
+                },
+                counts=tuple(counts[row]),
+            )
+            for row in range(len(labels))
+        ),
+        edges=tuple(
+            EdgeMemory(upper, lower, _by_relation(descriptors[row][column]))
+            for row, upper in enumerate(labels)
+            for column, lower in enumerate(labels)
+            if is_seen[row][column]
+        ),
+        certainty={
+            name: round(float(value), 4)
+            for name, value in zip(scale_names(content_names), certainty, strict=True)
+        },
+    )
+
+
+def recall(
+    model: LayoutModel, compiled: CompiledModel, content_names: Sequence[str]
+) -> tuple[LabelStatistics, NDArray[np.float64]]:
+    """Sums over the pages that `model` was made of, and the certainty (K,) of its scales.
+
+    What a model without a memory has seen is presumed of its estimates: as many zones as its nodes tell, with their
+    typical values.
+    """
+    names = scale_names(content_names)
+    if model.memory is None:
+        return _presume(model, compiled), np.zeros(len(names))
+    memory, count = model.memory, len(model.nodes)
+    numeric = np.zeros((count, len(NUMERIC_ATTRIBUTES), 3))
+    content = np.zeros((count, len(content_names), 2))
+    counts = np.zeros((count, MOST_COUNTED + 1))
+    for row, node in enumerate(memory.nodes):
+        for column, attribute in enumerate(NUMERIC_ATTRIBUTES):
+            numeric[row, column] = node.numeric.get(attribute.name, (0.0, 0.0, 0.0))
+        for column, name in enumerate(content_names):
+            content[row, column] = node.content.get(name, (0.0, 0.0))
+        counts[row] = _of_length(node.counts, MOST_COUNTED + 1)
+    index = {node.label: position for position, node in enumerate(model.nodes)}
+    descriptors = np.zeros((count, count, RELATION_OFFSETS[-1]))
+    for edge in memory.edges:
+        descriptors[index[edge.upper], index[edge.lower]] = _side_by_side(edge.descriptors)
+    statistics = LabelStatistics(
+        zones=np.array([node.zones for node in memory.nodes]),
+        known=numeric[:, :, 0],
+        totals=numeric[:, :, 1],
+        squares=numeric[:, :, 2],
+        read=content[:, :, 0],
+        content=content[:, :, 1],
+        descriptors=descriptors,
+        counts=counts,
+        pages=np.array([memory.pages]),
+    )
+    return statistics, np.array([memory.certainty.get(name, 0.0) for name in names])
+
+
+def with_nodes(statistics: LabelStatistics, count: int) -> LabelStatistics:
+    """The sums for `count` labels, of which the last ones were never seen on the pages."""
+    more = count - len(statistics.zones)
+    last = np.zeros((more, MOST_COUNTED + 1))
+    last[:, 0] = statistics.pages[0]
+
+    def grown(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.pad(sums, ((0, more), *((0, 0) for _ in sums.shape[1:])))
+
+    return LabelStatistics(
+        zones=grown(statistics.zones),
+        known=grown(statistics.known),
+        totals=grown(statistics.totals),
+        squares=grown(statistics.squares),
+        read=grown(statistics.read),
+        content=grown(statistics.content),
+        descriptors=np.pad(statistics.descriptors, ((0, more), (0, more), (0, 0))),
+        counts=np.vstack([statistics.counts, last]),
+        pages=statistics.pages,
+    )
+
+
+def _presume(model: LayoutModel, compiled: CompiledModel) -> LabelStatistics:
+    zones = np.array([node.zones for node in model.nodes])
+    known = np.where(np.isfinite(compiled.values), zones[:, None], 0.0)
+    values = np.nan_to_num(compiled.values)
+    read = np.where(np.isfinite(compiled.content), zones[:, None], 0.0)
+    likelihood = np.exp(-compiled.counts)
+    counts = np.zeros((len(zones), MOST_COUNTED + 1))
+    columns = min(likelihood.shape[1], MOST_COUNTED + 1)
+    counts[:, :columns] = (likelihood / likelihood.sum(axis=1, keepdims=True))[:, :columns] * model.samples
+    pairs = np.outer(zones, zones) / (2 * max(1, model.samples))
+    descriptors = np.exp(-compiled.relations)
+    for start, end in pairwise(RELATION_OFFSETS):
+        row = descriptors[:, :, start:end]
+        row *= (pairs / row.sum(axis=2))[:, :, None]
+    return LabelStatistics(
+        zones=zones,
+        known=known,
+        totals=known * values,
+        squares=known * (values**2 + compiled.variances),
+        read=read,
+        content=read * np.nan_to_num(compiled.content),
+        descriptors=descriptors,
+        counts=counts,
+        pages=np.array([float(model.samples)]),
+    )
+
+
+def _by_relation(row: Sequence[float]) -> dict[str, tuple[float, ...]]:
+    return {
+        relation.name: tuple(row[start:end])
+        for relation, start, end in zip(RELATIONS, RELATION_OFFSETS[:-1], RELATION_OFFSETS[1:], strict=True)
+    }
+
+
+def _side_by_side(descriptors: Mapping[str, tuple[float, ...]]) -> NDArray[np.float64]:
+    row = np.zeros(RELATION_OFFSETS[-1])
+    for relation, start, end in zip(RELATIONS, RELATION_OFFSETS[:-1], RELATION_OFFSETS[1:], strict=True):
+        seen = descriptors.get(relation.name, ())
+        if len(seen) == end - start:
+            row[start:end] = seen
+    return row
+
+
+def _of_length(row: Sequence[float], length: int) -> NDArray[np.float64]:
+    """`row` with zeros behind it, or with its end summed up in the last place."""
+    counts = np.zeros(length)
+    np.add.at(counts, np.minimum(np.arange(len(row)), length - 1), row)
+    return counts

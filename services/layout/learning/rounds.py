@@ -1,0 +1,115 @@
+"""Rounds of training (5.6.1): all verified pages, one after another in the same order, over and over."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from models.layout_graph import Learner
+from services.layout.learning.learners import practise, wrong_zones
+from services.layout.learning.state import LearningModel, with_labels
+from services.layout.statistics import LabelledGraph
+
+Stop = Literal["rounds", "held-out", "no-errors"]
+BeginModel = Callable[[Sequence[int]], LearningModel]
+"""(indices of samples) -> the model at round 0 that has seen these samples alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoundParameters:
+    """When training stops by itself."""
+
+    folds: int = 5
+    """Parts of the samples that are held out in turn; each costs as much as the training itself."""
+    patience: int = 2
+    """Rounds in a row that may leave more errors on held-out pages than the best round before; errors are few, so
+    that one more may be chance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """Errors after a round: shares of zones, of the samples and of pages that were held out (None: none were)."""
+
+    number: int
+    error: float
+    held_out_error: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Training:
+    """The model after round `kept`, all `rounds` from 0 on, and why there were no more."""
+
+    model: LearningModel
+    rounds: tuple[Round, ...]
+    kept: int
+    stopped: Stop
+
+
+def train(
+    begin: BeginModel,
+    pages: Sequence[Sequence[LabelledGraph]],
+    rounds: int,
+    learner: Learner,
+    parameters: RoundParameters = RoundParameters(),
+    report: Callable[[float], None] = lambda share: None,
+    *,
+    hold_out: bool = True,
+) -> Training:
+    """The model of all pages after the round that leaves fewest errors on pages held out, the earliest of equals.
+
+    `pages[i]` are the views of sample i, the first of which is the one that was verified: errors are counted on it,
+    every view is learned from. Training ends after `rounds`, when the held-out error has risen and stays so for
+    `patience` rounds, or when a round has changed nothing. `report` hears how far it is, 0-1.
+    """
+    every = range(len(pages))
+    folds = min(parameters.folds, len(pages)) if hold_out and len(pages) > 1 else 0
+    held_out = [[index for index in every if index % folds == fold] for fold in range(folds)]
+    trainees = [
+        _Trainee(begin([index for index in every if index not in set(part)]), part) for part in held_out
+    ]
+    whole = _Trainee(begin(every), [])
+    zones = max(1, sum(len(views[0].labels) for views in pages))
+    history: list[Round] = []
+    errors: list[int] = []
+    kept, kept_model = 0, whole.model
+    stopped: Stop = "rounds"
+    for number in range(rounds + 1):
+        changed = False
+        if number:
+            for trainee in trainees:
+                trainee.practise(pages, learner)
+            changed = whole.practise(pages, learner)
+        wrong = sum(wrong_zones(whole.model, views[0]) for views in pages)
+        errors.append(
+            sum(wrong_zones(each.model, pages[index][0]) for each in trainees for index in each.held_out)
+            if trainees
+            else wrong
+        )
+        history.append(Round(number, wrong / zones, errors[-1] / zones if trainees else None))
+        if errors[-1] < min(errors[:-1], default=errors[-1] + 1):
+            kept, kept_model = number, whole.model
+        report(number / max(1, rounds))
+        if number and not changed:
+            stopped = "no-errors"
+            break
+        if trainees and number - kept >= parameters.patience and errors[-1] > errors[kept]:
+            stopped = "held-out"
+            break
+    return Training(kept_model, tuple(history), kept, stopped)
+
+
+class _Trainee:
+    """A model that practises on all samples but those that are held out."""
+
+    def __init__(self, model: LearningModel, held_out: Sequence[int]) -> None:
+        self.model, self.held_out = model, held_out
+
+    def practise(self, pages: Sequence[Sequence[LabelledGraph]], learner: Learner) -> bool:
+        """One round; whether anything changed."""
+        skipped, any_changed = set(self.held_out), False
+        for index, views in enumerate(pages):
+            if index in skipped:
+                continue
+            for view in views:
+                self.model, changed = practise(with_labels(self.model, view.labels), view, learner)
+                any_changed |= changed
+        return any_changed

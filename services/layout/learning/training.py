@@ -1,0 +1,67 @@
+"""Rounds of training for a model from its verified pages, which initialization has seen as well."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from models.layout_graph import LayoutModel, Learner, Page
+from services.layout.content_features import ContentFeatures
+from services.layout.graph import KIND_FEATURES
+from services.layout.initialization import begin_model, calibrate_model, see_samples
+from services.layout.learning.rounds import Round, Stop, train
+from services.layout.learning.state import LearningModel, begin_learning, end_learning
+
+
+@dataclass(frozen=True, slots=True)
+class TrainedModel:
+    """The model after round `kept` of `rounds`, and why there were no more."""
+
+    model: LayoutModel
+    rounds: tuple[Round, ...]
+    kept: int
+    stopped: Stop
+
+
+def train_on_samples(
+    model: LayoutModel,
+    samples: Sequence[Page],
+    found: Sequence[Page | None],
+    rounds: int,
+    learner: Learner,
+    content: ContentFeatures,
+    report: Callable[[float], None],
+) -> TrainedModel:
+    """The model after at most `rounds` rounds; its pages carry labels and content features.
+
+    Round 0 is initialization from the samples (5.6.1), when they are at least as many pages as the model has seen:
+    then parts of them can be held out. A model that has seen more, as one that was imported, goes on from where it
+    stands, and the errors on its samples decide.
+
+    Raises
+    ------
+    ValueError
+        When there is no sample with a zone.
+    """
+    seen = see_samples(samples, found, content)
+    if not seen:
+        raise ValueError("training needs at least one page with zones")
+    known = {zone.label for views in seen for view in views for zone in view.page.zones}
+    labels = (None, *sorted(label for label in known if label is not None))
+    has_all = model.memory is None or len(seen) >= round(model.memory.pages)
+    has_all = has_all and len(seen) >= model.samples
+
+    def begin(indices: Sequence[int]) -> LearningModel:
+        if has_all:
+            return begin_model(model.name, [seen[index] for index in indices], labels)
+        return begin_learning(model, (*content.names, *KIND_FEATURES))
+
+    pages = [[view.labelled for view in views] for views in seen]
+    trained = train(begin, pages, rounds, learner, report=report, hold_out=has_all)
+    calibration = model.calibration
+    if has_all:
+        calibration = replace(calibrate_model(begin(range(len(seen))), seen), bias=calibration.bias)
+    return TrainedModel(
+        end_learning(replace(trained.model, calibration=calibration)),
+        trained.rounds,
+        trained.kept,
+        trained.stopped,
+    )

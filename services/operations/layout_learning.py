@@ -1,0 +1,170 @@
+"""Feedback and rounds of training: documents of pages and models in, those of models that have learned out."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast, get_args
+
+from models.layout_graph import MOST_LABELS, InvalidLayout, LayoutModel, Learner, Page
+from models.model_document import model_to_document
+from services.errors import InvalidOption
+from services.layout.exchange.page_json import page_from_document
+from services.layout.learning.feedback import CostChange, VerifiedPage
+from services.layout.pipeline import content_features, learn_from_feedback
+from services.layout.pipeline import train_model as train_on_samples
+from services.operations.layout_models import draft_of, read_samples, sample_document
+from services.operations.page_zones import LayoutSettings, exchange_limits
+from services.operations.replies import rounded
+from services.operations.stored_models import StoredModel, open_models
+from services.progress import report_progress
+
+
+@dataclass(frozen=True, slots=True)
+class FeedbackTask:
+    """What a person said of a recognized page, beside what was found; `app.operations` tells the fields."""
+
+    page: dict[str, Any]
+    found_class: str | None
+    found_labels: Mapping[str, str | None]
+    verified_class: str | None
+    labels: Mapping[str, str | None]
+    learners: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Adaptation:
+    """What a feedback makes of the models that it concerns; `app.operations` tells the fields."""
+
+    documents: dict[str, dict[str, Any]]
+    verified_labels: dict[str, str | None]
+    wrong: list[dict[str, Any]]
+    costs: list[dict[str, Any]]
+    sample: dict[str, Any]
+    zones: int
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingReply:
+    """What rounds of training made of a model; `app.operations` tells the fields."""
+
+    document: dict[str, Any]
+    labels: list[str]
+    rounds: list[dict[str, Any]]
+    kept_round: int
+    stopped: Literal["rounds", "held-out", "no-errors"]
+
+
+def adapt_models(task: FeedbackTask, models: Sequence[StoredModel], settings: LayoutSettings) -> Adaptation:
+    """The models of the found and of the verified class after what a person said of a page.
+
+    Raises
+    ------
+    InvalidModel
+        When one of them cannot be read by this release.
+    InvalidOption
+        When the page's labels and the model's own are more than a model may have.
+    """
+    features = content_features(settings.content_features)
+    page = features.measure_page(_kept_page(task.page, settings))
+    named = {version.model.name: version.model for version in open_models(models)}
+    found = tuple(task.found_labels.get(zone.id) for zone in page.zones)
+    said = VerifiedPage(page, task.found_class, found, task.verified_class, task.labels)
+    labels, learned = learn_from_feedback(
+        said, named, {name: _learner(learner) for name, learner in task.learners.items()}, features
+    )
+    for each in learned.values():
+        _check_labels(each.model)
+    verified = replace(
+        page,
+        zones=tuple(replace(zone, label=label) for zone, label in zip(page.zones, labels, strict=True)),
+    )
+    return Adaptation(
+        documents={name: model_to_document(each.model) for name, each in learned.items()},
+        verified_labels={zone.id: zone.label for zone in verified.zones},
+        wrong=[
+            {"zone": zone.id, "found": label, "verified": zone.label}
+            for zone, label in zip(verified.zones, found, strict=True)
+            if zone.label != label
+        ],
+        costs=[
+            {"model": name, "found": _told(each.found), "verified": _told(each.verified)}
+            for name, each in learned.items()
+        ],
+        sample=sample_document(verified),
+        zones=len(verified.zones),
+    )
+
+
+def train_model(
+    model: StoredModel,
+    samples: Sequence[dict[str, Any]],
+    rounds: int,
+    learner: str,
+    settings: LayoutSettings,
+) -> TrainingReply:
+    """The model after at most `rounds` rounds over its verified pages, with the errors of each round.
+
+    Raises
+    ------
+    InvalidModel
+        When it cannot be read by this release.
+    InvalidOption
+        When one of the samples is no page any more, or they have too many labels.
+    """
+    [version] = open_models([model])
+    pages, found = read_samples(samples, settings)
+    training = train_on_samples(
+        version.model,
+        pages,
+        found,
+        rounds,
+        _learner(learner),
+        content_features(settings.content_features),
+        lambda share: report_progress("training", share),
+    )
+    _check_labels(training.model)
+    draft = draft_of(training.model)
+    return TrainingReply(
+        document=draft.document,
+        labels=draft.labels,
+        rounds=[
+            {
+                "round": each.number,
+                "error": rounded(each.error),
+                "held_out_error": None if each.held_out_error is None else rounded(each.held_out_error),
+            }
+            for each in training.rounds
+        ],
+        kept_round=training.kept,
+        stopped=training.stopped,
+    )
+
+
+def _kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:
+    """The page as recognition has kept it: it was within its limits then."""
+    bounds = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
+    try:
+        return page_from_document(document, bounds)
+    except InvalidLayout as error:
+        raise InvalidOption(f"page: {error.detail}", "page") from error
+
+
+def _learner(name: str) -> Learner:
+    if name not in get_args(Learner):
+        raise InvalidOption(f"learner: there are {', '.join(get_args(Learner))}.", "learner")
+    return cast(Learner, name)
+
+
+def _check_labels(model: LayoutModel) -> None:
+    if len(model.nodes) > MOST_LABELS + 1:
+        raise InvalidOption(
+            f"labels: model {model.name} would have {len(model.nodes) - 1} different labels; a model may have "
+            f"{MOST_LABELS}.",
+            "labels",
+        )
+
+
+def _told(cost: CostChange) -> dict[str, float | None]:
+    return {
+        "before": None if cost.before is None else rounded(cost.before),
+        "after": None if cost.after is None else rounded(cost.after),
+    }
