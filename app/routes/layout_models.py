@@ -13,6 +13,7 @@ from app.problems import documented
 from app.routes.connection import while_connected
 from app.routes.labelled_pages import count_labels, layout_settings
 from app.routes.layout_settings import health_of
+from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.model_answers import BODY, ETAG, LOCATION, READING, WORK, IfMatch, IfNoneMatch
 from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import State
@@ -27,6 +28,7 @@ from app.schemas.options import Absent
 from models.errors import ModelNotFound
 from models.records import StoredModel, StoredSample
 from models.repository import Store
+from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout/models", tags=["layout models"])
 
@@ -168,8 +170,10 @@ async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch =
     response_class=Response,
     responses={
         200: {"description": "The new version.", "model": InitializedModel, "headers": ETAG},
+        **ACCEPTED,
         **documented("conflict", "no-samples", *READING, *BODY, *WORK),
     },
+    openapi_extra=PREFER,
 )
 async def initialize_layout_model(
     request: Request, state: State, name: ModelName, if_match: IfMatch = None
@@ -185,26 +189,33 @@ async def initialize_layout_model(
         return samples_to_learn_from(store, name)
 
     samples = await state.store.call(read)
-    work = state.engine.submit(
-        state.operations.initialize_model,
-        name,
-        [sample.document for sample in samples],
-        layout_settings(state.settings),
-        time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
-    )
-    draft: ModelDraft = await while_connected(request, work)
-    request.state.seat.release()
 
-    def write(store: Store) -> StoredModel:
-        expected = precondition.check(name, store.model_summary(name).version)
-        note = f"{len(samples)} samples"
-        return store.add_version(name, draft.document, "initialize", expected_version=expected, note=note)
+    async def work(progress: ProgressSink | None) -> Response:
+        draft: ModelDraft = await state.engine.submit(
+            state.operations.initialize_model,
+            name,
+            [sample.document for sample in samples],
+            layout_settings(state.settings),
+            time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
+            progress=progress,
+        )
+        request.state.seat.release()
 
-    model = await state.store.call(write)
+        def write(store: Store) -> StoredModel:
+            expected = precondition.check(name, store.model_summary(name).version)
+            note = f"{len(samples)} samples"
+            return store.add_version(name, draft.document, "initialize", expected_version=expected, note=note)
+
+        return _initialized(await state.store.call(write), samples, draft)
+
+    return await answer_now_or_later(request, state, work)
+
+
+def _initialized(model: StoredModel, samples: list[StoredSample], draft: ModelDraft) -> Response:
     assert model.version is not None
     counts = count_labels(sample.document for sample in samples)
     answer = InitializedModel(
-        name=name,
+        name=model.name,
         version=model.version,
         samples=len(samples),
         labels={label: counts.get(label, 0) for label in draft.labels},

@@ -9,9 +9,9 @@ from app.layout_store import document_of
 from app.operations import Training
 from app.preconditions import Precondition, entity_tag, parse_precondition
 from app.problems import documented
-from app.routes.connection import while_connected
 from app.routes.json_bodies import json_request, read_json
 from app.routes.labelled_pages import layout_settings
+from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.model_answers import BODY, ETAG, READING, WORK, IfMatch
 from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import AppState, State
@@ -20,6 +20,7 @@ from app.schemas.layout_models import ModelName
 from models.errors import ModelNotFound, VersionConflict
 from models.records import StoredModel, StoredSample
 from models.repository import Store
+from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
 
@@ -34,9 +35,10 @@ router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
             "model": TrainedModel,
             "headers": ETAG,
         },
+        **ACCEPTED,
         **documented("conflict", "no-samples", "invalid-model", *READING, *BODY, *WORK),
     },
-    openapi_extra=json_request(TrainBody, required=False),
+    openapi_extra={**json_request(TrainBody, required=False), **PREFER},
 )
 async def train_layout_model(
     request: Request, state: State, name: ModelName, if_match: IfMatch = None
@@ -49,12 +51,20 @@ async def train_layout_model(
     """
     precondition = parse_precondition(if_match, None)
     body = await read_json(request, TrainBody, default=TrainBody())
-    response = await while_connected(request, train(state, name, body.rounds, precondition))
-    request.state.seat.release()
-    return response
+    # So that nobody is sent away with a job for a model that is not there.
+    await state.store.call(lambda store: precondition.check(name, store.model_summary(name).version))
+
+    async def work(progress: ProgressSink | None) -> Response:
+        response = await train(state, name, body.rounds, precondition, progress)
+        request.state.seat.release()
+        return response
+
+    return await answer_now_or_later(request, state, work)
 
 
-async def train(state: AppState, name: str, rounds: int, precondition: Precondition) -> Response:
+async def train(
+    state: AppState, name: str, rounds: int, precondition: Precondition, progress: ProgressSink | None = None
+) -> Response:
     """Train the model and answer.
 
     Raises
@@ -63,13 +73,15 @@ async def train(state: AppState, name: str, rounds: int, precondition: Precondit
         When the model was changed twice meanwhile; the second time by another process, for those of this one waited.
     """
     try:
-        return await _train_once(state, name, rounds, precondition)
+        return await _train_once(state, name, rounds, precondition, progress)
     except VersionConflict:
         async with state.locks.hold([name], state.settings.queue_timeout_s, "QUEUE_TIMEOUT_S"):
-            return await _train_once(state, name, rounds, precondition)
+            return await _train_once(state, name, rounds, precondition, progress)
 
 
-async def _train_once(state: AppState, name: str, rounds: int, precondition: Precondition) -> Response:
+async def _train_once(
+    state: AppState, name: str, rounds: int, precondition: Precondition, progress: ProgressSink | None
+) -> Response:
     def read(store: Store) -> tuple[StoredModel, list[StoredSample]]:
         model = store.model(name)
         precondition.check(name, model.version)
@@ -91,6 +103,7 @@ async def _train_once(state: AppState, name: str, rounds: int, precondition: Pre
         model.settings.learner,
         layout_settings(state.settings),
         time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
+        progress=progress,
     )
 
     def write(store: Store) -> int | None:

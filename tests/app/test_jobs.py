@@ -79,6 +79,24 @@ def test_the_answer_is_the_same_later(
         }
 
 
+def test_models_are_made_and_trained_later(client: httpx.Client) -> None:
+    path = "/layout/models/made-later"
+    page = {"width": 20, "height": 30, "zones": [{"id": "z1", "box": [1, 2, 9, 8], "label": "date"}]}
+    assert_problem(client.post(f"{path}/train", headers=LATER), 404, "not-found")
+    assert_problem(client.post(f"{path}/initialize", headers=LATER), 404, "not-found")
+    assert client.post(f"{path}/samples", json=page).status_code == 201
+    for version, action in enumerate(("initialize", "train"), 1):
+        accepted = client.post(f"{path}/{action}", headers=LATER)
+        assert accepted.status_code == 202
+        job = accepted.headers["location"]
+        assert until(client, job)["state"] == "succeeded"
+        result = client.get(f"{job}/result")
+        assert (result.status_code, result.json()["version"]) == (200, version)
+        assert result.headers["etag"] == f'"{version}"'
+    stale = client.post(f"{path}/train", headers={**LATER, "If-Match": '"1"'})
+    assert_problem(stale, 409, "conflict")
+
+
 def test_a_job_says_how_far_it_is(client: httpx.Client, tmp_path: Path) -> None:
     path = start(client, f"wait {tmp_path}")
     with client.stream("GET", f"{path}/events") as stream:
