@@ -33,6 +33,7 @@ from app.routes import (
     layout,
     layout_feedback,
     layout_models,
+    layout_proposals,
     layout_samples,
     layout_settings,
     layout_training,
@@ -60,6 +61,7 @@ ROUTERS = (
     layout_training.router,
     layout_versions.router,
     layout_settings.router,
+    layout_proposals.router,
     job_routes.router,
     health.router,
 )
@@ -74,6 +76,7 @@ WORK = frozenset(
         ("POST", "/layout/models/{name}/train"),
         ("GET", "/layout/models/{name}/versions/{version}/diff"),
         ("POST", "/layout/results/{id}/feedback"),
+        ("POST", "/layout/proposals"),
     }
 )
 """Requests that need a seat in the engine before their body is read."""

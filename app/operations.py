@@ -106,6 +106,14 @@ class LayoutReply:
 
 
 @dataclass(frozen=True, slots=True)
+class StoredPage:
+    """A page as it is kept, unknown or a sample: its id, and its document."""
+
+    id: str
+    document: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
 class ModelDraft:
     """A layout model that is no version yet, and its labels."""
 
@@ -183,6 +191,9 @@ LayoutOperation = Callable[
 ]
 SampleOperation = Callable[[bytes | None, bytes, LayoutSettings], dict[str, object]]
 InitializeOperation = Callable[[str, list[dict[str, Any]], LayoutSettings], ModelDraft]
+ProposeOperation = Callable[
+    [list[StoredPage], dict[str, list[StoredPage]], LayoutSettings], dict[str, object]
+]
 ImportOperation = Callable[[str, bytes], ModelDraft]
 AdaptOperation = Callable[[FeedbackTask, list[ModelDocument], LayoutSettings], Adaptation]
 TrainOperation = Callable[[ModelDocument, list[dict[str, Any]], int, str, LayoutSettings], Training]
@@ -324,6 +335,19 @@ def _stored_models(models: list[ModelDocument]) -> "list[stored_models.StoredMod
     return [stored_models.StoredModel(model.name, model.version, model.document) for model in models]
 
 
+def propose_classes(
+    unknown: list[StoredPage], classes: dict[str, list[StoredPage]], settings: LayoutSettings
+) -> dict[str, object]:
+    """New classes among unknown pages, and classes to merge or to split, by their samples."""
+    from services.operations import layout_discovery
+
+    def pages(kept: list[StoredPage]) -> list[layout_discovery.StoredPage]:
+        return [layout_discovery.StoredPage(page.id, page.document) for page in kept]
+
+    samples = {name: pages(kept) for name, kept in classes.items()}
+    return layout_discovery.propose_classes(pages(unknown), samples, _layout_settings(settings))
+
+
 def _layout_settings(settings: LayoutSettings) -> "page_zones.LayoutSettings":
     from services.operations import page_zones
 
@@ -374,5 +398,6 @@ class Operations:
     adapt_models: AdaptOperation = adapt_models
     train_model: TrainOperation = train_model
     compare_models: CompareOperation = compare_models
+    propose_classes: ProposeOperation = propose_classes
     warm_up: WarmUp = warm_up
     preloaded: tuple[str, ...] = PRELOADED

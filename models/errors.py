@@ -42,6 +42,10 @@ class ResultNotFound(NotFound):
     """There is no such result, or it is no longer kept."""
 
 
+class UnknownPageNotFound(NotFound):
+    """There is no such page that fitted no class, or it is no longer kept."""
+
+
 class VersionConflict(StoreError):
     """The model has another version than the writer expected; `current` is the version it has, if any."""
 

@@ -7,7 +7,7 @@ from typing import cast
 from sqlalchemy import ColumnElement, CursorResult, delete, select
 
 from models.documents import Document, decode_document, encode_document
-from models.errors import ResultNotFound
+from models.errors import ResultNotFound, UnknownPageNotFound
 from models.queries import READ_AT_ONCE, require_result_id
 from models.records import StoredResult, UnknownPage
 from models.tables import ResultRow, UnknownPageRow
@@ -95,6 +95,14 @@ class KeptResults(Transactions):
             for row in session.execute(wanted.execution_options(yield_per=READ_AT_ONCE)).scalars():
                 yield _unknown_page(row)
                 session.expunge(row)
+
+    def unknown_page(self, page_id: str) -> UnknownPage:
+        """One of them; `UnknownPageNotFound`."""
+        with self._reading() as session:
+            row = session.get(UnknownPageRow, page_id) if is_ulid(page_id) else None
+        if row is None or row.expires_at <= self._clock():
+            raise UnknownPageNotFound(f"there is no unknown page {page_id!r}, or no longer", page_id)
+        return _unknown_page(row)
 
     def forget_unknown_pages(self, page_ids: Sequence[str]) -> int:
         """Delete pages that have found a class, or that nobody shall be asked about again; how many went."""

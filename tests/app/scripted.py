@@ -25,6 +25,7 @@ from app.operations import (
     MosaicLimits,
     Operations,
     Reply,
+    StoredPage,
     Training,
     UploadLimits,
 )
@@ -369,6 +370,28 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
     return ModelDifference(len(changes), changes[:most])
 
 
+def propose_classes(
+    unknown: list[StoredPage], classes: dict[str, list[StoredPage]], settings: LayoutSettings
+) -> dict[str, object]:
+    """All unknown pages are a class, the first two models are one, and the first one is two."""
+    names, ids = list(classes), [page.id for page in unknown]
+    new = {"pages": ids, "typical": ids[0], "cohesion": 0.5, "recurring_zones": []} if ids else None
+    merge = {"models": names[:2], "fit": 0.9, "unsure": 0.5, "agreement": 1.0, "labels": {"to": "sender"}}
+    samples = [page.id for page in classes[names[0]]] if names else []
+    part = {"samples": samples, "typical": samples[0] if samples else ""}
+    split = {"model": names[0], "parts": [part, part], "gain": 0.1, "better": 0.9} if names else None
+    return {
+        "new_classes": [new] if new else [],
+        "merges": [merge] if len(names) > 1 else [],
+        "splits": [split] if split else [],
+        "looked_at": {
+            "unknown_pages": len(ids),
+            "models": len(names),
+            "samples": sum(map(len, classes.values())),
+        },
+    }
+
+
 def _labels(document: bytes) -> list[str]:
     return [node["label"] for node in json.loads(document)["nodes"] if node["label"]]
 
@@ -388,6 +411,7 @@ OPERATIONS = Operations(
     adapt_models=adapt_models,
     train_model=train_model,
     compare_models=compare_models,
+    propose_classes=propose_classes,
     warm_up=warm_up,
     preloaded=("tests.app.scripted",),
 )

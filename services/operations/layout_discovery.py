@@ -1,0 +1,122 @@
+"""Unknown pages, and samples of all classes -> proposals: new classes, classes to merge, classes to split.
+
+The app reads them from the store and tells a person what was found; nothing changes by it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from models.layout_graph import InvalidLayout, Page
+from services.layout.content_features import ContentFeatures
+from services.layout.discovery.class_samples import ClassSamples, gather_samples
+from services.layout.discovery.groups import GroupingParameters, PageGroup, choose_pages, group_pages
+from services.layout.discovery.merging import propose_merges
+from services.layout.discovery.splitting import propose_split
+from services.layout.exchange.limits import ExchangeLimits
+from services.layout.exchange.page_json import page_from_document
+from services.layout.graph import build_graph
+from services.layout.pipeline import content_features
+from services.operations.layout_models import FOUND
+from services.operations.page_zones import LayoutSettings, exchange_limits
+from services.progress import report_progress
+
+
+@dataclass(frozen=True, slots=True)
+class StoredPage:
+    """A page as the app keeps it: an unknown one, or a sample of a class."""
+
+    id: str
+    document: Mapping[str, Any]
+
+
+def propose_classes(
+    unknown: Sequence[StoredPage], classes: Mapping[str, Sequence[StoredPage]], settings: LayoutSettings
+) -> dict[str, Any]:
+    """What the pages that fit no class, and the samples of all classes, say of the set of classes, as JSON.
+
+    Work is bounded: of very many zones the first unknown pages are looked at, of each class 24 samples evenly from
+    all, and the 100 pairs of classes that are most alike. What is no page any more, by limits that have become
+    narrower, is left out; `looked_at` counts what was not.
+    """
+    features = content_features(settings.content_features)
+    # Each was within its limits when it was stored.
+    limits = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
+    report_progress("unknown pages", 0.0)
+    read = [(kept.id, _read(kept.document, limits, features)) for kept in unknown]
+    known = [(page_id, page) for page_id, page in read if page is not None]
+    graphs = [build_graph(page, features.names) for _, page in known]
+    graphs = graphs[: choose_pages(graphs, GroupingParameters().most_zones)]
+    groups = group_pages(graphs)
+    new = [_describe_group(group, known) for group in groups]
+    gathered: list[ClassSamples] = []
+    splits = []
+    for index, (name, samples) in enumerate(sorted(classes.items())):
+        report_progress("samples", 0.2 + 0.6 * index / len(classes))
+        verified = [(sample, _read(sample.document, limits, features)) for sample in samples]
+        pages = [
+            (sample, page, _read(sample.document.get(FOUND), limits, features))
+            for sample, page in verified
+            if page is not None
+        ]
+        if not pages:
+            continue
+        of_class, taken = gather_samples(name, [(page, found) for _, page, found in pages], features.names)
+        gathered.append(of_class)
+        split = propose_split(of_class)
+        if split is not None:
+            ids = [pages[at][0].id for at in taken]
+            parts = zip(split.parts, split.typical, strict=True)
+            splits.append(
+                {
+                    "model": name,
+                    "parts": [
+                        {"samples": [ids[at] for at in part], "typical": ids[typical]}
+                        for part, typical in parts
+                    ],
+                    "gain": round(split.gain, 3),
+                    "better": round(split.better, 3),
+                }
+            )
+    report_progress("pairs of classes", 0.8)
+    merges = [
+        {
+            "models": [merge.first, merge.second],
+            "fit": round(merge.fit, 3),
+            "unsure": round(merge.unsure, 3),
+            "agreement": round(merge.agreement, 3),
+            "labels": merge.labels,
+        }
+        for merge in propose_merges(gathered)
+    ]
+    return {
+        "new_classes": new,
+        "merges": merges,
+        "splits": splits,
+        "looked_at": {
+            "unknown_pages": len(graphs),
+            "models": len(gathered),
+            "samples": sum(len(each.samples) for each in gathered),
+        },
+    }
+
+
+def _describe_group(group: PageGroup, known: Sequence[tuple[str, Page]]) -> dict[str, object]:
+    return {
+        "pages": [known[page][0] for page in group.pages],
+        "typical": known[group.typical][0],
+        "cohesion": round(group.cohesion, 3),
+        "recurring_zones": [
+            {known[page][0]: known[page][1].zones[zone].id for page, zone in recurring.zones.items()}
+            for recurring in group.recurring
+        ],
+    }
+
+
+def _read(document: Any, limits: ExchangeLimits, features: ContentFeatures) -> Page | None:
+    """The page with its content features; None where there is none, or none with zones."""
+    try:
+        page = None if document is None else page_from_document(document, limits)
+    except InvalidLayout:
+        return None
+    return features.measure_page(page) if page is not None and page.zones else None

@@ -1,0 +1,49 @@
+"""Proposals as a worker makes them of documents: what cannot be read is left out."""
+
+from typing import Any
+
+from services.layout.exchange.page_json import page_to_document
+from services.operations.layout_discovery import StoredPage, propose_classes
+from services.operations.page_zones import LayoutSettings
+from services.progress import progress_to
+from tests.services.layout.samples import labelled_page
+
+SETTINGS = LayoutSettings()
+
+
+def stored(name: str, seed: int) -> StoredPage:
+    document: dict[str, Any] = page_to_document(labelled_page(name, seed))
+    return StoredPage(f"{name}{seed}", document)
+
+
+def test_pages_that_cannot_be_read_are_left_out() -> None:
+    pages = [stored("fax", seed) for seed in range(3)]
+    empty = StoredPage("empty", {"width": 10, "height": 10, "zones": []})
+    damaged = StoredPage("damaged", {"width": -1})
+    told = propose_classes(
+        [damaged, *pages, empty], {"memo": [damaged, stored("memo", 0)], "none": [empty]}, SETTINGS
+    )
+    (group,) = told["new_classes"]
+    assert group["pages"] == ["fax0", "fax1", "fax2"]
+    assert told["looked_at"] == {"unknown_pages": 3, "models": 1, "samples": 1}
+    assert told["merges"] == told["splits"] == []
+
+
+def test_samples_with_a_found_page_are_seen_in_both_views() -> None:
+    samples = []
+    for seed in range(4):
+        page = stored("memo", seed)
+        samples.append(StoredPage(page.id, {**page.document, "found": page.document}))
+    halves = {"a": samples[:4], "b": [stored("memo", seed) for seed in range(4, 8)]}
+    (merge,) = propose_classes([], halves, SETTINGS)["merges"]
+    assert merge["models"] == ["a", "b"]
+    assert merge["fit"] >= 0.7
+
+
+def test_progress_rises() -> None:
+    told: list[tuple[str, float]] = []
+    with progress_to(lambda stage, fraction: told.append((stage, fraction))):
+        propose_classes([], {"a": [stored("memo", 0)], "b": [stored("fax", 0)]}, SETTINGS)
+    fractions = [fraction for _, fraction in told]
+    assert fractions == sorted(fractions)
+    assert [stage for stage, _ in told] == ["unknown pages", "samples", "samples", "pairs of classes"]
