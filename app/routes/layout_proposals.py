@@ -3,17 +3,19 @@
 from itertools import islice
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Request, Response
 
 from app.engine.base import TimeLimit
 from app.operations import StoredPage
 from app.problems import documented
-from app.routes.connection import while_connected
 from app.routes.labelled_pages import layout_settings
+from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
+from app.routes.model_answers import READING, WORK
 from app.routes.state import State
 from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
 from models.errors import UnknownPageNotFound
 from models.repository import Store
+from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout", tags=["layout models"])
 
@@ -23,10 +25,13 @@ MOST_SAMPLES_TOGETHER = 1600
 """Of all models: as documents they have 30 MB, and a worker looks at them for a minute."""
 LEAST_SAMPLES = 4
 """Of a model, however many there are; two halves of fewer tell nothing."""
-_READING = ("not-found", "invalid-option", "internal", "store-unavailable")
 
 
-@router.get("/unknown-pages", operation_id="unknown_layout_pages", responses=documented(*_READING[2:]))
+@router.get(
+    "/unknown-pages",
+    operation_id="unknown_layout_pages",
+    responses=documented("internal", "store-unavailable"),
+)
 async def unknown_layout_pages(state: State) -> UnknownPageList:
     """Pages that fitted no class, newest first, without their zones; the newest are kept for some weeks."""
 
@@ -41,7 +46,7 @@ async def unknown_layout_pages(state: State) -> UnknownPageList:
     return UnknownPageList(pages=(await state.store.call(summarize))[::-1])
 
 
-@router.get("/unknown-pages/{id}", operation_id="unknown_layout_page", responses=documented(*_READING))
+@router.get("/unknown-pages/{id}", operation_id="unknown_layout_page", responses=documented(*READING))
 async def unknown_layout_page(state: State, id: str) -> UnknownPage:
     """One page that fitted no class, to be labelled and sent to POST /layout/models/{name}/samples."""
     page = await state.store.call(lambda store: store.unknown_page(id))
@@ -54,7 +59,7 @@ async def unknown_layout_page(state: State, id: str) -> UnknownPage:
     "/unknown-pages/{id}",
     operation_id="forget_unknown_layout_page",
     status_code=204,
-    responses=documented(*_READING),
+    responses=documented(*READING),
 )
 async def forget_unknown_layout_page(state: State, id: str) -> None:
     """Forget a page that has become a sample, or that nobody shall be asked about again."""
@@ -69,40 +74,42 @@ async def forget_unknown_layout_page(state: State, id: str) -> None:
 @router.post(
     "/proposals",
     operation_id="propose_layout_classes",
-    responses=documented(
-        "request-timeout",
-        "too-large",
-        "out-of-memory",
-        "worker-died",
-        "internal",
-        "busy",
-        "shutting-down",
-        "store-unavailable",
-        "timed-out",
-    ),
+    response_class=Response,
+    responses={
+        200: {"description": "What was found; nothing was changed.", "model": Proposals},
+        **ACCEPTED,
+        **documented("too-large", "request-timeout", "internal", "store-unavailable", *WORK),
+    },
+    openapi_extra=PREFER,
 )
-async def propose_layout_classes(request: Request, state: State) -> Proposals:
+async def propose_layout_classes(request: Request, state: State) -> Response:
     """Look for new classes among the unknown pages, for models to merge, and for models to split.
 
     A new class is three unknown pages or more that are alike. Models of three samples or more are compared with each
     other, those of eight or more with themselves. Nothing changes: every proposal says which requests carry it out.
     """
-    unknown, classes = await state.store.call(_read_all)
-    work = state.engine.submit(
-        state.operations.propose_classes,
-        unknown,
-        classes,
-        layout_settings(state.settings),
-        time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
-    )
-    found: dict[str, Any] = await while_connected(request, work)
-    for key, steps in (
-        ("new_classes", _steps_to_a_class),
-        ("merges", _steps_to_merge),
-        ("splits", _steps_to_split),
-    ):
-        found[key] = [{**each, "next": steps(each)} for each in found[key]]
-    return Proposals.model_validate(found)
+
+    async def work(progress: ProgressSink | None) -> Response:
+        unknown, classes = await state.store.call(_read_all)
+        found: dict[str, Any] = await state.engine.submit(
+            state.operations.propose_classes,
+            unknown,
+            classes,
+            layout_settings(state.settings),
+            time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
+            progress=progress,
+        )
+        request.state.seat.release()
+        for key, steps in (
+            ("new_classes", _steps_to_a_class),
+            ("merges", _steps_to_merge),
+            ("splits", _steps_to_split),
+        ):
+            found[key] = [{**each, "next": steps(each)} for each in found[key]]
+        answer = Proposals.model_validate(found)
+        return Response(answer.model_dump_json(), media_type="application/json")
+
+    return await answer_now_or_later(request, state, work)
 
 
 def _read_all(store: Store) -> tuple[list[StoredPage], dict[str, list[StoredPage]]]:

@@ -1,5 +1,6 @@
 """Pages that fitted no class, and proposals about the set of classes."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -89,6 +90,18 @@ def test_proposals_say_what_to_do_next(client: httpx.Client, tmp_path: Path) -> 
     assert merge["next"][-1] == "DELETE /layout/models/memo."
     assert "/layout/models/letter/samples" in split["next"][0]
     assert told["looked_at"] == {"unknown_pages": 2, "models": 2, "samples": 2}
+
+
+def test_proposals_may_come_later(client: httpx.Client, tmp_path: Path) -> None:
+    (page_id,) = keep_unknown(tmp_path, labelled("a"))
+    accepted = client.post(PROPOSALS, headers={"Prefer": "respond-async"})
+    assert accepted.status_code == 202
+    result = f"{accepted.headers['location']}/result"
+    deadline = time.monotonic() + 30
+    while (later := client.get(result)).status_code != 200:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert later.json()["new_classes"][0]["pages"] == [page_id]
 
 
 def test_the_newest_samples_are_looked_at(client: httpx.Client) -> None:
