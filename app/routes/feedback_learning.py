@@ -24,6 +24,8 @@ up."""
 LONGEST_PAUSE_S = 0.05
 """Between two tries: about one adaptation."""
 
+_MOST_NAMED = 20
+
 
 @dataclass(frozen=True, slots=True)
 class FoundPage:
@@ -95,7 +97,20 @@ async def learn_from(state: AppState, result_id: str, key: str | None, body: Fee
 
 
 def found_page(document: Mapping[str, Any]) -> FoundPage:
-    """What a kept result tells of its page."""
+    """What a kept result tells of its page.
+
+    Raises
+    ------
+    InvalidOption
+        When it is of a document of several pages, each of which has a result of its own.
+    """
+    if "page" not in document:
+        pages = ", ".join(document["pages"][:_MOST_NAMED])
+        raise InvalidOption(
+            f"id: this document has {len(document['pages'])} pages; send the feedback on each page to the result of "
+            f"that page ({pages}).",
+            "id",
+        )
     result = document["result"]
     found_class = None if result["class"] is None else result["class"]["name"]
     return FoundPage(document["page"], found_class, {zone["id"]: zone["label"] for zone in result["zones"]})

@@ -249,6 +249,16 @@ def test_what_is_not_there(shared: tuple[httpx.Client, str]) -> None:
     assert version(client) == 1
 
 
+def test_a_document_of_several_pages_is_corrected_page_by_page(client: httpx.Client, tmp_path: Path) -> None:
+    pages = [recognize(client), recognize(client)]
+    with Store.open(tmp_path / DATABASE) as store:
+        document = store.add_result({"document": {}, "pages": pages}, 1000)
+    problem = assert_problem(give(client, document, {"labels": {}}), 422, "invalid-option")
+    assert problem["field"] == "id"
+    assert ", ".join(pages) in str(problem["detail"])
+    assert answer(give(client, pages[1], {"labels": {}}))["created"]
+
+
 def test_a_key_must_be_one(shared: tuple[httpx.Client, str]) -> None:
     client, result = shared
     problem = assert_problem(give(client, result, {"labels": {}}, "k" * 201), 422, "invalid-option")
