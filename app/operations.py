@@ -6,7 +6,6 @@ loads no numpy and no OpenCV, and what crosses the border between them is plain 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,7 +19,13 @@ if TYPE_CHECKING:
 Format = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
 LayoutFormat = Literal["json", "pagexml", "alto", "png"]
 
-PRELOADED = ("services.operations", "services.operations.layout", "services.operations.layout_models")
+PRELOADED = (
+    "services.operations",
+    "services.operations.layout",
+    "services.operations.layout_models",
+    "services.operations.layout_learning",
+    "services.operations.layout_diff",
+)
 """Loaded once, before the first worker exists; every worker starts with it."""
 
 
@@ -282,7 +287,8 @@ def adapt_models(task: FeedbackTask, models: list[ModelDocument], settings: Layo
     Of a class without a version, or without a class, there is none among them; the answer has then no document of it.
     Raises the `DocumentError`s of `services.operations`.
     """
-    layout_learning = import_module("services.operations.layout_learning")
+    from services.operations import layout_learning
+
     adaptation = layout_learning.adapt_models(
         layout_learning.FeedbackTask(
             task.page,
@@ -309,7 +315,8 @@ def train_model(
     model: ModelDocument, samples: list[dict[str, Any]], rounds: int, learner: str, settings: LayoutSettings
 ) -> Training:
     """`model` after at most `rounds` rounds over `samples`; raises the `DocumentError`s of `services.operations`."""
-    layout_learning = import_module("services.operations.layout_learning")
+    from services.operations import layout_learning
+
     (stored,) = _stored_models([model])
     training = layout_learning.train_model(stored, samples, rounds, learner, _layout_settings(settings))
     return Training(
