@@ -95,6 +95,7 @@ bench-layout: venv-dev
 	@$(BIN)/python -m benchmarks.layout_recognition $(BENCH_OPTIONS)
 	@$(BIN)/python -m benchmarks.layout_segmentation
 	@$(BIN)/python -m benchmarks.layout_matching --two-steps
+	@$(BIN)/python -m benchmarks.layout_hierarchy
 
 # Debian's packages: Tesseract's language data, and python3-venv where this Python cannot make environments
 # without it. Whoever may not install them is told, and gets a service without OCR.

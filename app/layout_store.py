@@ -215,18 +215,19 @@ def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, Read
     for summary in store.models():
         if summary.version is None:
             continue
-        earlier = known.get(summary.name)
-        if earlier is not None and earlier.document.version == summary.version:
-            ready[summary.name] = earlier
-            continue
-        try:
-            model = store.model(summary.name, summary.version)
-        except ModelNotFound:  # deleted just now
-            continue
-        assert model.document is not None
-        # What it has seen is for learning alone, and half of it.
-        recognizing = replace(model, document=model.document | {"memory": None})
-        ready[summary.name] = ReadyModel(document_of(recognizing), labels_of(model.document))
+        newest = known.get(summary.name)
+        if newest is None or newest.document.version != summary.version:
+            try:
+                model = store.model(summary.name, summary.version)
+            except ModelNotFound:  # deleted just now
+                continue
+            assert model.document is not None
+            # What it has seen is for learning alone, and half of it.
+            recognizing = replace(model, document=model.document | {"memory": None})
+            newest = ReadyModel(document_of(recognizing), labels_of(model.document))
+        # Settings are not the version's: they change under it.
+        document = replace(newest.document, genre=summary.settings.genre)
+        ready[summary.name] = replace(newest, document=document)
     return ready
 
 
@@ -235,7 +236,7 @@ def document_of(model: StoredModel) -> ModelDocument:
     assert model.version is not None
     assert model.document is not None
     document = json.dumps(model.document, ensure_ascii=False, separators=(",", ":")).encode()
-    return ModelDocument(model.name, model.version, document)
+    return ModelDocument(model.name, model.version, document, genre=model.settings.genre)
 
 
 def labels_of(document: Mapping[str, Any]) -> tuple[str, ...]:

@@ -90,11 +90,12 @@ class LayoutSettings:
 
 @dataclass(frozen=True, slots=True)
 class ModelDocument:
-    """A version of a layout model, as JSON."""
+    """A version of a layout model, as JSON; `genre` is the one that its class was given, if it was."""
 
     name: str
     version: int
     document: bytes
+    genre: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,7 +340,10 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
 def _stored_models(models: list[ModelDocument]) -> "list[stored_models.StoredModel]":
     from services.operations import stored_models
 
-    return [stored_models.StoredModel(model.name, model.version, model.document) for model in models]
+    return [
+        stored_models.StoredModel(model.name, model.version, model.document, genre=model.genre)
+        for model in models
+    ]
 
 
 def propose_classes(

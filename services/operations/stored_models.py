@@ -17,11 +17,12 @@ MOST_BYTES = 80 * 2**20
 
 @dataclass(frozen=True, slots=True)
 class StoredModel:
-    """A version of a layout model; `document` is its JSON."""
+    """A version of a layout model; `document` is its JSON, `genre` the one that its class was given, if it was."""
 
     name: str
     version: int
     document: bytes
+    genre: str | None = None
 
 
 class ReadyModels:
@@ -62,7 +63,7 @@ def open_models(models: Sequence[StoredModel], ready: ReadyModels = _READY) -> l
     InvalidModel
         When one of them cannot be read by this release.
     """
-    return [VersionedModel(_read(model, ready), model.version) for model in models]
+    return [VersionedModel(_read(model, ready), model.version, model.genre) for model in models]
 
 
 def _read(stored: StoredModel, ready: ReadyModels) -> LayoutModel:

@@ -125,6 +125,16 @@ def test_models_are_read_again_only_when_one_has_changed(
     with_store(tmp_path, work)
 
 
+def test_a_genre_is_known_although_no_version_has_changed(tmp_path: Path) -> None:
+    async def work(store: LayoutStore) -> None:
+        await add(store, "a")
+        assert [model.genre for model in await store.ready_models(None)] == [None]
+        await store.call(lambda inner: inner.change_settings("a", genre="letters"))
+        assert [model.genre for model in await store.ready_models(None)] == ["letters"]
+
+    with_store(tmp_path, work)
+
+
 def test_models_that_are_not_there(tmp_path: Path) -> None:
     async def work(store: LayoutStore) -> None:
         await store.call(lambda inner: inner.add_sample("fax", PAGE))

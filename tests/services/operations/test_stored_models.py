@@ -1,6 +1,7 @@
 """Stored models are read once, and kept within a bound of bytes."""
 
 import json
+from dataclasses import replace
 
 from models.layout_graph import Calibration, LayoutModel, ModelNode
 from models.model_document import model_to_document
@@ -17,6 +18,14 @@ def test_a_model_is_read_once() -> None:
     ready, model = ReadyModels(), stored("a")
     first, again = (open_models([model], ready)[0].model for _ in range(2))
     assert first is again
+
+
+def test_a_genre_competes_with_its_model() -> None:
+    models = [stored("a"), replace(stored("b"), genre="letters")]
+    assert [(each.version, each.genre) for each in open_models(models, ReadyModels())] == [
+        (1, None),
+        (1, "letters"),
+    ]
 
 
 def test_the_least_recently_used_models_go_first() -> None:
