@@ -226,7 +226,8 @@ def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, Read
             recognizing = replace(model, document=model.document | {"memory": None})
             newest = ReadyModel(document_of(recognizing), labels_of(model.document))
         # Settings are not the version's: they change under it.
-        document = replace(newest.document, genre=summary.settings.genre)
+        settings = summary.settings
+        document = replace(newest.document, genre=settings.genre, continues=settings.continues)
         ready[summary.name] = replace(newest, document=document)
     return ready
 
@@ -236,7 +237,10 @@ def document_of(model: StoredModel) -> ModelDocument:
     assert model.version is not None
     assert model.document is not None
     document = json.dumps(model.document, ensure_ascii=False, separators=(",", ":")).encode()
-    return ModelDocument(model.name, model.version, document, genre=model.settings.genre)
+    settings = model.settings
+    return ModelDocument(
+        model.name, model.version, document, genre=settings.genre, continues=settings.continues
+    )
 
 
 def labels_of(document: Mapping[str, Any]) -> tuple[str, ...]:

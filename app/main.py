@@ -149,7 +149,9 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         if router is layout.router:
             # A field is refused by its own limit, which is told by name, before by that of all fields.
             spare = settings.max_zones_bytes + MAX_FIELD_BYTES
-            app.include_router(router, form_limits={"max_part_size": spare})
+            # One image too many is told of the pages and not of the form.
+            files = max(layout.FEWEST_FILES, 2 * settings.max_pages)
+            app.include_router(router, form_limits={"max_part_size": spare, "max_files": files})
         else:
             app.include_router(router)
     answer = FrameworkErrors((route.path, route.methods or ()) for route in routes)
@@ -171,13 +173,18 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         max_upload_bytes=settings.max_mosaic_upload_bytes,
         size_setting="MAX_MOSAIC_UPLOAD_BYTES",
     )
+    document_limits = replace(
+        body_limits,
+        max_upload_bytes=settings.max_document_upload_bytes,
+        size_setting="MAX_DOCUMENT_UPLOAD_BYTES",
+    )
     model_limits = replace(
         body_limits, max_upload_bytes=settings.max_model_bytes, size_setting="MAX_MODEL_BYTES"
     )
     app.add_middleware(
         BodyGuard,
         limits=body_limits,
-        of_path={"/mosaic": mosaic_limits, "/layout/models/{name}": model_limits},
+        of_path={"/mosaic": mosaic_limits, "/layout": document_limits, "/layout/models/{name}": model_limits},
     )
     app.add_middleware(RequestLog, metrics=metrics)
     _describe(app, bool(settings.api_keys))

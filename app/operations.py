@@ -21,7 +21,7 @@ LayoutFormat = Literal["json", "pagexml", "alto", "png"]
 
 PRELOADED = (
     "services.operations",
-    "services.operations.layout",
+    "services.operations.layout_documents",
     "services.operations.layout_models",
     "services.operations.layout_learning",
     "services.operations.layout_diff",
@@ -66,18 +66,25 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class LayoutOptions:
-    """How a page is recognized, and how the answer is wanted."""
+    """How a page is recognized, and how the answer is wanted.
+
+    `page` is the only one of several that is wanted, counted from 1; `asked` tells that `format` was asked for by name
+    and does not follow from `Accept`.
+    """
 
     rectify: bool
     ocr: bool
     format: LayoutFormat
     explain: bool
     image_name: str
+    image_names: tuple[str, ...] = ()
+    page: int | None = None
+    asked: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class LayoutSettings:
-    """What a page may cost (its image, the number of its zones, a file of them), and how it is read.
+    """What a page may cost (its image, the number of its zones, a file of them), what a document, and how it is read.
 
     `content_features` is the operator's settings file of content features (None: those that come along).
     """
@@ -86,16 +93,22 @@ class LayoutSettings:
     max_zones: int
     max_zones_file_bytes: int
     content_features: Path | None
+    max_pages: int = 20
+    max_document_megapixels: float = 200.0
 
 
 @dataclass(frozen=True, slots=True)
 class ModelDocument:
-    """A version of a layout model, as JSON; `genre` is the one that its class was given, if it was."""
+    """A version of a layout model, as JSON.
+
+    `genre` is the one that its class was given, if it was; `continues` the class whose later pages it describes.
+    """
 
     name: str
     version: int
     document: bytes
     genre: str | None = None
+    continues: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +130,25 @@ class StoredPage:
 
     id: str
     document: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class PageReply:
+    """A page's result but for its id, and the page it is of."""
+
+    document: dict[str, object]
+    page: dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class DocumentReply:
+    """The same of several pages: an archive of files (empty when JSON was asked for), the contract's `DocumentResult`
+    but for its pages, and these."""
+
+    body: bytes
+    media_type: str
+    document: dict[str, object]
+    pages: list[PageReply]
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +224,8 @@ class ModelDifference:
 
 
 LayoutOperation = Callable[
-    [bytes | None, bytes | None, bytes | None, list[ModelDocument], LayoutOptions, LayoutSettings],
-    LayoutReply,
+    [list[bytes], bytes | None, bytes | None, list[ModelDocument], LayoutOptions, LayoutSettings],
+    LayoutReply | DocumentReply,
 ]
 SampleOperation = Callable[[bytes | None, bytes, LayoutSettings], dict[str, object]]
 InitializeOperation = Callable[[str, list[dict[str, Any]], LayoutSettings], ModelDraft]
@@ -233,30 +265,41 @@ def mosaic(
 
 
 def recognize_layout(
-    image: bytes | None,
+    images: list[bytes],
     zones: bytes | None,
     zones_file: bytes | None,
     models: list[ModelDocument],
     options: LayoutOptions,
     settings: LayoutSettings,
-) -> LayoutReply:
-    """Class and labels of a page, sent as an `image`, as `zones` (JSON), as a `zones_file`, or as image and zones.
+) -> LayoutReply | DocumentReply:
+    """Class and labels of a page, sent as an image, as `zones` (JSON), as a `zones_file`, or as image and zones; or
+    of the pages of a document, sent as `images`, TIFF files and PDFs.
 
     Raises the `DocumentError`s of `services.operations`.
     """
-    from services.operations import layout
+    from services.operations import layout, layout_documents
 
-    reply = layout.recognize_upload(
-        image,
+    reply = layout_documents.recognize_uploads(
+        images,
         zones,
         zones_file,
         _stored_models(models),
         layout.LayoutOptions(
-            options.rectify, options.ocr, options.format, options.explain, options.image_name
+            rectify=options.rectify,
+            ocr=options.ocr,
+            format=options.format,
+            explain=options.explain,
+            image_name=options.image_name,
+            image_names=options.image_names,
+            page=options.page,
+            asked=options.asked,
         ),
         _layout_settings(settings),
     )
-    return LayoutReply(reply.body, reply.media_type, reply.document, reply.page)
+    if isinstance(reply, layout.LayoutReply):
+        return LayoutReply(reply.body, reply.media_type, reply.document, reply.page)
+    pages = [PageReply(page.document, page.page) for page in reply.pages]
+    return DocumentReply(reply.body, reply.media_type, reply.document, pages)
 
 
 def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
@@ -341,7 +384,9 @@ def _stored_models(models: list[ModelDocument]) -> "list[stored_models.StoredMod
     from services.operations import stored_models
 
     return [
-        stored_models.StoredModel(model.name, model.version, model.document, genre=model.genre)
+        stored_models.StoredModel(
+            model.name, model.version, model.document, genre=model.genre, continues=model.continues
+        )
         for model in models
     ]
 
@@ -367,6 +412,8 @@ def _layout_settings(settings: LayoutSettings) -> "page_zones.LayoutSettings":
         settings.max_zones,
         settings.max_zones_file_bytes,
         settings.content_features,
+        settings.max_pages,
+        settings.max_document_megapixels,
     )
 
 

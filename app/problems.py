@@ -68,10 +68,10 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "not-finished": "The job has no result yet.",
     "cancelled": "The job was cancelled; it has no result and will have none.",
     "store-full": "As many models or samples as MAX_MODELS or MAX_SAMPLES_PER_MODEL allow.",
-    "too-large": "More bytes or megapixels than a limit allows; judged before decoding.",
+    "too-large": "More bytes, megapixels or pages than a limit allows; judged before decoding.",
     "out-of-memory": "The work needs more memory than WORKER_MEMORY_BYTES.",
     "unsupported-media-type": "Not an image format that is accepted.",
-    "undecodable-image": "The image data is truncated or damaged.",
+    "undecodable-image": "The image data is truncated or damaged, or a PDF is, or it is encrypted.",
     "invalid-option": "An option is unknown, malformed or out of its range; `field` names it.",
     "no-text": "The image shows too little printed text to see the page's shape.",
     "not-overlapping": "No two of the photos show the same part of a page.",
@@ -85,7 +85,8 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "not-ready": "No worker is up.",
     "shutting-down": "The service is stopping; come again after `Retry-After` seconds.",
     "store-unavailable": "What is remembered cannot be read or written now; nothing was kept.",
-    "timed-out": "The work ran past its limit (JOB_TIMEOUT_S, MOSAIC_TIMEOUT_S, MODEL_TIMEOUT_S) and was stopped.",
+    "timed-out": "The work ran past its limit (JOB_TIMEOUT_S, MOSAIC_TIMEOUT_S, DOCUMENT_TIMEOUT_S, MODEL_TIMEOUT_S) "
+    "and was stopped.",
 }
 
 _CODE_OF_STATUS = {400: "bad-request", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}

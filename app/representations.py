@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from app.operations import Format, LayoutFormat
-from services.errors import DocumentError
+from services.errors import NotAcceptable
 
 MEDIA_TYPES: Mapping[Format, str] = {
     "jpeg": "image/jpeg",
@@ -27,12 +27,6 @@ LAYOUT_MEDIA_TYPES: Mapping[LayoutFormat, str] = {
 
 SNIFFED_BYTES = 32
 Name = TypeVar("Name", bound=str)
-
-
-class NotAcceptable(DocumentError):
-    """No representation fits `Accept`."""
-
-    code = "not-acceptable"
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +147,11 @@ def sniff_format(head: bytes) -> Format | None:
     return None
 
 
+def may_have_pages(head: bytes) -> bool:
+    """Whether an upload that begins so may hold several pages: a TIFF file, or no image at all, as PDFs are none."""
+    return sniff_format(head) in ("tiff", None)
+
+
 def image_headers(document: Mapping[str, object]) -> dict[str, str]:
     """The essential facts of a result (a route's result as JSON) as headers of an image answer."""
     headers = {}
@@ -172,8 +171,8 @@ def layout_headers(document: Mapping[str, object]) -> dict[str, str]:
     """The essential facts of a result of /layout as headers of any answer."""
     headers = {"Vary": "Accept"}
     chosen = document.get("class")
-    if isinstance(chosen, Mapping):
-        headers["Document-Class"] = str(chosen["name"])
+    if isinstance(chosen, Mapping):  # a page that goes on has a model of its own, and its document's class
+        headers["Document-Class"] = str(document.get("document_class") or chosen["name"])
     return headers | _notices(document.get("warnings")) | _stages(document.get("timings_ms"))
 
 

@@ -51,6 +51,16 @@ class Settings(BaseSettings):
         description="All photos of a mosaic together, judged from their headers: 16 of 12 megapixels. "
         "They are in memory at once, 3 bytes a pixel.",
     )
+    max_document_upload_bytes: int = Field(
+        default=96 * MIB, ge=1024, description="Largest request body of /layout: 20 scans of 4.8 MiB."
+    )
+    max_pages: int = Field(default=20, ge=1, description="Most pages of a document of /layout.")
+    max_document_megapixels: float = Field(
+        default=200.0,
+        gt=0,
+        description="All pages of a document together, judged before the first is decoded: 20 of A4 at 300 dpi are "
+        "174. One is in memory at a time.",
+    )
     max_zones: int = Field(
         default=500, ge=1, description="Most zones of a page; those of dense newspaper pages are some 300."
     )
@@ -97,6 +107,12 @@ class Settings(BaseSettings):
     )
     mosaic_timeout_s: float = Field(
         default=120.0, gt=0, description="The same for a mosaic; eight photos of 3 megapixels take 18 s."
+    )
+    document_timeout_s: float = Field(
+        default=300.0,
+        gt=0,
+        description="The same for what may have several pages: several images, a TIFF file or a PDF. Reading takes "
+        "most of it, 2 to 8 s a page.",
     )
     model_timeout_s: float = Field(
         default=120.0,

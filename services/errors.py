@@ -37,6 +37,12 @@ class UndecodableImage(DocumentError):
     code = "undecodable-image"
 
 
+class NotAcceptable(DocumentError):
+    """No representation fits what the client accepts."""
+
+    code = "not-acceptable"
+
+
 class InvalidOption(DocumentError):
     """An option is out of its range; the detail names the field."""
 

@@ -63,6 +63,8 @@ def layout_settings(settings: Settings) -> LayoutSettings:
         settings.max_zones,
         settings.max_zones_file_bytes,
         settings.content_features,
+        settings.max_pages,
+        settings.max_document_megapixels,
     )
 
 

@@ -1,21 +1,41 @@
 """POST /layout: a page or its zones -> document class and labels; and what became of it."""
 
+from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Form, Request, Response
+from fastapi import APIRouter, Form, Request, Response, UploadFile
 
-from app.operations import LayoutOptions, LayoutReply
+from app.engine.base import TimeLimit
+from app.operations import DocumentReply, LayoutFormat, LayoutOptions, LayoutReply, LayoutSettings
 from app.problems import documented
-from app.representations import LAYOUT_MEDIA_TYPES, choose_layout_format, layout_headers
+from app.representations import (
+    LAYOUT_MEDIA_TYPES,
+    SNIFFED_BYTES,
+    choose_layout_format,
+    layout_headers,
+    may_have_pages,
+)
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import State
-from app.schemas.layout import LayoutForm, LayoutResult, parse_names, result_of
-from services.errors import InvalidOption
+from app.schemas.layout import (
+    DocumentResult,
+    LayoutForm,
+    LayoutResult,
+    document_of,
+    parse_names,
+    result_of,
+)
+from app.settings import Settings
+from models.repository import Store
+from services.errors import InvalidOption, TooLarge
 from services.progress import ProgressSink
 
 router = APIRouter(tags=["layout"])
 
+FEWEST_FILES = 64
+"""That a form may have in any case."""
 
 _STRING = {"schema": {"type": "string"}}
 _HEADERS: dict[str, Any] = {
@@ -32,9 +52,11 @@ _HEADERS: dict[str, Any] = {
     response_class=Response,
     responses={
         200: {
-            "description": "Class and labels, as JSON, as PAGE-XML or ALTO (application/xml), or drawn on the page.",
-            "model": LayoutResult,
+            "description": "Class and labels, as JSON, as PAGE-XML or ALTO (application/xml; of several pages an "
+            "archive of such files), or drawn on the page.",
+            "model": LayoutResult | DocumentResult,
             "content": {
+                "application/zip": {"schema": {"type": "string", "format": "binary"}},
                 "application/xml": {"schema": {"type": "string"}},
                 "image/png": {"schema": {"type": "string", "format": "binary"}},
             },
@@ -62,37 +84,55 @@ _HEADERS: dict[str, Any] = {
         ),
     },
     openapi_extra=PREFER,
-    form_limits={"max_fields": 10, "max_files": 4},
+    form_limits={"max_fields": 10},
 )
 async def layout(
     request: Request, state: State, form: Annotated[LayoutForm, Form(media_type="multipart/form-data")]
 ) -> Response:
     """Tell the class of a document and the logical label of each of its zones.
 
-    Send the page as `image`, or its zones as `zones` or `zones_file`, or the image and its zones. What comes back
+    Send the page as `image`, or its zones as `zones` or `zones_file`, or the image and its zones; the pages of a
+    document as several parts `image` in their order, or as a TIFF file or PDF. What comes back
     follows `format`, or `Accept` (application/xml: PAGE-XML); with neither, JSON. The result is kept for a while
     under its id. Without any model, zones come back unlabelled and `class` is null; `class` is null too when the
     page is more likely of none of the classes, and zones then have the labels of the nearest model.
+
+    Of several pages the answer is a `DocumentResult`. A model whose settings say that it `continues` a class describes
+    later pages of that class's documents: the class is the one whose models together fit all pages best.
     """
-    check_parts(form)
-    chosen = choose_layout_format(form.format, request.headers.get("accept"))
     settings = state.settings
+    check_parts(form, settings.max_pages)
+    chosen = choose_layout_format(form.format, request.headers.get("accept"))
+    images = form.image or []
     models = await state.store.ready_models(None if form.models is None else parse_names(form.models))
     zones = zones_upload(form.zones, "zones", settings.max_zones_bytes)
     zones_file = zones_upload(form.zones_file, "zones_file", settings.max_zones_file_bytes)
+    time_limit = await _time_limit(images, settings)
 
     async def work(progress: ProgressSink | None) -> Response:
-        reply: LayoutReply = await state.engine.submit(
+        reply: LayoutReply | DocumentReply = await state.engine.submit(
             state.operations.recognize_layout,
-            form.image,
+            images,
             zones,
             zones_file,
             models,
-            LayoutOptions(form.rectify, form.ocr == "auto", chosen, form.explain, _image_name(form)),
-            layout_settings(settings),
+            LayoutOptions(
+                form.rectify,
+                form.ocr == "auto",
+                chosen,
+                form.explain,
+                _image_name(images[:1]),
+                tuple(_image_name([image]) for image in images),
+                form.page,
+                form.format is not None,
+            ),
+            _limits(settings),
+            time_limit=time_limit,
             progress=progress,
         )
         request.state.seat.release()
+        if isinstance(reply, DocumentReply):
+            return await _answer_document(state, reply, chosen)
         result_of(reply.document, "held to the contract before it is kept")
         result_id = await state.store.keep_result({"result": reply.document, "page": reply.page})
         headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
@@ -109,32 +149,87 @@ async def layout(
     operation_id="layout_result",
     response_class=Response,
     responses={
-        200: {"description": "The result again.", "model": LayoutResult},
+        200: {"description": "The result again.", "model": LayoutResult | DocumentResult},
         **documented("not-found", "internal", "store-unavailable"),
     },
 )
 async def layout_result(state: State, id: str) -> Response:
     """The same result again, as JSON; it is kept for RESULT_TTL_S seconds, and longest MAX_RESULTS results."""
     kept = await state.store.call(lambda store: store.result(id))
-    body = result_of(kept.document["result"], kept.id).model_dump_json(by_alias=True)
-    return Response(body, media_type=LAYOUT_MEDIA_TYPES["json"])
+    result: LayoutResult | DocumentResult
+    if "pages" in kept.document:
+        pages = [await state.store.call(partial(_read_page, id=page)) for page in kept.document["pages"]]
+        result = document_of(kept.document["document"], kept.id, pages)
+    else:
+        result = result_of(kept.document["result"], kept.id)
+    return Response(result.model_dump_json(by_alias=True), media_type=LAYOUT_MEDIA_TYPES["json"])
 
 
-def check_parts(form: LayoutForm) -> None:
+async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFormat) -> Response:
+    """The pages are kept before the document, which tells where they are."""
+    for page in reply.pages:
+        result_of(page.document, "held to the contract before it is kept")
+    document_of(reply.document, "so is this", [])
+    pages = [
+        result_of(page.document, await state.store.keep_result({"result": page.document, "page": page.page}))
+        for page in reply.pages
+    ]
+    result_id = await state.store.keep_result(
+        {"document": reply.document, "pages": [page.id for page in pages]}
+    )
+    headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
+    if chosen != "json":
+        return Response(reply.body, media_type=reply.media_type, headers=headers)
+    body = document_of(reply.document, result_id, pages).model_dump_json(by_alias=True)
+    return Response(body, media_type=LAYOUT_MEDIA_TYPES["json"], headers=headers)
+
+
+def _read_page(store: Store, id: str) -> LayoutResult:
+    kept = store.result(id)
+    return result_of(kept.document["result"], kept.id)
+
+
+async def _time_limit(images: list[UploadFile], settings: Settings) -> TimeLimit | None:
+    """That of documents, for what may be one; None: that of any work."""
+    heads = []
+    for image in images:
+        heads.append(await image.read(SNIFFED_BYTES))
+        await image.seek(0)
+    if len(heads) > 1 or any(map(may_have_pages, heads)):
+        return TimeLimit(settings.document_timeout_s, "DOCUMENT_TIMEOUT_S")
+    return None
+
+
+def _limits(settings: Settings) -> LayoutSettings:
+    """What is sent to /layout may be a document, so a file may be as large as the whole body."""
+    limits = layout_settings(settings)
+    return replace(limits, image=replace(limits.image, max_bytes=settings.max_document_upload_bytes))
+
+
+def check_parts(form: LayoutForm, max_pages: int) -> None:
     """Refuse parts that do not go together.
 
     Raises
     ------
-    MissingPart, InvalidOption
+    MissingPart, InvalidOption, TooLarge
     """
     has_zones = form.zones is not None or form.zones_file is not None
-    if form.image is None and not has_zones:
+    images = form.image or []
+    if not images and not has_zones:
         raise MissingPart(
             "image: send the page as a file part of multipart/form-data, or its zones as `zones` or `zones_file`.",
             "image",
         )
     if form.zones is not None and form.zones_file is not None:
         raise InvalidOption("zones_file: send the zones once, as zones or as zones_file.", "zones_file")
+    if len(images) > max_pages:
+        raise TooLarge(
+            f"image: a document may have {max_pages} pages (MAX_PAGES), and {len(images)} images were sent.",
+            "image",
+        )
+    if has_zones and (len(images) > 1 or form.page is not None):
+        field = "image" if len(images) > 1 else "page"
+        raise InvalidOption(f"{field}: zones are of one page; send them with its image alone.", field)
     if form.rectify and has_zones:
         raise InvalidOption(
             "rectify: zones are in pixels of the image as it is; send the image alone to have it rectified.",
@@ -142,7 +237,7 @@ def check_parts(form: LayoutForm) -> None:
         )
 
 
-def _image_name(form: LayoutForm) -> str:
+def _image_name(images: list[UploadFile]) -> str:
     """What PAGE-XML and ALTO call the image: its file's name without folders."""
-    name = (form.image.filename or "") if form.image is not None else ""
+    name = (images[0].filename or "") if images else ""
     return name.replace("\\", "/").rpartition("/")[2][:200] or "page"

@@ -12,6 +12,8 @@ from app.schemas.page import Answer, Warning
 
 MODEL_NAME_PATTERN = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,59}$"
 MOST_NAMES = 200
+MOST_PAGE = 10_000
+"""Of a long file one page may be recognized, however many a document may have."""
 _NAMES_PATTERN = (
     f"^{MODEL_NAME_PATTERN.strip('^$')}(, ?{MODEL_NAME_PATTERN.strip('^$')}){{0,{MOST_NAMES - 1}}}$"
 )
@@ -40,7 +42,7 @@ def _checked_names(text: str) -> str:
 
 
 class LayoutForm(BaseModel):
-    """The multipart form of POST /layout: `image`, `zones` or `zones_file`, or `image` and one of the others."""
+    """Form of POST /layout: `image` (or several), `zones` or `zones_file`, or `image` and one of them."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -49,8 +51,11 @@ class LayoutForm(BaseModel):
         },
     )
 
-    image: UploadFile | Absent = Field(
-        default=None, description="The page: JPEG, PNG, WebP, TIFF (first page) or HEIC/HEIF."
+    image: list[UploadFile] | Absent = Field(
+        default=None,
+        description="The page: JPEG, PNG, WebP, TIFF, HEIC/HEIF or PDF. The pages of a document: several parts of this "
+        "name in their order, or a TIFF file or PDF of several pages.",
+        json_schema_extra={"minItems": 1},
     )
     zones: UploadFile | str | Absent = Field(
         default=None,
@@ -74,7 +79,11 @@ class LayoutForm(BaseModel):
     )
     format: LayoutFormat | Absent = Field(
         default=None,
-        description="What comes back; overrides `Accept`. png: the page with its labelled zones drawn on it.",
+        description="What comes back; overrides `Accept`. png: the page with its labelled zones drawn on it. "
+        "Of several pages there is json, and an archive (application/zip) of a pagexml or alto file each.",
+    )
+    page: Annotated[int, Field(ge=1, le=MOST_PAGE)] | Absent = Field(
+        default=None, description="The only one of several pages that is wanted, counted from 1."
     )
     explain: Switch = Field(
         default=False, description="With JSON: the terms of the cost, largest first, in `match.explanation`."
@@ -82,7 +91,10 @@ class LayoutForm(BaseModel):
 
 
 class DocumentClass(Answer):
-    """How well the page fits one model."""
+    """How well the page fits one model; of a document, how well its pages fit the models of a class.
+
+    The version is then that of the model of its first page, and the cost the sum of its pages'.
+    """
 
     name: str
     model_version: int = Field(ge=1)
@@ -157,8 +169,44 @@ class LayoutResult(Answer):
     )
     zones: list[LabelledZone]
     match: MatchReport | None
+    part: Literal["first", "continuation"] | None = Field(
+        default=None,
+        description="Of its document; null: `class` is null, or the page is a blank one. Of several pages the first is "
+        "`first`; a page that comes alone is what its model describes.",
+    )
+    document_class: str | None = Field(
+        default=None,
+        description="Class of the document that the page belongs to: `class.name`, or what that model continues.",
+    )
     warnings: list[Warning]
     timings_ms: dict[str, float]
+
+
+class DocumentResult(Answer):
+    """Class of a document of several pages, and each page with a result of its own.
+
+    A page's `class` is the model, among those of the document's class, that it was labelled by; null when the page does
+    not look like one of it. Its `classes` are all models that competed for the page.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, validate_by_name=True, serialize_by_alias=True
+    )
+
+    id: str = Field(
+        description="Of the result, as in /layout/results/{id}; feedback is given on those of its pages."
+    )
+    class_: DocumentClass | None = Field(alias="class")
+    classes: list[DocumentClass] = Field(description="All that competed, most probable first.")
+    unknown_probability: float = Field(ge=0, le=1)
+    pages: list[LayoutResult]
+    warnings: list[Warning]
+    timings_ms: dict[str, float] = Field(description="Of each stage, all pages together.")
+
+
+def document_of(document: dict[str, Any], result_id: str, pages: list[LayoutResult]) -> DocumentResult:
+    """The same of a document and its pages."""
+    return DocumentResult.model_validate({"id": result_id, "pages": pages, **document})
 
 
 def result_of(document: dict[str, Any], result_id: str) -> LayoutResult:

@@ -10,7 +10,7 @@ import numpy as np
 import pypdfium2
 
 from services.arrays import RgbImage
-from services.errors import DocumentError, TooLarge, UndecodableImage, UnsupportedMediaType
+from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging import containers
 from services.imaging.codec import ImageLimits, count_pixels, decode_image, detect_format
 
@@ -77,8 +77,8 @@ def open_pages(
         When an upload is neither an image nor a PDF, is damaged, has no page, or needs a password.
     TooLarge
         When a limit is crossed: by one page, or by all of them together.
-    IndexError
-        When there is no page `only`; its argument is the number of pages.
+    InvalidOption
+        When there is no page `only`.
     """
     most = limits.max_pages if only is None else only
     with ExitStack() as stack:
@@ -94,7 +94,7 @@ def open_pages(
                 break
         if only is not None:
             if len(pages) < only:
-                raise IndexError(len(pages))
+                raise InvalidOption(f"page: there is no page {only}; the upload has {len(pages)}.", "page")
             pages = pages[only - 1 : only]
         _check_together(pages, limits)
         yield pages
@@ -182,7 +182,7 @@ class _Pdf:
             sheet = self.document[page]
             try:
                 bitmap = sheet.render(scale=scale, rev_byteorder=True)
-                pixels = np.array(bitmap.to_numpy()[:height, :width, :3], np.uint8)  # a copy: the bitmap goes
+                pixels = np.array(bitmap.to_numpy()[:height, :width, :3], np.uint8)  # a copy
                 bitmap.close()
             finally:
                 sheet.close()
@@ -197,9 +197,8 @@ class _Pdf:
         scale = RENDER_DPI / _POINTS_PER_INCH
         scale = min(scale, math.sqrt(self.limits.max_pixels / (width * height)))
         scale = min(scale, self.limits.max_side_px / max(width, height))
-        # Rounded up by the renderer, never beyond the limits: what is over is cut off.
-        sides = (min(math.ceil(side * scale), self.limits.max_side_px) for side in (width, height))
-        columns, rows = (max(1, side) for side in sides)
+        # The renderer rounds up, so that a hundredth of a pixel would be a white column.
+        columns, rows = (max(1, round(side * scale)) for side in (width, height))
         return columns, rows, scale
 
 

@@ -44,12 +44,12 @@ def calibrate(
     return Calibration(float(mean), float(np.sqrt(squares / (len(costs) + 2))), len(costs))
 
 
-def classify(
+def class_evidence(
     costs_per_zone: NDArray[np.float64],
     calibrations: Sequence[Calibration],
     parameters: ClassificationParameters = ClassificationParameters(),
-) -> tuple[NDArray[np.float64], float]:
-    """Probabilities (M,) of the classes and that of none of them, which sum to 1.
+) -> NDArray[np.float64]:
+    """Log likelihoods (M,) of a page by the classes, up to what they share; 0: as likely as by any kind of page.
 
     `costs_per_zone` (M,) are least costs by the usual weights of attributes, which all models share, over the
     number of zones: they are log likelihood ratios against a page of any kind, so that a model of many components
@@ -57,13 +57,30 @@ def classify(
     """
     means = np.array([calibration.mean for calibration in calibrations])
     costs_per_zone = costs_per_zone + [calibration.bias for calibration in calibrations]
-    among = softmax(-parameters.sharpness * excess_costs(costs_per_zone, means, parameters))
-    best = int(np.argmax(among))
-    fit = costs_per_zone[best] / min(means[best], -1.0)
+    return np.asarray(-parameters.sharpness * excess_costs(costs_per_zone, means, parameters))
+
+
+def log_odds_of_fit(
+    cost_per_zone: float,
+    calibration: Calibration,
+    parameters: ClassificationParameters = ClassificationParameters(),
+) -> float:
+    """Log odds of a page being of a class rather than of none, by the share of the class's mean that its cost is."""
+    fit = (cost_per_zone + calibration.bias) / min(calibration.mean, -1.0)
     # Bounded, so that the nearest class keeps a probability above the others' however bad it is.
-    odds = float(
-        np.clip(parameters.fit_sharpness * (fit - parameters.least_fit), -MOST_LOG_ODDS, MOST_LOG_ODDS)
-    )
+    odds = np.clip(parameters.fit_sharpness * (fit - parameters.least_fit), -MOST_LOG_ODDS, MOST_LOG_ODDS)
+    return float(odds)
+
+
+def classify(
+    costs_per_zone: NDArray[np.float64],
+    calibrations: Sequence[Calibration],
+    parameters: ClassificationParameters = ClassificationParameters(),
+) -> tuple[NDArray[np.float64], float]:
+    """Probabilities (M,) of the classes and that of none of them, which sum to 1; costs as in `class_evidence`."""
+    among = softmax(class_evidence(costs_per_zone, calibrations, parameters))
+    best = int(np.argmax(among))
+    odds = log_odds_of_fit(float(costs_per_zone[best]), calibrations[best], parameters)
     return np.asarray(expit(odds) * among), float(expit(-odds))
 
 

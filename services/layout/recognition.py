@@ -41,11 +41,15 @@ joined to fewer neighbours: 500 zones keep all for a model of 60 labels, and for
 
 @dataclass(frozen=True, slots=True)
 class VersionedModel:
-    """A model that competes, its version in the store, and the genre that its class was given, if it was."""
+    """A model that competes, its version in the store, and the genre that its class was given, if it was.
+
+    One that `continues` a class describes the later pages of its documents.
+    """
 
     model: LayoutModel
     version: int
     genre: str | None = None
+    continues: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +126,7 @@ def recognize_page(
             matches[index].model.version,
             matches[index].cost,
             float(probabilities[index]),
+            matches[index].comparable_cost / graph.zones,
         )
         for index in order
     )

@@ -27,12 +27,14 @@ class ClassMatch:
 
     Among many models the cost of a class that was not searched for is that of its look, or of its genre's
     (`services.layout.hierarchy`).
+    `comparable_cost` is the cost a zone by which classes are compared (`classification.class_evidence`).
     """
 
     name: str
     model_version: int
     cost: float
     probability: float
+    comparable_cost: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,10 @@
 """A page, or its zones -> document class and labels, by the models that the app hands in."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -12,6 +13,8 @@ from models.layout_graph import Page
 from services.arrays import RgbImage
 from services.errors import TooLarge
 from services.imaging.codec import decode_image, encode_image
+from services.imaging.page_images import PagePicture
+from services.layout.documents import PageInDocument, place_page
 from services.layout.exchange.alto import write_alto
 from services.layout.exchange.page_json import page_to_document
 from services.layout.exchange.page_xml import write_page_xml
@@ -54,7 +57,13 @@ class LayoutOptions:
     format: Literal["json", "pagexml", "alto", "png"] = "json"
     explain: bool = False
     image_name: str = "page"
-    """Of the upload; PAGE-XML and ALTO name the image that they are of."""
+    """Of the first upload; PAGE-XML and ALTO name the image that they are of."""
+    image_names: tuple[str, ...] = ()
+    """Of all uploads, where there are several."""
+    page: int | None = None
+    """The only one of several pages that is wanted, counted from 1."""
+    asked: bool = True
+    """Whether `format` was asked for by name; else it follows from what the client accepts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +81,7 @@ class LayoutReply:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Sight:
+class Sight:
     """A page as it is recognized, the picture of it if there is one, and what to know of it."""
 
     page: Page
@@ -99,11 +108,29 @@ def recognize_upload(
     InvalidOption
         When the zones are none, or are not in the image's pixels.
     """
+    decode = None if image is None else partial(_decode, image, settings)
+    return recognize_picture(decode, zones, zones_file, models, options, settings)
+
+
+def _decode(image: bytes, settings: LayoutSettings) -> PagePicture:
+    picture = decode_image(image, settings.image)
+    return PagePicture(picture.pixels, picture.focal_length_px)
+
+
+def recognize_picture(
+    decode: Callable[[], PagePicture] | None,
+    zones: bytes | None,
+    zones_file: bytes | None,
+    models: Sequence[StoredModel],
+    options: LayoutOptions,
+    settings: LayoutSettings,
+) -> LayoutReply:
+    """The same of a picture that is still to be decoded."""
     timings_ms: dict[str, float] = {}
     engine = ocr_engine() if options.ocr else None
     with timed("models", timings_ms, 0.0):
         versions = open_models(models)
-    sight = _see(image, zones, zones_file, engine, options, settings, timings_ms)
+    sight = see_page(decode, zones, zones_file, engine, options, settings, timings_ms)
     report_progress("matching", MATCHING_BEGINS)
     recognition = recognize(
         sight.page,
@@ -114,30 +141,43 @@ def recognize_upload(
     timings_ms |= recognition.timings_ms
     with timed("encode", timings_ms, ENCODING_BEGINS):
         body = _encode(recognition, sight.image, options, settings)
-    document = describe_recognition(recognition, explain=options.explain)
-    document["warnings"] = describe_warnings(sight.notices)
-    document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
-    ready = to_json_ready(document)
+    document = describe_page(
+        place_page(recognition, versions), sight.notices, timings_ms, explain=options.explain
+    )
     page = to_json_ready(page_to_document(recognition.page))
-    return LayoutReply(body, MEDIA_TYPES[options.format], ready, page)
+    return LayoutReply(body, MEDIA_TYPES[options.format], document, page)
 
 
-def _see(
-    image: bytes | None,
+def describe_page(
+    placed: PageInDocument, notices: tuple[Notice, ...], timings_ms: Mapping[str, float], *, explain: bool
+) -> dict[str, object]:
+    """The contract's `LayoutResult`, but for its id."""
+    document = describe_recognition(placed.recognition, explain=explain)
+    document["part"] = placed.part
+    document["document_class"] = placed.document_class
+    document["warnings"] = describe_warnings(notices)
+    document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
+    ready: dict[str, object] = to_json_ready(document)
+    return ready
+
+
+def see_page(
+    decode: Callable[[], PagePicture] | None,
     zones: bytes | None,
     zones_file: bytes | None,
     engine: OcrEngine | None,
     options: LayoutOptions,
     settings: LayoutSettings,
     timings_ms: dict[str, float],
-) -> _Sight:
+) -> Sight:
+    """The page of a picture, flattened first if that is wanted, or of zones; what it takes goes into `timings_ms`."""
     features = content_features(settings.content_features)
     picture: RgbImage | None = None
     seen = 0.05
     notices: tuple[Notice, ...] = ()
-    if image is not None:
+    if decode is not None:
         with timed("decode", timings_ms, 0.02):
-            photo = decode_image(image, settings.image)
+            photo = decode()
         picture = photo.pixels
         if options.rectify:
             with progress_within(0.05, FLATTENED):
@@ -148,7 +188,7 @@ def _see(
     if zones is None and zones_file is None:
         assert picture is not None, "the app has seen to that"
         with timed("zones", timings_ms, seen):
-            return _Sight(read_page(picture, engine, features), picture, notices)
+            return Sight(read_page(picture, engine, features), picture, notices)
     with timed("zones", timings_ms, seen):
         page = (
             read_zones(zones, settings)
@@ -156,16 +196,20 @@ def _see(
             else read_file(zones_file or b"", picture, settings)
         )
         check_frame(page, picture)
-        return _Sight(complete_page(page, picture, engine, features), picture, notices)
+        return Sight(complete_page(page, picture, engine, features), picture, notices)
+
+
+def write_xml(recognition: Recognition, form: str, image_name: str) -> bytes:
+    """The labelled page as a file of PAGE-XML, or of ALTO."""
+    write = write_alto if form == "alto" else write_page_xml
+    return write(recognition, image_name, datetime.now(UTC))
 
 
 def _encode(
     recognition: Recognition, picture: RgbImage | None, options: LayoutOptions, settings: LayoutSettings
 ) -> bytes:
-    if options.format == "pagexml":
-        return write_page_xml(recognition, options.image_name, datetime.now(UTC))
-    if options.format == "alto":
-        return write_alto(recognition, options.image_name, datetime.now(UTC))
+    if options.format in ("pagexml", "alto"):
+        return write_xml(recognition, options.format, options.image_name)
     if options.format == "png":
         paper = _blank_page(recognition.page, settings) if picture is None else picture
         return encode_image(draw_overlay(paper, recognition), "png")

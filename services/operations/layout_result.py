@@ -1,5 +1,7 @@
 """The contract's `LayoutResult`, ready for JSON."""
 
+from collections.abc import Sequence
+
 from services.layout.cost import MOST_EXPLAINED
 from services.layout.exchange.page_json import plain_number
 from services.layout.font_sizes import measure_font_classes
@@ -37,11 +39,20 @@ def describe_recognition(recognition: Recognition, *, explain: bool) -> dict[str
     return {
         "width": plain_number(recognition.page.width),
         "height": plain_number(recognition.page.height),
-        "class": None if recognition.chosen is None else _describe_class(recognition.chosen),
-        "classes": [_describe_class(match) for match in recognition.classes],
-        "unknown_probability": rounded(recognition.unknown_probability),
+        **describe_classes(recognition.chosen, recognition.classes, recognition.unknown_probability),
         "zones": zones,
         "match": None if recognition.match is None else _describe_match(recognition.match, explain),
+    }
+
+
+def describe_classes(
+    chosen: ClassMatch | None, classes: Sequence[ClassMatch], unknown_probability: float
+) -> dict[str, object]:
+    """The class of a page or a document, and all that competed."""
+    return {
+        "class": None if chosen is None else _describe_class(chosen),
+        "classes": [_describe_class(match) for match in classes],
+        "unknown_probability": rounded(unknown_probability),
     }
 
 

@@ -15,7 +15,7 @@ from services.layout.exchange.zones_file import read_zones_file
 
 @dataclass(frozen=True, slots=True)
 class LayoutSettings:
-    """What a page may cost (its image, the number of its zones, a file of them), and how it is read.
+    """What a page may cost (its image, the number of its zones, a file of them), what a document, and how it is read.
 
     `content_features` is the operator's settings file of content features (None: those that come along).
     """
@@ -24,6 +24,8 @@ class LayoutSettings:
     max_zones: int = 500
     max_zones_file_bytes: int = 8 * 2**20
     content_features: Path | None = None
+    max_pages: int = 20
+    max_document_megapixels: float = 200.0
 
 
 def read_zones(zones: bytes, settings: LayoutSettings) -> Page:

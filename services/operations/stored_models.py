@@ -17,12 +17,16 @@ MOST_BYTES = 80 * 2**20
 
 @dataclass(frozen=True, slots=True)
 class StoredModel:
-    """A version of a layout model; `document` is its JSON, `genre` the one that its class was given, if it was."""
+    """A version of a layout model; `document` is its JSON.
+
+    `genre` is the one that its class was given, if it was; `continues` the class whose later pages it describes.
+    """
 
     name: str
     version: int
     document: bytes
     genre: str | None = None
+    continues: str | None = None
 
 
 class ReadyModels:
@@ -63,7 +67,9 @@ def open_models(models: Sequence[StoredModel], ready: ReadyModels = _READY) -> l
     InvalidModel
         When one of them cannot be read by this release.
     """
-    return [VersionedModel(_read(model, ready), model.version, model.genre) for model in models]
+    return [
+        VersionedModel(_read(model, ready), model.version, model.genre, model.continues) for model in models
+    ]
 
 
 def _read(stored: StoredModel, ready: ReadyModels) -> LayoutModel:

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from app.operations import (
     Adaptation,
+    DocumentReply,
     Encoding,
     FeedbackTask,
     LayoutOptions,
@@ -24,6 +25,7 @@ from app.operations import (
     ModelDraft,
     MosaicLimits,
     Operations,
+    PageReply,
     Reply,
     StoredPage,
     Training,
@@ -182,28 +184,39 @@ PAGE: dict[str, object] = {
 
 
 def recognize_layout(
-    image: bytes | None,
+    images: list[bytes],
     zones: bytes | None,
     zones_file: bytes | None,
     models: list[ModelDocument],
     options: LayoutOptions,
     settings: LayoutSettings,
-) -> LayoutReply:
-    """Follow the script in the image, then answer as if the first model fitted, with what was asked."""
-    _follow(image or b"", "image")
+) -> LayoutReply | DocumentReply:
+    """Follow the script in the images, then answer as if the first model fitted, with what was asked.
+
+    Several images are pages of a document; `pages N` in one of them makes N pages of it.
+    """
+    field = "image[{}]" if len(images) > 1 else "image"
+    verbs = [_follow(image, field.format(index)) for index, image in enumerate(images)]
+    count = sum(int(verb.removeprefix(b"pages-")) if verb.startswith(b"pages-") else 1 for verb in verbs)
     page = PAGE if zones is None else _page(zones)
     labels = [label for model in models[:1] for label in _labels(model.document)]
     asked = {
         "options": options,
         "settings": settings,
         "models": [(model.name, model.version) for model in models],
-        "parts": [part is not None for part in (image, zones, zones_file)],
+        "continues": {model.name: model.continues for model in models if model.continues},
+        "parts": [part is not None for part in (images or None, zones, zones_file)],
     }
     document = layout_document(page, models, labels, asked)
-    if options.format == "json":
-        return LayoutReply(b"", "application/json", document, page)
-    media_type = "image/png" if options.format == "png" else "application/xml"
-    return LayoutReply(f"page as {options.format}".encode(), media_type, document, page)
+    media_type = {"json": "application/json", "png": "image/png"}.get(options.format, "application/xml")
+    body = b"" if options.format == "json" else f"page as {options.format}".encode()
+    if count < 2 or options.page is not None:
+        return LayoutReply(body, media_type, document, page)
+    whole = {
+        name: document[name] for name in ("class", "classes", "unknown_probability", "warnings", "timings_ms")
+    }
+    media_type = "application/json" if options.format == "json" else "application/zip"
+    return DocumentReply(body, media_type, whole, [PageReply(document, page)] * count)
 
 
 def layout_document(

@@ -48,8 +48,8 @@ def test_the_answer_is_the_contracts(client: httpx.Client) -> None:
     assert response.headers["content-type"] == "application/json"
     answer: dict[str, Any] = response.json()
     assert list(answer) == [
-        "id", "width", "height", "class", "classes", "unknown_probability", "zones", "match", "warnings",
-        "timings_ms",
+        "id", "width", "height", "class", "classes", "unknown_probability", "zones", "match", "part",
+        "document_class", "warnings", "timings_ms",
     ]  # fmt: skip
     LayoutResult.model_validate(answer)
     assert answer["class"] == {"name": "letter", "model_version": 1, "cost": 1.5, "probability": 0.375}

@@ -228,3 +228,14 @@ def test_without_the_store_the_rest_of_the_service_works(monkeypatch: pytest.Mon
             client.get("/layout/results/1"),
         ):
             assert_problem(response, 503, "store-unavailable")
+
+
+def test_what_a_model_continues_reaches_recognition(tmp_path: Path) -> None:
+    async def work(store: LayoutStore) -> list[tuple[str, str | None]]:
+        for name in ("letter", "letter-2"):
+            await add(store, name)
+        await store.ready_models(None)
+        await store.call(lambda inner: inner.change_settings("letter-2", continues="letter"))
+        return [(model.name, model.continues) for model in await store.ready_models(None)]
+
+    assert with_store(tmp_path, work) == [("letter", None), ("letter-2", "letter")]

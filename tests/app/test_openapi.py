@@ -42,10 +42,10 @@ def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: st
 
 def assume_a_form(body: dict[str, Any]) -> None:
     """What the document cannot say of any form, and what a form turns into something else."""
-    images = body.get("images", [])
+    images = [*as_list(body.get("images", [])), *as_list(body.get("image", []))]
     # "An object in place of the file" goes out as a file that holds JSON: bytes like any others.
-    assume(all(isinstance(body.get(name, b""), bytes | str) for name in ("image", "zones", "zones_file")))
-    assume(isinstance(images, list) and all(isinstance(image, bytes | str) for image in images))
+    assume(all(isinstance(body.get(name, b""), bytes | str) for name in ("zones", "zones_file")))
+    assume(all(isinstance(image, bytes | str) for image in images))
     # An empty field of a form is one that was left out, so it is no violation.
     assume("" not in [value for name, value in body.items() if name not in FILES])
     # What the document cannot say: the base is one of the photos that came with it.
@@ -53,10 +53,19 @@ def assume_a_form(body: dict[str, Any]) -> None:
     assume(not isinstance(base, int) or not len(images) <= base < MOST_PHOTOS)
 
 
+def as_list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [value]
+
+
 def assume_parts_that_go_together(body: dict[str, Any]) -> None:
     """Zones are sent once, for an image as it is; their text is a page's."""
     assume(not {"zones", "zones_file"} <= body.keys())
-    assume(body.get("rectify") is not True or not {"zones", "zones_file"} & body.keys())
+    has_zones = bool({"zones", "zones_file"} & body.keys())
+    assume(body.get("rectify") is not True or not has_zones)
+    # Zones are of one page, and a document has a bounded number of them.
+    several = len(as_list(body.get("image", []))) > 1
+    assume(not (has_zones and (several or "page" in body)))
+    assume(len(as_list(body.get("image", []))) <= Settings().max_pages)
     if "zones" in body:
         body["zones"] = json.dumps(PAGE)
 

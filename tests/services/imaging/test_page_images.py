@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from services.errors import DocumentError, TooLarge, UndecodableImage, UnsupportedMediaType
+from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging.codec import ImageLimits, decode_image, encode_image
 from services.imaging.page_images import RENDER_DPI, PageLimits, open_pages
 from tests.services.imaging.files import make_file, pack_directory
@@ -156,9 +156,13 @@ def test_pages_of_all_uploads_count() -> None:
 
 
 def test_there_is_no_such_page() -> None:
-    with pytest.raises(IndexError) as caught, open_pages([pdf(A4), pdf(A4)], LIMITS, only=3):
+    uploads = [pdf(A4), pdf(A4)]
+    with (
+        pytest.raises(InvalidOption, match="no page 3; the upload has 2") as caught,
+        open_pages(uploads, LIMITS, 3),
+    ):
         pass
-    assert caught.value.args == (2,)
+    assert caught.value.field == "page"
 
 
 def large_page(data: bytes) -> bytes:

@@ -25,7 +25,11 @@ FIRST_UNSEEN = 1000
 @lru_cache(maxsize=256)
 def labelled_page(document_class: str, seed: int) -> Page:
     """A simulated page with the true labels of its zones, its content features measured."""
-    page = MAKERS[document_class](np.random.default_rng(seed), draw=False)
+    return page_from(MAKERS[document_class](np.random.default_rng(seed), draw=False))
+
+
+def page_from(page: LabelledPage) -> Page:
+    """The same of any simulated page."""
     zones = tuple(
         Zone(
             id=zone.id,

@@ -1,0 +1,190 @@
+"""One page or several, sent as images, TIFF files or PDFs -> the document's class and the labels of every page."""
+
+import io
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from services.errors import DocumentError, InvalidOption, NotAcceptable
+from services.imaging.page_images import PageLimits, PageSource, open_pages
+from services.layout.documents import DocumentParameters, DocumentRecognition, recognize_document
+from services.layout.exchange.page_json import page_to_document
+from services.layout.pipeline import content_features
+from services.layout.recognition import RecognitionParameters
+from services.operations.layout import (
+    MATCHING_BEGINS,
+    LayoutOptions,
+    LayoutReply,
+    Sight,
+    describe_page,
+    recognize_picture,
+    recognize_upload,
+    see_page,
+    write_xml,
+)
+from services.operations.layout_result import describe_classes
+from services.operations.page_zones import LayoutSettings
+from services.operations.reader import ocr_engine
+from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
+from services.operations.stored_models import StoredModel, open_models
+from services.progress import progress_within, report_progress
+from services.rectify.results import Notice
+
+ARCHIVE = "application/zip"
+
+
+@dataclass(frozen=True, slots=True)
+class PageReply:
+    """A page's result but for its id, and the recognized page, with all that was measured."""
+
+    document: dict[str, object]
+    page: dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class DocumentReply:
+    """What leaves the worker of several pages.
+
+    `body` is an archive with a file for each page (empty for JSON); `document` the contract's `DocumentResult` but
+    for its id and its pages, which `pages` has.
+    """
+
+    body: bytes
+    media_type: str
+    document: dict[str, object]
+    pages: list[PageReply]
+
+
+def recognize_uploads(
+    images: Sequence[bytes],
+    zones: bytes | None,
+    zones_file: bytes | None,
+    models: Sequence[StoredModel],
+    options: LayoutOptions,
+    settings: LayoutSettings,
+) -> LayoutReply | DocumentReply:
+    """Class and labels of a page, or of the pages of a document: of `images`, of zones, or of an image and its zones.
+
+    Each image may hold several pages (TIFF, PDF). Of zones there is one page, and of their image the first one.
+
+    Raises
+    ------
+    UnsupportedMediaType, TooLarge, UndecodableImage
+        When an image is none that is accepted, or all pages together are too large; the error names the page.
+    NoText
+        When a page shall be rectified and shows too little printed text for that.
+    InvalidOption
+        When the zones are none, or are not in the image's pixels; when there is no page `options.page`; when several
+        pages are wanted in a format of one.
+    NotAcceptable
+        The same, when the format follows from what the client accepts.
+    """
+    if zones is not None or zones_file is not None or not images:
+        return recognize_upload(images[0] if images else None, zones, zones_file, models, options, settings)
+    limits = PageLimits(settings.image, settings.max_pages, settings.max_document_megapixels)
+    with open_pages(images, limits, options.page) as pages:
+        if len(pages) == 1:
+            return recognize_picture(pages[0].decode, None, None, models, options, settings)
+        _check_format(options, len(pages))
+        return _recognize_pages(pages, models, options, settings)
+
+
+def _check_format(options: LayoutOptions, pages: int) -> None:
+    """Refuse several pages in a format of one, before they are read."""
+    if options.format == "json" or (options.asked and options.format != "png"):
+        return
+    several = f"this document has {pages} pages"
+    if options.asked:
+        raise InvalidOption(
+            f"format: png shows one page, and {several}; name one as `page`, or ask for json.", "format"
+        )
+    raise NotAcceptable(
+        f"Several pages are answered as JSON, or as an archive of files where format=pagexml or alto is sent, and "
+        f"{several}; name one as `page` to have it as {'a picture' if options.format == 'png' else 'a file'}."
+    )
+
+
+def _recognize_pages(
+    sources: Sequence[PageSource],
+    models: Sequence[StoredModel],
+    options: LayoutOptions,
+    settings: LayoutSettings,
+) -> DocumentReply:
+    timings_ms: dict[str, float] = {}
+    features = content_features(settings.content_features)
+    with timed("models", timings_ms, 0.0):
+        versions = open_models(models)
+    sights, page_timings = [], []
+    for index, source in enumerate(sources):
+        timings: dict[str, float] = {}
+        share = MATCHING_BEGINS / len(sources)
+        with progress_within(index * share, (index + 1) * share):
+            sights.append(_see(source, options, settings, timings))
+        page_timings.append(timings)
+    report_progress("matching", MATCHING_BEGINS)
+    with timed("matching", timings_ms):
+        recognition = recognize_document(
+            [sight.page for sight in sights],
+            versions,
+            features.names,
+            DocumentParameters(recognition=RecognitionParameters(explain=options.explain)),
+        )
+    with timed("encode", timings_ms, ENCODING_BEGINS):
+        body = b"" if options.format == "json" else _archive(recognition, sources, options)
+    for stage in dict.fromkeys(stage for timings in page_timings for stage in timings):
+        timings_ms[stage] = sum(timings.get(stage, 0.0) for timings in page_timings)
+    document = describe_classes(recognition.chosen, recognition.classes, recognition.unknown_probability)
+    document["warnings"] = describe_warnings(_notices(recognition))
+    document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
+    pages = [
+        PageReply(
+            describe_page(placed, sight.notices, timings, explain=options.explain),
+            to_json_ready(page_to_document(sight.page)),
+        )
+        for placed, sight, timings in zip(recognition.pages, sights, page_timings, strict=True)
+    ]
+    media_type = "application/json" if options.format == "json" else ARCHIVE
+    return DocumentReply(body, media_type, to_json_ready(document), pages)
+
+
+def _see(
+    source: PageSource, options: LayoutOptions, settings: LayoutSettings, timings_ms: dict[str, float]
+) -> Sight:
+    """The page alone is kept, its picture is not: all pages together may be large."""
+    engine = ocr_engine() if options.ocr else None
+    try:
+        sight = see_page(source.decode, None, None, engine, options, settings, timings_ms)
+    except DocumentError as error:
+        if error.detail.startswith(source.label):
+            raise
+        raise type(error)(f"{source.label}: {error.detail}", source.field or error.field) from error
+    return Sight(sight.page, None, sight.notices)
+
+
+def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:
+    """What is odd about the document: pages that are unlike those of its class."""
+    if recognition.chosen is None:
+        return ()
+    return tuple(
+        Notice(
+            "unlike-page",
+            f"pages[{index}] does not look like a page of {recognition.chosen.name}: something that was sent along, or "
+            "of a layout that no model of its later pages has learned.",
+        )
+        for index, placed in enumerate(recognition.pages)
+        if placed.part == "continuation" and placed.recognition.chosen is None
+    )
+
+
+def _archive(
+    recognition: DocumentRecognition, sources: Sequence[PageSource], options: LayoutOptions
+) -> bytes:
+    """A file of PAGE-XML or ALTO for each page, `page-01.xml` the first."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for number, (placed, source) in enumerate(zip(recognition.pages, sources, strict=True), 1):
+            name = options.image_names[source.upload] if options.image_names else options.image_name
+            if source.label.endswith(f"page {source.page + 1}"):
+                name += f"#page={source.page + 1}"
+            archive.writestr(f"page-{number:02d}.xml", write_xml(placed.recognition, options.format, name))
+    return buffer.getvalue()

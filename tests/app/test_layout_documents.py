@@ -1,0 +1,191 @@
+"""POST /layout with several pages: results page by page, what is kept, limits, formats, models of later pages."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import httpx
+import pytest
+
+from app.operations import DocumentReply, LayoutReply
+from app.schemas.layout import DocumentResult
+from tests.app.scripted import OPERATIONS, PAGE, layout_document, model_document, upload
+from tests.app.serving import serving
+from tests.app.test_problems import assert_problem
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[httpx.Client]:
+    with serving(max_pages=5, max_document_upload_bytes=300_000, max_upload_bytes=200_000) as client:
+        for name, label in (("letter", "sender"), ("letter-2", "page-number")):
+            client.put(f"/layout/models/{name}", json=model_document(name, label)).raise_for_status()
+        yield client
+
+
+def post(client: httpx.Client, *images: bytes, accept: str = "*/*", **data: str) -> httpx.Response:
+    files = [("image", (f"page-{index}.png", image)) for index, image in enumerate(images)]
+    return client.post("/layout", files=files, data=data, headers={"Accept": accept})
+
+
+@pytest.mark.parametrize("images", [[upload("")] * 3, [upload("pages-3")], [upload("pages-2"), upload("")]])
+def test_the_answer_is_the_contracts(client: httpx.Client, images: list[bytes]) -> None:
+    response = post(client, *images)
+    assert response.status_code == 200, response.text
+    answer = response.json()
+    assert list(answer) == [
+        "id",
+        "class",
+        "classes",
+        "unknown_probability",
+        "pages",
+        "warnings",
+        "timings_ms",
+    ]
+    DocumentResult.model_validate(answer)
+    assert answer["class"]["name"] == "letter"
+    assert len(answer["pages"]) == 3
+    assert response.headers["document-class"] == "letter"
+    assert response.headers["document-result"] == f"/layout/results/{answer['id']}"
+
+
+def test_the_document_and_its_pages_are_kept(client: httpx.Client) -> None:
+    answer = post(client, upload(""), upload("")).json()
+    ids = {answer["id"], *(page["id"] for page in answer["pages"])}
+    assert len(ids) == 3
+    assert client.get(f"/layout/results/{answer['id']}").json() == answer
+    for page in answer["pages"]:
+        assert client.get(f"/layout/results/{page['id']}").json() == page
+
+
+def test_feedback_is_given_on_pages(client: httpx.Client) -> None:
+    answer = post(client, upload(""), upload("")).json()
+    verdict = {"class": "letter", "labels": {"z1": "sender"}}
+    problem = assert_problem(
+        client.post(f"/layout/results/{answer['id']}/feedback", json=verdict), 422, "invalid-option"
+    )
+    assert all(page["id"] in str(problem["detail"]) for page in answer["pages"])
+    for page in answer["pages"]:
+        response = client.post(f"/layout/results/{page['id']}/feedback", json=verdict)
+        assert response.status_code == 200, response.text
+
+
+def test_what_a_model_continues_is_told_to_the_worker(client: httpx.Client) -> None:
+    assert post(client, upload("")).json()["warnings"][3]["detail"] == "{}"
+    change = {"continues": "letter"}
+    client.patch("/layout/models/letter-2/settings", json=change).raise_for_status()
+    assert post(client, upload("")).json()["warnings"][3]["detail"] == "{'letter-2': 'letter'}"
+
+
+def test_one_page_is_no_document(client: httpx.Client) -> None:
+    for response in (post(client, upload("")), post(client, upload(""), upload(""), page="2")):
+        assert {"zones", "part", "document_class"} <= response.json().keys()
+    options = post(client, upload(""), upload(""), page="2").json()["warnings"][0]["detail"]
+    assert "page=2" in options
+    assert "image_names=('page-0.png', 'page-1.png')" in options
+
+
+@pytest.mark.parametrize(
+    ("data", "accept", "asked"),
+    [({"format": "pagexml"}, "*/*", True), ({}, "application/xml", False), ({}, "*/*", False)],
+)
+def test_what_asked_for_the_format_is_told(
+    client: httpx.Client, data: dict[str, str], accept: str, asked: bool
+) -> None:
+    response = post(client, upload(""), accept=accept, **data)
+    kept = client.get(response.headers["document-result"]).json()
+    assert f"asked={asked}" in kept["warnings"][0]["detail"]
+
+
+def test_files_of_several_pages_come_in_an_archive(client: httpx.Client) -> None:
+    response = post(client, upload("pages-2"), format="alto")
+    assert response.headers["content-type"] == "application/zip"
+    assert response.text == "page as alto"
+    assert len(client.get(response.headers["document-result"]).json()["pages"]) == 2
+
+
+def test_more_images_than_a_document_may_have(client: httpx.Client) -> None:
+    assert len(post(client, *[upload("")] * 5).json()["pages"]) == 5
+    for count in (6, 60):
+        problem = assert_problem(post(client, *[upload("")] * count), 413, "too-large")
+        assert "5 pages (MAX_PAGES)" in str(problem["detail"])
+        assert problem["field"] == "image"
+
+
+def test_documents_have_a_body_limit_of_their_own(client: httpx.Client) -> None:
+    assert post(client, upload("") + bytes(250_000)).status_code == 200
+    problem = assert_problem(post(client, upload("") + bytes(300_000)), 413, "too-large")
+    assert "MAX_DOCUMENT_UPLOAD_BYTES" in str(problem["detail"])
+    told = post(client, upload("")).json()["warnings"][1]["detail"]
+    assert "max_bytes=300000" in told
+    assert "max_pages=5, max_document_megapixels=200.0" in told
+
+
+@pytest.mark.parametrize(
+    ("data", "images", "field"),
+    [
+        ({"zones": "{}"}, 2, "image"),
+        ({"zones": "{}", "page": "1"}, 1, "page"),
+        ({"page": "0"}, 1, "page"),
+        ({"page": "last"}, 1, "page"),
+        ({"page": "1000000"}, 1, "page"),
+    ],
+)
+def test_options_that_do_not_go_together(
+    client: httpx.Client, data: dict[str, str], images: int, field: str
+) -> None:
+    problem = assert_problem(post(client, *[upload("")] * images, **data), 422, "invalid-option")
+    assert problem["field"] == field
+
+
+def test_a_problem_of_one_image_names_it(client: httpx.Client) -> None:
+    problem = assert_problem(post(client, upload(""), upload("undecodable-image")), 422, "undecodable-image")
+    assert problem["field"] == "image[1]"
+    problem = assert_problem(
+        client.post("/layout", files=[("image", upload("")), ("image", (None, b"no file"))]),
+        400,
+        "bad-request",
+    )
+    assert problem["field"] == "image"
+
+
+def test_documents_have_a_time_limit_of_their_own() -> None:
+    with serving(job_timeout_s=0.5, document_timeout_s=30.0) as client:
+        tiff = b"II*\0" + upload("sleep 1.2")
+        assert post(client, tiff).status_code == 200
+        problem = assert_problem(post(client, upload("sleep 10")), 504, "timed-out")
+        assert "JOB_TIMEOUT_S" in str(problem["detail"])
+    with serving(document_timeout_s=0.5) as client:
+        for images in ([b"%PDF-1.7" + upload("sleep 10")], [upload("sleep 10"), upload("")]):
+            problem = assert_problem(post(client, *images), 504, "timed-out")
+            assert "DOCUMENT_TIMEOUT_S" in str(problem["detail"])
+
+
+def reply_of_a_continuation(*arguments: object) -> LayoutReply:
+    return LayoutReply(b"", "application/json", _page("letter-2"), PAGE)
+
+
+def _page(name: str) -> dict[str, object]:
+    document = layout_document(PAGE, [], [], {})
+    match = {"name": name, "model_version": 1, "cost": 1.0, "probability": 0.9}
+    return {
+        **document,
+        "class": match,
+        "classes": [match],
+        "part": "continuation",
+        "document_class": "letter",
+    }
+
+
+def test_the_class_of_a_later_page_is_its_documents() -> None:
+    with serving(replace(OPERATIONS, recognize_layout=reply_of_a_continuation)) as client:
+        response = post(client, upload(""))
+        assert response.headers["document-class"] == "letter"
+        assert response.json()["class"]["name"] == "letter-2"
+
+
+def reply_of_nonsense(*arguments: object) -> DocumentReply:
+    return DocumentReply(b"", "application/json", {"class": "round"}, [])
+
+
+def test_a_document_that_breaks_the_contract_is_not_kept() -> None:
+    with serving(replace(OPERATIONS, recognize_layout=reply_of_nonsense)) as client:
+        assert_problem(post(client, upload("")), 500, "internal")

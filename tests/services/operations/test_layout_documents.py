@@ -1,0 +1,196 @@
+"""What a worker makes of documents: results page by page, archives, and refusals that name the page."""
+
+import io
+import json
+import pickle
+import zipfile
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.schemas.layout import document_of, result_of
+from models.layout_graph import Page
+from services.errors import InvalidOption, NotAcceptable, NoText, TooLarge, UndecodableImage
+from services.imaging.codec import encode_image
+from services.operations import layout, layout_documents
+from services.operations.layout import LayoutOptions, LayoutReply
+from services.operations.layout_documents import DocumentReply, recognize_uploads
+from services.operations.layout_models import initialize_from_samples, measure_sample
+from services.operations.page_zones import LayoutSettings
+from services.operations.stored_models import StoredModel
+from services.progress import progress_to
+from simulation.labelled_pages import document_pages
+from tests.services.imaging.files import make_file
+from tests.services.layout.samples import page_from
+from tests.services.operations.pipelines import reject_constant
+
+SETTINGS = LayoutSettings()
+LETTER = [page_from(page) for page in document_pages(np.random.default_rng(3), "letter", 3, draw=False)]
+SHEETS = [np.full((40, 60 + index), 255, np.uint8) for index in range(3)]
+PNGS = [make_file(sheet, "PNG") for sheet in SHEETS]
+
+
+def tiff() -> bytes:
+    buffer = io.BytesIO()
+    first, *others = map(Image.fromarray, SHEETS)
+    first.save(buffer, "TIFF", save_all=True, append_images=others)
+    return buffer.getvalue()
+
+
+def stored(name: str, place: int, continues: str | None) -> StoredModel:
+    samples: list[dict[str, Any]] = []
+    for seed in range(2):
+        page = document_pages(np.random.default_rng(100 + seed), "letter", 3, draw=False)[place]
+        samples.append(measure_sample(None, json.dumps(page.document()).encode(), SETTINGS))
+    draft = initialize_from_samples(name, samples, SETTINGS)
+    return StoredModel(name, 3 + place, json.dumps(draft.document).encode(), continues=continues)
+
+
+@pytest.fixture(scope="module")
+def models() -> list[StoredModel]:
+    return [stored("letter", 0, None), stored("letter-2", 2, "letter")]
+
+
+@pytest.fixture(autouse=True)
+def eyes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages are seen by their widths: 60, 61 and 62 are those of the letter."""
+    monkeypatch.setattr(layout, "ocr_engine", lambda: None)
+    monkeypatch.setattr(layout_documents, "ocr_engine", lambda: None)
+    monkeypatch.setattr(layout, "read_page", lambda image, engine, features: LETTER[image.shape[1] - 60])
+
+
+def recognized(
+    images: list[bytes], models: list[StoredModel], options: LayoutOptions | None = None
+) -> LayoutReply | DocumentReply:
+    return recognize_uploads(images, None, None, models, options or LayoutOptions(), SETTINGS)
+
+
+@pytest.mark.parametrize("uploads", [PNGS, [tiff()]], ids=["three images", "a tiff file"])
+def test_the_answer_is_the_contracts(uploads: list[bytes], models: list[StoredModel]) -> None:
+    reply = recognized(uploads, models)
+    assert isinstance(reply, DocumentReply)
+    json.loads(
+        json.dumps([reply.document, *[[page.document, page.page] for page in reply.pages]]),
+        parse_constant=reject_constant,
+    )
+    pages = [result_of(page.document, f"page {index}") for index, page in enumerate(reply.pages)]
+    document = document_of(reply.document, "an id", pages)
+    assert (reply.body, reply.media_type) == (b"", "application/json")
+    assert document.class_ is not None
+    assert (document.class_.name, document.class_.model_version) == ("letter", 3)
+    assert [page.part for page in document.pages] == ["first", "continuation", "continuation"]
+    assert {page.document_class for page in document.pages} == {"letter"}
+    last = document.pages[2].class_
+    assert last is not None
+    assert (last.name, last.model_version) == ("letter-2", 5)
+    assert {"decode", "zones", "matching", "models", "encode"} <= document.timings_ms.keys()
+    assert pickle.loads(pickle.dumps(reply)) == reply
+
+
+def test_each_page_can_be_recognized_again(models: list[StoredModel]) -> None:
+    reply = recognized(PNGS, models)
+    assert isinstance(reply, DocumentReply)
+    zones = json.dumps(reply.pages[2].page).encode()
+    again = recognize_uploads([], zones, None, models, LayoutOptions(), SETTINGS)
+    assert isinstance(again, LayoutReply)
+    assert (again.document["part"], again.document["document_class"]) == ("continuation", "letter")
+
+
+def test_one_page_is_answered_as_one_page(models: list[StoredModel]) -> None:
+    for images, options in (
+        (PNGS[:1], LayoutOptions()),
+        ([tiff()], LayoutOptions(page=1)),
+        (PNGS, LayoutOptions(page=1)),
+    ):
+        reply = recognized(images, models, options)
+        assert isinstance(reply, LayoutReply)
+        assert reply.document["part"] == "first"
+        assert reply.document["document_class"] == "letter"
+    with pytest.raises(InvalidOption, match="no page 4"):
+        recognized(PNGS, models, LayoutOptions(page=4))
+
+
+def test_a_page_of_a_pdf_is_a_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes = []
+    monkeypatch.setattr(layout, "read_page", lambda image, *_: sizes.append(image.shape) or Page(60, 40, ()))
+    reply = recognized([encode_image(SHEETS[0], "pdf", 100, 200.0)], [])
+    assert isinstance(reply, LayoutReply)
+    assert sizes == [(40, 60, 3)]
+
+
+@pytest.mark.parametrize(("form", "root"), [("pagexml", b"<PcGts"), ("alto", b"<alto")])
+def test_files_of_several_pages_come_in_an_archive(models: list[StoredModel], form: Any, root: bytes) -> None:
+    for uploads, names, told in (
+        ([tiff()], ("letter.tif",), "letter.tif#page=2"),
+        (PNGS, ("a.png", "b.png", "c.png"), "b.png"),
+    ):
+        reply = recognized(uploads, models, LayoutOptions(format=form, image_names=names))
+        assert isinstance(reply, DocumentReply)
+        assert reply.media_type == "application/zip"
+        with zipfile.ZipFile(io.BytesIO(reply.body)) as archive:
+            assert archive.namelist() == ["page-01.xml", "page-02.xml", "page-03.xml"]
+            texts = [archive.read(name) for name in archive.namelist()]
+        assert all(root in text for text in texts)
+        assert told.encode() in texts[1]
+
+
+def test_several_pages_are_no_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(layout, "read_page", lambda *_: pytest.fail("refused before anything is read"))
+    with pytest.raises(InvalidOption, match="3 pages; name one as `page`"):
+        recognized(PNGS, [], LayoutOptions(format="png"))
+    for form in ("png", "pagexml"):
+        with pytest.raises(NotAcceptable, match="3 pages; name one as `page`"):
+            recognized(PNGS, [], LayoutOptions(format=form, asked=False))  # type: ignore[arg-type]
+
+
+def test_refusals_name_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    def flatten(pixels: Any, *_: object) -> Any:
+        raise NoText("no text")
+
+    monkeypatch.setattr(layout, "rectify", flatten)
+    with pytest.raises(NoText, match=r"^image\[0\]: no text$") as caught:
+        recognized(PNGS, [], LayoutOptions(rectify=True))
+    assert caught.value.field == "image[0]"
+    with pytest.raises(NoText, match=r"^page 1: no text$"):
+        recognized([tiff()], [], LayoutOptions(rectify=True))
+    with pytest.raises(UndecodableImage, match=r"^image\[1\]: The PDF") as damaged:
+        recognized([PNGS[0], b"%PDF-1.7\n"], [])
+    assert damaged.value.field == "image[1]"
+    narrow = replace(SETTINGS, max_pages=2)
+    with pytest.raises(TooLarge, match="MAX_PAGES"):
+        recognize_uploads([tiff()], None, None, [], LayoutOptions(), narrow)
+    narrow = replace(SETTINGS, max_document_megapixels=0.005)
+    with pytest.raises(TooLarge, match="MAX_DOCUMENT_MEGAPIXELS"):
+        recognize_uploads(PNGS, None, None, [], LayoutOptions(), narrow)
+
+
+def test_of_an_image_with_zones_the_first_page_counts() -> None:
+    zones = json.dumps({"width": 60, "height": 40, "zones": []}).encode()
+    reply = recognize_uploads([tiff()], zones, None, [], LayoutOptions(), SETTINGS)
+    assert isinstance(reply, LayoutReply)
+
+
+def test_pages_unlike_their_class_are_told(
+    models: list[StoredModel], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (paper,) = (page_from(page) for page in document_pages(np.random.default_rng(1), "plain", 1, draw=False))
+    pages = [LETTER[0], LETTER[2], paper]
+    monkeypatch.setattr(layout, "read_page", lambda image, *_: pages[image.shape[1] - 60])
+    reply = recognized(PNGS, models)
+    assert isinstance(reply, DocumentReply)
+    warnings: Any = reply.document["warnings"]
+    assert [(notice["code"], notice["detail"][:8]) for notice in warnings] == [("unlike-page", "pages[2]")]
+    assert reply.pages[2].document["class"] is None
+
+
+def test_progress_runs_through_the_pages(models: list[StoredModel]) -> None:
+    told: list[tuple[str, float]] = []
+    with progress_to(lambda stage, share: told.append((stage, share))):
+        recognized(PNGS, models)
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert [stage for stage, _ in told].count("zones") == 3
+    assert max(shares) <= 1
