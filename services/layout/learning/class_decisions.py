@@ -26,12 +26,20 @@ def count_cost(
 ) -> Calibration:
     """The calibration with one page more that its model had not seen: as `calibrate` makes it of all."""
     usual = parameters.classification
-    pages = min(calibration.pages, parameters.memory_pages - 1)
-    mean = calibration.mean + (cost_per_zone - calibration.mean) / (pages + 1 + usual.usual_weight)
-    squares = calibration.deviation**2 * (pages + 2)
-    squares += (cost_per_zone - calibration.mean) * (cost_per_zone - mean)
-    deviation = float(np.sqrt(squares / (pages + 3)))
-    return replace(calibration, mean=mean, deviation=max(deviation, 1e-3), pages=calibration.pages + 1)
+    weight, mean, pages = usual.usual_weight, calibration.mean, calibration.pages
+    total = mean * (pages + weight) - weight * usual.usual_mean
+    assumed = 2 * usual.usual_deviation**2
+    squares = calibration.deviation**2 * (pages + 2) - assumed + 2 * mean * total - pages * mean**2
+    kept = min(1.0, (parameters.memory_pages - 1) / max(1, pages))
+    total, squares, counted = (
+        kept * total + cost_per_zone,
+        kept * squares + cost_per_zone**2,
+        kept * pages + 1,
+    )
+    mean = (total + weight * usual.usual_mean) / (counted + weight)
+    spread = max(0.0, squares - 2 * mean * total + counted * mean**2)
+    deviation = float(np.sqrt((spread + assumed) / (counted + 2)))
+    return replace(calibration, mean=mean, deviation=deviation, pages=pages + 1)
 
 
 def prefer_class(

@@ -38,7 +38,7 @@ def count_page(
     """
     learned = with_labels(learned, page.labels)
     scales, certainty = _step_scales(learned, page, parameters)
-    kept = min(1.0, parameters.memory_pages / (float(learned.statistics.pages[0]) + 1))
+    kept = min(1.0, (parameters.memory_pages - 1) / max(1.0, float(learned.statistics.pages[0])))
     statistics = _faded(learned.statistics, kept) + gather_statistics(page, learned.labels)
     before = estimate_model(learned.statistics, learned.labels, scales)
     after = estimate_model(statistics, learned.labels, scales)

@@ -78,8 +78,10 @@ def with_labels(learned: LearningModel, labels: Sequence[str | None]) -> Learnin
     all_labels = (*learned.labels, *new)
     statistics = with_nodes(learned.statistics, len(all_labels))
     old = len(learned.labels)
-    estimate = estimate_model(statistics, all_labels, learned.model.scales)
     model = learned.model
+    estimate = estimate_model(statistics, all_labels, model.scales)
+    before = estimate_model(learned.statistics, learned.labels, model.scales)
+    label_costs = model.label_costs + estimate.label_costs[:old] - before.label_costs
     relations = estimate.relations.copy()
     relations[:old, :old] = model.relations
     return replace(
@@ -90,7 +92,7 @@ def with_labels(learned: LearningModel, labels: Sequence[str | None]) -> Learnin
             variances=np.vstack([model.variances, estimate.variances[old:]]),
             content=np.vstack([model.content, estimate.content[old:]]),
             weights=np.vstack([model.weights, estimate.weights[old:]]),
-            label_costs=np.concatenate([model.label_costs, estimate.label_costs[old:]]),
+            label_costs=np.concatenate([label_costs, estimate.label_costs[old:]]),
             relations=relations,
             counts=np.vstack([model.counts, estimate.counts[old:]]),
         ),

@@ -1,0 +1,109 @@
+"""Rounds of training: errors fall, what is held out decides, and nothing is counted twice."""
+
+import numpy as np
+import pytest
+
+from services.layout.learning.learners import wrong_zones
+from services.layout.learning.rounds import RoundParameters, train
+from services.layout.learning.state import LearningModel
+from services.layout.learning.training import train_on_samples
+from services.layout.pipeline import content_features
+from tests.services.layout.learning.pupils import known_lesson, pupil
+from tests.services.layout.samples import labelled_page, model_of
+
+
+def lessons(document_class: str, learned: LearningModel, count: int):
+    return [[known_lesson(learned, document_class, seed)] for seed in range(count)]
+
+
+@pytest.mark.parametrize("learner", ["passive-aggressive", "error-correction"])
+def test_errors_on_the_samples_fall(learner) -> None:
+    learned = pupil("letter", 1)
+    pages = lessons("letter", learned, 6)
+    training = train(lambda indices: learned, pages, 25, learner, hold_out=False)
+    errors = [each.error for each in training.rounds]
+    assert errors[0] > 0.02
+    assert errors[training.kept] <= 0.5 * errors[0]
+    assert errors[training.kept] == min(errors)
+    assert all(each.held_out_error is None for each in training.rounds)
+    zones = sum(len(views[0].labels) for views in pages)
+    left = sum(wrong_zones(training.model, views[0]) for views in pages) / zones
+    assert left == pytest.approx(errors[training.kept])
+
+
+def test_counting_alone_stops_at_once() -> None:
+    learned = pupil("memo", 1)
+    training = train(lambda indices: learned, lessons("memo", learned, 3), 10, "counting")
+    assert (training.kept, training.stopped, len(training.rounds)) == (0, "no-errors", 2)
+    assert training.model is learned
+
+
+def test_held_out_pages_are_not_practised_and_choose_the_round() -> None:
+    learned = pupil("letter", 1)
+    pages = lessons("letter", learned, 6)
+    begun: list[set[int]] = []
+
+    def begin(indices) -> LearningModel:
+        begun.append(set(indices))
+        return learned
+
+    training = train(begin, pages, 6, "passive-aggressive", RoundParameters(folds=3, patience=1))
+    assert begun[-1] == set(range(6))
+    held_out = [set(range(6)) - each for each in begun[:-1]]
+    assert sorted(index for part in held_out for index in part) == list(range(6))
+    errors = [each.held_out_error for each in training.rounds]
+    assert errors[training.kept] == min(errors)
+    assert training.kept == int(np.argmin(errors)), "the earliest of equals"
+
+
+def test_training_stops_when_held_out_errors_rise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages whose labels contradict each other leave more and more errors on those held out."""
+    learned = pupil("letter", 1)
+    pages = lessons("letter", learned, 4)
+    held_out_errors = iter([5, 4, 6, 7, 9, 9])
+
+    def scripted(model, page) -> int:
+        return next(held_out_errors) if page is pages[0][0] and model is not whole else 0
+
+    whole = learned
+    monkeypatch.setattr("services.layout.learning.rounds.wrong_zones", scripted)
+    monkeypatch.setattr(
+        "services.layout.learning.rounds.practise", lambda model, page, learner: (model, True)
+    )
+    other = pupil("letter", 1)
+    training = train(lambda indices: whole if len(indices) == 4 else other, pages, 50, "passive-aggressive")
+    assert training.stopped == "held-out"
+    assert training.kept == 1
+    assert len(training.rounds) == 4, "two rounds worse than the best one"
+
+
+def test_a_model_is_trained_from_its_samples() -> None:
+    samples = [labelled_page("letter", seed) for seed in range(6)]
+    heard: list[float] = []
+    trained = train_on_samples(
+        model_of("letter", 3), samples, [None] * 6, 3, "passive-aggressive", content_features(), heard.append
+    )
+    assert trained.rounds[0].held_out_error is not None
+    assert trained.model.samples == 6
+    assert trained.model.memory is not None
+    assert trained.model.memory.pages == 6
+    assert trained.model.calibration.pages == 12
+    assert heard == sorted(heard)
+    assert heard[-1] <= 1.0
+
+
+def test_a_model_that_has_seen_more_than_its_samples_goes_on_from_where_it_stands() -> None:
+    experienced = model_of("letter", 5)
+    samples = [labelled_page("letter", 1000 + seed) for seed in range(2)]
+    trained = train_on_samples(
+        experienced, samples, [None] * 2, 2, "passive-aggressive", content_features(), lambda share: None
+    )
+    assert trained.model.samples == experienced.samples
+    assert trained.model.memory is not None
+    assert trained.model.memory.pages == 5, "its pages are not counted again"
+    assert all(each.held_out_error is None for each in trained.rounds)
+
+
+def test_nothing_to_learn_from_is_an_error() -> None:
+    with pytest.raises(ValueError, match="at least one page"):
+        train_on_samples(model_of("memo", 1), [], [], 1, "counting", content_features(), lambda share: None)
