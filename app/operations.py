@@ -199,7 +199,8 @@ class Adaptation:
 class Training:
     """What rounds of training made of a model.
 
-    `rounds` has one `{"round", "error", "held_out_error"}` for each, from round 0, the model as it was; errors are
+    `rounds` has one `{"round", "error", "held_out_error"}` for each, from round 0 on, which is initialization from
+    the samples (or, when the model has seen more pages than there are samples, the model as it was); errors are
     shares of zones, the second None where no page is held out. `document` is the model after round `kept_round`.
     `stopped` says why there were no more: as many as were asked for, the error on held-out pages rose, or there was
     none left to learn from.

@@ -29,7 +29,7 @@ class TrainBody(BaseModel):
 
 
 class Round(Answer):
-    """Errors after one round, as shares of zones; round 0 is the model as it was."""
+    """Errors after one round, as shares of zones; round 0 is initialization from the samples."""
 
     round: int = Field(ge=0)
     error: float = Field(ge=0, le=1, description="On the samples that it learns from.")

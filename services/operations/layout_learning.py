@@ -8,7 +8,7 @@ from models.layout_graph import MOST_LABELS, InvalidLayout, LayoutModel, Learner
 from models.model_document import model_to_document
 from services.errors import InvalidOption
 from services.layout.exchange.page_json import page_from_document
-from services.layout.learning.feedback import CostChange, VerifiedPage
+from services.layout.learning.feedback import CostChange, LabelsMissing, VerifiedPage
 from services.layout.pipeline import content_features, learn_from_feedback
 from services.layout.pipeline import train_model as train_on_samples
 from services.operations.layout_models import draft_of, read_samples, sample_document
@@ -61,16 +61,23 @@ def adapt_models(task: FeedbackTask, models: Sequence[StoredModel], settings: La
     InvalidModel
         When one of them cannot be read by this release.
     InvalidOption
-        When the page's labels and the model's own are more than a model may have.
+        When the page's labels and the model's own are more than a model may have, or some are not named and there is
+        no model that could tell them.
     """
     features = content_features(settings.content_features)
     page = features.measure_page(_kept_page(task.page, settings))
     named = {version.model.name: version.model for version in open_models(models)}
     found = tuple(task.found_labels.get(zone.id) for zone in page.zones)
     said = VerifiedPage(page, task.found_class, found, task.verified_class, task.labels)
-    labels, learned = learn_from_feedback(
-        said, named, {name: _learner(learner) for name, learner in task.learners.items()}, features
-    )
+    learners = {name: _learner(learner) for name, learner in task.learners.items()}
+    try:
+        labels, learned = learn_from_feedback(said, named, learners, features)
+    except LabelsMissing as error:
+        raise InvalidOption(
+            f"labels.{error.zone}: {task.verified_class} has no model yet that could tell the labels which are not "
+            "named; name those of all zones.",
+            "labels",
+        ) from error
     for each in learned.values():
         _check_labels(each.model)
     verified = replace(
@@ -83,7 +90,7 @@ def adapt_models(task: FeedbackTask, models: Sequence[StoredModel], settings: La
         wrong=[
             {"zone": zone.id, "found": label, "verified": zone.label}
             for zone, label in zip(verified.zones, found, strict=True)
-            if zone.label != label
+            if zone.label != label and task.verified_class is not None
         ],
         costs=[
             {"model": name, "found": _told(each.found), "verified": _told(each.verified)}

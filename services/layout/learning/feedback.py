@@ -20,6 +20,14 @@ _FORBIDDEN = 1e6
 """Cost of a label that a person has ruled out: more than all else of a page together."""
 
 
+class LabelsMissing(ValueError):
+    """A zone of which nobody can tell the label."""
+
+    def __init__(self, zone: str) -> None:
+        super().__init__(zone)
+        self.zone = zone
+
+
 @dataclass(frozen=True, slots=True)
 class VerifiedPage:
     """A recognized page and what a person said of it.
@@ -37,7 +45,10 @@ class VerifiedPage:
 
 @dataclass(frozen=True, slots=True)
 class CostChange:
-    """Cost of one labelling under a model before and after it has learned; None where it has not all of its labels."""
+    """Cost of one labelling under a model before and after it has learned, its class's bias for all zones added.
+
+    None where the model has not all of its labels.
+    """
 
     before: float | None
     after: float | None
@@ -63,6 +74,11 @@ def learn_from_feedback(
     The verified class's model learns the page. Where another class was chosen, or none, or one for a page of none,
     the calibrations of the models concerned learn the decision. `models` has them in their newest versions; a class
     that has no version yet is left out. The zones carry their content features.
+
+    Raises
+    ------
+    LabelsMissing
+        When zones are not named and there is no model that could tell their labels.
     """
     graph = build_graph(said.page, content_names)
     wrong_class = None if said.found_class == said.verified_class else said.found_class
@@ -91,7 +107,10 @@ def _all_labels(said: VerifiedPage, graph: LayoutGraph, right: LearningModel | N
     if said.found_class == said.verified_class:
         return tuple(said.verified.get(zone, label) for zone, label in zip(ids, said.found, strict=True))
     if right is None:
-        return tuple(said.verified.get(zone) for zone in ids)
+        missing = [zone for zone in ids if zone not in said.verified]
+        if missing:
+            raise LabelsMissing(missing[0])
+        return tuple(said.verified[zone] for zone in ids)
     state = with_labels(right, tuple(said.verified.values()))
     tables = build_cost_tables(graph, state.model)
     node = tables.node.copy()
@@ -129,16 +148,18 @@ def _told(
     return LearnedModel(
         end_learning(after),
         *(
-            CostChange(_cost(graph, before.model, labels), _cost(graph, after.model, labels))
+            CostChange(_cost(graph, before, labels), _cost(graph, after, labels))
             for labels in (found, verified)
         ),
     )
 
 
-def _cost(graph: LayoutGraph, model: CompiledModel, labels: Labels) -> float | None:
-    if not set(labels) <= set(model.labels):
+def _cost(graph: LayoutGraph, learned: LearningModel, labels: Labels) -> float | None:
+    if not set(labels) <= set(learned.labels):
         return None
-    return sum(labelling_cost(graph, model, label_indices(labels, model.labels), model.scales))
+    model = learned.model
+    cost = sum(labelling_cost(graph, model, label_indices(labels, model.labels), model.scales))
+    return cost + learned.calibration.bias * graph.zones
 
 
 def _least_cost(graph: LayoutGraph, model: CompiledModel) -> float:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from models.layout_graph import LayoutModel, Page
-from services.layout.learning.feedback import VerifiedPage, learn_from_feedback
+from services.layout.learning.feedback import LabelsMissing, VerifiedPage, learn_from_feedback
 from services.layout.pipeline import VersionedModel, recognize
 from tests.services.layout.learning.pupils import NAMES
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of
@@ -134,6 +134,13 @@ def test_without_models_only_labels_are_told(verified_class: str | None) -> None
     labels, learned = learn_from_feedback(said(page, found, verified_class), {}, {}, NAMES)
     assert labels == tuple(truth_of(page).values())
     assert learned == {}
+
+
+def test_labels_that_nobody_can_tell_are_asked_for() -> None:
+    page = unseen("memo", 1)
+    with pytest.raises(LabelsMissing) as caught:
+        learn_from_feedback(said(page, recognized(page), "memo", {page.zones[0].id: "to"}), {}, {}, NAMES)
+    assert caught.value.zone == page.zones[1].id
 
 
 def test_the_learner_is_chosen_by_model() -> None:
