@@ -144,22 +144,24 @@ class NodeMemory:
 
 @dataclass(frozen=True, slots=True)
 class EdgeMemory:
-    """How many pairs of zones of two components had each descriptor of each relation."""
+    """How many pairs of zones of two components had each descriptor of each relation, in the memory's order."""
 
     upper: str | None
     lower: str | None
-    descriptors: Mapping[str, tuple[float, ...]]
+    seen: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class ModelMemory:
     """What a model has seen, so that it can learn from one page more without the pages before (5.5).
 
-    `nodes` stand in the order of the model's; edges that were never seen are left out. `certainty` tells for each of
-    the model's `scales` how sure it is: the second derivative of the pages' log likelihood.
+    `descriptors` names the columns of its edges, "relation:descriptor". `nodes` stand in the order of the model's;
+    edges that were never seen are left out. `certainty` tells for each of the model's `scales` how sure it is: the second
+    derivative of the pages' log likelihood.
     """
 
     pages: float
+    descriptors: tuple[str, ...]
     nodes: tuple[NodeMemory, ...]
     edges: tuple[EdgeMemory, ...]
     certainty: Mapping[str, float]

@@ -74,6 +74,7 @@ def _node_document(node: ModelNode) -> dict[str, Any]:
 def _memory_document(memory: ModelMemory, index: Mapping[str | None, int]) -> dict[str, Any]:
     return {
         "pages": memory.pages,
+        "descriptors": list(memory.descriptors),
         "nodes": [
             {
                 "zones": node.zones,
@@ -87,7 +88,7 @@ def _memory_document(memory: ModelMemory, index: Mapping[str | None, int]) -> di
             {
                 "upper": index[edge.upper],
                 "lower": index[edge.lower],
-                "descriptors": {name: list(seen) for name, seen in edge.descriptors.items()},
+                "seen": list(edge.seen),
             }
             for edge in memory.edges
         ],
@@ -202,14 +203,20 @@ def _read_memory(document: Any, labels: list[str | None]) -> ModelMemory:
     ]
     if len(nodes) != len(labels):
         raise InvalidLayout("memory.nodes: one is needed for each of the model's nodes.", "memory.nodes")
+    names = _list(told.get("descriptors"), "memory.descriptors", MOST_NAMES)
+    descriptors = tuple(_name(name, "memory.descriptors") for name in names)
     edges = []
     for k, each in enumerate(_list(told.get("edges"), "memory.edges", len(labels) ** 2)):
         where = f"memory.edges[{k}]"
         edge = _object(each, where)
         upper, lower = _read_ends(edge, labels, where)
-        edges.append(EdgeMemory(upper, lower, _rows(edge.get("descriptors"), f"{where}.descriptors", 0.0)))
+        seen = _row(edge.get("seen"), f"{where}.seen", 0.0, MOST_NAMES)
+        if len(seen) != len(descriptors):
+            raise InvalidLayout(f"{where}.seen: one number is needed for each descriptor.", f"{where}.seen")
+        edges.append(EdgeMemory(upper, lower, seen))
     return ModelMemory(
         pages=_number(told.get("pages"), "memory.pages", 0.0),
+        descriptors=descriptors,
         nodes=tuple(nodes),
         edges=tuple(edges),
         certainty=_numbers(told.get("certainty"), "memory.certainty", 0.0, LARGEST),
@@ -240,13 +247,11 @@ def _read_node_memory(document: Any, where: str) -> NodeMemory:
 
 def _rows(value: Any, where: str, least: float) -> dict[str, tuple[float, ...]]:
     """Lists of numbers by name."""
-    return {
-        name: tuple(
-            _number(number, f"{where}.{name}", least)
-            for number in _list(each, f"{where}.{name}", MOST_DESCRIPTORS)
-        )
-        for name, each in _mapping(value, where).items()
-    }
+    return {name: _row(each, f"{where}.{name}", least) for name, each in _mapping(value, where).items()}
+
+
+def _row(value: Any, where: str, least: float, most: int = MOST_DESCRIPTORS) -> tuple[float, ...]:
+    return tuple([_number(number, where, least) for number in _list(value, where, most)])
 
 
 def _object(value: Any, where: str) -> Mapping[str, Any]:
@@ -294,6 +299,8 @@ def _label(value: Any, where: str) -> str:
 
 
 def _number(value: Any, where: str, least: float = -LARGEST, largest: float = LARGEST) -> float:
+    if type(value) is float and least <= value <= largest:  # as nearly all are; NaN is within no bounds
+        return value
     if not is_finite_number(value) or not least <= value <= largest:
         raise InvalidLayout(f"{where}: expected a number from {least:g} to {largest:g}.", where)
     return float(value)

@@ -4,6 +4,7 @@ This module is all that a worker imports of `app`, so that a worker starts fast 
 """
 
 import faulthandler
+import gc
 import os
 import pickle
 import resource
@@ -38,6 +39,10 @@ SINGLE_THREAD_ENVIRONMENT = {
 }
 """Workers are as many as processors; threads inside of them would only fight each other."""
 
+COLLECTED_AFTER = 50_000
+"""Containers that come to stay before Python looks for cycles among them: a model has a tenth of that, and every look
+at 200 models that a worker keeps takes longer than learning from a page."""
+
 OPENCV_NO_MEMORY = -4
 """cv::Error::StsNoMem: OpenCV's own word for a failed allocation."""
 
@@ -46,6 +51,8 @@ def serve(connection: Connection, memory_bytes: int, warm_up: Callable[[], dict[
     """Say that this worker is warm, then answer calls until the engine hangs up."""
     _settle(memory_bytes)
     facts = warm_up() if warm_up is not None else {}
+    gc.freeze()  # what is loaded now stays, and need not be looked at again
+    gc.set_threshold(COLLECTED_AFTER)
     connection.send_bytes(pickle.dumps((READY, facts)))
     while (answer := _answer_next(connection)) is not None:
         connection.send_bytes(answer)

@@ -56,11 +56,12 @@ MODEL = LayoutModel(
     calibration=Calibration(-6.5, 0.8, 2, 0.25),
     memory=ModelMemory(
         pages=2.0,
+        descriptors=("left-left:to-the-left", "left-left:aligned", "left-left:to-the-right"),
         nodes=(
             NodeMemory(0.0, {}, {}, (2.0,)),
             NodeMemory(2.0, {"left": (2.0, 0.8, 0.34)}, {"date": (2.0, 1.9)}, (0.0, 2.0)),
         ),
-        edges=(EdgeMemory("date", "date", {"left-left": (1.0, 0.0, 1.0)}),),
+        edges=(EdgeMemory("date", "date", (1.0, 0.0, 1.0)),),
         certainty={"left": 3.5},
     ),
 )
@@ -222,7 +223,9 @@ DAMAGES: list[tuple[Path, Any, str]] = [
     (("memory", "nodes", 1, "numeric", "left"), [2, 0.5, -1], "memory.nodes[1].numeric.left"),
     (("memory", "nodes", 1, "content", "date"), [1, 2], "memory.nodes[1].content.date"),
     (("memory", "edges", 0, "upper"), 2, "memory.edges[0].upper"),
-    (("memory", "edges", 0, "descriptors", "left-left"), [-1, 0, 0], "memory.edges[0].descriptors.left-left"),
+    (("memory", "edges", 0, "seen"), [-1, 0, 0], "memory.edges[0].seen"),
+    (("memory", "edges", 0, "seen"), [1, 0], "memory.edges[0].seen"),
+    (("memory", "descriptors"), ["", "a", "b"], "memory.descriptors"),
     (("memory", "certainty", "left"), -1, "memory.certainty.left"),
 ]  # fmt: skip
 
@@ -256,7 +259,7 @@ LEARNED = ("weight", "content_weights", "bias", "memory")
 """What models of earlier releases have not."""
 NEEDED_OF_MEMORY = (
     *("pages", "nodes", "edges", "certainty"),
-    *("zones", "numeric", "content", "counts", "upper", "lower", "descriptors"),
+    *("zones", "numeric", "content", "counts", "upper", "lower", "descriptors", "seen"),
 )
 
 
@@ -270,7 +273,7 @@ def optional(path: Path) -> bool:
         or path == ("nodes", 0, "label")  # which is null
         or path[-1] in LEARNED
         or (path[0] == "memory" and not isinstance(path[-1], int) and path[-1] not in NEEDED_OF_MEMORY)
-        or (path[0] == "memory" and path[-2] in ("counts", "left-left", "edges"))
+        or (path[0] == "memory" and path[-2] in ("counts", "edges"))
     )
 
 

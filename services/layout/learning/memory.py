@@ -1,6 +1,6 @@
 """What a model has seen, as it is kept with it (`ModelMemory`) and as the sums that estimation works on."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,9 @@ from services.layout.graph import RELATION_OFFSETS
 from services.layout.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.statistics import MOST_COUNTED, LabelStatistics
 
+_DESCRIPTORS = tuple(
+    f"{relation.name}:{descriptor}" for relation in RELATIONS for descriptor in relation.descriptors
+)
 _DIGITS = 6
 """Of sums, after the point: attributes are shares and logarithms."""
 
@@ -32,6 +35,7 @@ def keep_memory(
     is_seen = np.any(statistics.descriptors, axis=2).tolist()
     return ModelMemory(
         pages=float(statistics.pages[0]),
+        descriptors=_DESCRIPTORS,
         nodes=tuple(
             NodeMemory(
                 zones=zones[row],
@@ -50,7 +54,7 @@ def keep_memory(
             for row in range(len(labels))
         ),
         edges=tuple(
-            EdgeMemory(upper, lower, _by_relation(descriptors[row][column]))
+            EdgeMemory(upper, lower, tuple(descriptors[row][column]))
             for row, upper in enumerate(labels)
             for column, lower in enumerate(labels)
             if is_seen[row][column]
@@ -84,9 +88,11 @@ def recall(
             content[row, column] = node.content.get(name, (0.0, 0.0))
         counts[row] = _of_length(node.counts, MOST_COUNTED + 1)
     index = {node.label: position for position, node in enumerate(model.nodes)}
-    descriptors = np.zeros((count, count, RELATION_OFFSETS[-1]))
+    known = [column for column, name in enumerate(_DESCRIPTORS) if name in memory.descriptors]
+    told = [memory.descriptors.index(_DESCRIPTORS[column]) for column in known]
+    descriptors = np.zeros((count, count, len(_DESCRIPTORS)))
     for edge in memory.edges:
-        descriptors[index[edge.upper], index[edge.lower]] = _side_by_side(edge.descriptors)
+        descriptors[index[edge.upper], index[edge.lower], known] = np.array(edge.seen)[told]
     statistics = LabelStatistics(
         zones=np.array([node.zones for node in memory.nodes]),
         known=numeric[:, :, 0],
@@ -148,22 +154,6 @@ def _presume(model: LayoutModel, compiled: CompiledModel) -> LabelStatistics:
         counts=counts,
         pages=np.array([float(model.samples)]),
     )
-
-
-def _by_relation(row: Sequence[float]) -> dict[str, tuple[float, ...]]:
-    return {
-        relation.name: tuple(row[start:end])
-        for relation, start, end in zip(RELATIONS, RELATION_OFFSETS[:-1], RELATION_OFFSETS[1:], strict=True)
-    }
-
-
-def _side_by_side(descriptors: Mapping[str, tuple[float, ...]]) -> NDArray[np.float64]:
-    row = np.zeros(RELATION_OFFSETS[-1])
-    for relation, start, end in zip(RELATIONS, RELATION_OFFSETS[:-1], RELATION_OFFSETS[1:], strict=True):
-        seen = descriptors.get(relation.name, ())
-        if len(seen) == end - start:
-            row[start:end] = seen
-    return row
 
 
 def _of_length(row: Sequence[float], length: int) -> NDArray[np.float64]:
