@@ -1,0 +1,103 @@
+"""Models that learn: from what a person said of one page, and from rounds over all verified ones."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from app.operations.layout import LayoutSettings, ModelDocument, layout_settings, stored_models
+
+
+@dataclass(frozen=True, slots=True)
+class FeedbackTask:
+    """What a person said of a recognized page, beside what was found.
+
+    `page` is the page of the kept result, `found_labels` the label of each of its zones there (of the class
+    `found_class`; of the nearest one when that is None). `verified_class` None: the page is of no class. `labels` are
+    those that were sent, maybe not of all zones: the others keep their label where the class was right, and take else
+    the one that the verified class's model finds beside the named ones. `learners` tells how each model learns.
+    """
+
+    page: dict[str, Any]
+    found_class: str | None
+    found_labels: dict[str, str | None]
+    verified_class: str | None
+    labels: dict[str, str | None]
+    learners: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Adaptation:
+    """What a feedback makes of the models that it concerns.
+
+    `documents` holds the new model of each of them by name; `verified_labels` the label of every zone, and `wrong`
+    those that were found otherwise, each `{"zone", "found", "verified"}`. `costs` are those of both labellings under
+    each model, `{"model", "found": {"before", "after"}, "verified": {"before", "after"}}`. `sample` is the verified
+    page as `measure_sample` would answer it, of `zones` zones.
+    """
+
+    documents: dict[str, dict[str, Any]]
+    verified_labels: dict[str, str | None]
+    wrong: list[dict[str, Any]]
+    costs: list[dict[str, Any]]
+    sample: dict[str, Any]
+    zones: int
+
+
+@dataclass(frozen=True, slots=True)
+class Training:
+    """What rounds of training made of a model.
+
+    `rounds` has one `{"round", "error", "held_out_error"}` for each, from round 0 on, which is initialization from
+    the samples (or, when the model has seen more pages than there are samples, the model as it was); errors are
+    shares of zones, the second None where no page is held out. `document` is the model after round `kept_round`.
+    `stopped` says why there were no more: as many as were asked for, the error on held-out pages rose, or there was
+    none left to learn from.
+    """
+
+    document: dict[str, Any]
+    labels: list[str]
+    rounds: list[dict[str, Any]]
+    kept_round: int
+    stopped: Literal["rounds", "held-out", "no-errors"]
+
+
+def adapt_models(task: FeedbackTask, models: list[ModelDocument], settings: LayoutSettings) -> Adaptation:
+    """What a person's correction of a page makes of `models`, the newest versions of the found and the verified class.
+
+    Of a class without a version, or without a class, there is none among them; the answer has then no document of it.
+    Raises the `DocumentError`s of `services.operations`.
+    """
+    from services.operations import layout_learning
+
+    adaptation = layout_learning.adapt_models(
+        layout_learning.FeedbackTask(
+            task.page,
+            task.found_class,
+            task.found_labels,
+            task.verified_class,
+            task.labels,
+            task.learners,
+        ),
+        stored_models(models),
+        layout_settings(settings),
+    )
+    return Adaptation(
+        adaptation.documents,
+        adaptation.verified_labels,
+        adaptation.wrong,
+        adaptation.costs,
+        adaptation.sample,
+        adaptation.zones,
+    )
+
+
+def train_model(
+    model: ModelDocument, samples: list[dict[str, Any]], rounds: int, learner: str, settings: LayoutSettings
+) -> Training:
+    """`model` after at most `rounds` rounds over `samples`; raises the `DocumentError`s of `services.operations`."""
+    from services.operations import layout_learning
+
+    (stored,) = stored_models([model])
+    training = layout_learning.train_model(stored, samples, rounds, learner, layout_settings(settings))
+    return Training(
+        training.document, training.labels, training.rounds, training.kept_round, training.stopped
+    )
