@@ -28,6 +28,7 @@ from app.metrics import Metrics
 from app.model_locks import ModelLocks
 from app.operations import Operations
 from app.problems import FrameworkErrors, ProblemBoundary, documented
+from app.process_turns import ProcessTurns
 from app.routes import (
     health,
     layout,
@@ -65,6 +66,8 @@ ROUTERS = (
     job_routes.router,
     health.router,
 )
+LEARNING_TURNS = "learning.lock"
+"""File of the data folder by which services that share it take turns."""
 WORK = frozenset(
     {
         ("POST", "/rectify"),
@@ -111,6 +114,8 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         ),
         database_url=settings.database_url,
     )
+    shared = None if settings.database_url else settings.data_dir / LEARNING_TURNS
+    locks = ModelLocks(ProcessTurns(shared))
     jobs = Jobs(
         JobLimits(
             ttl_s=settings.job_ttl_s,
@@ -131,6 +136,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             finally:
                 await engine.drain(settings.shutdown_grace_s)
                 await jobs.close()
+                locks.close()
 
     app = FastAPI(
         title="Document rectification",
@@ -142,9 +148,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         redirect_slashes=False,
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
-    app.state.document_rectification = AppState(
-        settings, engine, operations, store, metrics, ModelLocks(), jobs
-    )
+    app.state.document_rectification = AppState(settings, engine, operations, store, metrics, locks, jobs)
     for router in ROUTERS:
         if router is layout.router:
             # A field is refused by its own limit, which is told by name, before by that of all fields.

@@ -1,6 +1,7 @@
-"""One learner at a time for each model of this process, so that they need not do their work twice.
+"""One learner at a time for each model, so that they need not do their work twice.
 
-Processes do not see each other's locks: what keeps a model whole is the version that the store expects of a writer.
+Within a process they wait for each other; processes take turns as a courtesy. What keeps a model whole is the version
+that the store expects of a writer.
 """
 
 import asyncio
@@ -8,12 +9,17 @@ from collections.abc import AsyncIterator, Iterable
 from contextlib import AsyncExitStack, asynccontextmanager
 
 from app.engine.base import Busy
+from app.process_turns import ProcessTurns
+
+PATIENCE_S = 2.0
+"""For the turn among processes, which take some 50 ms each; then a learner goes on without it."""
 
 
 class ModelLocks:
     """Locks by name; there are only those that somebody holds or waits for."""
 
-    def __init__(self) -> None:
+    def __init__(self, turns: ProcessTurns) -> None:
+        self._turns = turns
         self._locks: dict[str, asyncio.Lock] = {}
         self._users: dict[str, int] = {}
 
@@ -37,7 +43,13 @@ class ModelLocks:
                     f"Others teach {' or '.join(wanted)} for longer than {timeout_s:g} s ({setting}); "
                     "send the request again later."
                 ) from None
+            for name in wanted:
+                await held.enter_async_context(self._turns.take(name, PATIENCE_S))
             yield
+
+    def close(self) -> None:
+        """Leave no turn taken."""
+        self._turns.close()
 
     @asynccontextmanager
     async def _one(self, name: str) -> AsyncIterator[None]:

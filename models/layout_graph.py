@@ -156,7 +156,7 @@ class ModelMemory:
     """What a model has seen, so that it can learn from one page more without the pages before (5.5).
 
     `descriptors` names the columns of its edges, "relation:descriptor". `nodes` stand in the order of the model's;
-    edges that were never seen are left out. `certainty` tells for each of the model's `scales` how sure it is: the second
+    edges that were never seen are left out. `certainty` tells how sure each of the model's `scales` is: the second
     derivative of the pages' log likelihood.
     """
 
