@@ -54,7 +54,9 @@ def train(
     *,
     hold_out: bool = True,
 ) -> Training:
-    """The model of all pages after the round that leaves fewest errors on pages held out, the earliest of equals.
+    """The model of all pages after the round that leaves fewest errors on pages held out.
+
+    Of equals it is the one with fewest errors on the samples, whose like may come again, and of these the earliest.
 
     `pages[i]` are the views of sample i, the first of which is the one that was verified: errors are counted on it,
     every view is learned from. Training ends after `rounds`, when the held-out error has risen and stays so for
@@ -69,7 +71,7 @@ def train(
     whole = _Trainee(begin(every), [])
     zones = max(1, sum(len(views[0].labels) for views in pages))
     history: list[Round] = []
-    errors: list[int] = []
+    errors: list[tuple[int, int]] = []
     kept, kept_model = 0, whole.model
     stopped: Stop = "rounds"
     for number in range(rounds + 1):
@@ -79,19 +81,16 @@ def train(
                 trainee.practise(pages, learner)
             changed = whole.practise(pages, learner)
         wrong = sum(wrong_zones(whole.model, views[0]) for views in pages)
-        errors.append(
-            sum(wrong_zones(each.model, pages[index][0]) for each in trainees for index in each.held_out)
-            if trainees
-            else wrong
-        )
-        history.append(Round(number, wrong / zones, errors[-1] / zones if trainees else None))
-        if errors[-1] < min(errors[:-1], default=errors[-1] + 1):
+        held = sum(wrong_zones(each.model, pages[index][0]) for each in trainees for index in each.held_out)
+        errors.append((held, wrong))
+        history.append(Round(number, wrong / zones, held / zones if trainees else None))
+        if errors[-1] < min(errors[:-1], default=(zones + 1, 0)):
             kept, kept_model = number, whole.model
         report(number / max(1, rounds))
         if number and not changed:
             stopped = "no-errors"
             break
-        if trainees and number - kept >= parameters.patience and errors[-1] > errors[kept]:
+        if number - kept >= parameters.patience and held > errors[kept][0]:
             stopped = "held-out"
             break
     return Training(kept_model, tuple(history), kept, stopped)
