@@ -57,7 +57,7 @@ class Training:
     labels: list[str]
     rounds: list[dict[str, Any]]
     kept_round: int
-    stopped: Literal["rounds", "held-out", "no-errors"]
+    stopped: Literal["rounds", "held-out", "no-errors", "effort"]
 
 
 def adapt_models(task: FeedbackTask, models: list[ModelDocument], settings: LayoutSettings) -> Adaptation:

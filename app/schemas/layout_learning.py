@@ -48,8 +48,9 @@ class TrainedModel(Answer):
     learner: Learner
     rounds: list[Round]
     kept_round: int = Field(ge=0, description="The round whose model is kept.")
-    stopped: Literal["rounds", "held-out", "no-errors"] = Field(
-        description="All rounds were done; the error on held-out samples rose; or nothing was wrong any more."
+    stopped: Literal["rounds", "held-out", "no-errors", "effort"] = Field(
+        description="All rounds were done; the error on held-out samples rose; nothing was wrong any more; or the work "
+        "of one training was spent."
     )
 
 

@@ -50,7 +50,7 @@ class TrainingReply:
     labels: list[str]
     rounds: list[dict[str, Any]]
     kept_round: int
-    stopped: Literal["rounds", "held-out", "no-errors"]
+    stopped: Literal["rounds", "held-out", "no-errors", "effort"]
 
 
 def adapt_models(task: FeedbackTask, models: Sequence[StoredModel], settings: LayoutSettings) -> Adaptation:

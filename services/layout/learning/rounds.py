@@ -9,7 +9,7 @@ from services.layout.learning.learners import practise, wrong_zones
 from services.layout.learning.state import LearningModel, with_labels
 from services.layout.statistics import LabelledGraph
 
-Stop = Literal["rounds", "held-out", "no-errors"]
+Stop = Literal["rounds", "held-out", "no-errors", "effort"]
 BeginModel = Callable[[Sequence[int]], LearningModel]
 """(indices of samples) -> the model at round 0 that has seen these samples alone."""
 
@@ -20,9 +20,18 @@ class RoundParameters:
 
     folds: int = 5
     """Parts of the samples that are held out in turn; each costs as much as the training itself."""
+    most_effort: float = 6e9
+    """Entries of tables of pairs in all: about a minute. Of very many or large pages fewer parts are held out in turn,
+    so that there is time for `FEWEST_ROUNDS`, and rounds end when it is spent."""
     patience: int = 2
     """Rounds in a row that may leave more errors on held-out pages than the best round before; errors are few, so
     that one more may be chance."""
+
+
+FEWEST_ROUNDS = 3
+"""As many as the dissertation's title pages needed (5.6.1)."""
+LEAST_EFFORT = 2e5
+"""Of a page, be it ever so small."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +69,21 @@ def train(
 
     `pages[i]` are the views of sample i, the first of which is the one that was verified: errors are counted on it,
     every view is learned from. Training ends after `rounds`, when the held-out error has risen and stays so for
-    `patience` rounds, or when a round has changed nothing. `report` hears how far it is, 0-1.
+    `patience` rounds, when a round has changed nothing, or when `most_effort` is spent. `report` hears how far it is.
     """
     every = range(len(pages))
     folds = min(parameters.folds, len(pages)) if hold_out and len(pages) > 1 else 0
-    held_out = [[index for index in every if index % folds == fold] for fold in range(folds)]
+    effort = [sum(_effort(view) for view in views) for views in pages]
+    room = parameters.most_effort / FEWEST_ROUNDS / max(sum(effort), LEAST_EFFORT) - 1
+    in_turn = folds if room >= folds else max(min(folds, 1), int(room))
+    held_out = [[index for index in every if index % folds == fold] for fold in range(in_turn)]
     trainees = [
         _Trainee(begin([index for index in every if index not in set(part)]), part) for part in held_out
     ]
     whole = _Trainee(begin(every), [])
     zones = max(1, sum(len(views[0].labels) for views in pages))
+    held_zones = max(1, sum(len(pages[index][0].labels) for part in held_out for index in part))
+    of_round = sum(effort) + sum(sum(effort) - sum(effort[index] for index in part) for part in held_out)
     history: list[Round] = []
     errors: list[tuple[int, int]] = []
     kept, kept_model = 0, whole.model
@@ -83,8 +97,8 @@ def train(
         wrong = sum(wrong_zones(whole.model, views[0]) for views in pages)
         held = sum(wrong_zones(each.model, pages[index][0]) for each in trainees for index in each.held_out)
         errors.append((held, wrong))
-        history.append(Round(number, wrong / zones, held / zones if trainees else None))
-        if errors[-1] < min(errors[:-1], default=(zones + 1, 0)):
+        history.append(Round(number, wrong / zones, held / held_zones if trainees else None))
+        if errors[-1] < min(errors[:-1], default=(held_zones + 1, 0)):
             kept, kept_model = number, whole.model
         report(number / max(1, rounds))
         if number and not changed:
@@ -93,7 +107,16 @@ def train(
         if number - kept >= parameters.patience and held > errors[kept][0]:
             stopped = "held-out"
             break
+        if number and (number + 1) * of_round > parameters.most_effort and number < rounds:
+            stopped = "effort"
+            break
     return Training(kept_model, tuple(history), kept, stopped)
+
+
+def _effort(view: LabelledGraph) -> float:
+    """About how many entries the tables of a page have."""
+    labels = len(set(view.labels)) + 1
+    return LEAST_EFFORT + len(view.graph.pairs) * float(labels**2)
 
 
 class _Trainee:

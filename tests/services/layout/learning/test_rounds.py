@@ -77,6 +77,25 @@ def test_training_stops_when_held_out_errors_rise(monkeypatch: pytest.MonkeyPatc
     assert len(training.rounds) == 4, "two rounds worse than the best one"
 
 
+def test_effort_is_bounded() -> None:
+    """Fewer parts are held out of what takes long, and rounds end."""
+    learned = pupil("letter", 1)
+    pages = lessons("letter", learned, 6)
+    whole = train(lambda indices: learned, pages, 50, "passive-aggressive")
+    rounds = len(whole.rounds) - 1
+    begun: list[int] = []
+
+    def begin(indices) -> LearningModel:
+        begun.append(len(indices))
+        return learned
+
+    little = RoundParameters(most_effort=1.0, patience=100)
+    training = train(begin, pages, 50, "passive-aggressive", little)
+    assert begun == [4, 6], "one part is held out still, and all are learned from"
+    assert (training.stopped, len(training.rounds)) == ("effort", 2), "one round there is in any case"
+    assert rounds > 1
+
+
 def test_a_model_is_trained_from_its_samples() -> None:
     samples = [labelled_page("letter", seed) for seed in range(6)]
     heard: list[float] = []
