@@ -29,6 +29,21 @@ MOST_LABELS = 60
 LONGEST_LABEL = 60
 """Characters; the longest label of the labelled pages has 16."""
 
+LARGEST = 1e9
+"""Size of any number of a model: what is learned is kept within what is read, so that it can be read again."""
+
+LARGEST_SUM = 1e15
+"""Of those of its memory: squares of places on 200 pages of 10 000 zones have 1e14 together."""
+
+MOST_WEIGHT = 1e3
+"""Of an attribute: its scale, and what learning has multiplied its weight with; they are some units."""
+
+LEAST_VARIANCE = 1e-9
+"""Of a numeric attribute."""
+
+MOST_BIAS = 100.0
+"""Of a calibration; costs a zone are some units."""
+
 
 class InvalidLayout(ValueError):
     """A page, a zone or a model that is not one; `field` names the part, as in `zones[3].box`."""

@@ -4,10 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from models.layout_graph import (
+    LARGEST,
+    LARGEST_SUM,
+    LEAST_VARIANCE,
     LONGEST_LABEL,
     MODEL_FORMAT,
     MODEL_FORMAT_VERSION,
+    MOST_BIAS,
     MOST_LABELS,
+    MOST_WEIGHT,
     Calibration,
     EdgeMemory,
     InvalidLayout,
@@ -24,8 +29,6 @@ MOST_NAMES = 500
 """Of attributes, in one mapping."""
 MOST_DESCRIPTORS = 100
 LONGEST_NAME = 100
-LARGEST = 1e9
-MOST_BIAS = 100.0
 
 
 def model_to_document(model: LayoutModel) -> dict[str, Any]:
@@ -138,7 +141,7 @@ def model_from_document(document: Any) -> LayoutModel:
         samples=_whole(told.get("samples"), "samples"),
         nodes=nodes,
         edges=edges,
-        scales=_numbers(told.get("scales"), "scales", 0.0, 1e3),
+        scales=_numbers(told.get("scales"), "scales", 0.0, MOST_WEIGHT),
         calibration=Calibration(
             _number(calibration.get("mean"), "calibration.mean"),
             _number(calibration.get("deviation"), "calibration.deviation", 1e-6),
@@ -158,8 +161,8 @@ def _read_node(document: Any, where: str) -> ModelNode:
         expected = _object(each, place)
         numeric[name] = NumericExpectation(
             _number(expected.get("value"), f"{place}.value"),
-            _number(expected.get("variance"), f"{place}.variance", 1e-9),
-            _number(expected.get("weight", 1.0), f"{place}.weight", 0.0, 1e3),
+            _number(expected.get("variance"), f"{place}.variance", LEAST_VARIANCE),
+            _number(expected.get("weight", 1.0), f"{place}.weight", 0.0, MOST_WEIGHT),
         )
     counts = _list(told.get("count_costs"), f"{where}.count_costs", MOST_DESCRIPTORS)
     if len(counts) < 2:
@@ -173,7 +176,9 @@ def _read_node(document: Any, where: str) -> ModelNode:
         numeric=numeric,
         content=_numbers(told.get("content"), f"{where}.content", 0.0, 1.0),
         count_costs=tuple(_number(cost, f"{where}.count_costs") for cost in counts),
-        content_weights=_numbers(told.get("content_weights", {}), f"{where}.content_weights", 0.0, 1e3),
+        content_weights=_numbers(
+            told.get("content_weights", {}), f"{where}.content_weights", 0.0, MOST_WEIGHT
+        ),
     )
 
 
@@ -210,12 +215,12 @@ def _read_memory(document: Any, labels: list[str | None]) -> ModelMemory:
         where = f"memory.edges[{k}]"
         edge = _object(each, where)
         upper, lower = _read_ends(edge, labels, where)
-        seen = _row(edge.get("seen"), f"{where}.seen", 0.0, MOST_NAMES)
+        seen = _row(edge.get("seen"), f"{where}.seen", 0.0, LARGEST_SUM, MOST_NAMES)
         if len(seen) != len(descriptors):
             raise InvalidLayout(f"{where}.seen: one number is needed for each descriptor.", f"{where}.seen")
         edges.append(EdgeMemory(upper, lower, seen))
     return ModelMemory(
-        pages=_number(told.get("pages"), "memory.pages", 0.0),
+        pages=_number(told.get("pages"), "memory.pages", 0.0, LARGEST_SUM),
         descriptors=descriptors,
         nodes=tuple(nodes),
         edges=tuple(edges),
@@ -226,32 +231,35 @@ def _read_memory(document: Any, labels: list[str | None]) -> ModelMemory:
 def _read_node_memory(document: Any, where: str) -> NodeMemory:
     told = _object(document, where)
     numeric, content = {}, {}
-    for name, sums in _rows(told.get("numeric"), f"{where}.numeric", -LARGEST).items():
+    for name, sums in _rows(told.get("numeric"), f"{where}.numeric", -LARGEST_SUM, LARGEST_SUM).items():
         if len(sums) != 3 or sums[0] < 0 or sums[2] < 0:
             place = f"{where}.numeric.{name}"
             raise InvalidLayout(f"{place}: expected a count, a sum and a sum of squares.", place)
         numeric[name] = (sums[0], sums[1], sums[2])
-    for name, sums in _rows(told.get("content"), f"{where}.content", 0.0).items():
+    for name, sums in _rows(told.get("content"), f"{where}.content", 0.0, LARGEST_SUM).items():
         if len(sums) != 2 or sums[1] > sums[0] * (1 + 1e-6):
             place = f"{where}.content.{name}"
             raise InvalidLayout(f"{place}: expected a count and a sum that is not larger.", place)
         content[name] = (sums[0], sums[1])
     counts = _list(told.get("counts"), f"{where}.counts", MOST_DESCRIPTORS)
     return NodeMemory(
-        zones=_number(told.get("zones"), f"{where}.zones", 0.0),
+        zones=_number(told.get("zones"), f"{where}.zones", 0.0, LARGEST_SUM),
         numeric=numeric,
         content=content,
-        counts=tuple(_number(pages, f"{where}.counts", 0.0) for pages in counts),
+        counts=tuple(_number(pages, f"{where}.counts", 0.0, LARGEST_SUM) for pages in counts),
     )
 
 
-def _rows(value: Any, where: str, least: float) -> dict[str, tuple[float, ...]]:
+def _rows(value: Any, where: str, least: float, largest: float = LARGEST) -> dict[str, tuple[float, ...]]:
     """Lists of numbers by name."""
-    return {name: _row(each, f"{where}.{name}", least) for name, each in _mapping(value, where).items()}
+    told = _mapping(value, where)
+    return {name: _row(each, f"{where}.{name}", least, largest) for name, each in told.items()}
 
 
-def _row(value: Any, where: str, least: float, most: int = MOST_DESCRIPTORS) -> tuple[float, ...]:
-    return tuple([_number(number, where, least) for number in _list(value, where, most)])
+def _row(
+    value: Any, where: str, least: float, largest: float = LARGEST, most: int = MOST_DESCRIPTORS
+) -> tuple[float, ...]:
+    return tuple([_number(number, where, least, largest) for number in _list(value, where, most)])
 
 
 def _object(value: Any, where: str) -> Mapping[str, Any]:

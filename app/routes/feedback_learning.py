@@ -157,7 +157,7 @@ async def _learn_once(
     )
     versions = {model.name: model.version for model in pupils.models}
     changes = [ModelChange(name, document, versions[name]) for name, document in adaptation.documents.items()]
-    if pupils.samples is not None and verdict.verified_class is not None:
+    if pupils.samples is not None and verdict.verified_class is not None and adaptation.zones:
         first: ModelDraft = await state.engine.submit(
             state.operations.initialize_model,
             verdict.verified_class,
@@ -217,5 +217,5 @@ def _draft(
         zones=adaptation.zones,
         wrong_zones=len(adaptation.wrong),
         class_wrong=found.found_class != verdict.verified_class,
-        sample=None if verdict.verified_class is None else adaptation.sample,
+        sample=adaptation.sample if verdict.verified_class is not None and adaptation.zones else None,
     )

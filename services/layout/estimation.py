@@ -7,6 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.layout_graph import (
+    LARGEST,
+    MOST_BIAS,
+    MOST_WEIGHT,
     Calibration,
     LayoutModel,
     ModelEdge,
@@ -117,20 +120,22 @@ def name_parts(
     calibration: Calibration,
     memory: ModelMemory | None,
 ) -> LayoutModel:
-    """The model as it is stored, its arrays told by name and rounded to what matters."""
-    values, variances = np.round(model.values, 5).tolist(), np.round(model.variances, 8).tolist()
+    """The model as it is stored, its arrays told by name, rounded to what matters and within what a model may hold."""
+    values, variances = _stored(model.values, 5).tolist(), _stored(model.variances, 8).tolist()
     known = np.isfinite(model.values)
-    numeric_weights, content_weights = np.split(np.round(model.weights, 4), [len(NUMERIC_ATTRIBUTES)], axis=1)
-    content, counts = np.round(model.content, 4), np.round(model.counts, 3).tolist()
-    relations, has_costs = np.round(model.relations, 3).tolist(), np.any(model.relations, axis=2).tolist()
+    weights = _stored(np.minimum(model.weights, MOST_WEIGHT), 4)
+    numeric_weights, content_weights = np.split(weights, [len(NUMERIC_ATTRIBUTES)], axis=1)
+    content, counts = np.round(model.content, 4), _stored(model.counts, 3).tolist()
+    relations, has_costs = _stored(model.relations, 3).tolist(), np.any(model.relations, axis=2).tolist()
+    label_costs, scales = _stored(model.label_costs, 4), _stored(np.minimum(model.scales, MOST_WEIGHT), 4)
     return LayoutModel(
         name=name,
-        samples=samples,
+        samples=min(samples, int(LARGEST)),
         nodes=tuple(
             ModelNode(
                 label=label,
-                zones=float(zones[row]),
-                cost=round(float(model.label_costs[row]), 4),
+                zones=min(float(zones[row]), LARGEST),
+                cost=float(label_costs[row]),
                 numeric={
                     attribute.name: NumericExpectation(
                         values[row][column],
@@ -160,13 +165,19 @@ def name_parts(
             for column, lower in enumerate(model.labels)
             if has_costs[row][column]
         ),
-        scales={
-            each: round(float(scale), 4)
-            for each, scale in zip(scale_names(content_names), model.scales, strict=True)
-        },
-        calibration=calibration,
+        scales=dict(zip(scale_names(content_names), scales.tolist(), strict=True)),
+        calibration=Calibration(
+            mean=min(max(calibration.mean, -LARGEST), LARGEST),
+            deviation=min(calibration.deviation, LARGEST),
+            pages=min(calibration.pages, int(LARGEST)),
+            bias=min(max(calibration.bias, -MOST_BIAS), MOST_BIAS),
+        ),
         memory=memory,
     )
+
+
+def _stored(numbers: NDArray[np.float64], digits: int) -> NDArray[np.float64]:
+    return np.asarray(np.round(np.clip(numbers, -LARGEST, LARGEST), digits), np.float64)
 
 
 def _name_costs(row: Sequence[float]) -> dict[str, tuple[float, ...]]:

@@ -137,7 +137,8 @@ def scale_certainty(scales: NDArray[np.float64], terms: NDArray[np.float64]) -> 
     score = -(terms @ scales)
     probability = np.exp(score - logsumexp(score, axis=1)[:, None])[:, None, :]
     mean = (probability @ terms)[:, 0]
-    return np.asarray(((probability @ terms**2)[:, 0] - mean**2).sum(axis=0))
+    # A difference of large numbers may miss zero by a rounding error.
+    return np.asarray(np.maximum((probability @ terms**2)[:, 0] - mean**2, 0.0).sum(axis=0))
 
 
 def most_probable_scales(

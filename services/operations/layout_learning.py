@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast, get_args
 
-from models.layout_graph import MOST_LABELS, InvalidLayout, LayoutModel, Learner, Page
+from models.layout_graph import MOST_LABELS, InvalidLayout, Learner, Page
 from models.model_document import model_to_document
 from services.errors import InvalidOption
 from services.layout.exchange.page_json import page_from_document
@@ -70,6 +70,11 @@ def adapt_models(task: FeedbackTask, models: Sequence[StoredModel], settings: La
     found = tuple(task.found_labels.get(zone.id) for zone in page.zones)
     said = VerifiedPage(page, task.found_class, found, task.verified_class, task.labels)
     learners = {name: _learner(learner) for name, learner in task.learners.items()}
+    pupil = named.get(task.verified_class or "")
+    if pupil is not None:  # before it learns: tables of hundreds of labels take gigabytes
+        kept = task.found_labels if task.found_class == task.verified_class else {}
+        given = {task.labels.get(zone.id, kept.get(zone.id)) for zone in page.zones}
+        _check_labels(pupil.name, {*pupil.labels, *given})
     try:
         labels, learned = learn_from_feedback(said, named, learners, features)
     except LabelsMissing as error:
@@ -78,8 +83,6 @@ def adapt_models(task: FeedbackTask, models: Sequence[StoredModel], settings: La
             "named; name those of all zones.",
             "labels",
         ) from error
-    for each in learned.values():
-        _check_labels(each.model)
     verified = replace(
         page,
         zones=tuple(replace(zone, label=label) for zone, label in zip(page.zones, labels, strict=True)),
@@ -128,7 +131,7 @@ def train_model(
         content_features(settings.content_features),
         lambda share: report_progress("training", share),
     )
-    _check_labels(training.model)
+    _check_labels(training.model.name, set(training.model.labels))
     draft = draft_of(training.model)
     return TrainingReply(
         document=draft.document,
@@ -161,11 +164,11 @@ def _learner(name: str) -> Learner:
     return cast(Learner, name)
 
 
-def _check_labels(model: LayoutModel) -> None:
-    if len(model.nodes) > MOST_LABELS + 1:
+def _check_labels(name: str, labels: set[str | None]) -> None:
+    count = len(labels - {None})
+    if count > MOST_LABELS:
         raise InvalidOption(
-            f"labels: model {model.name} would have {len(model.nodes) - 1} different labels; a model may have "
-            f"{MOST_LABELS}.",
+            f"labels: model {name} would have {count} different labels; a model may have {MOST_LABELS}.",
             "labels",
         )
 

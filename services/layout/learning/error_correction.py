@@ -30,6 +30,8 @@ class CorrectionParameters:
     rate: float = 0.1
     """Share by which values move and weights change, and units by which costs of look-up tables do."""
     most_weight: float = 100.0
+    most_cost: float = 100.0
+    """Of a descriptor, when those that favour the right labelling get more weight time and again."""
     halvings: int = 4
     """Of a step of a value that would not lessen D."""
 
@@ -56,7 +58,7 @@ def correct_errors(
         model,
         weights=np.minimum(model.weights * factor, np.maximum(model.weights, parameters.most_weight)),
         label_costs=model.label_costs - parameters.rate * np.sign(slopes.label_costs),
-        relations=_correct_tables(model.relations, slopes.relations, parameters.rate),
+        relations=_correct_tables(model.relations, slopes.relations, parameters),
         counts=model.counts - parameters.rate * np.sign(slopes.counts),
     )
 
@@ -113,13 +115,14 @@ def _mean(member: NDArray[np.bool_], values: Array) -> Array:
         return np.asarray((member.T @ np.where(known, values, 0.0)) / (member.T.astype(np.float64) @ known))
 
 
-def _correct_tables(relations: Array, slopes: Array, rate: float) -> Array:
+def _correct_tables(relations: Array, slopes: Array, parameters: CorrectionParameters) -> Array:
     """Look-up tables: more weight to those that favour the right labelling, else its descriptors become cheaper."""
-    corrected = relations.copy()
+    corrected, rate = relations.copy(), parameters.rate
+    most = np.maximum(np.abs(relations), parameters.most_cost)
     for start, end in pairwise(RELATION_OFFSETS):
         table, slope = relations[:, :, start:end], slopes[:, :, start:end]
         favours_right = ((table * slope).sum(axis=2) < 0)[:, :, None]
         corrected[:, :, start:end] = np.where(
             favours_right, table * (1 + rate), table - rate * np.sign(slope)
         )
-    return corrected
+    return np.clip(corrected, -most, most)

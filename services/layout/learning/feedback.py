@@ -73,13 +73,16 @@ def learn_from_feedback(
 
     The verified class's model learns the page. Where another class was chosen, or none, or one for a page of none,
     the calibrations of the models concerned learn the decision. `models` has them in their newest versions; a class
-    that has no version yet is left out. The zones carry their content features.
+    that has no version yet is left out. The zones carry their content features. A page without zones teaches nothing,
+    as in initialization.
 
     Raises
     ------
     LabelsMissing
         When zones are not named and there is no model that could tell their labels.
     """
+    if not said.page.zones:
+        return (), {}
     graph = build_graph(said.page, content_names)
     wrong_class = None if said.found_class == said.verified_class else said.found_class
     right, wrong = (

@@ -5,8 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
-from models.layout_graph import EdgeMemory, LayoutModel, ModelMemory, NodeMemory
+from models.layout_graph import LARGEST, LARGEST_SUM, EdgeMemory, LayoutModel, ModelMemory, NodeMemory
 from services.layout.compiled_model import CompiledModel, scale_names
 from services.layout.edge_attributes import RELATIONS
 from services.layout.graph import RELATION_OFFSETS
@@ -18,6 +19,8 @@ _DESCRIPTORS = tuple(
 )
 _DIGITS = 6
 """Of sums, after the point: attributes are shares and logarithms."""
+_LEAST = 10.0**-_DIGITS
+"""Fewer zones with a known value are none: they are stored as none, and a mean over them may be no number."""
 
 
 def keep_memory(
@@ -26,15 +29,15 @@ def keep_memory(
     content_names: Sequence[str],
     certainty: NDArray[np.float64],
 ) -> ModelMemory:
-    """The sums over pages with `labels`, told by name."""
+    """The sums over pages with `labels`, told by name, none larger than a model may hold."""
     sums = [statistics.known, statistics.totals, statistics.squares]
-    numeric = np.round(np.stack(sums, axis=2), _DIGITS).tolist()
-    content = np.round(np.stack([statistics.read, statistics.content], axis=2), _DIGITS).tolist()
-    zones, counts = (np.round(each, _DIGITS).tolist() for each in (statistics.zones, statistics.counts))
-    descriptors = np.round(statistics.descriptors, _DIGITS).tolist()
+    numeric = _stored(np.stack(sums, axis=2)).tolist()
+    content = _stored(np.stack([statistics.read, statistics.content], axis=2)).tolist()
+    zones, counts = _stored(statistics.zones).tolist(), _stored(statistics.counts).tolist()
+    descriptors = _stored(statistics.descriptors).tolist()
     is_seen = np.any(statistics.descriptors, axis=2).tolist()
     return ModelMemory(
-        pages=float(statistics.pages[0]),
+        pages=min(float(statistics.pages[0]), LARGEST_SUM),
         descriptors=_DESCRIPTORS,
         nodes=tuple(
             NodeMemory(
@@ -60,7 +63,7 @@ def keep_memory(
             if is_seen[row][column]
         ),
         certainty={
-            name: round(float(value), 4)
+            name: round(min(float(value), LARGEST), 4)
             for name, value in zip(scale_names(content_names), certainty, strict=True)
         },
     )
@@ -87,6 +90,8 @@ def recall(
         for column, name in enumerate(content_names):
             content[row, column] = node.content.get(name, (0.0, 0.0))
         counts[row] = _of_length(node.counts, MOST_COUNTED + 1)
+    numeric[numeric[:, :, 0] < _LEAST] = 0.0
+    content[content[:, :, 0] < _LEAST] = 0.0
     index = {node.label: position for position, node in enumerate(model.nodes)}
     known = [column for column, name in enumerate(_DESCRIPTORS) if name in memory.descriptors]
     told = [memory.descriptors.index(_DESCRIPTORS[column]) for column in known]
@@ -134,15 +139,15 @@ def _presume(model: LayoutModel, compiled: CompiledModel) -> LabelStatistics:
     known = np.where(np.isfinite(compiled.values), zones[:, None], 0.0)
     values = np.nan_to_num(compiled.values)
     read = np.where(np.isfinite(compiled.content), zones[:, None], 0.0)
-    likelihood = np.exp(-compiled.counts)
     counts = np.zeros((len(zones), MOST_COUNTED + 1))
-    columns = min(likelihood.shape[1], MOST_COUNTED + 1)
-    counts[:, :columns] = (likelihood / likelihood.sum(axis=1, keepdims=True))[:, :columns] * model.samples
+    columns = min(compiled.counts.shape[1], MOST_COUNTED + 1)
+    counts[:, :columns] = softmax(-compiled.counts, axis=1)[:, :columns] * model.samples
     pairs = np.outer(zones, zones) / (2 * max(1, model.samples))
-    descriptors = np.exp(-compiled.relations)
+    descriptors = np.empty_like(compiled.relations)
     for start, end in pairwise(RELATION_OFFSETS):
-        row = descriptors[:, :, start:end]
-        row *= (pairs / row.sum(axis=2))[:, :, None]
+        descriptors[:, :, start:end] = (
+            softmax(-compiled.relations[:, :, start:end], axis=2) * pairs[:, :, None]
+        )
     return LabelStatistics(
         zones=zones,
         known=known,
@@ -154,6 +159,10 @@ def _presume(model: LayoutModel, compiled: CompiledModel) -> LabelStatistics:
         counts=counts,
         pages=np.array([float(model.samples)]),
     )
+
+
+def _stored(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.round(np.clip(sums, -LARGEST_SUM, LARGEST_SUM), _DIGITS), np.float64)
 
 
 def _of_length(row: Sequence[float], length: int) -> NDArray[np.float64]:

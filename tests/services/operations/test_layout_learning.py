@@ -1,0 +1,63 @@
+"""Feedback as workers do it: documents in, documents out, and clear answers where nothing can be learned."""
+
+import json
+import time
+from dataclasses import replace
+
+import pytest
+
+from models.layout_graph import MOST_LABELS, Page
+from models.model_document import model_to_document
+from services.errors import InvalidOption
+from services.layout.exchange.page_json import page_to_document
+from services.operations.layout_learning import FeedbackTask, adapt_models
+from services.operations.page_zones import LayoutSettings
+from services.operations.stored_models import StoredModel
+from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of, page_of
+
+LETTER = StoredModel("letter", 1, json.dumps(model_to_document(model_of("letter", 2))).encode())
+LEARNERS = {"letter": "passive-aggressive"}
+
+
+def task(page: Page, found_class: str | None, labels: dict[str, str | None]) -> FeedbackTask:
+    """What a person said of a page of letters, whose zones were found to have the labels that they carry."""
+    found = {zone.id: zone.label for zone in page.zones}
+    return FeedbackTask(page_to_document(page), found_class, found, "letter", labels, LEARNERS)
+
+
+def test_a_page_teaches_the_model_of_its_class() -> None:
+    page = labelled_page("letter", FIRST_UNSEEN)
+    adaptation = adapt_models(task(page, "letter", {page.zones[0].id: "new"}), [LETTER], LayoutSettings())
+    assert [wrong["verified"] for wrong in adaptation.wrong] == ["new"]
+    assert "new" in [node["label"] for node in adaptation.documents["letter"]["nodes"]]
+
+
+def test_more_labels_than_a_model_may_have_are_refused_before_anything_is_computed() -> None:
+    boxes = [
+        (10.0 * column, 10.0 * row, 10.0 * column + 8, 10.0 * row + 8)
+        for row in range(20)
+        for column in range(25)
+    ]
+    page = page_of(*boxes)
+    labels: dict[str, str | None] = {zone.id: f"label {number}" for number, zone in enumerate(page.zones)}
+    started = time.process_time()
+    with pytest.raises(InvalidOption, match=f"a model may have {MOST_LABELS}"):
+        adapt_models(task(page, None, labels), [LETTER], LayoutSettings())
+    assert time.process_time() - started < 2.0  # learning them took gigabytes
+
+
+def test_labels_that_were_found_count_only_where_they_stay() -> None:
+    own = {node.label for node in model_of("letter", 2).nodes} - {None}
+    page = page_of(*[(10.0 * k, 10.0, 10.0 * k + 8, 18.0) for k in range(MOST_LABELS)])
+    page = replace(page, zones=tuple(replace(zone, label=f"gone {zone.id}") for zone in page.zones))
+    labels: dict[str, str | None] = {zone.id: min(own) for zone in page.zones}
+    assert adapt_models(task(page, "letter", labels), [LETTER], LayoutSettings()).documents
+    del labels["z0"], labels["z1"]
+    assert adapt_models(task(page, "letter", labels), [LETTER], LayoutSettings()).documents
+    with pytest.raises(InvalidOption, match="different labels"):
+        adapt_models(task(page, "letter", {}), [LETTER], LayoutSettings())
+
+
+def test_a_page_without_zones_teaches_nothing() -> None:
+    adaptation = adapt_models(task(page_of(), None, {}), [LETTER], LayoutSettings())
+    assert (adaptation.documents, adaptation.zones, adaptation.costs) == ({}, 0, [])
