@@ -34,11 +34,11 @@ OTHER_PAGES = {
 }
 """Such a forest's error, percent, by 5 samples and all, on other pages of these classes than the shared ones."""
 
-_TEN = ", ten components"
+TEN = ", ten components"
 _OWN = ", own zones"
 
 
-def _sets(specimens: Sequence[Specimen]) -> dict[str, list[Page]]:
+def labelled_sets(specimens: Sequence[Specimen]) -> dict[str, list[Page]]:
     """Labelled pages by the name of their set; where a set holds several classes, by class."""
 
     def pages(source: str, class_name: str | None = None) -> list[Page]:
@@ -51,7 +51,7 @@ def _sets(specimens: Sequence[Specimen]) -> dict[str, list[Page]]:
     sets = {source: pages(source) for source in TITLES_REAL}
     for source in ("letters/real", "letters/made"):
         sets[source] = pages(source, "letter")
-        sets[source + _TEN] = [with_ten_components(page) for page in sets[source]]
+        sets[source + TEN] = [with_ten_components(page) for page in sets[source]]
     for name in ("memo", "fax"):
         sets[f"letters/made {name}"] = pages("letters/made", name)
     sets.update({source: pages(source) for source in TITLES_MADE})
@@ -63,7 +63,7 @@ def _sets(specimens: Sequence[Specimen]) -> dict[str, list[Page]]:
 
 
 def _jobs(specimens: Sequence[Specimen]) -> list[str]:
-    return list(_sets(specimens))
+    return list(labelled_sets(specimens))
 
 
 def label_by_forest(samples: Sequence[Lesson], pages: Sequence[Page]) -> list[Labels]:
@@ -72,7 +72,7 @@ def label_by_forest(samples: Sequence[Lesson], pages: Sequence[Page]) -> list[La
 
 
 def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
-    pages = _sets(specimens)[job]
+    pages = labelled_sets(specimens)[job]
     result: Result = {}
     for size in SIZES:
         if size >= len(pages):

@@ -15,9 +15,10 @@ import cv2
 from benchmarks.baseline import Figures, Metric, judge
 from benchmarks.figures import plain_values, write_json
 from benchmarks.layout_classes import CLASSES
+from benchmarks.layout_jobs import measure_all
 from benchmarks.layout_labelling import LETTERS, TITLES
 from benchmarks.layout_learning import LEARNING, draw_curves
-from benchmarks.layout_part import Part, Result, Results
+from benchmarks.layout_part import Part, Results
 from benchmarks.layout_sheet import SHEETS
 from benchmarks.layout_specimens import Specimen, load_specimens, segmented
 from benchmarks.layout_speed import SPEED, STEPS
@@ -60,16 +61,7 @@ class ReadingOptions:
     reading: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One measurement of a part."""
-
-    part: str
-    name: str
-
-
 _reader: list[tuple[OcrEngine | None, Memory]] = []
-_specimens: list[Specimen] = []
 
 
 def _start_reading(options: ReadingOptions) -> None:
@@ -81,15 +73,6 @@ def _read(specimen: Specimen) -> Specimen:
     return segmented(specimen, *_reader[0])
 
 
-def _start_measuring(specimens: Sequence[Specimen]) -> None:
-    cv2.setNumThreads(1)
-    _specimens.extend(specimens)
-
-
-def _measure(job: Job) -> tuple[Job, Result]:
-    return job, PARTS[job.part].measure(job.name, _specimens)
-
-
 def segment_all(specimens: Sequence[Specimen], options: ReadingOptions, workers: int) -> list[Specimen]:
     """The pages with zones of our own segmentation, in their order."""
     progress, done = Progress(len(specimens)), {}
@@ -97,20 +80,6 @@ def segment_all(specimens: Sequence[Specimen], options: ReadingOptions, workers:
         done[specimen.image] = specimen
         progress.tell(specimen.name)
     return [done[specimen.image] for specimen in specimens]
-
-
-def measure_all(specimens: Sequence[Specimen], parts: Sequence[str], workers: int) -> dict[str, Results]:
-    """Results of all jobs by part, in the order of the parts and their jobs."""
-    jobs = [Job(part, name) for part in parts for name in PARTS[part].jobs(specimens)]
-    first = sorted(jobs, key=lambda job: job.part not in _SLOWEST_FIRST)
-    progress, done = Progress(len(jobs)), {}
-    for job, result in run_in_workers(_measure, first, _start_measuring, list(specimens), workers):
-        done[job] = result
-        progress.tell(f"{job.part}: {job.name}")
-    results: dict[str, Results] = {part: {} for part in parts}
-    for job in jobs:
-        results[job.part][job.name] = done[job]
-    return results
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -130,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     reading = ReadingOptions(None if options.fresh else MEMORY, not options.no_reading)
     specimens = segment_all(specimens, reading, options.workers)
-    results = measure_all(specimens, parts, options.workers)
+    results = measure_all({name: PARTS[name] for name in parts}, specimens, options.workers, _SLOWEST_FIRST)
     figures: Figures = {}
     for part in parts:
         print(f"===== {part} =====\n\n{PARTS[part].report(results[part])}\n")

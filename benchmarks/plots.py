@@ -84,6 +84,72 @@ def draw_series(
     pyplot.close(figure)
 
 
+Curve = tuple[Sequence[float], Sequence[float]]
+"""Places on the axis and values."""
+
+
+def draw_panels(
+    path: Path,
+    panels: Mapping[str, Mapping[str, Curve]],
+    colours: Mapping[str, str],
+    axis_label: str,
+    value_label: str,
+    *,
+    columns: int = 4,
+    ticks: Sequence[float] = (),
+) -> None:
+    """Small multiples: one panel a name, with its curves in the colour of theirs, NaN left out; values from 0 on.
+
+    `ticks` are the places of an axis that grows as 1 + logarithm (rounds); without them it grows evenly.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+    from matplotlib.artist import Artist
+
+    columns = min(columns, max(1, len(panels)))
+    rows = max(1, math.ceil(len(panels) / columns))
+    figure, axes = pyplot.subplots(
+        rows, columns, figsize=(4 * columns, 2.8 * rows), squeeze=False, layout="constrained"
+    )
+    for axis in axes.flat[len(panels) :]:
+        axis.set_axis_off()
+    for axis, (title, curves) in zip(axes.flat, panels.items(), strict=False):
+        for name, (places, values) in curves.items():
+            points = [
+                (place, value) for place, value in zip(places, values, strict=True) if math.isfinite(value)
+            ]
+            style = "--" if name.startswith("(") else "-"
+            axis.plot(
+                *zip(*points, strict=True) if points else ((), ()),
+                label=name,
+                color=colours.get(name, "#888888"),
+                linestyle=style,
+                marker="o",
+                markersize=3,
+            )
+        if ticks:
+            axis.set_xscale("symlog", linthresh=1)
+            most = max((max(places) for places, _ in curves.values() if len(places)), default=1)
+            shown = [tick for tick in ticks if tick <= most]
+            axis.set_xticks(shown, [f"{tick:g}" for tick in shown])
+            axis.minorticks_off()
+        axis.set_ylim(bottom=0)
+        axis.set_title(title, fontsize=9)
+    handles: dict[str, Artist] = {}
+    for axis in axes.flat[: len(panels)]:
+        handles.update(
+            {label: handle for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+        )
+    figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=6, fontsize=8)
+    figure.supxlabel(axis_label, fontsize=9)
+    figure.supylabel(value_label, fontsize=9)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=90)
+    pyplot.close(figure)
+
+
 def make_strip(
     images: Sequence[RgbImage | None],
     captions: Sequence[str],
