@@ -44,7 +44,7 @@ from app.routes import (
 )
 from app.routes import jobs as job_routes
 from app.routes.state import AppState
-from app.schemas.layout_models import PageBody
+from app.schemas.layout_samples import PageBody
 from app.schemas.problem import Problem
 from app.settings import Settings
 from app.uploads import Admission, BodyGuard, BodyLimits
@@ -68,6 +68,16 @@ ROUTERS = (
 )
 LEARNING_TURNS = "learning.lock"
 """File of the data folder by which services that share it take turns."""
+TAGS = {
+    "rectify": "One photo of a page in, the flat page out.",
+    "mosaic": "Overlapping photos of one page in, the whole page out.",
+    "layout": "A page or a document in, its class and the labels of its zones out.",
+    "layout feedback": "What a person corrects; the models learn from it.",
+    "layout models": "Models of document classes: their samples, versions, training and settings.",
+    "layout proposals": "Pages of no known class; new classes, classes to merge and to split.",
+    "jobs": "Work whose answer comes later (`Prefer: respond-async`).",
+    "health": "Whether the service is up, and its metrics.",
+}
 WORK = frozenset(
     {
         ("POST", "/rectify"),
@@ -224,7 +234,11 @@ def _describe(app: FastAPI, keys: bool) -> None:
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
             document = get_openapi(
-                title=app.title, version=app.version, summary=app.summary, routes=app.routes
+                title=app.title,
+                version=app.version,
+                summary=app.summary,
+                routes=app.routes,
+                tags=[{"name": name, "description": meaning} for name, meaning in TAGS.items()],
             )
             components = document.setdefault("components", {})
             operations = [

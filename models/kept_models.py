@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from models.documents import Document, encode_document
 from models.errors import ModelNotFound, NotStorable
+from models.layout_graph import DEFAULT_LEARNER
 from models.queries import (
     append_version,
     count_samples,
@@ -27,7 +28,6 @@ from models.queries import (
 )
 from models.records import (
     ANY,
-    DEFAULT_LEARNER,
     ExpectedVersion,
     ModelSettings,
     ModelSummary,

@@ -6,7 +6,7 @@ Plain values, ready for JSON: no arrays, no SQL. What they mean in numbers is to
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 Box = tuple[float, float, float, float]
 """(x0, y0, x1, y1) in pixels of the page, x1 > x0 and y1 > y0."""
@@ -15,6 +15,8 @@ Alignment = Literal["left", "right", "centre", "justified"]
 
 Learner = Literal["passive-aggressive", "counting", "error-correction"]
 """How a model learns from a verified page; what each does is told by `services.layout.learning.learners`."""
+DEFAULT_LEARNER: Final[Learner] = "passive-aggressive"
+"""Of models whose settings name none: fewest errors on streams of verified pages (docs/decisions.md, 2026-11-22)."""
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 ALIGNMENTS: tuple[Alignment, ...] = get_args(Alignment)

@@ -8,9 +8,8 @@ from sqlalchemy.orm import Session
 
 from models.documents import decode_document
 from models.errors import ModelNotFound, NotStorable, SampleNotFound, StoreFull, VersionConflict
-from models.layout_graph import Learner
+from models.layout_graph import DEFAULT_LEARNER, Learner
 from models.records import (
-    DEFAULT_LEARNER,
     AnyVersion,
     ExpectedVersion,
     ModelSettings,

@@ -7,14 +7,12 @@ from enum import Enum
 from typing import Any, Final, Literal
 
 from models.documents import Document
-from models.layout_graph import Learner
+from models.layout_graph import DEFAULT_LEARNER, Learner
 
 Origin = Literal["initialize", "import", "feedback", "train", "rollback"]
 """What made a version of a model."""
 SampleOrigin = Literal["posted", "feedback"]
 """Whether somebody sent a sample as such, or it is the verified page of a feedback."""
-DEFAULT_LEARNER: Final[Learner] = "passive-aggressive"
-"""Of models whose settings name none."""
 
 
 class AnyVersion(Enum):

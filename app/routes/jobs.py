@@ -11,6 +11,7 @@ from app.jobs import Job, Jobs
 from app.problems import documented
 from app.routes.long_work import owner_of, status_of
 from app.routes.state import State
+from app.routes.usual_problems import IMAGE, STORE, WORK
 from app.schemas.jobs import JobStatus
 from app.schemas.options import Absent
 
@@ -69,20 +70,13 @@ async def job_events(
             "conflict",
             "store-full",
             "too-large",
-            "out-of-memory",
-            "unsupported-media-type",
-            "undecodable-image",
-            "invalid-option",
             "no-text",
             "not-overlapping",
             "invalid-model",
             "no-samples",
-            "worker-died",
-            "internal",
-            "busy",
-            "shutting-down",
-            "store-unavailable",
-            "timed-out",
+            *IMAGE,
+            *STORE,
+            *WORK,
         ),
     },
 )

@@ -19,6 +19,7 @@ from app.representations import (
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import State
+from app.routes.usual_problems import FORM, IMAGE, STORE, WORK
 from app.schemas.layout import (
     DocumentResult,
     LayoutForm,
@@ -63,25 +64,7 @@ _HEADERS: dict[str, Any] = {
             "headers": _HEADERS,
         },
         **ACCEPTED,
-        **documented(
-            "bad-request",
-            "not-found",
-            "not-acceptable",
-            "request-timeout",
-            "too-large",
-            "out-of-memory",
-            "unsupported-media-type",
-            "undecodable-image",
-            "invalid-option",
-            "invalid-model",
-            "no-text",
-            "worker-died",
-            "internal",
-            "busy",
-            "shutting-down",
-            "store-unavailable",
-            "timed-out",
-        ),
+        **documented("not-found", "not-acceptable", "invalid-model", "no-text", *FORM, *IMAGE, *STORE, *WORK),
     },
     openapi_extra=PREFER,
     form_limits={"max_fields": 10},
@@ -150,7 +133,7 @@ async def layout(
     response_class=Response,
     responses={
         200: {"description": "The result again.", "model": LayoutResult | DocumentResult},
-        **documented("not-found", "internal", "store-unavailable"),
+        **documented("not-found", *STORE),
     },
 )
 async def layout_result(state: State, id: str) -> Response:

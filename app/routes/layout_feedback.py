@@ -8,8 +8,9 @@ from app.problems import documented
 from app.routes.connection import while_connected
 from app.routes.feedback_learning import learn_from
 from app.routes.json_bodies import json_request, read_json
-from app.routes.model_answers import BODY, READING, WORK, IdempotencyKey
+from app.routes.model_answers import IdempotencyKey
 from app.routes.state import State
+from app.routes.usual_problems import BODY, READING, WORK
 from app.schemas.layout_feedback import (
     AdaptedModel,
     CostChange,

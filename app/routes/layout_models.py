@@ -14,9 +14,10 @@ from app.routes.connection import while_connected
 from app.routes.labelled_pages import count_labels, layout_settings
 from app.routes.layout_settings import health_of
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.routes.model_answers import BODY, ETAG, LOCATION, READING, WORK, IfMatch, IfNoneMatch
+from app.routes.model_answers import ETAG, LOCATION, IfMatch, IfNoneMatch
 from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import State
+from app.routes.usual_problems import BODY, READING, STORE, WORK
 from app.schemas.layout_models import (
     ImportedModel,
     InitializedModel,
@@ -40,7 +41,7 @@ _MODEL: dict[str, Any] = {
 }
 
 
-@router.get("", operation_id="layout_models", responses=documented("internal", "store-unavailable"))
+@router.get("", operation_id="layout_models", responses=documented(*STORE))
 async def layout_models(state: State) -> ModelList:
     """All layout models, by name, without what they hold; with their health, as feedback tells it."""
     ready = await state.store.ready()

@@ -10,14 +10,14 @@ from app.operations import StoredPage
 from app.problems import documented
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.routes.model_answers import READING, WORK
 from app.routes.state import State
+from app.routes.usual_problems import BODY, READING, STORE, WORK
 from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
 from models.errors import UnknownPageNotFound
 from models.repository import Store
 from services.progress import ProgressSink
 
-router = APIRouter(prefix="/layout", tags=["layout models"])
+router = APIRouter(prefix="/layout", tags=["layout proposals"])
 
 MOST_SAMPLES = 24
 """Of a model, the newest; more tell the same (`services.layout.discovery.class_samples`)."""
@@ -30,7 +30,7 @@ LEAST_SAMPLES = 4
 @router.get(
     "/unknown-pages",
     operation_id="unknown_layout_pages",
-    responses=documented("internal", "store-unavailable"),
+    responses=documented(*STORE),
 )
 async def unknown_layout_pages(state: State) -> UnknownPageList:
     """Pages that fitted no class, newest first, without their zones; the newest are kept for some weeks."""
@@ -78,7 +78,7 @@ async def forget_unknown_layout_page(state: State, id: str) -> None:
     responses={
         200: {"description": "What was found; nothing was changed.", "model": Proposals},
         **ACCEPTED,
-        **documented("too-large", "request-timeout", "internal", "store-unavailable", *WORK),
+        **documented(*STORE, *BODY, *WORK),
     },
     openapi_extra=PREFER,
 )

@@ -5,9 +5,11 @@ from fastapi import APIRouter, Request, Response
 from app.problems import documented
 from app.routes.connection import while_connected
 from app.routes.labelled_pages import LABELLED_PAGE_BODY, count_labels, labelled_page, layout_settings
-from app.routes.model_answers import READING, IdempotencyKey
+from app.routes.model_answers import IdempotencyKey
 from app.routes.state import State
-from app.schemas.layout_models import ModelName, Sample, SampleList, SampleReceipt, SampleSummary
+from app.routes.usual_problems import FORM, IMAGE, READING, STORE, WORK
+from app.schemas.layout_models import ModelName
+from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary
 from models.records import StoredSample
 
 router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"])
@@ -24,24 +26,7 @@ router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"
             "model": SampleReceipt,
             "headers": {"Location": {"description": "Its path.", "schema": {"type": "string"}}},
         },
-        **documented(
-            "bad-request",
-            "request-timeout",
-            "conflict",
-            "store-full",
-            "too-large",
-            "out-of-memory",
-            "unsupported-media-type",
-            "undecodable-image",
-            "invalid-option",
-            "not-storable",
-            "worker-died",
-            "internal",
-            "busy",
-            "shutting-down",
-            "store-unavailable",
-            "timed-out",
-        ),
+        **documented("conflict", "store-full", "not-storable", *FORM, *IMAGE, *STORE, *WORK),
     },
     openapi_extra=LABELLED_PAGE_BODY,
 )

@@ -11,10 +11,19 @@ from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
 from app.routes.connection import while_connected
 from app.routes.json_bodies import json_request, read_json
-from app.routes.model_answers import BODY, ETAG, READING, WORK, IfMatch
+from app.routes.model_answers import ETAG, IfMatch
 from app.routes.state import State
-from app.schemas.layout_learning import MOST_VERSION, Change, Difference, RestoredModel, RollbackBody
-from app.schemas.layout_models import ModelName, Version, VersionList
+from app.routes.usual_problems import BODY, READING, WORK
+from app.schemas.layout_models import ModelName
+from app.schemas.layout_versions import (
+    MOST_VERSION,
+    Change,
+    Difference,
+    RestoredModel,
+    RollbackBody,
+    Version,
+    VersionList,
+)
 from app.schemas.options import Absent
 from models.errors import ModelNotFound
 from models.records import StoredModel

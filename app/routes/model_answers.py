@@ -1,4 +1,4 @@
-"""What the routes of one layout model share: its headers, and the problems that they may meet."""
+"""The headers that the routes of layout models share."""
 
 from typing import Annotated, Any
 
@@ -29,15 +29,3 @@ ETAG: dict[str, Any] = {
     "ETag": {"description": "The version, quoted; for If-Match.", "schema": {"type": "string"}}
 }
 LOCATION: dict[str, Any] = {"Location": {"description": "Its path.", "schema": {"type": "string"}}}
-BODY = ("too-large", "request-timeout")
-"""Problems of whatever has a body."""
-READING = ("not-found", "invalid-option", "internal", "store-unavailable")
-"""Of whatever is asked of a model."""
-WORK = (
-    "out-of-memory",
-    "worker-died",
-    "busy",
-    "shutting-down",
-    "timed-out",
-)
-"""Of whatever is done by a worker."""

@@ -9,6 +9,7 @@ from app.operations import Encoding, Format, Reply
 from app.problems import documented
 from app.representations import MEDIA_TYPES, SNIFFED_BYTES, choose_format, image_headers, sniff_format
 from app.routes.long_work import ACCEPTED
+from app.routes.usual_problems import FORM, IMAGE, WORK
 
 Documentation = dict[int | str, dict[str, Any]]
 
@@ -21,22 +22,7 @@ _HEADERS: dict[str, Any] = {
     "Document-Warnings": {"description": "Codes, separated by commas.", "schema": {"type": "string"}},
     "Server-Timing": {"description": "Milliseconds of each stage.", "schema": {"type": "string"}},
 }
-_PROBLEMS = (
-    "bad-request",
-    "not-acceptable",
-    "request-timeout",
-    "too-large",
-    "out-of-memory",
-    "unsupported-media-type",
-    "undecodable-image",
-    "invalid-option",
-    "no-text",
-    "worker-died",
-    "internal",
-    "busy",
-    "shutting-down",
-    "timed-out",
-)
+_PROBLEMS = ("not-acceptable", "no-text", "internal", *FORM, *IMAGE, *WORK)
 
 
 class AskedEncoding(Protocol):

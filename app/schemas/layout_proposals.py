@@ -4,7 +4,7 @@ from datetime import datetime
 
 from pydantic import Field
 
-from app.schemas.layout_models import PageZone
+from app.schemas.layout_samples import PageZone
 from app.schemas.page import Answer
 
 

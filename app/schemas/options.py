@@ -1,4 +1,4 @@
-"""Options that forms share, and how a form says true, false and nothing."""
+"""Options that requests share, and how a form says true, false and nothing, and JSON a whole number."""
 
 from typing import Annotated, Literal
 
@@ -20,7 +20,13 @@ def _switch(value: object) -> object:
     return value
 
 
+def _whole(value: object) -> object:
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
 Switch = Annotated[bool, BeforeValidator(_switch)]
+WHOLE = BeforeValidator(_whole)
+"""Of an integer in JSON, which does not tell 3.0 from 3; stands last, else the bounds are not documented."""
 Absent = SkipJsonSchema[None]
 """A field that was left out; a form has no null."""
 

@@ -83,9 +83,7 @@ def begin_model(
     `labels` are those of its nodes, None first (None: those of the samples).
     """
     graphs = [[view.labelled for view in views] for views in seen]
-    if labels is None:
-        known = {label for views in graphs for view in views for label in view.labels if label is not None}
-        labels = (None, *sorted(known))
+    labels = labels_of(seen) if labels is None else labels
     total = total_statistics(sample_statistics(views, labels) for views in graphs)
     fitted = fit_scales(graphs, total, labels)
     verified = Counter(zone.label for views in seen for zone in views[0].page.zones)
@@ -99,6 +97,12 @@ def begin_model(
         calibration=calibrate([]),
         content_names=graphs[0][0].graph.content_names,
     )
+
+
+def labels_of(seen: Sequence[Views]) -> tuple[str | None, ...]:
+    """Labels of the nodes of a model of these samples, None first."""
+    known = {label for views in seen for view in views for label in view.labelled.labels}
+    return (None, *sorted(label for label in known if label is not None))
 
 
 def calibrate_model(begun: LearningModel, seen: Sequence[Views]) -> Calibration:

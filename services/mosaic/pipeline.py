@@ -37,7 +37,7 @@ STAGE_BEGINS = {
     "composition": 0.75,
     "orientation": 0.95,
 }
-"""Shares of the time, of four photos of 3 megapixels; until `FLATTENED` one photo after another is flattened."""
+"""Shares of the time, measured on sets of three photos; until `FLATTENED` one photo after another is flattened."""
 READING_TEXT_HEIGHT_PX = 20.0
 """Text height at which the page is read to tell which way up it is, as `AnalysisParameters` has it for photos."""
 

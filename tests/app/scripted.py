@@ -31,7 +31,7 @@ from app.operations import (
     Training,
     UploadLimits,
 )
-from app.schemas.layout_models import PageBody
+from app.schemas.layout_samples import PageBody
 from services.errors import (
     DocumentError,
     InvalidModel,

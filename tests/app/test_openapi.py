@@ -79,6 +79,14 @@ def test_every_route_is_documented_and_every_job_is_admitted() -> None:
     assert WORK - writes == {("GET", "/layout/models/{name}/versions/{version}/diff")}
 
 
+def test_every_route_stands_under_a_heading_that_is_explained() -> None:
+    used = {
+        tag for path in DOCUMENT["paths"].values() for operation in path.values() for tag in operation["tags"]
+    }
+    assert used == {tag["name"] for tag in DOCUMENT["tags"]}
+    assert all(tag["description"] for tag in DOCUMENT["tags"])
+
+
 def test_problems_are_documented_as_problems() -> None:
     for path in DOCUMENT["paths"].values():
         for operation in path.values():

@@ -11,8 +11,8 @@ from sqlalchemy.orm import Session
 
 from models.errors import KeyReused, ModelNotFound, NotStorable, StoreUnavailable, VersionConflict
 from models.kept_feedback import HEALTH_WINDOW
+from models.layout_graph import DEFAULT_LEARNER
 from models.records import (
-    DEFAULT_LEARNER,
     FeedbackDraft,
     ModelChange,
     ModelHealth,

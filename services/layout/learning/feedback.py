@@ -3,12 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from models.layout_graph import Calibration, LayoutModel, Learner, Page
-from services.layout.compiled_model import CompiledModel
+from models.layout_graph import DEFAULT_LEARNER, Calibration, LayoutModel, Learner, Page
 from services.layout.cost import build_cost_tables, labelling_cost
 from services.layout.graph import LayoutGraph, build_graph
 from services.layout.learning.class_decisions import accept_page, count_cost, prefer_class, refuse_page
-from services.layout.learning.learners import learn_page
+from services.layout.learning.learners import learn_page, match_page
 from services.layout.learning.state import LearningModel, begin_learning, end_learning, with_labels
 from services.layout.matching import MatchingParameters, match_directly
 from services.layout.recognition import comparable_cost
@@ -93,7 +92,7 @@ def learn_from_feedback(
     accepting, refusing = _decide(graph, right, wrong, said.found_class)
     learned: dict[str, LearnedModel] = {}
     if right is not None and accepting is not None:
-        learner = learners.get(right.name, "passive-aggressive")
+        learner = learners.get(right.name, DEFAULT_LEARNER)
         after = learn_page(replace(right, calibration=accepting), LabelledGraph(graph, labels), learner)
         learned[right.name] = _told(graph, right, after, said.found, labels)
     if wrong is not None and refusing is not None:
@@ -134,8 +133,8 @@ def _decide(
     The page's cost under the right model is counted as that of a page which it has not seen.
     """
     taught_right, taught_wrong = (None if model is None else model.calibration for model in (right, wrong))
-    cost = 0.0 if right is None else _least_cost(graph, right.model)
-    other = 0.0 if wrong is None else _least_cost(graph, wrong.model)
+    cost = 0.0 if right is None else _least_cost(graph, right)
+    other = 0.0 if wrong is None else _least_cost(graph, wrong)
     if taught_right is not None and taught_wrong is not None:
         taught_right, taught_wrong = prefer_class((cost, taught_right), (other, taught_wrong))
     elif taught_right is not None and found_class is None:
@@ -165,7 +164,6 @@ def _cost(graph: LayoutGraph, learned: LearningModel, labels: Labels) -> float |
     return cost + learned.calibration.bias * graph.zones
 
 
-def _least_cost(graph: LayoutGraph, model: CompiledModel) -> float:
+def _least_cost(graph: LayoutGraph, learned: LearningModel) -> float:
     """Cost a zone of the page's best labelling, as classes are compared by it."""
-    matching = match_directly(build_cost_tables(graph, model), MatchingParameters())
-    return comparable_cost(graph, model, matching.labels) / max(1, graph.zones)
+    return comparable_cost(graph, learned.model, match_page(learned, graph)) / max(1, graph.zones)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from models.layout_graph import LayoutModel, Learner, Page
 from services.layout.content_features import ContentFeatures
 from services.layout.graph import KIND_FEATURES
-from services.layout.initialization import begin_model, calibrate_model, see_samples
+from services.layout.initialization import begin_model, calibrate_model, labels_of, see_samples
 from services.layout.learning.rounds import Round, Stop, train
 from services.layout.learning.state import LearningModel, begin_learning, end_learning
 
@@ -44,8 +44,7 @@ def train_on_samples(
     seen = see_samples(samples, found, content)
     if not seen:
         raise ValueError("training needs at least one page with zones")
-    known = {zone.label for views in seen for view in views for zone in view.page.zones}
-    labels = (None, *sorted(label for label in known if label is not None))
+    labels = labels_of(seen)
     has_all = model.memory is None or len(seen) >= round(model.memory.pages)
     has_all = has_all and len(seen) >= model.samples
 

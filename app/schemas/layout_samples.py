@@ -1,0 +1,80 @@
+"""Labelled pages, and what /layout/models/{name}/samples takes and answers."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+from app.schemas.page import Answer
+
+
+class PageZone(BaseModel):
+    """One region of a labelled page; what is left out or null was not measured."""
+
+    id: str | int
+    box: tuple[float, float, float, float] = Field(
+        description="x0, y0, x1, y1 in pixels of the page, x0 < x1, y0 < y1."
+    )
+    label: str | None = Field(default=None, description="null: none of the model's.")
+    kind: Literal["text", "figure", "rule", "noise"] | None = None
+    lines: int | None = Field(default=None, ge=0)
+    font_size: float | None = Field(default=None, ge=0, description="Em, pixels.")
+    line_spacing: float | None = Field(default=None, ge=0, description="Pixels from baseline to baseline.")
+    weight: float | None = Field(default=None, ge=0, description="Stroke width as a share of the font size.")
+    alignment: Literal["left", "right", "centre", "justified"] | None = None
+    text: str | None = None
+    content: dict[str, float] | None = Field(
+        default=None, description="Content features, each a confidence of 0-1."
+    )
+
+
+class PageBody(BaseModel):
+    """A labelled page: what /layout answers, with the labels that are right; at least one zone has a label.
+
+    Other keys are passed over.
+    """
+
+    width: float = Field(gt=0, description="Pixels.")
+    height: float = Field(gt=0, description="Pixels.")
+    zones: list[PageZone] = Field(min_length=1)
+
+
+class SampleReceipt(Answer):
+    """A sample that was stored."""
+
+    id: str
+    model: str
+    zones: int = Field(ge=1)
+    labels: dict[str, int] = Field(description="How many zones have each label.")
+
+
+class SampleSummary(Answer):
+    """A stored sample, without its zones."""
+
+    id: str
+    zones: int
+    labels: dict[str, int]
+    created: datetime
+
+
+class SampleList(Answer):
+    """Samples of a model, oldest first."""
+
+    model: str
+    samples: list[SampleSummary]
+
+
+class Sample(Answer):
+    """A stored sample, with all that was measured; its page may be sent to POST .../samples again as it is."""
+
+    id: str
+    model: str
+    created: datetime
+    width: float
+    height: float
+    zones: list[PageZone]
+    found: PageBody | None = Field(
+        default=None,
+        description="The same page in the zones that were found in its image, with the labels of the verified zones "
+        "that cover them: the model learns from both. null: there was no image, or they are the same.",
+    )
