@@ -57,7 +57,7 @@ help:
 	@echo 'make bench-speed      time and memory of an upload against its size, page-dewarp beside it'
 	@echo 'make bench-mosaic     mosaics of simulated photos, peers on the same photos; then the checks (BENCH_OPTIONS=...)'
 	@echo 'make bench-layout     labels and classes of pages with labelled zones, a random forest beside; zones; matching'
-	@echo 'make bench-learning   models that learn: rounds, feedback page by page, wrong classes, drift, servers that are killed'
+	@echo 'make bench-learning   models that learn: rounds, feedback page by page, wrong classes, servers that are killed; documents, many models, discovery'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
 	@echo 'make clean            remove what these targets made'
@@ -96,11 +96,13 @@ bench-layout: venv-dev
 	@$(BIN)/python -m benchmarks.layout_recognition $(BENCH_OPTIONS)
 	@$(BIN)/python -m benchmarks.layout_segmentation
 	@$(BIN)/python -m benchmarks.layout_matching --two-steps
-	@$(BIN)/python -m benchmarks.layout_hierarchy
 
 bench-learning: venv-dev
 	@$(BIN)/python -m benchmarks.learning $(BENCH_OPTIONS)
 	@$(BIN)/python -m benchmarks.learning_store
+	@$(BIN)/python -m benchmarks.layout_documents
+	@$(BIN)/python -m benchmarks.layout_hierarchy
+	@$(BIN)/python -m benchmarks.layout_discovery
 
 # Debian's packages: Tesseract's language data, and python3-venv where this Python cannot make environments
 # without it. Whoever may not install them is told, and gets a service without OCR.
