@@ -91,7 +91,7 @@ async def learn_from(state: AppState, result_id: str, key: str | None, body: Fee
                     raise
         else:
             raise Busy(f"Others teach {' and '.join(names)} all the time; send the feedback again later.")
-    if feedback.created and verdict.verified_class is None:
+    if feedback.created and verdict.verified_class is None and found.found_labels:
         await state.store.keep_unknown_page(found.page, result_id)
     return feedback
 

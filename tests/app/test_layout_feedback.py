@@ -180,6 +180,20 @@ def test_a_page_of_no_class_is_refused_by_the_model_and_remembered(
     assert unknown_pages(tmp_path) == []
 
 
+def test_a_page_without_zones_is_nothing_to_remember(client: httpx.Client, tmp_path: Path) -> None:
+    add_samples(client, labelled("title"), name="fax")
+    [sample] = client.get("/layout/models/fax/samples").json()["samples"]
+    client.delete(f"/layout/models/fax/samples/{sample['id']}")  # a class that nothing can be made of
+    with Store.open(tmp_path / DATABASE) as store:
+        empty = {"page": {**PAGE, "zones": []}, "result": {"class": None, "zones": []}}
+        result = store.add_result(empty, ttl_s=60.0)
+    told = answer(give(client, result, {"class": None}))
+    assert (told["zones"], unknown_pages(tmp_path)) == (0, [])
+    told = answer(give(client, result, {"class": "fax"}))
+    assert (told["class"]["verified"], told["models"], told["sample"]) == ("fax", [], None)
+    assert client.get("/layout/models/fax/samples").json()["samples"] == []
+
+
 def test_a_result_without_a_class(client: httpx.Client, tmp_path: Path) -> None:
     client.delete("/layout/models/letter")
     result = recognize(client)

@@ -9,13 +9,14 @@ import schemathesis
 from fastapi.routing import APIRoute
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from app.main import ROUTERS, WORK, create_app
 from app.problems import STATUS_OF_CODE
 from app.schemas.mosaic import MOST_PHOTOS
 from app.schemas.rectify import REGION_PATTERN, parse_region
 from app.settings import Settings
-from tests.app.scripted import OPERATIONS, PAGE
+from tests.app.scripted import OPERATIONS, PAGE, model_document
 from tests.app.serving import serving
 
 FILES = ("image", "images", "zones_file")
@@ -27,6 +28,8 @@ schema = schemathesis.openapi.from_dict(DOCUMENT)
 def base_url() -> Iterator[str]:
     # Whoever prefers an answer later sends the next request at once: there is room for as many as are sent.
     with serving(max_upload_bytes=1_000_000, body_timeout_s=5, queue_length=150) as client:
+        # Of the names that are drawn many are this one: what its paths do is seen, beside that others are not there.
+        assert client.put("/layout/models/0", json=model_document("0", "sender")).status_code == 201
         yield str(client.base_url)
 
 
@@ -37,7 +40,15 @@ def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: st
         assume_a_form(case.body)
         if case.operation.path.startswith("/layout"):
             assume_parts_that_go_together(case.body)
-    case.call_and_validate(base_url=base_url)
+    response = case.call(base_url=base_url)
+    case.validate_response(
+        response, excluded_checks=[positive_data_acceptance] if lacks_samples(response) else []
+    )
+
+
+def lacks_samples(response: schemathesis.Response) -> bool:
+    """Whether a request was well formed, as the document says, and there are no samples yet to do it with."""
+    return response.status_code == 422 and response.json()["code"] == "no-samples"
 
 
 def assume_a_form(body: dict[str, Any]) -> None:
@@ -134,7 +145,11 @@ def test_the_headers_of_images_are_documented() -> None:
         assert list(headers) == [own, "Document-Rotation", "Document-Warnings", "Server-Timing"]
 
 
-@settings(derandomize=True)
+# A long text of a pattern takes a while to be drawn, on a busy machine longer than hypothesis likes: no fault of ours.
+unhurried = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+@unhurried
 @given(st.from_regex(REGION_PATTERN, fullmatch=True))
 def test_what_the_document_says_of_a_region_is_a_region(text: str) -> None:
     assert text == "" or len(parse_region(text)) >= 3
@@ -143,6 +158,7 @@ def test_what_the_document_says_of_a_region_is_a_region(text: str) -> None:
 coordinates = st.floats(-1e6, 1e6) | st.integers(-(10**6), 10**6)
 
 
+@unhurried
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=200))
 def test_every_polygon_comes_through(points: list[tuple[float, float]]) -> None:
     assert parse_region(json.dumps(points)) == tuple(points)
