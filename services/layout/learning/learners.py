@@ -19,19 +19,13 @@ from services.layout.learning.state import LearningModel, with_labels
 from services.layout.matching import MatchingParameters, match_directly
 from services.layout.statistics import LabelledGraph, label_indices
 
-MOST_STEPS = 3
-"""By a margin, for one page at once: most pages have theirs after one or two."""
-
 
 def learn_page(learned: LearningModel, page: LabelledGraph, learner: Learner) -> LearningModel:
     """The model after a page that it has not seen; labels that it had not become nodes."""
     if learner != "error-correction":
         learned = count_page(learned, page)
     learned = with_labels(learned, page.labels)
-    for _ in range(MOST_STEPS if learner == "passive-aggressive" else 1):
-        learned, changed = practise(learned, page, learner)
-        if not changed:
-            break
+    learned, _ = practise(learned, page, learner)
     return learned
 
 
