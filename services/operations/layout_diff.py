@@ -14,7 +14,7 @@ from typing import Literal, TypeVar
 from models.layout_graph import LayoutModel, ModelEdge, ModelNode, NumericExpectation
 from services.layout.compiled_model import COUNT, LABEL, SUREST, content_scale_name
 from services.layout.edge_attributes import RELATIONS
-from services.operations.stored_models import StoredModel, open_models
+from services.operations.stored_models import StoredModel, read_model
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -54,7 +54,7 @@ def compare_models(old: StoredModel, new: StoredModel, most: int) -> ModelDiffer
     InvalidModel
         When one of them cannot be read by this release.
     """
-    before, after = (each.model for each in open_models([old, new]))
+    before, after = read_model(old), read_model(new)
     changes = [*_model_changes(before, after), *_node_changes(before, after), *_edge_changes(before, after)]
     changes.sort(key=lambda change: -change.size)
     told: list[dict[str, object]] = [

@@ -14,7 +14,7 @@ from services.layout.pipeline import train_model as train_on_samples
 from services.operations.layout_models import draft_of, read_samples, sample_document
 from services.operations.page_zones import LayoutSettings, exchange_limits
 from services.operations.replies import rounded
-from services.operations.stored_models import StoredModel, open_models
+from services.operations.stored_models import StoredModel, read_model
 from services.progress import report_progress
 
 
@@ -66,7 +66,7 @@ def adapt_models(task: FeedbackTask, models: Sequence[StoredModel], settings: La
     """
     features = content_features(settings.content_features)
     page = features.measure_page(_kept_page(task.page, settings))
-    named = {version.model.name: version.model for version in open_models(models)}
+    named = {stored.name: read_model(stored) for stored in models}
     found = tuple(task.found_labels.get(zone.id) for zone in page.zones)
     said = VerifiedPage(page, task.found_class, found, task.verified_class, task.labels)
     learners = {name: _learner(learner) for name, learner in task.learners.items()}
@@ -120,10 +120,9 @@ def train_model(
     InvalidOption
         When one of the samples is no page any more, or they have too many labels.
     """
-    [version] = open_models([model])
     pages, found = read_samples(samples, settings)
     training = train_on_samples(
-        version.model,
+        read_model(model),
         pages,
         found,
         rounds,

@@ -30,30 +30,38 @@ class StoredModel:
 
 
 class ReadyModels:
-    """The models that were last used, as many as their documents have `most_bytes` together."""
+    """The models that were last used, each in one version, as many as their documents have `most_bytes` together."""
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         self._most_bytes = most_bytes
         self._bytes = 0
-        self._models: OrderedDict[bytes, LayoutModel] = OrderedDict()
+        self._models: OrderedDict[str, tuple[bytes, LayoutModel]] = OrderedDict()
 
-    def read(self, document: bytes) -> LayoutModel:
+    def read(self, name: str, document: bytes) -> LayoutModel:
         """The model of a document of JSON, the same object as long as it is kept.
+
+        A model that learns has a new version with every feedback; the one before makes room at once.
 
         Raises
         ------
         InvalidLayout
             When this release cannot read it.
         """
-        model = self._models.get(document)
-        if model is None:
-            model = self._models[document] = model_from_document(json.loads(document))
+        kept = self._models.get(name)
+        if kept is None or kept[0] != document:
+            model = model_from_document(json.loads(document))
+            self._drop(name)
+            kept = self._models[name] = document, model
             self._bytes += len(document)
-        self._models.move_to_end(document)
+        self._models.move_to_end(name)
         while self._bytes > self._most_bytes and len(self._models) > 1:
-            oldest, _ = self._models.popitem(last=False)
-            self._bytes -= len(oldest)
-        return model
+            self._drop(next(iter(self._models)))
+        return kept[1]
+
+    def _drop(self, name: str) -> None:
+        kept = self._models.pop(name, None)
+        if kept is not None:
+            self._bytes -= len(kept[0])
 
 
 _READY = ReadyModels()
@@ -72,9 +80,20 @@ def open_models(models: Sequence[StoredModel], ready: ReadyModels = _READY) -> l
     ]
 
 
+def read_model(stored: StoredModel) -> LayoutModel:
+    """One model that is not kept ready: one that learns, or is compared, is soon another.
+
+    Raises
+    ------
+    InvalidModel
+        When it cannot be read by this release.
+    """
+    return _read(stored, ReadyModels())
+
+
 def _read(stored: StoredModel, ready: ReadyModels) -> LayoutModel:
     try:
-        return ready.read(stored.document)
+        return ready.read(stored.name, stored.document)
     except InvalidLayout as error:
         raise InvalidModel(
             f"Version {stored.version} of model {stored.name} cannot be read by this release ({error.detail}) "

@@ -29,15 +29,24 @@ def test_a_genre_competes_with_its_model() -> None:
 
 
 def test_the_least_recently_used_models_go_first() -> None:
-    a, b, c = (stored(name).document for name in "abc")
-    ready = ReadyModels(most_bytes=len(a) + len(b))
-    kept_a, kept_b = ready.read(a), ready.read(b)
-    assert ready.read(a) is kept_a
-    ready.read(c)
-    assert ready.read(a) is kept_a
-    assert ready.read(b) is not kept_b
+    a, b, c = (stored(name) for name in "abc")
+    ready = ReadyModels(most_bytes=len(a.document) + len(b.document))
+    kept_a, kept_b = (ready.read(each.name, each.document) for each in (a, b))
+    assert ready.read("a", a.document) is kept_a
+    ready.read("c", c.document)
+    assert ready.read("a", a.document) is kept_a
+    assert ready.read("b", b.document) is not kept_b
+
+
+def test_a_new_version_takes_the_place_of_the_one_before() -> None:
+    old, other = stored("a"), stored("b")
+    new = replace(old, version=2, document=old.document.replace(b'"samples": 1', b'"samples": 2'))
+    ready = ReadyModels(most_bytes=len(old.document) + len(other.document))
+    kept = ready.read("b", other.document)
+    assert [ready.read("a", each.document).samples for each in (old, new, new)] == [1, 2, 2]
+    assert ready.read("b", other.document) is kept, "two versions of one model take the room of one"
 
 
 def test_a_model_larger_than_all_that_is_kept_is_read_all_the_same() -> None:
     ready = ReadyModels(most_bytes=1)
-    assert [ready.read(stored(name).document).name for name in "aba"] == ["a", "b", "a"]
+    assert [ready.read(name, stored(name).document).name for name in "aba"] == ["a", "b", "a"]
