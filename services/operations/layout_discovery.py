@@ -44,7 +44,7 @@ def propose_classes(
     limits = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
     report_progress("unknown pages", 0.0)
     read = [(kept.id, _read(kept.document, limits, features)) for kept in unknown]
-    known = [(page_id, page) for page_id, page in read if page is not None]
+    known = _without_repeats([(page_id, page) for page_id, page in read if page is not None])
     graphs = [build_graph(page, features.names) for _, page in known]
     graphs = graphs[: choose_pages(graphs, GroupingParameters().most_zones)]
     groups = group_pages(graphs)
@@ -99,6 +99,15 @@ def propose_classes(
             "samples": sum(len(each.samples) for each in gathered),
         },
     }
+
+
+def _without_repeats(known: Sequence[tuple[str, Page]]) -> list[tuple[str, Page]]:
+    """One of each page: what was sent again is no second page of its kind."""
+    first: dict[tuple[object, ...], tuple[str, Page]] = {}
+    for page_id, page in known:
+        seen = (page.width, page.height, *((zone.box, zone.text) for zone in page.zones))
+        first.setdefault(seen, (page_id, page))
+    return list(first.values())
 
 
 def _describe_group(group: PageGroup, known: Sequence[tuple[str, Page]]) -> dict[str, object]:

@@ -29,6 +29,14 @@ def test_pages_that_cannot_be_read_are_left_out() -> None:
     assert told["merges"] == told["splits"] == []
 
 
+def test_a_page_that_is_sent_again_is_no_second_one() -> None:
+    first, second = (stored("fax", seed) for seed in range(2))
+    again = [StoredPage(f"again{copy}", first.document) for copy in range(3)]
+    told = propose_classes([first, *again, second], {}, SETTINGS)
+    assert told["new_classes"] == []
+    assert told["looked_at"]["unknown_pages"] == 2
+
+
 def test_samples_with_a_found_page_are_seen_in_both_views() -> None:
     samples = []
     for seed in range(4):
