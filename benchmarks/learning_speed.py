@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.engine.worker import collect_seldom
 from benchmarks.baseline import Figures
 from benchmarks.layout_part import Part, Result, Results, table
 from benchmarks.layout_protocols import make_model, page_labels, unlabelled
@@ -57,9 +58,9 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     for other in names[1:]:
         models[other] = _stored(other, [each.true for each in classes[other] if each.true.zones])
     learner = how if how in LEARNERS else LEARNERS[0]
-    _follow(
-        taught[:1], models, names, learner
-    )  # reads settings and fills caches, as a worker's first task does
+    # Reads settings and fills caches, as a worker's first task does.
+    _follow(taught[:1], models, names, learner)
+    collect_seldom()
     spent = _follow(taught, models, names, learner)
     profile = cProfile.Profile()
     profile.enable()

@@ -51,11 +51,16 @@ def serve(connection: Connection, memory_bytes: int, warm_up: Callable[[], dict[
     """Say that this worker is warm, then answer calls until the engine hangs up."""
     _settle(memory_bytes)
     facts = warm_up() if warm_up is not None else {}
-    gc.freeze()  # what is loaded now stays, and need not be looked at again
-    gc.set_threshold(COLLECTED_AFTER)
+    collect_seldom()
     connection.send_bytes(pickle.dumps((READY, facts)))
     while (answer := _answer_next(connection)) is not None:
         connection.send_bytes(answer)
+
+
+def collect_seldom() -> None:
+    """Spare what is loaded now, which stays, from being looked at for cycles again and again."""
+    gc.freeze()
+    gc.set_threshold(COLLECTED_AFTER)
 
 
 def _settle(memory_bytes: int) -> None:

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from models.layout_graph import DEFAULT_LEARNER, Calibration, LayoutModel, Learner, Page
+from services.layout.compiled_model import CompiledModel, compile_model
 from services.layout.cost import build_cost_tables, labelling_cost
 from services.layout.graph import LayoutGraph, build_graph
 from services.layout.learning.class_decisions import accept_page, count_cost, prefer_class, refuse_page
-from services.layout.learning.learners import learn_page, match_page
+from services.layout.learning.learners import learn_page
 from services.layout.learning.state import LearningModel, begin_learning, end_learning, with_labels
 from services.layout.matching import MatchingParameters, match_directly
 from services.layout.recognition import comparable_cost
@@ -84,20 +85,26 @@ def learn_from_feedback(
         return (), {}
     graph = build_graph(said.page, content_names)
     wrong_class = None if said.found_class == said.verified_class else said.found_class
-    right, wrong = (
-        begin_learning(models[name], graph.content_names) if name is not None and name in models else None
-        for name in (said.verified_class, wrong_class)
-    )
-    labels = _all_labels(said, graph, right)
+    chosen = models.get(wrong_class) if wrong_class is not None else None
+    taught = models.get(said.verified_class) if said.verified_class is not None else None
+    pupil = None if taught is None else begin_learning(taught, graph.content_names)
+    labels = _all_labels(said, graph, pupil)
+    right = None if pupil is None else _Judge(pupil.model, pupil.calibration)
+    wrong = None if chosen is None else _Judge(compile_model(chosen, graph.content_names), chosen.calibration)
     accepting, refusing = _decide(graph, right, wrong, said.found_class)
     learned: dict[str, LearnedModel] = {}
-    if right is not None and accepting is not None:
-        learner = learners.get(right.name, DEFAULT_LEARNER)
-        after = learn_page(replace(right, calibration=accepting), LabelledGraph(graph, labels), learner)
-        learned[right.name] = _told(graph, right, after, said.found, labels)
-    if wrong is not None and refusing is not None:
-        after = replace(wrong, calibration=refusing)
-        learned[wrong.name] = _told(graph, wrong, after, said.found, labels)
+    if pupil is not None and right is not None and accepting is not None:
+        learner = learners.get(pupil.name, DEFAULT_LEARNER)
+        after = learn_page(replace(pupil, calibration=accepting), LabelledGraph(graph, labels), learner)
+        learned[pupil.name] = LearnedModel(
+            end_learning(after),
+            *_changes(graph, right, _Judge(after.model, accepting), said.found, labels),
+        )
+    if chosen is not None and wrong is not None and refusing is not None:
+        learned[chosen.name] = LearnedModel(
+            replace(chosen, calibration=refusing),
+            *_changes(graph, wrong, replace(wrong, calibration=refusing), said.found, labels),
+        )
     return labels, learned
 
 
@@ -125,16 +132,24 @@ def _all_labels(said: VerifiedPage, graph: LayoutGraph, right: LearningModel | N
     return tuple(state.labels[index] for index in matching.labels)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Judge:
+    """What tells the cost of a page of a class."""
+
+    model: CompiledModel
+    calibration: Calibration
+
+
 def _decide(
-    graph: LayoutGraph, right: LearningModel | None, wrong: LearningModel | None, found_class: str | None
+    graph: LayoutGraph, right: _Judge | None, wrong: _Judge | None, found_class: str | None
 ) -> tuple[Calibration | None, Calibration | None]:
     """Calibrations of the right and of the wrong model after the decision on the class; None where there is no model.
 
     The page's cost under the right model is counted as that of a page which it has not seen.
     """
-    taught_right, taught_wrong = (None if model is None else model.calibration for model in (right, wrong))
-    cost = 0.0 if right is None else _least_cost(graph, right)
-    other = 0.0 if wrong is None else _least_cost(graph, wrong)
+    taught_right, taught_wrong = (None if judge is None else judge.calibration for judge in (right, wrong))
+    cost = 0.0 if right is None else _least_cost(graph, right.model)
+    other = 0.0 if wrong is None else _least_cost(graph, wrong.model)
     if taught_right is not None and taught_wrong is not None:
         taught_right, taught_wrong = prefer_class((cost, taught_right), (other, taught_wrong))
     elif taught_right is not None and found_class is None:
@@ -144,26 +159,25 @@ def _decide(
     return None if taught_right is None else count_cost(taught_right, cost), taught_wrong
 
 
-def _told(
-    graph: LayoutGraph, before: LearningModel, after: LearningModel, found: Labels, verified: Labels
-) -> LearnedModel:
-    return LearnedModel(
-        end_learning(after),
-        *(
-            CostChange(_cost(graph, before, labels), _cost(graph, after, labels))
-            for labels in (found, verified)
-        ),
+def _changes(
+    graph: LayoutGraph, before: _Judge, after: _Judge, found: Labels, verified: Labels
+) -> tuple[CostChange, CostChange]:
+    """Of the cost of the found and of the verified labelling."""
+    of_found, of_verified = (
+        CostChange(_cost(graph, before, labels), _cost(graph, after, labels)) for labels in (found, verified)
     )
+    return of_found, of_verified
 
 
-def _cost(graph: LayoutGraph, learned: LearningModel, labels: Labels) -> float | None:
-    if not set(labels) <= set(learned.labels):
+def _cost(graph: LayoutGraph, judge: _Judge, labels: Labels) -> float | None:
+    model = judge.model
+    if not set(labels) <= set(model.labels):
         return None
-    model = learned.model
     cost = sum(labelling_cost(graph, model, label_indices(labels, model.labels), model.scales))
-    return cost + learned.calibration.bias * graph.zones
+    return cost + judge.calibration.bias * graph.zones
 
 
-def _least_cost(graph: LayoutGraph, learned: LearningModel) -> float:
+def _least_cost(graph: LayoutGraph, model: CompiledModel) -> float:
     """Cost a zone of the page's best labelling, as classes are compared by it."""
-    return comparable_cost(graph, learned.model, match_page(learned, graph)) / max(1, graph.zones)
+    matching = match_directly(build_cost_tables(graph, model), MatchingParameters())
+    return comparable_cost(graph, model, matching.labels) / max(1, graph.zones)
