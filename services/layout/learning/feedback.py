@@ -16,6 +16,8 @@ from services.layout.statistics import LabelledGraph, label_indices
 
 Labels = tuple[str | None, ...]
 
+_QUICK = MatchingParameters(max_nodes=0, max_sweeps=0)
+"""For models that a page is not of: proofs take longest there, and move the least cost little."""
 _FORBIDDEN = 1e6
 """Cost of a label that a person has ruled out: more than all else of a page together."""
 
@@ -148,8 +150,8 @@ def _decide(
     The page's cost under the right model is counted as that of a page which it has not seen.
     """
     taught_right, taught_wrong = (None if judge is None else judge.calibration for judge in (right, wrong))
-    cost = 0.0 if right is None else _least_cost(graph, right.model)
-    other = 0.0 if wrong is None else _least_cost(graph, wrong.model)
+    cost = 0.0 if right is None else _least_cost(graph, right.model, MatchingParameters())
+    other = 0.0 if wrong is None else _least_cost(graph, wrong.model, _QUICK)
     if taught_right is not None and taught_wrong is not None:
         taught_right, taught_wrong = prefer_class((cost, taught_right), (other, taught_wrong))
     elif taught_right is not None and found_class is None:
@@ -177,7 +179,7 @@ def _cost(graph: LayoutGraph, judge: _Judge, labels: Labels) -> float | None:
     return cost + judge.calibration.bias * graph.zones
 
 
-def _least_cost(graph: LayoutGraph, model: CompiledModel) -> float:
+def _least_cost(graph: LayoutGraph, model: CompiledModel, parameters: MatchingParameters) -> float:
     """Cost a zone of the page's best labelling, as classes are compared by it."""
-    matching = match_directly(build_cost_tables(graph, model), MatchingParameters())
+    matching = match_directly(build_cost_tables(graph, model), parameters)
     return comparable_cost(graph, model, matching.labels) / max(1, graph.zones)
