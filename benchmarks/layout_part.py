@@ -1,7 +1,8 @@
 """A part of the layout benchmark: jobs for the workers, and the tables of their results."""
 
+import argparse
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,3 +51,17 @@ def _cell(value: object) -> str:
 def share(part: float, whole: float) -> float:
     """Percent; NaN of nothing."""
     return 100 * part / whole if whole else float("nan")
+
+
+def choose_parts(
+    parser: argparse.ArgumentParser, options: argparse.Namespace, parts: Mapping[str, Part]
+) -> list[str]:
+    """Names of the parts that the command line asks for; what cannot be measured so ends the program."""
+    names = options.parts.split(",") if options.parts else list(parts)
+    if unknown := [name for name in names if name not in parts]:
+        parser.error(f"no such part: {', '.join(unknown)} (there are {', '.join(parts)})")
+    if options.update_baseline and (options.limit or options.no_reading):
+        parser.error(
+            "a baseline is of all pages, read: no --limit and no --no-reading with --update-baseline"
+        )
+    return names

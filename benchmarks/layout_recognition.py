@@ -18,7 +18,7 @@ from benchmarks.layout_classes import CLASSES
 from benchmarks.layout_jobs import measure_all
 from benchmarks.layout_labelling import LETTERS, TITLES
 from benchmarks.layout_learning import LEARNING, draw_curves
-from benchmarks.layout_part import Part, Results
+from benchmarks.layout_part import Part, Results, choose_parts
 from benchmarks.layout_sheet import SHEETS
 from benchmarks.layout_specimens import Specimen, load_specimens, segmented
 from benchmarks.layout_speed import SPEED, STEPS
@@ -86,13 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run, print, save, compare; 1 when something got worse than the baseline."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    parts = options.parts.split(",") if options.parts else list(PARTS)
-    if unknown := [part for part in parts if part not in PARTS]:
-        parser.error(f"no such part: {', '.join(unknown)} (there are {', '.join(PARTS)})")
-    if options.update_baseline and (options.limit or options.no_reading):
-        parser.error(
-            "a baseline is of all pages, read: no --limit and no --no-reading with --update-baseline"
-        )
+    parts = choose_parts(parser, options, PARTS)
     specimens = load_specimens(options.data, options.limit)
     if not specimens:
         print(f"no pages in {layout_folder(options.data)}: nothing is measured", file=sys.stderr)

@@ -14,7 +14,7 @@ from pathlib import Path
 from benchmarks.baseline import Figures, Metric, judge
 from benchmarks.figures import plain_values, write_json
 from benchmarks.layout_jobs import KeptResults, measure_all
-from benchmarks.layout_part import Part, Results
+from benchmarks.layout_part import Part, Results, choose_parts
 from benchmarks.layout_recognition import ReadingOptions, segment_all
 from benchmarks.layout_specimens import OTHER_LETTERS, Specimen, load_specimens
 from benchmarks.layout_truth import layout_folder
@@ -49,13 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run, print, save, compare; 1 when something got worse than the baseline."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    names = options.parts.split(",") if options.parts else list(PARTS)
-    if unknown := [name for name in names if name not in PARTS]:
-        parser.error(f"no such part: {', '.join(unknown)} (there are {', '.join(PARTS)})")
-    if options.update_baseline and (options.limit or options.no_reading):
-        parser.error(
-            "a baseline is of all pages, read: no --limit and no --no-reading with --update-baseline"
-        )
+    names = choose_parts(parser, options, PARTS)
     specimens = load_specimens(options.data, options.limit)
     if not specimens:
         print(f"no pages in {layout_folder(options.data)}: nothing is measured", file=sys.stderr)
