@@ -1,0 +1,1 @@
+"""A sheet with creases: an inextensible mesh, flat but for few ridges."""

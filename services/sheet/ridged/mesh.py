@@ -1,0 +1,176 @@
+"""A sheet of paper as a mesh in space, seen by a pin-hole camera.
+
+The flat sheet is a regular grid of `rows` x `columns` nodes; node (r, c) lies at X[r, c] in the camera frame (centred
+unit coordinates: x right, y down, z forward, a point X is seen at f X / Z). Between nodes the sheet is bilinear. Grid
+coordinates (c, r) and page coordinates (u, v) differ by the mesh's step, its aspect, and the page's origin.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from services.arrays import Floats, Points, Vector
+
+NEWTON_STEPS = 8
+LONGEST_STEP = 2.0
+"""Cells that one step of Newton's method goes at most: beyond, the linear model means nothing."""
+LOCATED = 1e-3
+"""Photo units within which a point counts as found."""
+REACH = 0.75
+"""Cells by which the sheet goes on, straight, beyond its border."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedPoints:
+    """Points of the mesh at grid coordinates (N, 2).
+
+    `nodes` (N, 4) are the numbers of the cell's nodes, `weights` (N, 4) their shares; `X`, `X_c`, `X_r` (N, 3) the
+    point in space and its derivatives by column and row.
+    """
+
+    nodes: NDArray[np.intp]
+    weights: Floats
+    X: Floats
+    X_c: Floats
+    X_r: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SheetMesh:
+    """A `PageMap`: the mesh `nodes` (rows, columns, 3), seen with `focal`.
+
+    Columns are `step` page units apart, rows `step` times `aspect`; `origin` is the page point (u, v) of node (0, 0).
+    """
+
+    nodes: Floats
+    focal: float
+    step: float
+    aspect: float
+    origin: tuple[float, float]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of nodes."""
+        return int(self.nodes.shape[0])
+
+    @property
+    def columns(self) -> int:
+        """Number of columns of nodes."""
+        return int(self.nodes.shape[1])
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the sheet in page units."""
+        return (self.columns - 1) * self.step, (self.rows - 1) * self.step * self.aspect
+
+    def _steps(self) -> Vector:
+        return np.array([self.step, self.step * self.aspect])
+
+    def grid_of_page(self, page: Points) -> Points:
+        """Grid coordinates (c, r) of page points (u, v), (N, 2) each."""
+        return np.asarray((page - self.origin) / self._steps())
+
+    def page_of_grid(self, grid: Points) -> Points:
+        """Page points (u, v) of grid coordinates (c, r), (N, 2) each."""
+        return np.asarray(grid * self._steps() + self.origin)
+
+    def place(self, grid: Points) -> PlacedPoints:
+        """Points of the mesh at grid coordinates (N, 2); the border cells go on beyond the mesh."""
+        columns, rows = self.columns, self.rows
+        c0 = np.clip(np.floor(grid[:, 0]).astype(np.intp), 0, columns - 2)
+        r0 = np.clip(np.floor(grid[:, 1]).astype(np.intp), 0, rows - 2)
+        s, t = grid[:, 0] - c0, grid[:, 1] - r0
+        first = r0 * columns + c0
+        nodes = np.stack([first, first + 1, first + columns, first + columns + 1], axis=1)
+        weights = np.stack([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t], axis=1)
+        corners = self.nodes.reshape(-1, 3)[nodes]
+        X = np.einsum("nk,nki->ni", weights, corners)
+        top, bottom = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 2]
+        left, right = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+        X_c = top + t[:, None] * (bottom - top)
+        X_r = left + s[:, None] * (right - left)
+        return PlacedPoints(nodes, weights, X, X_c, X_r)
+
+    def project(self, X: Floats) -> Points:
+        """Photo points (N, 2) of points in space (N, 3)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            seen = self.focal * X[:, :2] / X[:, 2:]
+        seen[X[:, 2] <= 1e-6] = np.nan
+        return np.asarray(seen)
+
+    def derivatives(self, placed: PlacedPoints) -> Floats:
+        """Derivatives (N, 2, 2) d photo / d grid."""
+        Z = placed.X[:, 2:]
+        seen = self.focal * placed.X[:, :2] / Z
+        along = (self.focal * placed.X_c[:, :2] - seen * placed.X_c[:, 2:]) / Z
+        down = (self.focal * placed.X_r[:, :2] - seen * placed.X_r[:, 2:]) / Z
+        return np.stack([along, down], axis=2)
+
+    def locate(self, centred: Points, start: Points | None = None) -> Points:
+        """Grid coordinates (N, 2) of photo points (N, 2), by Newton's method from `start`, or from the nearest node.
+
+        NaN where the mesh is not seen within its reach.
+        """
+        if start is None:
+            seen = self.project(self.nodes.reshape(-1, 3))
+            known = np.flatnonzero(np.isfinite(seen).all(axis=1))
+            _, nearest = cKDTree(seen[known]).query(np.nan_to_num(centred))
+            start = np.stack(np.divmod(known[nearest], self.columns)[::-1], axis=1).astype(np.float64)
+        limit = np.array([self.columns - 1, self.rows - 1]) + 3 * REACH
+        grid, miss = start.copy(), np.full(len(centred), np.inf)
+        for _ in range(NEWTON_STEPS):
+            placed = self.place(grid)
+            G = self.derivatives(placed)
+            rest = centred - self.project(placed.X)
+            miss = np.linalg.norm(rest, axis=1)
+            if np.nanmax(miss, initial=0.0) < 1e-9:
+                break
+            step = solve_2x2(G, rest)
+            length = np.linalg.norm(step, axis=1, keepdims=True)
+            with np.errstate(invalid="ignore"):
+                step *= np.minimum(1.0, LONGEST_STEP / np.maximum(length, 1e-12))
+            grid = np.clip(grid + np.nan_to_num(step), -3 * REACH, limit)
+        else:
+            miss = np.linalg.norm(centred - self.project(self.place(grid).X), axis=1)
+        with np.errstate(invalid="ignore"):
+            grid[~(miss < LOCATED)] = np.nan
+        return np.asarray(grid)
+
+    def to_page(self, centred: Points) -> Points:
+        """See `PageMap`."""
+        return self.page_of_grid(self.locate(centred))
+
+    def to_photo(self, page: Points) -> Points:
+        """See `PageMap`."""
+        grid = self.grid_of_page(page)
+        placed = self.place(np.nan_to_num(grid))
+        seen = self.project(placed.X)
+        limit = np.array([self.columns - 1, self.rows - 1]) + REACH
+        with np.errstate(invalid="ignore"):
+            known = ((grid >= -REACH) & (grid <= limit)).all(axis=1)
+        facing = np.einsum("ni,ni->n", np.cross(placed.X_c, placed.X_r), placed.X) > 0
+        seen[~(known & facing)] = np.nan
+        return seen
+
+    def jacobians(self, centred: Points) -> Floats:
+        """See `PageMap`."""
+        grid = self.locate(centred)
+        G = self.derivatives(self.place(np.nan_to_num(grid)))
+        J = np.linalg.inv(np.where(np.isfinite(G), G, np.eye(2))) * self._steps()[None, :, None]
+        J[~np.isfinite(grid).all(axis=1)] = np.nan
+        return np.asarray(J)
+
+
+def solve_2x2(A: Floats, b: Floats) -> Floats:
+    """Solutions (N, 2) of the systems A (N, 2, 2) x = b (N, 2); a singular one's is large, not an error."""
+    det = A[:, 0, 0] * A[:, 1, 1] - A[:, 0, 1] * A[:, 1, 0]
+    det = np.where(np.abs(det) < 1e-12, 1e-12, det)
+    return np.stack(
+        [
+            (A[:, 1, 1] * b[:, 0] - A[:, 0, 1] * b[:, 1]) / det,
+            (A[:, 0, 0] * b[:, 1] - A[:, 1, 0] * b[:, 0]) / det,
+        ],
+        axis=1,
+    )

@@ -1,0 +1,70 @@
+"""Normal equations of a mesh: banded, with a border of the few unknowns that every observation may depend on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.sparse import coo_array, csr_array
+
+from services.arrays import Floats, Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NormalEquations:
+    """J^T J x = -J^T r with the unknowns in an order that keeps the matrix in a narrow band.
+
+    `band` (bandwidth + 1, n) is the lower band of the first n unknowns in scipy's form, `border` (n, k) couples them
+    with the last k, `corner` (k, k) these among themselves; `gradient` (n + k,) is J^T r in that order, and `order`
+    (n + k,) tells which unknown each is.
+    """
+
+    band: Floats
+    border: Floats
+    corner: Floats
+    gradient: Vector
+    order: NDArray[np.intp]
+
+    @property
+    def diagonal(self) -> Vector:
+        """Diagonal (n + k,) of J^T J."""
+        return np.concatenate([self.band[0], np.diag(self.corner)])
+
+    def solve(self, damping: Vector) -> Vector | None:
+        """Step (n + k,), in the unknowns' own order, of (J^T J + diag(damping)) x = -J^T r; None if it is singular."""
+        n = self.band.shape[1]
+        band = self.band.copy()
+        band[0] += damping[:n]
+        right = np.column_stack([self.border, -self.gradient[:n]])
+        try:
+            solved = cho_solve_banded((cholesky_banded(band, lower=True, check_finite=False), True), right)
+            through, own = solved[:, :-1], solved[:, -1]
+            corner = self.corner + np.diag(damping[n:]) - self.border.T @ through
+            last = np.linalg.solve(corner, -self.gradient[n:] - self.border.T @ own)
+        except (LinAlgError, np.linalg.LinAlgError):
+            return None
+        step = np.empty(len(self.order))
+        step[self.order] = np.concatenate([own - through @ last, last])
+        return step if np.isfinite(step).all() else None
+
+
+def normal_equations(
+    jacobian: csr_array, residuals: Vector, order: NDArray[np.intp], border: int
+) -> NormalEquations:
+    """Normal equations of weighted `residuals` (M,) with `jacobian` (M, n + k); the last `border` of `order` are k."""
+    place = np.empty(len(order), np.intp)
+    place[order] = np.arange(len(order))
+    n = len(order) - border
+    square = coo_array(jacobian.T @ jacobian)
+    row, column = place[square.row], place[square.col]
+    inside = (row < n) & (column < n) & (row >= column)
+    below = row[inside] - column[inside]
+    band = np.zeros((int(below.max(initial=0)) + 1, n))
+    band[below, column[inside]] = square.data[inside]
+    edge = (row < n) & (column >= n)
+    side = np.zeros((n, border))
+    side[row[edge], column[edge] - n] = square.data[edge]
+    last = (row >= n) & (column >= n)
+    corner = np.zeros((border, border))
+    corner[row[last] - n, column[last] - n] = square.data[last]
+    return NormalEquations(band, side, corner, (jacobian.T @ residuals)[order], order)

@@ -1,0 +1,424 @@
+"""Residuals of a creased sheet and their derivatives: what is seen of it, and what paper does.
+
+Seen at photo points, whose place on the sheet is found anew at every step: the points of a text line share one row,
+lines of a paragraph are equally spaced, flush ends share one column, strokes run along the columns (but for the slant
+of the type), and the sheet's own sides are the mesh's border. Paper does not stretch (edges and diagonals of cells
+keep their lengths) and is flat but for few ridges (second differences under Cauchy's loss, which charges a ridge by
+the logarithm of its angle, wherever it is).
+
+With a point x seen at grid coordinates g, f X(g) / Z(g) = x: if the nodes move by dX_k, then g moves by
+dg = -G^-1 sum_k w_k P dX_k, with P = (f I | -x) / Z and G = P (X_c X_r); if f changes, by -G^-1 x d(log f).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from services.arrays import Floats, Points, Vector
+from services.developable.observations import LineObservations
+from services.sheet.ridged.mesh import SheetMesh
+from services.texture_flow.field import FlowSamples
+
+LOST = 6.0
+"""Residual of a point that the mesh does not show; it has no derivative."""
+
+
+@dataclass(frozen=True, slots=True)
+class RidgedParameters:
+    """Standard deviations; lengths are relative to what is named."""
+
+    cells: int = 24
+    """Across the sheet: a ridge is as wide as a cell, 4 % of the page."""
+    stretch: float = 0.002
+    """Of an edge's length, in steps: paper does not stretch, but a ridge within a cell shortens its edges."""
+    bend_rad: float = 0.012
+    """Of the angle between neighbouring cells where there is no ridge."""
+    line: float = 1.0
+    """Of a line's points, in units of their own deviations."""
+    least_line: float = 0.02
+    """Text heights, least deviation of a line's point."""
+    spacing: float = 0.02
+    """Of a line's place between its neighbours, in line spacings."""
+    stroke_rad: float = np.deg2rad(0.8)
+    stroke_overlap: float = 4.0
+    """Windows of neighbouring samples share ink: so many count as one."""
+    slant_rad: float = np.deg2rad(0.2)
+    """Mean slant of upright type, clockwise, as the smooth surface takes it."""
+    margin: float = 0.4
+    """Of a flush end, in text heights."""
+    side: float = 1.0
+    """Of an outline's point, in units of its own deviation."""
+    least_side: float = 0.0006
+    """Photo units: the side of a sheet is cut as straight as that, and not found better."""
+    schedule: tuple[tuple[float, float, float], ...] = (
+        (100.0, 10.0, 30.0),
+        (10.0, 3.0, 3.0),
+        (1.0, 1.0, 1.0),
+    )
+    """One fit after another: where the losses of observations bend away from squares, how much more the sheet may
+    stretch, and where the loss of ridges bends. The start is further off than the last of them sees."""
+    evaluations: int = 12
+    """Of each of these fits."""
+    gain: float = 1e-3
+    """Relative decrease of the cost below which the fit ends."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SideObservations:
+    """Points (N, 2) on one side of the sheet, centred units, and their deviations (N,) across it."""
+
+    points: Points
+    deviations: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SheetObservations:
+    """What the mesh is fitted to, in centred units: `sides` are top, right, bottom, left of the page, None if unseen."""
+
+    lines: LineObservations
+    strokes: FlowSamples | None
+    sides: tuple[SideObservations | None, ...]
+    log_focal: float
+    focal_deviation: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """Residuals of one kind: values (m,), Jacobian (m, unknowns), and how many of them share one loss (0: squares)."""
+
+    values: Vector
+    jacobian: csr_array
+    group: int
+
+
+class SheetResiduals:
+    """Residuals at a vector of unknowns: nodes, levels of lines, then log focal length, log aspect, slant, margins."""
+
+    def __init__(self, start: SheetMesh, observed: SheetObservations, parameters: RidgedParameters) -> None:
+        self.start, self.p, self.observed = start, parameters, observed
+        lines = observed.lines
+        p, count = parameters, start.rows * start.columns
+        self.node_unknowns = 3 * count
+        sides = [side or SideObservations(np.zeros((0, 2)), np.zeros(0)) for side in observed.sides]
+        ends = np.concatenate(lines.margins) if lines.margins else np.zeros((0, 2))
+        strokes = observed.strokes
+        stroke = np.zeros((0, 2)) if strokes is None else strokes.points
+        way = np.zeros((0, 2)) if strokes is None else _ways(strokes.angles)
+        probe = 0.6 * lines.text_height
+        parts = [lines.points, ends, stroke - probe * way, stroke + probe * way, *(s.points for s in sides)]
+        self.points = np.concatenate(parts)
+        self.slices = _slices([len(part) for part in parts])
+        self.grid = start.locate(self.points)
+        known = np.isfinite(self.grid).all(axis=1)
+        self.grid[~known] = 0.0
+        placed = start.place(self.grid)
+        inverse = np.linalg.norm(_inverse(start.derivatives(placed)), axis=2)
+        across_rows, across_columns = inverse[:, 1], inverse[:, 0]
+        self.levels = lines.count
+        first = self.slices[0]
+        size = np.bincount(lines.index, known[first], minlength=self.levels)
+        self.start_levels = np.bincount(
+            lines.index, np.where(known, self.grid[:, 1], 0.0)[first], minlength=self.levels
+        ) / np.maximum(size, 1)
+        # A deviation across the line in the photo is one across the rows by the map's local scale at the start.
+        height = lines.text_height * float(np.median(across_rows[first])) if len(lines.points) else 1.0
+        self.line_deviation = p.line * np.hypot(lines.deviations * across_rows[first], p.least_line * height)
+        self.margin_deviation = (
+            p.margin * lines.text_height * float(np.median(across_columns[self.slices[1]]))
+            if len(ends)
+            else 1.0
+        )
+        self.margin_index = np.repeat(np.arange(len(lines.margins)), [len(m) for m in lines.margins])
+        self.start_margins = np.array(
+            [
+                np.median(self.grid[self.slices[1], 0][self.margin_index == k])
+                for k in range(len(lines.margins))
+            ]
+        )
+        self.stroke_deviation = (
+            np.zeros(0)
+            if strokes is None
+            else p.stroke_rad * np.sqrt(p.stroke_overlap / np.maximum(strokes.weights, 0.05))
+        )
+        self.side_deviation = [
+            p.side
+            * np.hypot(side.deviations, p.least_side)
+            * (across_columns if k % 2 else across_rows)[self.slices[4 + k]]
+            for k, side in enumerate(sides)
+        ]
+        self.globals_at = self.node_unknowns + self.levels
+        self.unknowns = self.globals_at + 3 + len(lines.margins)
+        self.border = 3 + len(lines.margins)
+        self.slack = 1.0
+        self._edges, self._hinges = _edges(start), _hinges(start)
+        self._hinge_jacobians = {
+            name: _difference_jacobian(nodes, signs, self.unknowns)
+            for name, (nodes, signs) in self._hinges.items()
+        }
+
+    @property
+    def x0(self) -> Vector:
+        """The start as a vector of unknowns."""
+        ends = [np.log(self.start.focal), np.log(self.start.aspect), self.p.slant_rad]
+        return np.concatenate([self.start.nodes.ravel(), self.start_levels, ends, self.start_margins])
+
+    @property
+    def order(self) -> NDArray[np.intp]:
+        """Unknowns from the top of the sheet to its bottom, so that what is coupled is near; globals last."""
+        rows = np.repeat(np.arange(self.start.rows), 3 * self.start.columns).astype(np.float64)
+        keys = np.concatenate([rows, self.start_levels + 0.5])
+        return np.concatenate([np.argsort(keys, kind="stable"), np.arange(self.globals_at, self.unknowns)])
+
+    def mesh(self, x: Vector) -> SheetMesh:
+        """The mesh of the unknowns `x`."""
+        nodes = x[: self.node_unknowns].reshape(self.start.nodes.shape)
+        focal, aspect = (float(np.exp(v)) for v in x[self.globals_at : self.globals_at + 2])
+        return replace(self.start, nodes=nodes, focal=focal, aspect=aspect)
+
+    def blocks(self, x: Vector) -> list[_Block]:
+        """All residuals at `x`, before any loss."""
+        mesh = self.mesh(x)
+        grid = mesh.locate(self.points, self.grid)
+        known = np.isfinite(grid).all(axis=1)
+        grid[~known] = self.grid[~known]
+        self.grid = grid.copy()
+        to_columns, to_rows = self._point_jacobians(mesh, grid, known)
+        return [
+            self._lines(x, grid[:, 1], known, to_rows),
+            self._spacing(x),
+            self._margins(x, grid[:, 0], known, to_columns),
+            self._strokes(x, mesh, grid, known, to_columns, to_rows),
+            *self._sides(grid, known, to_columns, to_rows),
+            self._stretch(x),
+            *self._bends(x),
+            self._priors(x),
+        ]
+
+    def _point_jacobians(
+        self, mesh: SheetMesh, grid: Points, known: NDArray[np.bool_]
+    ) -> tuple[csr_array, csr_array]:
+        """Derivatives (N, unknowns) of the columns and rows at which the photo points are found."""
+        placed = mesh.place(grid)
+        seen = self.points
+        inverse = _inverse(mesh.derivatives(placed))
+        inverse[~known] = 0.0
+        P = np.zeros((len(seen), 2, 3))
+        P[:, 0, 0] = P[:, 1, 1] = mesh.focal
+        P[:, :, 2] = -seen
+        P /= placed.X[:, 2, None, None]
+        by_point = -inverse @ P
+        by_focal = -np.einsum("nij,nj->ni", inverse, seen)
+        columns = np.concatenate(
+            [
+                (3 * placed.nodes[:, :, None] + np.arange(3)).reshape(len(seen), 12),
+                np.full((len(seen), 1), self.globals_at),
+            ],
+            axis=1,
+        )
+        found = []
+        for axis in (0, 1):
+            entries = (placed.weights[:, :, None] * by_point[:, None, axis]).reshape(len(seen), 12)
+            data = np.concatenate([entries, by_focal[:, axis : axis + 1]], axis=1)
+            indptr = np.arange(0, 13 * len(seen) + 1, 13)
+            found.append(csr_array((data.ravel(), columns.ravel(), indptr), shape=(len(seen), self.unknowns)))
+        return found[0], found[1]
+
+    def _lines(self, x: Vector, rows: Vector, known: NDArray[np.bool_], to_rows: csr_array) -> _Block:
+        part, index = self.slices[0], self.observed.lines.index
+        levels = x[self.node_unknowns : self.globals_at]
+        values = np.where(known[part], (rows[part] - levels[index]) / self.line_deviation, LOST)
+        slope = -1.0 * known[part] / self.line_deviation
+        own = _entries(index + self.node_unknowns, slope, self.unknowns)
+        return _Block(values, _scaled(to_rows[part], 1 / self.line_deviation) + own, 1)
+
+    def _spacing(self, x: Vector) -> _Block:
+        """A line lies half-way between its neighbours."""
+        runs = [run.lines for run in self.observed.lines.runs if len(run.lines) > 2]
+        if not runs:
+            return _Block(np.zeros(0), csr_array((0, self.unknowns)), 1)
+        triples = np.concatenate([np.stack([r[:-2], r[1:-1], r[2:]], axis=1) for r in runs])
+        gap = np.concatenate(
+            [np.full(len(r) - 2, max(abs(np.median(np.diff(self.start_levels[r]))), 1e-6)) for r in runs]
+        )
+        scale = 1 / (np.sqrt(6.0) * self.p.spacing * gap)
+        levels = x[self.node_unknowns + triples]
+        values = scale * (levels[:, 0] - 2 * levels[:, 1] + levels[:, 2])
+        data = (scale[:, None] * [1.0, -2.0, 1.0]).ravel()
+        columns = (self.node_unknowns + triples).ravel()
+        jacobian = csr_array(
+            (data, columns, np.arange(0, len(data) + 1, 3)), shape=(len(triples), self.unknowns)
+        )
+        return _Block(values, jacobian, 1)
+
+    def _margins(self, x: Vector, columns: Vector, known: NDArray[np.bool_], to_columns: csr_array) -> _Block:
+        part, index = self.slices[1], self.margin_index + self.globals_at + 3
+        values = np.where(known[part], (columns[part] - x[index]) / self.margin_deviation, LOST)
+        own = _entries(index, -1.0 * known[part] / self.margin_deviation, self.unknowns)
+        return _Block(
+            values, _scaled(to_columns[part], np.full(len(index), 1 / self.margin_deviation)) + own, 1
+        )
+
+    def _strokes(
+        self,
+        x: Vector,
+        mesh: SheetMesh,
+        grid: Points,
+        known: NDArray[np.bool_],
+        to_columns: csr_array,
+        to_rows: csr_array,
+    ) -> _Block:
+        """Angle of the way between two photo points of a stroke against the columns, less the slant of the type."""
+        a, b = self.slices[2], self.slices[3]
+        dc, dr = grid[b, 0] - grid[a, 0], mesh.aspect * (grid[b, 1] - grid[a, 1])
+        dr = np.where(np.abs(dr) < 1e-9, 1e-9, dr)
+        seen = known[a] & known[b]
+        values = (np.arctan(-dc / dr) - x[self.globals_at + 2]) / self.stroke_deviation
+        square = np.maximum(dc * dc + dr * dr, 1e-18) * self.stroke_deviation
+        jacobian = _scaled(to_columns[b] - to_columns[a], -1.0 * seen * dr / square) + _scaled(
+            to_rows[b] - to_rows[a], seen * mesh.aspect * dc / square
+        )
+        slant = np.full(len(values), self.globals_at + 2)
+        own = _entries(slant, -1.0 * seen / self.stroke_deviation, self.unknowns)
+        return _Block(np.where(seen, values, LOST), jacobian + own, 1)
+
+    def _sides(
+        self, grid: Points, known: NDArray[np.bool_], to_columns: csr_array, to_rows: csr_array
+    ) -> list[_Block]:
+        """The sheet's sides are the mesh's border: top, right, bottom, left."""
+        found = []
+        borders = (0.0, self.start.columns - 1.0, self.start.rows - 1.0, 0.0)
+        for k, border in enumerate(borders):
+            part, deviation = self.slices[4 + k], self.side_deviation[k]
+            place = grid[part, 0 if k % 2 else 1]
+            values = np.where(known[part], (place - border) / deviation, LOST)
+            found.append(_Block(values, _scaled((to_columns if k % 2 else to_rows)[part], 1 / deviation), 1))
+        return found
+
+    def _stretch(self, x: Vector) -> _Block:
+        """Edges and diagonals of the cells keep their lengths."""
+        X = x[: self.node_unknowns].reshape(-1, 3)
+        aspect = float(np.exp(x[self.globals_at + 1]))
+        a, b, across, down = self._edges
+        way = X[b] - X[a]
+        length = np.maximum(np.linalg.norm(way, axis=1), 1e-12)
+        flat = np.hypot(across, aspect * down)
+        unit = self.start.step * self.p.stretch * self.slack
+        values = (length - self.start.step * flat) / unit
+        toward = way / (length * unit)[:, None]
+        by_aspect = -self.start.step * (aspect * down) ** 2 / (flat * unit)
+        columns = np.concatenate(
+            [
+                3 * a[:, None] + np.arange(3),
+                3 * b[:, None] + np.arange(3),
+                np.full((len(a), 1), self.globals_at + 1),
+            ],
+            axis=1,
+        )
+        data = np.concatenate([-toward, toward, by_aspect[:, None]], axis=1)
+        jacobian = csr_array(
+            (data.ravel(), columns.ravel(), np.arange(0, data.size + 1, 7)), shape=(len(a), self.unknowns)
+        )
+        return _Block(values, jacobian, 0)
+
+    def _bends(self, x: Vector) -> list[_Block]:
+        """Second differences of the nodes, as angles: across, down, and the twist of a cell."""
+        X = x[: self.node_unknowns].reshape(-1, 3)
+        aspect = self.start.aspect
+        found = []
+        for name, (nodes, signs) in self._hinges.items():
+            size = {"across": 1.0, "down": aspect, "twist": np.sqrt(aspect)}[name] * self.start.step
+            scale = 1 / (size * self.p.bend_rad)
+            values = scale * np.einsum("nki,k->ni", X[nodes], signs).ravel()
+            found.append(_Block(values, self._hinge_jacobians[name] * scale, 3))
+        return found
+
+    def _priors(self, x: Vector) -> _Block:
+        """Focal length, slant, and a weak hold of the aspect."""
+        at = self.globals_at + np.arange(3)
+        deviation = np.array([self.observed.focal_deviation, 1.0, np.deg2rad(0.4)])
+        mean = np.array([self.observed.log_focal, np.log(self.start.aspect), self.p.slant_rad])
+        return _Block((x[at] - mean) / deviation, _entries(at, 1 / deviation, self.unknowns), 0)
+
+
+def robust(block: _Block, scale: float, ridge_scale: float) -> tuple[float, Vector]:
+    """Cost of a block under its loss (squares, or Cauchy's for each group), and the weight (m,) of every residual.
+
+    `scale` is where the loss of single observations bends away from squares; that of ridges stays as it is.
+    """
+    if block.group == 0:
+        return 0.5 * float(block.values @ block.values), np.ones(len(block.values))
+    square = (block.values.reshape(-1, block.group) ** 2).sum(axis=1)
+    s2 = (scale if block.group == 1 else ridge_scale) ** 2
+    return 0.5 * s2 * float(np.log1p(square / s2).sum()), np.repeat(1 / (1 + square / s2), block.group)
+
+
+def _ways(angles: Vector) -> Points:
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def _slices(sizes: list[int]) -> list[slice]:
+    ends = np.cumsum([0, *sizes])
+    return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def _inverse(G: Floats) -> Floats:
+    """Inverses (N, 2, 2); of a nearly singular matrix a large one."""
+    det = G[:, 0, 0] * G[:, 1, 1] - G[:, 0, 1] * G[:, 1, 0]
+    det = np.where(np.abs(det) < 1e-9, np.where(det < 0, -1e-9, 1e-9), det)
+    swapped = np.stack([G[:, 1, 1], -G[:, 0, 1], -G[:, 1, 0], G[:, 0, 0]], axis=1).reshape(-1, 2, 2)
+    return np.asarray(swapped / det[:, None, None])
+
+
+def _scaled(matrix: csr_array, factors: Vector) -> csr_array:
+    """`matrix` with every row times its factor."""
+    scaled = csr_array(matrix, copy=True)
+    scaled.data *= np.repeat(factors, np.diff(scaled.indptr))
+    return scaled
+
+
+def _entries(columns: NDArray[np.intp], values: Vector, width: int) -> csr_array:
+    """A matrix with one entry a row."""
+    return csr_array((values, columns, np.arange(len(columns) + 1)), shape=(len(columns), width))
+
+
+def _numbers(mesh: SheetMesh) -> NDArray[np.intp]:
+    return np.arange(mesh.rows * mesh.columns).reshape(mesh.rows, mesh.columns)
+
+
+def _edges(mesh: SheetMesh) -> tuple[NDArray[np.intp], NDArray[np.intp], Vector, Vector]:
+    """Both ends of every edge and diagonal, and how many columns and rows it spans."""
+    n = _numbers(mesh)
+    kinds = [
+        (n[:, :-1], n[:, 1:], 1.0, 0.0),
+        (n[:-1], n[1:], 0.0, 1.0),
+        (n[:-1, :-1], n[1:, 1:], 1.0, 1.0),
+        (n[:-1, 1:], n[1:, :-1], 1.0, 1.0),
+    ]
+    a, b = (np.concatenate([kind[k].ravel() for kind in kinds]) for k in (0, 1))
+    across, down = (np.concatenate([np.full(kind[0].size, kind[k]) for kind in kinds]) for k in (2, 3))
+    return a, b, across, down
+
+
+def _hinges(mesh: SheetMesh) -> dict[str, tuple[NDArray[np.intp], Vector]]:
+    """Nodes (n, k) of every second difference, and the signs (k,) they are taken with."""
+    n = _numbers(mesh)
+
+    def nodes(*parts: NDArray[np.intp]) -> NDArray[np.intp]:
+        return np.stack([part.ravel() for part in parts], axis=1)
+
+    second = np.array([1.0, -2.0, 1.0])
+    return {
+        "across": (nodes(n[:, :-2], n[:, 1:-1], n[:, 2:]), second),
+        "down": (nodes(n[:-2], n[1:-1], n[2:]), second),
+        "twist": (nodes(n[:-1, :-1], n[:-1, 1:], n[1:, :-1], n[1:, 1:]), np.array([1.0, -1.0, -1.0, 1.0])),
+    }
+
+
+def _difference_jacobian(nodes: NDArray[np.intp], signs: Vector, width: int) -> csr_array:
+    """Derivatives (3 n, width) of signed sums of nodes, point by point."""
+    columns = (3 * nodes[:, None, :] + np.arange(3)[:, None]).reshape(-1, len(signs))
+    data = np.broadcast_to(signs, columns.shape)
+    indptr = np.arange(0, data.size + 1, len(signs))
+    return csr_array((data.ravel(), columns.ravel(), indptr), shape=(len(columns), width))
