@@ -1,0 +1,117 @@
+"""The outline of the sheet in a photo."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from services.arrays import Points, RgbImage
+from services.sheet.outline.candidates import Candidate, CandidateParameters, find_candidates
+from services.sheet.outline.corners import CornerParameters, Corners, locate_corners, split_sides
+from services.sheet.outline.edges import EdgeParameters, EdgePoints, follow_edge, measure_edge
+from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
+from services.sheet.outline.results import SheetOutline, SheetSide
+from services.sheet.outline.scoring import ScoringParameters, rate_curve, rate_outline
+
+
+@dataclass(frozen=True, slots=True)
+class OutlineParameters:
+    """The steps' parameters, and how many points describe a side."""
+
+    reduction: ReductionParameters = field(default_factory=ReductionParameters)
+    candidates: CandidateParameters = field(default_factory=CandidateParameters)
+    edges: EdgeParameters = field(default_factory=EdgeParameters)
+    corners: CornerParameters = field(default_factory=CornerParameters)
+    scoring: ScoringParameters = field(default_factory=ScoringParameters)
+    tried: int = 2
+    """Candidates that are measured in the photo."""
+    side_points: int = 60
+    least_confidence: float = 0.2
+    """Outlines that are less certain are not answered."""
+
+
+def find_outline(
+    photo: RgbImage,
+    characters: Points | None = None,
+    text_height_px: float | None = None,
+    parameters: OutlineParameters | None = None,
+) -> SheetOutline | None:
+    """The sheet's boundary in `photo` (H, W, 3); None where no sheet's edge is seen.
+
+    Parameters
+    ----------
+    characters
+        (N, 2) centres of printed characters, photo pixels, where text was found.
+    text_height_px
+        Typical character size, photo pixels.
+    """
+    p = parameters or OutlineParameters()
+    if min(photo.shape[:2]) < 64:
+        return None
+    reduced = reduce_photo(photo, p.reduction)
+    candidates = find_candidates(reduced, characters, p.candidates)
+    rated = sorted(
+        ((rate_curve(reduced, c.curve, p.scoring), k) for k, c in enumerate(candidates)), reverse=True
+    )
+    found = [_measure(photo, reduced, candidates[k], p) for _, k in rated[: p.tried]]
+    best = max((o for o in found if o is not None), key=lambda o: o.confidence, default=None)
+    return best if best is not None and best.confidence >= p.least_confidence else None
+
+
+def _measure(
+    photo: RgbImage, reduced: ReducedPhoto, candidate: Candidate, p: OutlineParameters
+) -> SheetOutline | None:
+    """The outline near a candidate, measured in the photo; None when it has no four sides."""
+    x0, y0, x1, y1 = reduced.window
+    height, width = photo.shape[:2]
+
+    def window(factor: float, shape: tuple[int, ...]) -> tuple[float, float, float, float]:
+        scale = factor / reduced.factor
+        return (
+            (x0 + 1) * scale - 0.5 if x0 else 0.0,
+            (y0 + 1) * scale - 0.5 if y0 else 0.0,
+            x1 * scale - 0.5 if x1 < reduced.colors.shape[1] - 1 else shape[1] - 1.0,
+            y1 * scale - 0.5 if y1 < reduced.colors.shape[0] - 1 else shape[0] - 1.0,
+        )
+
+    f = reduced.medium_factor
+    start = (candidate.curve + 0.5) * (f / reduced.factor) - 0.5
+    followed = follow_edge(reduced.medium, start, window(f, reduced.medium.shape), p.edges)
+    edge = measure_edge(photo, (followed + 0.5) / f - 0.5, window(1.0, (height, width)), p.edges)
+    corners = split_sides(edge, p.corners)
+    if corners is None:
+        return None
+    located = locate_corners(edge, corners, p.corners)
+    order = _from_top_left(edge.points[corners.indices])
+    corners = Corners(corners.indices[order], corners.misfit, corners.turns_rad[order])
+    located = located[order]
+    sides = [_side(edge, corners, k, p) for k in range(4)]
+    confidence = rate_outline(edge, corners, located, p.scoring)
+    return SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, edge.points)
+
+
+def _from_top_left(corners: Points) -> np.ndarray:
+    """Order of clockwise `corners` (4, 2) that begins at the top left one."""
+    first = int(np.argmin(corners.sum(axis=1)))
+    return (first + np.arange(4)) % 4
+
+
+def _side(edge: EdgePoints, corners: Corners, k: int, p: OutlineParameters) -> SheetSide:
+    """Side k: its seen points, about `side_points` of them."""
+    count = len(edge.points)
+    start, end = int(corners.indices[k]), int(corners.indices[(k + 1) % 4])
+    length = (end - start) % count
+    index = (start + np.arange(length + 1)) % count
+    # The ends are rounded by smoothing; the corner stands for them.
+    rounded = max(int(0.01 * length), 1)
+    inner = index[rounded : len(index) - rounded]
+    seen = float(edge.seen[inner].mean()) if len(inner) else 0.0
+    kept = inner[edge.seen[inner]]
+    step = max(round(length / p.side_points), 1)
+    kept = kept[::step]
+    points = edge.points[kept]
+    straightness = 0.0
+    if len(points) > 2:
+        straightness = float(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1]) / np.sqrt(
+            len(points)
+        )
+    return SheetSide(points, edge.deviations[kept], seen, straightness)

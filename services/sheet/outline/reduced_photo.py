@@ -1,0 +1,105 @@
+"""The photo as outlines are looked for in it: small, without print, without black bands."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from services.arrays import Floats, Mask, Points, RgbImage
+
+
+@dataclass(frozen=True, slots=True)
+class ReductionParameters:
+    """How far the photo is reduced, and what counts as a black band."""
+
+    medium_long_side_px: int = 1200
+    """Edges are followed here before they are measured in the photo itself."""
+    long_side_px: int = 400
+    """A sheet's sides are then some hundred pixels long and print is a few pixels high."""
+    closing: float = 1 / 60
+    """Of the long side: wider than a line of print."""
+    band_level: int = 10
+    """Brightness of padding at most; JPEG leaves some."""
+    band_share: float = 0.85
+    """Share of a band's border at which the photo begins at the same row or column."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedPhoto:
+    """`colors` (h, w, 3) float32: CIE Lab of the photo resized by `factor`, print closed.
+
+    `window` (x0, y0, x1, y1), inclusive pixels, is what is no padding. `medium` (H, W, 3) is the photo resized by
+    `medium_factor`, with its print.
+    """
+
+    colors: Floats
+    factor: float
+    window: tuple[int, int, int, int]
+    medium: RgbImage
+    medium_factor: float
+
+    def to_photo(self, points: Points) -> Points:
+        """Photo pixels (N, 2) of reduced ones."""
+        return np.asarray((points + 0.5) / self.factor - 0.5)
+
+    def from_photo(self, points: Points) -> Points:
+        """Reduced pixels (N, 2) of photo pixels."""
+        return np.asarray((points + 0.5) * self.factor - 0.5)
+
+
+def reduce_photo(photo: RgbImage, parameters: ReductionParameters | None = None) -> ReducedPhoto:
+    """`photo` (H, W, 3) at the size where its sheet is looked for."""
+    p = parameters or ReductionParameters()
+    medium, medium_factor = _resized(photo, min(1.0, p.medium_long_side_px / max(photo.shape[:2])))
+    factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
+    small, _ = _resized(medium, factor / medium_factor)
+    size = (small.shape[1], small.shape[0])
+    x0, y0, x1, y1 = window = _without_bands(small, p)
+    side = max(int(p.closing * max(size)) | 1, 3)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    # Padded, or a narrow strip of desk at the photo's border would be closed with the print.
+    wide = cv2.copyMakeBorder(
+        small[y0 : y1 + 1, x0 : x1 + 1], side, side, side, side, borderType=cv2.BORDER_REPLICATE
+    )
+    blank = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, kernel)[side:-side, side:-side]
+    closed = small.copy()
+    closed[y0 : y1 + 1, x0 : x1 + 1] = cv2.medianBlur(np.ascontiguousarray(blank), 3)
+    colors = cv2.cvtColor(closed.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
+    return ReducedPhoto(np.asarray(colors), factor, window, medium, medium_factor)
+
+
+def _resized(photo: RgbImage, factor: float) -> tuple[RgbImage, float]:
+    """`photo` reduced by `factor` <= 1 by area averages."""
+    if factor >= 1.0:
+        return photo, 1.0
+    size = (max(round(photo.shape[1] * factor), 8), max(round(photo.shape[0] * factor), 8))
+    return np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), np.uint8), factor
+
+
+def _without_bands(small: RgbImage, p: ReductionParameters) -> tuple[int, int, int, int]:
+    """First and last column and row of what is no black band.
+
+    A band is as long as the photo, and what follows it begins everywhere at once; a sheet on a black ground does not.
+    """
+    dark = small.max(axis=2) <= p.band_level
+    x0, x1 = _trimmed(dark, p.band_share)
+    y0, y1 = _trimmed(dark[:, x0 : x1 + 1].T, p.band_share)
+    return x0, y0, x1, y1
+
+
+def _trimmed(dark: Mask, share: float) -> tuple[int, int]:
+    """First and last column of `dark` (rows, columns) that are no band."""
+    lit = np.asarray((~dark).any(axis=0))
+    if not lit.any():
+        return 0, dark.shape[1] - 1
+    first, last = int(np.argmax(lit)), len(lit) - 1 - int(np.argmax(lit[::-1]))
+    # One column of mixed pixels may lie between.
+    if first and (~dark[:, min(first + 1, last)]).mean() < share:
+        first = 0
+    elif first:
+        first += 1
+    if last < len(lit) - 1 and (~dark[:, max(last - 1, first)]).mean() < share:
+        last = len(lit) - 1
+    elif last < len(lit) - 1:
+        last -= 1
+    return first, last

@@ -1,0 +1,37 @@
+"""What is known of a sheet's boundary in the photo."""
+
+from dataclasses import dataclass
+
+from services.arrays import Points, Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SheetSide:
+    """One side of the sheet, from corner to corner in the outline's order.
+
+    `points` (N, 2) are photo pixels at sub-pixel accuracy, about evenly spaced, and only where the edge was seen, so
+    that there may be gaps. `deviations` (N,) is one standard deviation of each point across the edge, photo
+    pixels. `seen` is the share of the side's length on which an edge was seen, 0-1. `straightness_px` is the RMS
+    distance of the points from their own best line.
+    """
+
+    points: Points
+    deviations: Vector
+    seen: float
+    straightness_px: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SheetOutline:
+    """The sheet's boundary in the photo, clockwise as the photo shows it.
+
+    `corners` (4, 2) are photo pixels: top-left, top-right, bottom-right, bottom-left; a row is NaN where the corner is
+    out of view or not seen. Side k runs from corner k to corner k + 1 (top, right, bottom, left).
+    `confidence` is the share of outlines of this kind that are right, 0-1. `polygon` (M, 2) is a dense closed outline
+    for masks; where the sheet leaves the photo it follows the photo's border.
+    """
+
+    corners: Points
+    sides: tuple[SheetSide, SheetSide, SheetSide, SheetSide]
+    confidence: float
+    polygon: Points
