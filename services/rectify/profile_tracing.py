@@ -146,8 +146,8 @@ def find_ridges(flat: FlatGray, p: ProfileParameters) -> tuple[_Ridges, Vector]:
     base = _extremum(-sharp, row, window, -1, reach)
     good = np.isfinite(crown) & np.isfinite(base) & (base - crown > 0.3 * h) & (base - crown < 1.7 * h)
     order = np.lexsort((row[good], window[good]))
-    row, window, crown, base = (v[good][order] for v in (row, window, crown, base))
-    return _Ridges(window, 0.5 * (crown + base), crown, base), columns.astype(np.float64)
+    crown, base = crown[good][order], base[good][order]
+    return _Ridges(window[good][order], 0.5 * (crown + base), crown, base), columns.astype(np.float64)
 
 
 def _extremum(slopes: Floats, row: NDArray[np.intp], window: NDArray[np.intp], low: int, high: int) -> Vector:

@@ -11,6 +11,7 @@ dg = -G^-1 sum_k w_k P dX_k, with P = (f I | -x) / Z and G = P (X_c X_r); if f c
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,10 @@ class SideObservations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetObservations:
-    """What the mesh is fitted to, in centred units: `sides` are top, right, bottom, left of the page, None if unseen."""
+    """What the mesh is fitted to, in centred units.
+
+    `sides` are top, right, bottom and left of the page, None where one is not seen.
+    """
 
     lines: LineObservations
     strokes: FlowSamples | None
@@ -181,7 +185,7 @@ class SheetResiduals:
         """All residuals at `x`, before any loss."""
         mesh = self.mesh(x)
         grid = mesh.locate(self.points, self.grid)
-        known = np.isfinite(grid).all(axis=1)
+        known = np.asarray(np.isfinite(grid).all(axis=1))
         grid[~known] = self.grid[~known]
         self.grid = grid.copy()
         to_columns, to_rows = self._point_jacobians(mesh, grid, known)
@@ -360,7 +364,7 @@ def _ways(angles: Vector) -> Points:
 
 def _slices(sizes: list[int]) -> list[slice]:
     ends = np.cumsum([0, *sizes])
-    return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def _inverse(G: Floats) -> Floats:
@@ -396,9 +400,12 @@ def _edges(mesh: SheetMesh) -> tuple[NDArray[np.intp], NDArray[np.intp], Vector,
         (n[:-1, :-1], n[1:, 1:], 1.0, 1.0),
         (n[:-1, 1:], n[1:, :-1], 1.0, 1.0),
     ]
-    a, b = (np.concatenate([kind[k].ravel() for kind in kinds]) for k in (0, 1))
-    across, down = (np.concatenate([np.full(kind[0].size, kind[k]) for kind in kinds]) for k in (2, 3))
-    return a, b, across, down
+    return (
+        np.concatenate([begin.ravel() for begin, _, _, _ in kinds]),
+        np.concatenate([end.ravel() for _, end, _, _ in kinds]),
+        np.concatenate([np.full(begin.size, across) for begin, _, across, _ in kinds]),
+        np.concatenate([np.full(begin.size, down) for begin, _, _, down in kinds]),
+    )
 
 
 def _hinges(mesh: SheetMesh) -> dict[str, tuple[NDArray[np.intp], Vector]]:
