@@ -1,5 +1,6 @@
 """Closed curves that may be the sheet's boundary: paths across rays from the middle of the print."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -28,12 +29,26 @@ class CandidateParameters:
     """Of a ray that leaves the photo inside the sheet, in full edges."""
     region_weight: float = 3.0
     """A strip of this share of the radius ... costs as much as an edge, reciprocal."""
+    least_characters: int = 10
+    """With fewer there is no print to start from."""
+    core: float = 1.0
+    """Half axes of the print's core, in standard deviations: the sheet holds it, whatever else was taken for print."""
     seed_share: float = 0.25
     """Half axes of the ellipse in the photo's middle that is taken for paper where no print was found."""
     print_radius: float = 0.02
     """Print reaches so far round its characters."""
-    alternatives: int = 2
-    """Curves that are looked for outside of the best one."""
+    concavity: float = 0.08
+    """Of the radius: how far creased sheets stay inside of their convex hull."""
+    tolerance: float = 3.0
+    """Samples by which a curve may stay inside of the hull it is asked to fill."""
+    outward: tuple[float, ...] = (0.1, 0.3)
+    """Log odds of paper everywhere, when the outer of good edges is looked for."""
+    inside: float = 0.8
+    """Of the way to the last print on a ray: a boundary lies further out."""
+    least_ground: float = 0.01
+    """Share of the photo: less than this outside of a curve says nothing about the ground."""
+    like_print: float = 0.1
+    """Of the commonest density: characters on colours that are rarer among them are no print of the sheet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,31 +63,75 @@ class Rays:
         return np.asarray(self.points[np.arange(len(path)), path], np.float64)
 
 
-def print_mask(reduced: ReducedPhoto, characters: Points | None, p: CandidateParameters) -> Mask:
-    """(h, w) where print, or what is taken for the sheet's middle without it, lies."""
+@dataclass(frozen=True, slots=True, eq=False)
+class PrintPlace:
+    """Where print lies on the reduced photo: `mask` (h, w) round characters, `core` (h, w) an ellipse in their middle.
+
+    `characters` (N, 2) are those on the ground that most of them share. Without print there are none, and both masks
+    are an ellipse in the photo's middle.
+    """
+
+    mask: Mask
+    core: Mask
+    characters: Points
+
+
+def place_print(reduced: ReducedPhoto, characters: Points | None, p: CandidateParameters) -> PrintPlace:
+    """Where print, or what is taken for the sheet's middle without it, lies."""
     height, width = reduced.colors.shape[:2]
-    mask = np.zeros((height, width), np.uint8)
-    if characters is None or len(characters) < 10:
+    if characters is None or len(characters) < p.least_characters:
         x0, y0, x1, y1 = reduced.window
-        axes = (int(p.seed_share * (x1 - x0)), int(p.seed_share * (y1 - y0)))
-        cv2.ellipse(mask, ((x0 + x1) // 2, (y0 + y1) // 2), axes, 0, 0, 360, 1, -1)
-        return mask.astype(bool)
-    at = np.clip(np.round(reduced.from_photo(characters)).astype(int), 0, [width - 1, height - 1])
+        middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2])
+        core = _ellipse((height, width), middle, np.diag([x1 - x0, y1 - y0]) * p.seed_share)
+        return PrintPlace(core, core, np.zeros((0, 2)))
+    place = reduced.from_photo(characters)
+    at = np.clip(np.round(place).astype(int), 0, [width - 1, height - 1])
+    code = _color_codes(reduced.colors)[at[:, 1], at[:, 0]]
+    density = _color_density(code)[code]
+    kept = density >= p.like_print * np.percentile(density, 90)
+    place, at = place[kept], at[kept]
+    mask = np.zeros((height, width), np.uint8)
     mask[at[:, 1], at[:, 0]] = 1
     radius = max(int(p.print_radius * max(height, width)), 1)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     mask = np.asarray(cv2.dilate(mask, kernel), np.uint8)
     count, labels, _, _ = cv2.connectedComponentsWithStats(mask)
     held = np.bincount(labels[at[:, 1], at[:, 0]], minlength=count)
-    return np.asarray((held >= 0.1 * held.max())[labels] & (mask > 0))
+    large = held >= 0.1 * held.max()
+    large[0] = False
+    chosen = large[labels]
+    place = place[chosen[at[:, 1], at[:, 0]]]
+    middle, axes = _middle(place)
+    core = _ellipse((height, width), middle, p.core * axes)
+    return PrintPlace(np.asarray(chosen), core | ~chosen.any(), place)
 
 
-def cast_rays(reduced: ReducedPhoto, mask: Mask, p: CandidateParameters) -> Rays:
-    """Rays from the middle of `mask`, in a frame in which print and photo are about as wide as high."""
+def _middle(points: Points) -> tuple[Vector, Floats]:
+    """Centre (2,) and matrix (2, 2) of the ellipse of one standard deviation, of the inner half of `points`, grown."""
+    centre = np.median(points, axis=0)
+    cov = np.cov(points.T) + np.eye(2)
+    for _ in range(3):
+        away = np.einsum("ni,ij,nj->n", points - centre, np.linalg.inv(cov), points - centre)
+        inner = points[away <= np.median(away)]
+        centre, cov = inner.mean(axis=0), np.cov(inner.T) * 3.0 + np.eye(2)
+    values, vectors = np.linalg.eigh(cov)
+    return centre, np.asarray((vectors * np.sqrt(values)) @ vectors.T)
+
+
+def _ellipse(shape: tuple[int, int], centre: Vector, axes: Floats) -> Mask:
+    """(h, w) inside of the ellipse centre + axes @ unit circle."""
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    points = centre + np.stack([np.cos(angle), np.sin(angle)], axis=1) @ axes.T
+    mask = np.zeros(shape, np.uint8)
+    cv2.fillPoly(mask, [np.round(points).astype(np.int32)], 1)
+    return mask.astype(bool)
+
+
+def cast_rays(reduced: ReducedPhoto, mask: Mask, core: Mask, p: CandidateParameters) -> Rays:
+    """Rays from the middle of `core`, in a frame in which print and photo are about as wide as high."""
     x0, y0, x1, y1 = reduced.window
-    hull = cv2.convexHull(np.argwhere(mask)[:, ::-1].astype(np.int32))
-    (cx, cy), _, _ = cv2.minAreaRect(hull)
-    rows, columns = np.nonzero(mask)
+    rows, columns = np.nonzero(core)
+    cx, cy = float(columns.mean()), float(rows.mean())
     spread = np.cov(np.stack([columns, rows]))
     photo = np.diag([(x1 - x0) ** 2 / 12.0, (y1 - y0) ** 2 / 12.0])
     share = mask.mean()
@@ -113,19 +172,37 @@ def edge_strength(colors: Floats, p: CandidateParameters) -> Floats:
     return np.asarray(squared / (squared + p.contrast**2))
 
 
+_COLOR_BINS = (18, 32, 32)
+
+
+def _color_codes(colors: Floats) -> NDArray[np.int64]:
+    """Index of the colour bin of every pixel."""
+    bins = (colors / np.array([6.0, 6.0, 6.0], np.float32) + np.array([0, 16, 16], np.float32)).astype(
+        np.int64
+    )
+    bins = np.clip(bins, 0, np.array(_COLOR_BINS) - 1)
+    return np.asarray((bins[..., 0] * _COLOR_BINS[1] + bins[..., 1]) * _COLOR_BINS[2] + bins[..., 2])
+
+
+def _color_density(codes: NDArray[np.int64]) -> Floats:
+    """Share of `codes` in every colour bin, smoothed over neighbours."""
+    cube = (
+        np.bincount(codes.ravel(), minlength=int(np.prod(_COLOR_BINS)))
+        .reshape(_COLOR_BINS)
+        .astype(np.float32)
+    )
+    for axis in range(3):
+        cube = cube + 0.5 * (np.roll(cube, 1, axis) + np.roll(cube, -1, axis))
+    return np.asarray(cube.ravel() / max(float(cube.sum()), 1.0))
+
+
 def color_log_odds(colors: Floats, inside: Mask, outside: Mask | None) -> Floats:
     """(h, w) log ratio of how often a colour occurs `inside` and `outside` (None: anywhere), limited to -1..1."""
-    bins = np.clip((colors / [6.0, 4.0, 4.0] + [0, 32, 32]).astype(np.int64), 0, [17, 63, 63])
-    code = (bins[..., 0] * 64 + bins[..., 1]) * 64 + bins[..., 2]
-    found = []
-    for mask in (inside, outside):
-        counts = np.bincount(code.ravel() if mask is None else code[mask], minlength=18 * 64 * 64)
-        cube = counts.reshape(18, 64, 64).astype(np.float32)
-        for axis in range(3):
-            cube = cube + 0.5 * (np.roll(cube, 1, axis) + np.roll(cube, -1, axis))
-        found.append(cube / max(float(cube.sum()), 1.0))
+    codes = _color_codes(colors)
     floor = 1e-5
-    return np.asarray(np.clip(np.log((found[0] + floor) / (found[1] + floor)), -1, 1).ravel()[code])
+    within = _color_density(codes[inside]) + floor
+    beyond = _color_density(codes if outside is None else codes[outside]) + floor
+    return np.asarray(np.clip(np.log(within / beyond), -1, 1)[codes])
 
 
 def _path_score(edges: Floats, odds: Floats, rays: Rays, typical: float, p: CandidateParameters) -> Floats:
@@ -141,50 +218,61 @@ def _path_score(edges: Floats, odds: Floats, rays: Rays, typical: float, p: Cand
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A closed clockwise curve (N, 2) on the reduced photo, with the mean strength of its edge (0-1)."""
+    """A closed clockwise curve (N, 2) on the reduced photo, its samples `path` (N,) on the rays, and its rating."""
 
     curve: Points
-    strength: float
+    path: NDArray[np.intp]
+    rating: float
 
 
 def find_candidates(
-    reduced: ReducedPhoto, characters: Points | None, parameters: CandidateParameters | None = None
+    reduced: ReducedPhoto,
+    place: PrintPlace,
+    rate: Callable[[Points], float],
+    parameters: CandidateParameters | None = None,
 ) -> list[Candidate]:
-    """Closed curves that may be the sheet's boundary, inner ones first."""
+    """Closed curves that may be the sheet's boundary; `rate` rates a curve (N, 2) on the reduced photo."""
     p = parameters or CandidateParameters()
-    mask = print_mask(reduced, characters, p)
-    rays = cast_rays(reduced, mask, p)
+    rays = cast_rays(reduced, place.mask, place.core, p)
     edges = edge_strength(_sample(reduced.colors, rays.points), p)
-    printed = _sample(mask.astype(np.float32), rays.points)
-    reach = _last_print(printed)
+    reach, core = (
+        _last_print(_sample(mask.astype(np.float32), rays.points)) for mask in (place.mask, place.core)
+    )
     steps = np.arange(p.samples)[None, :]
-    odds_image = color_log_odds(reduced.colors, mask, None)
-    typical = max(float(np.median(reach)) * 1.3, 10.0)
-    least = 0.5 * reach
+    last = rays.shown.sum(axis=1) - 1
+    none = np.zeros_like(edges)
     found: list[Candidate] = []
 
-    def search(odds: Floats, least: Vector) -> NDArray[np.intp]:
-        score = _path_score(edges, odds, rays, typical, p)
-        last = rays.shown.sum(axis=1) - 1
+    def search(odds: Floats, least: Vector, typical: float) -> NDArray[np.intp]:
+        score = _path_score(edges, odds, rays, max(typical, 10.0), p)
         score[steps < np.minimum(least, last)[:, None]] = -np.inf
         path = find_closed_path(score, p.max_shift, p.shift_cost)
-        met = edges[np.arange(len(path)), path]
-        found.append(Candidate(rays.at(path), float(met[path < last].mean()) if (path < last).any() else 0.0))
+        curve = rays.at(path)
+        found.append(Candidate(curve, path, rate(curve)))
         return path
 
+    # By colour: what is like the paper round the print, then what is like the inside of the first curve.
+    odds_image = color_log_odds(reduced.colors, place.mask, None)
+    typical = 1.3 * float(np.median(reach))
     for _ in range(2):
-        path = search(np.maximum(_sample(odds_image, rays.points), 2 * printed - 1), least)
-        typical = max(float(np.median(path)), 10.0)
-        inside = np.zeros(mask.shape, np.uint8)
+        path = search(_sample(odds_image, rays.points), p.inside * reach, typical)
+        typical = float(np.median(path))
+        inside = np.zeros(place.mask.shape, np.uint8)
         cv2.fillPoly(inside, [np.round(rays.at(path)).astype(np.int32)], 1)
-        if (inside == 0).mean() < 0.01:
+        if (inside == 0).mean() < p.least_ground:
             break
         odds_image = color_log_odds(reduced.colors, inside > 0, inside == 0)
-    # A sheet is about convex: what the curve passes by (pictures, shadows) belongs to it.
-    for _ in range(2):
-        hull = _hull_reach(rays, path)
-        path = search(np.zeros_like(edges), hull - 3)
-    search(np.zeros_like(edges), path * 1.05 + 3)
+    # By edges alone.
+    search(none, p.inside * _hull_reach(rays, reach), typical)
+    # A sheet is about convex: what a curve passes by (pictures, shadows) belongs to it.
+    search(none, core.astype(np.float64), typical)
+    for start in sorted(found[1:], key=lambda c: -c.rating)[:2]:
+        path = search(none, (1 - p.concavity) * _hull_reach(rays, start.path), typical)
+        search(none, _hull_reach(rays, path) - p.tolerance, typical)
+    # Of edges that are about as clear the outer ones are the sheet's.
+    for outward in p.outward:
+        best = max(found, key=lambda c: c.rating)
+        search(none + outward, best.path - p.tolerance, typical)
     return found
 
 
@@ -200,8 +288,8 @@ def _hull_reach(rays: Rays, path: NDArray[np.intp]) -> Vector:
     return np.asarray(last, np.float64)
 
 
-def _last_print(printed: Floats) -> Vector:
+def _last_print(printed: Floats) -> NDArray[np.intp]:
     """(N,) index of the last sample on print of every ray (0: none)."""
     there = printed > 0.5
     last = printed.shape[1] - 1 - np.argmax(there[:, ::-1], axis=1)
-    return np.where(there.any(axis=1), last, 0).astype(np.float64)
+    return np.asarray(np.where(there.any(axis=1), last, 0), np.intp)

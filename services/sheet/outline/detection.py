@@ -1,11 +1,12 @@
 """The outline of the sheet in a photo."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from services.arrays import Points, RgbImage
-from services.sheet.outline.candidates import Candidate, CandidateParameters, find_candidates
+from services.sheet.outline.candidates import Candidate, CandidateParameters, find_candidates, place_print
 from services.sheet.outline.corners import CornerParameters, Corners, locate_corners, split_sides
 from services.sheet.outline.edges import EdgeParameters, EdgePoints, follow_edge, measure_edge
 from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
@@ -24,6 +25,8 @@ class OutlineParameters:
     scoring: ScoringParameters = field(default_factory=ScoringParameters)
     tried: int = 2
     """Candidates that are measured in the photo."""
+    well_rated: float = 0.75
+    """A candidate with this rating leaves no doubt about where the sheet is."""
     side_points: int = 60
     least_confidence: float = 0.2
     """Outlines that are less certain are not answered."""
@@ -48,11 +51,17 @@ def find_outline(
     if min(photo.shape[:2]) < 64:
         return None
     reduced = reduce_photo(photo, p.reduction)
-    candidates = find_candidates(reduced, characters, p.candidates)
-    rated = sorted(
-        ((rate_curve(reduced, c.curve, p.scoring), k) for k, c in enumerate(candidates)), reverse=True
-    )
-    found = [_measure(photo, reduced, candidates[k], p) for _, k in rated[: p.tried]]
+    candidates: list[Candidate] = []
+    for print_places in (characters, None):
+        place = place_print(reduced, print_places, p.candidates)
+        candidates += find_candidates(
+            reduced, place, partial(rate_curve, reduced, place.characters, p.scoring), p.candidates
+        )
+        candidates = sorted(candidates, key=lambda c: c.rating, reverse=True)
+        # Texture of a desk may be taken for print; then the photo's middle is the better start.
+        if candidates[0].rating >= p.well_rated or characters is None:
+            break
+    found = [_measure(photo, reduced, candidate, p) for candidate in candidates[: p.tried]]
     best = max((o for o in found if o is not None), key=lambda o: o.confidence, default=None)
     return best if best is not None and best.confidence >= p.least_confidence else None
 

@@ -22,12 +22,23 @@ class ScoringParameters:
     """What a piece out of view counts for, in full edges."""
     concavity: float = 4.0
     """Weight of the share of the convex hull that the curve leaves out."""
+    lost_print: float = 1.0
+    """Weight of the share of the characters that lie outside ..."""
+    false_print: float = 0.1
+    """... beyond this: texture of a desk is taken for print."""
+    creased: float = 0.03
+    """Of the hull's area: what creased sheets leave out."""
+    lasting: int = 9
+    """Of 200 points: an edge keeps its contrast over so many."""
     area: float = 0.15
     """Weight of the logarithm of the area: of two good curves the outer one is the sheet."""
 
 
-def rate_curve(reduced: ReducedPhoto, curve: Points, p: ScoringParameters) -> float:
-    """Rating of a curve (N, 2) on the reduced photo; curves of one photo are compared by it."""
+def rate_curve(reduced: ReducedPhoto, characters: Points, p: ScoringParameters, curve: Points) -> float:
+    """Rating of a curve (N, 2) on the reduced photo; curves of one photo are compared by it.
+
+    `characters` (N, 2) are the sheet's, on the reduced photo.
+    """
     points = smooth_closed(resample_closed(curve, 200), 3)
     normals = outward_normals(points, 3)
     x0, y0, x1, y1 = reduced.window
@@ -37,14 +48,17 @@ def rate_curve(reduced: ReducedPhoto, curve: Points, p: ScoringParameters) -> fl
     )
     inner = _ring(reduced.colors, points, normals, (-4.0, -3.0, -2.0))
     outer = _ring(reduced.colors, points, normals, (2.0, 3.0, 4.0))
-    difference = np.linalg.norm(inner - outer, axis=1)
+    # The step has a direction in colour space that lasts along an edge; in a texture it changes.
+    difference = np.linalg.norm(smooth_closed(inner - outer, p.lasting), axis=1)
     strength = difference**2 / (difference**2 + p.contrast**2)
     edge = float(np.where(shown, strength, p.out_of_view).mean())
     flat = points.astype(np.float32)
     area = cv2.contourArea(flat)
     hull = max(cv2.contourArea(cv2.convexHull(flat)), 1e-9)
     photo = (x1 - x0) * (y1 - y0)
-    return float(edge - p.concavity * (1 - area / hull) + p.area * np.log(max(area, 1.0) / photo))
+    return float(
+        edge - p.concavity * max(1 - area / hull - p.creased, 0.0) + p.area * np.log(max(area, 1.0) / photo)
+    )
 
 
 def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float, ...]) -> Floats:
