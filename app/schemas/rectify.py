@@ -132,6 +132,16 @@ class Strips(Answer):
     rulings: list[Ruling]
 
 
+class CreasedSheet(Answer):
+    """A creased page, as a mesh whose nodes lie regularly on the flat sheet."""
+
+    type: Literal["mesh"] = "mesh"
+    rows: int = Field(ge=2, description="Of nodes.")
+    columns: int = Field(ge=2)
+    points: list[list[Point]] = Field(description="The photo's point of every node.")
+    normals: list[list[Direction]] = Field(description="Unit normal of every cell, camera frame.")
+
+
 class Mesh(Answer):
     """`source[r][c]` is the photo's point that is shown at output pixel
     (c (width-1)/(columns-1), r (height-1)/(rows-1)).
@@ -148,7 +158,7 @@ class RectifyResult(Answer):
     kind: Literal["planar", "curved"]
     evidence: Evidence
     camera: Camera
-    surface: Annotated[Plane | Strips, Field(discriminator="type")]
+    surface: Annotated[Plane | Strips | CreasedSheet, Field(discriminator="type")]
     orientation: Orientation
     width: int = Field(ge=1)
     height: int = Field(ge=1)

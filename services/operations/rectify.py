@@ -20,7 +20,7 @@ from services.operations.replies import (
 from services.progress import progress_within
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
-from services.rectify.results import PlaneSurface, RectifyResult, StripsSurface
+from services.rectify.results import MeshSurface, PlaneSurface, RectifyResult, StripsSurface
 
 
 def rectify_upload(
@@ -79,9 +79,13 @@ def describe_rectification(result: RectifyResult) -> dict[str, object]:
     }
 
 
-def _describe_surface(surface: PlaneSurface | StripsSurface) -> dict[str, object]:
+def _describe_surface(surface: PlaneSurface | StripsSurface | MeshSurface) -> dict[str, object]:
     if isinstance(surface, PlaneSurface):
         return {"type": "plane", "normal": surface.normal}
+    if isinstance(surface, MeshSurface):
+        rows, columns = surface.points.shape[:2]
+        points, normals = np.round(surface.points, 2), np.round(surface.normals, 4)
+        return {"type": "mesh", "rows": rows, "columns": columns, "points": points, "normals": normals}
     rulings = zip(surface.points, surface.angles_rad, surface.vanishing_points, strict=True)
     return {
         "type": "strips",

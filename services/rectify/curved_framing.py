@@ -9,6 +9,7 @@ from services.geometry.homographies import scaling, transform_points, translatio
 from services.geometry.page_map import PageMap
 from services.rectify.framing import FramingParameters
 from services.rectify.planar import PhotoFrame
+from services.sheet.ridged.mesh import SheetMesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +96,28 @@ def frame_curved_page(
     low = (float(box[0, 0]), float(box[0, 1]))
     H_page_flat = translation(*low) @ scaling(1 / resolution) @ translation(0.5, 0.5)
     return CurvedFrame(page_map, view, H_page_flat, width, height)
+
+
+def frame_mesh(
+    mesh: SheetMesh, view: PhotoFrame, text_points: Points | None, framing: FramingParameters | None = None
+) -> CurvedFrame:
+    """View of a whole sheet, cut at its sides, at the resolution that the photo has of its text.
+
+    `text_points` (N, 2) are centres of characters in photo pixels; None or few: the whole sheet counts.
+    """
+    f = framing or FramingParameters()
+    points = None if text_points is None else (text_points - view.centre) / view.unit_px
+    if points is None or len(points) < f.min_characters:
+        points = mesh.project(mesh.nodes.reshape(-1, 3))
+    with np.errstate(invalid="ignore"):
+        scale = view.unit_px / np.sqrt(np.abs(np.linalg.det(mesh.jacobians(points))))
+    resolution = float(np.nanpercentile(scale, f.detail_percentile))
+    width, height = mesh.size
+    pixels = f.max_growth * view.width * view.height
+    resolution = min(resolution, float(np.sqrt(pixels / (width * height))), 20000.0 / max(width, height))
+    size = max(round(width * resolution), 1), max(round(height * resolution), 1)
+    H_page_flat = translation(*mesh.origin) @ scaling(1 / resolution) @ translation(0.5, 0.5)
+    return CurvedFrame(mesh, view, H_page_flat, *size)
 
 
 def _visible(page_map: PageMap, view: PhotoFrame, outer: Floats) -> Floats:

@@ -24,6 +24,8 @@ class FramingParameters:
     """Output pixels over photo pixels."""
     max_reach: float = 1.0
     """How far, in sizes of the text, the view goes beyond the text when the paper's edge is not seen."""
+    min_characters: int = 30
+    """With fewer, the whole sheet decides the resolution."""
     max_sheet_reach: float = 8.0
     """The same when it is: a bound for what cannot be a sheet."""
 

@@ -9,63 +9,56 @@ import numpy as np
 from services.arrays import GrayImage, Points, RgbImage
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
-from services.geometry.page_map import PlaneMap
 from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
-from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_curved_page, trace_page
-from services.rectify.curved_framing import CurvedFrame, frame_curved_page
+from services.rectify.curved import CurvedPage, PageEvidence
+from services.rectify.curved_framing import CurvedFrame, frame_curved_page, frame_mesh
 from services.rectify.drawing import draw_flat_view, draw_gray_view
 from services.rectify.edge_cropping import crop_to_sheet
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
-from services.rectify.line_tracing import line_deviation
 from services.rectify.orientation import estimate_orientation
-from services.rectify.outline_plane import read_sides
-from services.rectify.parameters import PageKind, RectifyParameters
+from services.rectify.parameters import RectifyParameters
 from services.rectify.planar import (
     FlowVanishingPoints,
-    FocalPrior,
     PhotoFrame,
     estimate_vanishing_points,
     focal_prior,
 )
-from services.rectify.pose import PagePose, choose_pose
+from services.rectify.pose import PagePose
 from services.rectify.results import (
     CameraEstimate,
     Evidence,
+    MeshSurface,
     Notice,
     Orientation,
     PlaneSurface,
     RectifyResult,
+    ShapeSource,
     StripsSurface,
 )
+from services.rectify.ridged_page import RidgedPage
+from services.rectify.shape_choice import FEW_LINES, choose_shape
 from services.rectify.stage_clock import StageClock
-from services.rectify.surface_test import discriminate_surface
 from services.rectify.textless import TextlessPage, draw_for_reading, find_textless_page, frame_textless
+from services.sheet.outline.detection import find_outline
 from services.sheet.outline.results import SheetOutline
 from services.texture_flow.field import FlowSamples
 
 FACING_PAGE = Notice(
     "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."
 )
-FEW_LINES = 10
-"""A photo whose ink is picture for the most part, with fewer lines than this, is refused."""
-STRAIGHT = 0.04
-"""RMS waviness of text lines, in text heights, up to which flat pages show it; nobody sees it."""
 STAGE_BEGINS = {
     "text": 0.0,
     "texture_flow": 0.2,
-    "shape": 0.4,
+    "outline": 0.38,
+    "shape": 0.42,
     "framing": 0.65,
     "orientation": 0.7,
     "remap": 0.85,
     "illumination": 0.9,
 }
 """Shares of the time, from photos of 3 and 12 megapixels of flat pages; bent ones spend more on their shape."""
-CURVED_GAIN = 0.7
-"""A bent sheet must bring the waviness below this share of the plane's."""
-FLOW_GAIN = 0.4
-"""The same of the flows, where the lines are straight already: sparse print draws the flows astray."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +68,7 @@ class FlatPage:
     analysis: PageAnalysis
     view: PhotoFrame
     vanishing_points: FlowVanishingPoints
-    shape: PagePose | CurvedPage
+    shape: PagePose | CurvedPage | RidgedPage
     notices: tuple[Notice, ...]
     outline: SheetOutline | None = None
     """The sheet's, where it was found."""
@@ -83,7 +76,7 @@ class FlatPage:
     @property
     def kind(self) -> Literal["planar", "curved"]:
         """As it is flattened."""
-        return "curved" if isinstance(self.shape, CurvedPage) else "planar"
+        return "planar" if isinstance(self.shape, PagePose) else "curved"
 
 
 def rectify(
@@ -109,6 +102,8 @@ def rectify(
     with clock.stage("framing"):
         if isinstance(page, TextlessPage):
             outline, frame = page.border, frame_textless(page)
+        elif isinstance(page.shape, RidgedPage):
+            outline, frame = None, frame_photo(photo, page, None)
         else:
             outline = page.analysis.paper.outline(page.analysis.characters)
             frame = crop_to_sheet(photo, frame_photo(photo, page, outline), page.analysis, outline)
@@ -173,6 +168,8 @@ def find_page(
     try:
         return estimate_page(photo, parameters, exif_focal_length_px, clock, outline)
     except NoText as refusal:
+        with clock.stage("outline"):
+            outline = find_outline(photo)
         with clock.stage("shape"):
             view = PhotoFrame(photo.shape[1], photo.shape[0])
             prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
@@ -188,6 +185,9 @@ def estimate_page(
 ) -> FlatPage:
     """Text, flows, kind and pose of the page in `photo`, whose sheet has the `outline`, if it is seen."""
     analysis = analyse_photo(photo, parameters.region, clock=clock)
+    if not analysis.facing_page:
+        with clock.stage("outline"):
+            outline = find_outline(photo, analysis.characters, analysis.text_height_px)
     with clock.stage("shape"):
         view = PhotoFrame(photo.shape[1], photo.shape[0])
         prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
@@ -207,51 +207,6 @@ def estimate_page(
     return FlatPage(analysis, view, points, shape, notices, outline)
 
 
-def choose_shape(
-    evidence: PageEvidence, prior: FocalPrior, kind: PageKind, outline: SheetOutline | None = None
-) -> tuple[PagePose | CurvedPage, tuple[Notice, ...]]:
-    """The gentlest shape that the evidence supports: a plane, unless a bent sheet explains more.
-
-    A bent sheet is tried when the flows do not converge (3.2.2) or the plane leaves the text lines wavy, and taken
-    when it leaves them clearly straighter.
-    """
-    e = evidence
-    seems: Literal["planar", "curved"] = (
-        discriminate_surface(e.vanishing_points, e.analysis.text_height_px) if kind == "auto" else kind
-    )
-    curved = estimate_curved_page(e, prior) if kind == "curved" else None
-    if isinstance(curved, CurvedPage):
-        return curved, curved.notices
-    sheet = read_sides(outline, e.view, prior)
-    pose = choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, seems, sheet=sheet)
-    if kind == "auto":
-        plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
-        waviness = line_deviation(plane, trace_page(e.analysis, e.view, plane))
-        if seems == "curved" or waviness >= STRAIGHT:
-            curved = estimate_curved_page(e, prior)
-            if isinstance(curved, CurvedPage) and explains_more(curved, pose, waviness):
-                return curved, curved.notices
-    if seems == "planar" or pose.sides_believed:
-        return pose, pose.notices
-    reason = (
-        f"a bent sheet is not plausible ({curved.reason})"
-        if isinstance(curved, NoSheet)
-        else "a bent sheet does not explain its text better"
-    )
-    notice = Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
-    return pose, (notice, *pose.notices)
-
-
-def explains_more(curved: CurvedPage, pose: PagePose, waviness: float) -> bool:
-    """Whether the bent sheet leaves clearly straighter lines than the plane, which leaves `waviness`.
-
-    Where the plane leaves them straight, or there are too few lines to tell, the flows must decide, and clearly.
-    """
-    if waviness < STRAIGHT or curved.line_count < FEW_LINES // 2:
-        return curved.deviation < FLOW_GAIN * pose.deviation
-    return curved.waviness < CURVED_GAIN * waviness and curved.deviation < pose.deviation
-
-
 def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamples:
     """Minor samples in centred coordinates; where no strokes were seen, weak ones across the major flow."""
     if analysis.minor is not None and len(analysis.minor) >= 4:
@@ -263,6 +218,8 @@ def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamp
 def frame_photo(photo: RgbImage, page: FlatPage, outline: Points | None) -> FlatFrame | CurvedFrame:
     """The part of the flat page that is shown; `outline` (N, 2) is the sheet's in the photo, if its edge is seen."""
     characters, height = page.analysis.characters, page.analysis.text_height_px
+    if isinstance(page.shape, RidgedPage):
+        return frame_mesh(page.shape.page_map, page.view, characters)
     if isinstance(page.shape, CurvedPage):
         return frame_curved_page(page.shape.page_map, page.view, characters, height, outline)
     return frame_page(page.shape.H_photo_plane, (photo.shape[0], photo.shape[1]), characters, height, outline)
@@ -298,7 +255,12 @@ def tell_orientation(
 
 def describe_evidence(page: FlatPage | TextlessPage) -> Evidence:
     """Convergence of both flows, the share of text, and what decided the shape."""
-    source = ("text",) if isinstance(page.shape, CurvedPage) else page.shape.sources
+    if isinstance(page.shape, CurvedPage):
+        source: tuple[ShapeSource, ...] = ("text",)
+    elif isinstance(page.shape, RidgedPage):
+        source = ("outline", "text") if page.shape.line_count else ("outline",)
+    else:
+        source = page.shape.sources
     confidence = None if page.outline is None else page.outline.confidence
     sides = 0 if page.outline is None else sum(side.seen > 0 for side in page.outline.sides)
     if isinstance(page, TextlessPage):
@@ -317,15 +279,17 @@ def describe_evidence(page: FlatPage | TextlessPage) -> Evidence:
 def describe_camera(page: FlatPage | TextlessPage) -> CameraEstimate:
     """Focal length in photo pixels, and how it is known."""
     shape, view = page.shape, page.view
-    if isinstance(shape, CurvedPage):
+    if isinstance(shape, CurvedPage | RidgedPage):
         focal_px, source = shape.focal * view.unit_px, shape.focal_source
     else:
         focal_px, source = shape.focal_length_px, shape.focal_source
     return CameraEstimate(focal_px, field_of_view(focal_px, view.width, view.height), source)
 
 
-def describe_surface(page: FlatPage | TextlessPage) -> PlaneSurface | StripsSurface:
+def describe_surface(page: FlatPage | TextlessPage) -> PlaneSurface | StripsSurface | MeshSurface:
     """The plane's normal, or the curved page's strips."""
     if isinstance(page.shape, CurvedPage):
         return page.shape.strips
+    if isinstance(page.shape, RidgedPage):
+        return page.shape.surface(page.view)
     return PlaneSurface(page.shape.normal)

@@ -71,6 +71,17 @@ class StripsSurface:
     vanishing_points: NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshSurface:
+    """A creased page as a mesh: `points` (rows, columns, 2) of its nodes in photo pixels, regular on the flat sheet.
+
+    `normals` (rows - 1, columns - 1, 3) are the unit normals of its cells in the camera frame (z away from the viewer).
+    """
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+
+
 @dataclass(frozen=True, slots=True)
 class Orientation:
     """Clockwise turn that was applied to the flat view so that it reads.
@@ -96,7 +107,7 @@ class RectifyResult:
     kind: Literal["planar", "curved"]
     evidence: Evidence
     camera: CameraEstimate
-    surface: PlaneSurface | StripsSurface
+    surface: PlaneSurface | StripsSurface | MeshSurface
     orientation: Orientation
     mesh: NDArray[np.float64]
     warnings: tuple[Notice, ...] = ()

@@ -115,7 +115,7 @@ class SheetResiduals:
         self.points = np.concatenate(parts)
         self.slices = _slices([len(part) for part in parts])
         self.grid = start.locate(self.points)
-        known = np.isfinite(self.grid).all(axis=1)
+        known = np.asarray(np.isfinite(self.grid).all(axis=1))
         self.grid[~known] = 0.0
         placed = start.place(self.grid)
         inverse = np.linalg.norm(_inverse(start.derivatives(placed)), axis=2)

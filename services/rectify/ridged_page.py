@@ -1,0 +1,214 @@
+"""The shape of a creased page: a mesh between the sheet's sides, refined by the text lines that are traced in it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from services.arrays import Points, Vector
+from services.developable.observations import NO_LINES, LineObservations
+from services.geometry.homographies import resizing
+from services.geometry.page_map import PageMap
+from services.rectify.analysis import PageAnalysis
+from services.rectify.line_tracing import line_deviation
+from services.rectify.planar import FocalLengthSource, FocalPrior, PhotoFrame
+from services.rectify.profile_tracing import flatten_darkness, trace_profiles
+from services.rectify.results import MeshSurface, Notice
+from services.sheet.outline.results import SheetOutline
+from services.sheet.ridged.fitting import fit_mesh
+from services.sheet.ridged.mesh import SheetMesh
+from services.sheet.ridged.residuals import RidgedParameters, SheetObservations, SideObservations
+from services.sheet.ridged.start import mesh_between_sides
+from services.texture_flow.field import FlowSamples
+
+
+@dataclass(frozen=True, slots=True)
+class RidgedPageParameters:
+    """How the mesh is fitted, and when it is believed."""
+
+    fit: RidgedParameters = field(default_factory=RidgedParameters)
+    again: tuple[tuple[float, float, float], ...] = ((5.0, 2.0, 2.0), (1.0, 1.0, 1.0))
+    """Schedule of the second fit, on lines traced in the view of the first."""
+    rounds: int = 2
+    min_confidence: float = 0.5
+    """Of the outline: below it, its sides are more often wrong than right."""
+    min_seen: float = 0.5
+    """Share of each side that is seen."""
+    max_stretch: float = 0.02
+    """RMS change of the edges' lengths: no paper does that."""
+    max_side: float = 0.012
+    """RMS distance of the sides from the mesh's border, in photo units: beyond, it is another sheet."""
+    max_shear_rad: float = float(np.deg2rad(55.0))
+    max_magnification_ratio: float = 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RidgedPage:
+    """The map that flattens a creased page, and what to say about it.
+
+    `waviness` is the RMS deviation of the text lines from straight ones, in text heights, `start_waviness` that before
+    creases were fitted (0 without lines); `side_deviation` the RMS distance of the outline from the mesh's border in
+    photo units.
+    """
+
+    page_map: SheetMesh
+    focal: float
+    focal_source: FocalLengthSource
+    line_count: int
+    waviness: float
+    side_deviation: float
+    stretch: float
+    notices: tuple[Notice, ...] = ()
+
+    def surface(self, view: PhotoFrame) -> MeshSurface:
+        """The mesh as the answer describes it."""
+        X = self.page_map.nodes
+        points = self.page_map.project(X.reshape(-1, 3)) * view.unit_px + view.centre
+        along = X[:-1, 1:] - X[:-1, :-1] + X[1:, 1:] - X[1:, :-1]
+        down = X[1:, :-1] - X[:-1, :-1] + X[1:, 1:] - X[:-1, 1:]
+        N = np.cross(along, down)
+        N /= np.linalg.norm(N, axis=2, keepdims=True)
+        return MeshSurface(points.reshape(*X.shape[:2], 2).astype(np.float64), N.astype(np.float64))
+
+
+@dataclass(frozen=True, slots=True)
+class NoRidgedPage:
+    """Why no creased sheet is plausible."""
+
+    reason: str
+
+
+def trace_by_profiles(analysis: PageAnalysis, view: PhotoFrame, page_map: PageMap) -> LineObservations:
+    """The page's text lines, traced by profiles in the flat view of `page_map`, in centred coordinates."""
+    flat = flatten_darkness(
+        analysis.reduced,
+        analysis.text.area,
+        resizing(analysis.factor) @ view.H_photo_centred,
+        page_map,
+        np.asarray((analysis.characters - view.centre) / view.unit_px),
+        analysis.text_height_px / view.unit_px,
+    )
+    return NO_LINES if flat is None else trace_profiles(flat, page_map)
+
+
+def turn_outline(outline: SheetOutline, direction_rad: float) -> tuple[Points, tuple[int, ...]]:
+    """Corners (4, 2) from the page's top left, and the numbers of its top, right, bottom and left side.
+
+    `direction_rad` is the direction of the text lines in the photo, up to a half turn.
+    """
+    text = np.array([np.cos(direction_rad), np.sin(direction_rad)])
+    if text[0] < 0:
+        text = -text
+    c = outline.corners
+
+    def along(k: int) -> float:
+        way = c[(k + 1) % 4] - c[k] + c[(k + 2) % 4] - c[(k + 3) % 4]
+        return float(way @ text / np.linalg.norm(way))
+
+    first = max(range(4), key=along)
+    return np.roll(c, -first, axis=0), tuple((first + k) % 4 for k in range(4))
+
+
+def estimate_ridged_page(
+    outline: SheetOutline,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    direction_rad: float,
+    trace: Callable[[PageMap], LineObservations] | None,
+    strokes: FlowSamples | None,
+    parameters: RidgedPageParameters | None = None,
+) -> RidgedPage | NoRidgedPage:
+    """The creased sheet with this `outline`, or why there is none.
+
+    Parameters
+    ----------
+    direction_rad
+        Direction of the text lines in the photo; which side is the top up to a half turn.
+    trace
+        Gives the text lines as they are seen in the flat view of a map; None where there is no text.
+    strokes
+        Minor flow in centred coordinates.
+    """
+    p = parameters or RidgedPageParameters()
+    if outline.confidence < p.min_confidence or not np.isfinite(outline.corners).all():
+        return NoRidgedPage("the sheet's outline is not seen clearly")
+    if min(side.seen for side in outline.sides) < p.min_seen:
+        return NoRidgedPage("a side of the sheet is not seen")
+    corners, order = turn_outline(outline, direction_rad)
+    sides = tuple(
+        SideObservations(
+            np.asarray((outline.sides[k].points - view.centre) / view.unit_px),
+            outline.sides[k].deviations / view.unit_px,
+        )
+        for k in order
+    )
+    start = mesh_between_sides(
+        np.asarray((corners - view.centre) / view.unit_px),
+        tuple(side.points for side in sides),
+        float(np.exp(prior.log_focal)),
+        p.fit.cells,
+    )
+    if start is None:
+        return NoRidgedPage("its corners are not those of a rectangle before a camera")
+    mesh, lines = start, NO_LINES
+    for number in range(p.rounds if trace is not None else 1):
+        lines = NO_LINES if trace is None else trace(mesh)
+        observed = SheetObservations(lines, strokes, sides, prior.log_focal, prior.deviation)
+        fit = p.fit if number == 0 else replace(p.fit, schedule=p.again)
+        mesh = fit_mesh(mesh, observed, fit).mesh
+    reason = _implausibility(mesh, sides, p)
+    if reason is not None:
+        return NoRidgedPage(reason)
+    return RidgedPage(
+        mesh,
+        mesh.focal,
+        prior.source,
+        lines.count // 2,
+        line_deviation(mesh, lines),
+        _side_deviation(mesh, sides),
+        _stretch(mesh),
+    )
+
+
+def _side_deviation(mesh: SheetMesh, sides: tuple[SideObservations, ...]) -> float:
+    """RMS distance (photo units) of the seen sides from the mesh's border, the worst tenth left out."""
+    borders = (0.0, mesh.columns - 1.0, mesh.rows - 1.0, 0.0)
+    found: list[Vector] = []
+    for k, (side, border) in enumerate(zip(sides, borders, strict=True)):
+        grid = mesh.locate(side.points)
+        known = np.isfinite(grid).all(axis=1)
+        grid[~known] = 0.0
+        on_border = grid.copy()
+        on_border[:, 0 if k % 2 else 1] = border
+        distance = np.linalg.norm(mesh.project(mesh.place(on_border).X) - side.points, axis=1)
+        found.append(np.where(known, distance, np.inf))
+    distances = np.sort(np.concatenate(found))
+    return float(np.sqrt(np.mean(distances[: max(int(0.9 * len(distances)), 1)] ** 2)))
+
+
+def _stretch(mesh: SheetMesh) -> float:
+    """RMS relative change of the lengths of the mesh's edges along rows and columns."""
+    across = np.linalg.norm(np.diff(mesh.nodes, axis=1), axis=2) / mesh.step - 1
+    down = np.linalg.norm(np.diff(mesh.nodes, axis=0), axis=2) / (mesh.step * mesh.aspect) - 1
+    return float(np.sqrt(np.mean(np.concatenate([across.ravel(), down.ravel()]) ** 2)))
+
+
+def _implausibility(
+    mesh: SheetMesh, sides: tuple[SideObservations, ...], p: RidgedPageParameters
+) -> str | None:
+    """Why no camera could see this mesh; None if one could."""
+    if (mesh.nodes[:, :, 2] <= 1e-3).any():
+        return "part of it would lie behind the camera"
+    if _stretch(mesh) > p.max_stretch:
+        return "the paper would have to stretch"
+    if _side_deviation(mesh, sides) > p.max_side:
+        return "its sides are not those of a sheet of paper"
+    seen = mesh.project(mesh.nodes.reshape(-1, 3)).reshape(mesh.rows, mesh.columns, 2)
+    along, down = np.diff(seen, axis=1)[:-1], np.diff(seen, axis=0)[:, :-1]
+    det = along[..., 0] * down[..., 1] - along[..., 1] * down[..., 0]
+    if (det <= 0).mean() > 0.005:
+        return "part of it would be folded over"
+    low, high = np.percentile(np.sqrt(np.maximum(det, 1e-12)), [2, 98])
+    if high > p.max_magnification_ratio * low:
+        return f"parts of it would be enlarged {high / low:.0f} times as much as others"
+    return None

@@ -1,0 +1,95 @@
+"""Which shape of the page is believed: a plane, a bent sheet, or a creased one."""
+
+from typing import Literal
+
+import numpy as np
+
+from services.geometry.page_map import PlaneMap
+from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_curved_page, trace_page
+from services.rectify.line_tracing import line_deviation
+from services.rectify.outline_plane import read_sides
+from services.rectify.parameters import PageKind
+from services.rectify.planar import FocalPrior
+from services.rectify.pose import PagePose, choose_pose
+from services.rectify.results import Notice
+from services.rectify.ridged_page import NoRidgedPage, RidgedPage, estimate_ridged_page, trace_by_profiles
+from services.rectify.surface_test import discriminate_surface
+from services.sheet.outline.results import SheetOutline
+
+FEW_LINES = 10
+"""Fewer lines than this tell little of a page's shape."""
+STRAIGHT = 0.04
+"""RMS waviness of text lines, in text heights, up to which flat pages show it; nobody sees it."""
+STRAIGHT_SIDE = 0.003
+"""RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
+CURVED_GAIN = 0.7
+"""A bent sheet must bring the waviness below this share of the plane's."""
+FLOW_GAIN = 0.4
+"""The same of the flows, where the lines are straight already: sparse print draws the flows astray."""
+
+
+def choose_shape(
+    evidence: PageEvidence, prior: FocalPrior, kind: PageKind, outline: SheetOutline | None = None
+) -> tuple[PagePose | CurvedPage | RidgedPage, tuple[Notice, ...]]:
+    """The gentlest shape that the evidence supports: a plane, unless a bent or creased sheet explains more.
+
+    These are tried when the flows do not converge (3.2.2), or the plane leaves the text lines or the sheet's sides
+    bent, and taken when they leave them clearly straighter. The mesh stands on the sheet's sides, so it is tried
+    where these are seen; the smooth surface where they are not.
+    """
+    e = evidence
+    seems: Literal["planar", "curved"] = (
+        discriminate_surface(e.vanishing_points, e.analysis.text_height_px) if kind == "auto" else kind
+    )
+    sheet = read_sides(outline, e.view, prior)
+    pose = choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, seems, sheet=sheet)
+    if kind == "planar":
+        return pose, pose.notices
+    plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
+    waviness = line_deviation(plane, trace_page(e.analysis, e.view, plane))
+    bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
+    if kind == "auto" and seems == "planar" and waviness < STRAIGHT and not bent_sides:
+        return pose, pose.notices
+    ridged = None if outline is None else ridged_page(e, prior, outline)
+    if isinstance(ridged, RidgedPage):
+        by_profiles = line_deviation(plane, trace_by_profiles(e.analysis, e.view, plane))
+        straighter = ridged.waviness < CURVED_GAIN * by_profiles
+        if kind == "curved" or straighter or bent_sides:
+            return ridged, ridged.notices
+    curved = estimate_curved_page(e, prior)
+    if isinstance(curved, CurvedPage) and (kind == "curved" or explains_more(curved, pose, waviness)):
+        return curved, curved.notices
+    if seems == "planar" or pose.sides_believed:
+        return pose, pose.notices
+    reason = (
+        f"a bent sheet is not plausible ({curved.reason})"
+        if isinstance(curved, NoSheet)
+        else "a bent sheet does not explain its text better"
+    )
+    notice = Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
+    return pose, (notice, *pose.notices)
+
+
+def sides_bend(outline: SheetOutline) -> float:
+    """The largest RMS distance of a side from a straight line, as a share of the sheet's size."""
+    size = float(np.sqrt(np.prod(np.ptp(outline.polygon, axis=0))))
+    return max(side.straightness_px for side in outline.sides) / size
+
+
+def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> RidgedPage | NoRidgedPage:
+    """The creased sheet within `outline`, refined by the page's text."""
+    double = 2 * e.major.angles
+    direction = 0.5 * float(np.arctan2(e.major.weights @ np.sin(double), e.major.weights @ np.cos(double)))
+    return estimate_ridged_page(
+        outline, e.view, prior, direction, lambda page: trace_by_profiles(e.analysis, e.view, page), e.strokes
+    )
+
+
+def explains_more(curved: CurvedPage, pose: PagePose, waviness: float) -> bool:
+    """Whether the bent sheet leaves clearly straighter lines than the plane, which leaves `waviness`.
+
+    Where the plane leaves them straight, or there are too few lines to tell, the flows must decide, and clearly.
+    """
+    if waviness < STRAIGHT or curved.line_count < FEW_LINES // 2:
+        return curved.deviation < FLOW_GAIN * pose.deviation
+    return curved.waviness < CURVED_GAIN * waviness and curved.deviation < pose.deviation
