@@ -98,8 +98,9 @@ def flatten_darkness(
     x, y = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
     # Words that were not taken for text lie between others that were.
     side = max(round(p.closing * text_height * float(H_gray_centred[0, 0])), 1) | 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    area = cv2.morphologyEx(text_area.astype(np.uint8) * 255, cv2.MORPH_CLOSE, kernel)
+    area = cv2.morphologyEx(
+        text_area.astype(np.uint8) * 255, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8)
+    )
     area = cv2.dilate(area, np.ones((side // 4 | 1, side // 4 | 1), np.uint8))
     flat = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderValue=255.0).astype(np.float32)
     inside = cv2.remap(area, x, y, cv2.INTER_LINEAR) > 127

@@ -17,7 +17,7 @@ from services.rectify.results import MeshSurface, Notice
 from services.sheet.outline.results import SheetOutline
 from services.sheet.ridged.fitting import fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
-from services.sheet.ridged.residuals import RidgedParameters, SheetObservations, SideObservations
+from services.sheet.ridged.residuals import RidgedParameters, SheetObservations, SideObservations, Stage
 from services.sheet.ridged.start import mesh_between_sides
 from services.texture_flow.field import FlowSamples
 
@@ -27,7 +27,7 @@ class RidgedPageParameters:
     """How the mesh is fitted, and when it is believed."""
 
     fit: RidgedParameters = field(default_factory=RidgedParameters)
-    again: tuple[tuple[float, float, float], ...] = ((5.0, 2.0, 2.0), (1.0, 1.0, 1.0))
+    again: tuple[Stage, ...] = (Stage(24, 3.0, 1.5, 1.5), Stage(24, 1.0, 1.0, 1.0))
     """Schedule of the second fit, on lines traced in the view of the first."""
     rounds: int = 2
     min_confidence: float = 0.5
@@ -146,7 +146,7 @@ def estimate_ridged_page(
         np.asarray((corners - view.centre) / view.unit_px),
         tuple(side.points for side in sides),
         float(np.exp(prior.log_focal)),
-        p.fit.cells,
+        p.fit.schedule[0].cells,
     )
     if start is None:
         return NoRidgedPage("its corners are not those of a rectangle before a camera")

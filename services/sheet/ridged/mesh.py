@@ -18,6 +18,8 @@ LONGEST_STEP = 2.0
 """Cells that one step of Newton's method goes at most: beyond, the linear model means nothing."""
 LOCATED = 1e-3
 """Photo units within which a point counts as found."""
+MIN_ROWS = 5
+"""Of nodes, however wide the sheet."""
 REACH = 0.75
 """Cells by which the sheet goes on, straight, beyond its border."""
 
@@ -64,6 +66,18 @@ class SheetMesh:
     def size(self) -> tuple[float, float]:
         """Width and height of the sheet in page units."""
         return (self.columns - 1) * self.step, (self.rows - 1) * self.step * self.aspect
+
+    def resampled(self, columns: int) -> "SheetMesh":
+        """The same sheet with `columns` columns of nodes, and rows in proportion: nodes between nodes, bilinear."""
+        if columns == self.columns:
+            return self
+        rows = max(round((self.rows - 1) * (columns - 1) / (self.columns - 1)), MIN_ROWS - 1) + 1
+        c, r = np.linspace(0, self.columns - 1, columns), np.linspace(0, self.rows - 1, rows)
+        X = self.place(np.stack(np.meshgrid(c, r), axis=-1).reshape(-1, 2)).X
+        width, height = self.size
+        step = width / (columns - 1)
+        aspect = height / (rows - 1) / step
+        return SheetMesh(X.reshape(rows, columns, 3), self.focal, step, aspect, self.origin)
 
     def _steps(self) -> Vector:
         return np.array([self.step, self.step * self.aspect])

@@ -27,15 +27,27 @@ LOST = 6.0
 
 
 @dataclass(frozen=True, slots=True)
+class Stage:
+    """One of the fits that follow one another: the start is further off than the last of them sees.
+
+    `cells` of the mesh across the sheet; `scale`, where the loss of observations bends away from squares, in
+    deviations; `slack`, how much more than paper the sheet may stretch; `ridge`, where the loss of ridges bends.
+    """
+
+    cells: int
+    scale: float
+    slack: float
+    ridge: float
+
+
+@dataclass(frozen=True, slots=True)
 class RidgedParameters:
     """Standard deviations; lengths are relative to what is named."""
 
-    cells: int = 24
-    """Across the sheet: a ridge is as wide as a cell, 4 % of the page."""
     stretch: float = 0.002
     """Of an edge's length, in steps: paper does not stretch, but a ridge within a cell shortens its edges."""
-    bend_rad: float = 0.012
-    """Of the angle between neighbouring cells where there is no ridge."""
+    bend_rad: float = 0.3
+    """Of the angle over the width of the sheet where there is no ridge; a cell has its share."""
     line: float = 1.0
     """Of a line's points, in units of their own deviations."""
     least_line: float = 0.02
@@ -53,17 +65,17 @@ class RidgedParameters:
     """Of an outline's point, in units of its own deviation."""
     least_side: float = 0.0006
     """Photo units: the side of a sheet is cut as straight as that, and not found better."""
-    schedule: tuple[tuple[float, float, float], ...] = (
-        (100.0, 10.0, 30.0),
-        (10.0, 3.0, 3.0),
-        (1.0, 1.0, 1.0),
+    schedule: tuple[Stage, ...] = (
+        Stage(12, 100.0, 10.0, 30.0),
+        Stage(12, 10.0, 3.0, 3.0),
+        Stage(24, 1.0, 1.0, 1.0),
     )
-    """One fit after another: where the losses of observations bend away from squares, how much more the sheet may
-    stretch, and where the loss of ridges bends. The start is further off than the last of them sees."""
     evaluations: int = 12
     """Of each of these fits."""
-    gain: float = 1e-3
-    """Relative decrease of the cost below which the fit ends."""
+    max_damping: float = 1e6
+    """Of a step, relative to the diagonal: beyond it no step helps."""
+    gain: float = 3e-3
+    """Relative decrease of the cost below which a stage ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,8 +112,10 @@ class _Block:
 class SheetResiduals:
     """Residuals at a vector of unknowns: nodes, levels of lines, then log focal length, log aspect, slant, margins."""
 
-    def __init__(self, start: SheetMesh, observed: SheetObservations, parameters: RidgedParameters) -> None:
-        self.start, self.p, self.observed = start, parameters, observed
+    def __init__(
+        self, start: SheetMesh, observed: SheetObservations, parameters: RidgedParameters, stage: Stage
+    ) -> None:
+        self.start, self.p, self.observed, self.stage = start, parameters, observed, stage
         lines = observed.lines
         p, count = parameters, start.rows * start.columns
         self.node_unknowns = 3 * count
@@ -155,7 +169,6 @@ class SheetResiduals:
         self.globals_at = self.node_unknowns + self.levels
         self.unknowns = self.globals_at + 3 + len(lines.margins)
         self.border = 3 + len(lines.margins)
-        self.slack = 1.0
         self._edges, self._hinges = _edges(start), _hinges(start)
         self._hinge_jacobians = {
             name: _difference_jacobian(nodes, signs, self.unknowns)
@@ -308,7 +321,7 @@ class SheetResiduals:
         way = X[b] - X[a]
         length = np.maximum(np.linalg.norm(way, axis=1), 1e-12)
         flat = np.hypot(across, aspect * down)
-        unit = self.start.step * self.p.stretch * self.slack
+        unit = self.start.step * self.p.stretch * self.stage.slack
         values = (length - self.start.step * flat) / unit
         toward = way / (length * unit)[:, None]
         by_aspect = -self.start.step * (aspect * down) ** 2 / (flat * unit)
@@ -333,7 +346,7 @@ class SheetResiduals:
         found = []
         for name, (nodes, signs) in self._hinges.items():
             size = {"across": 1.0, "down": aspect, "twist": np.sqrt(aspect)}[name] * self.start.step
-            scale = 1 / (size * self.p.bend_rad)
+            scale = (self.start.columns - 1) / (size * self.p.bend_rad)
             values = scale * np.einsum("nki,k->ni", X[nodes], signs).ravel()
             found.append(_Block(values, self._hinge_jacobians[name] * scale, 3))
         return found
@@ -346,15 +359,12 @@ class SheetResiduals:
         return _Block((x[at] - mean) / deviation, _entries(at, 1 / deviation, self.unknowns), 0)
 
 
-def robust(block: _Block, scale: float, ridge_scale: float) -> tuple[float, Vector]:
-    """Cost of a block under its loss (squares, or Cauchy's for each group), and the weight (m,) of every residual.
-
-    `scale` is where the loss of single observations bends away from squares; that of ridges stays as it is.
-    """
+def robust(block: _Block, stage: Stage) -> tuple[float, Vector]:
+    """Cost of a block under its loss (squares, or Cauchy's for each group), and the weight (m,) of every residual."""
     if block.group == 0:
         return 0.5 * float(block.values @ block.values), np.ones(len(block.values))
     square = (block.values.reshape(-1, block.group) ** 2).sum(axis=1)
-    s2 = (scale if block.group == 1 else ridge_scale) ** 2
+    s2 = (stage.scale if block.group == 1 else stage.ridge) ** 2
     return 0.5 * s2 * float(np.log1p(square / s2).sum()), np.repeat(1 / (1 + square / s2), block.group)
 
 
