@@ -2,11 +2,13 @@
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.experiments import Experiment
+from benchmarks.sheet_experiments import SHEET_EXPERIMENTS
 from simulation.degradation import PHONE
 from simulation.flat_page import Page
 from simulation.pages import load_page, own_pages
@@ -20,27 +22,13 @@ from simulation.scenes import (
     POSES,
     SKEWS_RAD,
     TILT_SERIES,
-    View,
     photograph,
 )
-from simulation.surfaces import Plane, Shape
+from simulation.sheets import photograph_sheet, with_margins
+from simulation.surfaces import Plane
 
 CHOSEN_PAGES = ("usrguide", "clsguide", "natbib", "amsldoc", "lion")
 """Pages 1 to 5 where the data is there: single columns, two with code, one with mathematics."""
-
-
-@dataclass(frozen=True, slots=True)
-class Experiment:
-    """Every page in every one of these shapes, poses and skews (radians)."""
-
-    name: str
-    shapes: tuple[Shape, ...]
-    views: tuple[View, ...] = POSES
-    skews_rad: tuple[float, ...] = SKEWS_RAD
-
-    def file_name(self, *, degraded: bool) -> str:
-        """What its figures are filed under."""
-        return f"rectify_{self.name}" + ("_degraded" if degraded else "")
 
 
 EXPERIMENTS: Mapping[str, Experiment] = {
@@ -51,9 +39,10 @@ EXPERIMENTS: Mapping[str, Experiment] = {
         Experiment("curvature", CURVATURE_SERIES, POSES[:1], SKEWS_RAD[:1]),
         Experiment("tilt", CURVATURE_SERIES[2:3], TILT_SERIES, SKEWS_RAD[:1]),
         Experiment("cone", (CONE,)),
+        *SHEET_EXPERIMENTS,
     )
 }
-"""With five pages 60 (2.4), 120 (2.4), 35 and 35 (3.4.2) photos; the last 60 are not the dissertation's."""
+"""With five pages 60 (2.4), 120 (2.4), 35 and 35 (3.4.2) photos; `cone` and what follows are not the dissertation's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +89,9 @@ def load_pages(folder: Path, names: tuple[str, ...] = CHOSEN_PAGES) -> tuple[tup
 
 
 def all_cases(experiment: Experiment, pages: tuple[str, ...], *, degraded: bool) -> list[Case]:
-    """Pages x shapes x poses x skews, in an order in which any first few are varied."""
+    """Pages x shapes x poses x skews, or each shape once, in an order in which any first few are varied."""
+    if experiment.stagings:
+        return _each_shape_once(experiment, pages, degraded=degraded)
     combinations = itertools.product(
         range(len(pages)), range(len(experiment.shapes)), range(len(experiment.views)),
         range(len(experiment.skews_rad)),
@@ -117,6 +108,8 @@ def all_cases(experiment: Experiment, pages: tuple[str, ...], *, degraded: bool)
 def photograph_case(case: Case, page: Page) -> SimulatedPhoto:
     """The case's photo: clean on black as in the dissertation, or on a desk and dirty."""
     experiment = case.experiment
+    if experiment.stagings:
+        return _photograph_sheet(case, page)
     return photograph(
         page,
         experiment.views[case.pose],
@@ -124,4 +117,31 @@ def photograph_case(case: Case, page: Page) -> SimulatedPhoto:
         experiment.shapes[case.shape],
         dirt=PHONE if case.degraded else None,
         rng=np.random.default_rng(1000 + case.number),
+    )
+
+
+def _each_shape_once(experiment: Experiment, pages: tuple[str, ...], *, degraded: bool) -> list[Case]:
+    count = len(experiment.shapes)
+    order = np.random.default_rng(60).permutation(count).tolist()
+    views, skews = len(experiment.views), len(experiment.skews_rad)
+    return [
+        Case(
+            experiment, number, pages[number % len(pages)], number % len(pages) + 1, number, number % views,
+            number % skews, degraded, rank,
+        )
+        for rank, number in enumerate(order)
+    ]  # fmt: skip
+
+
+def _photograph_sheet(case: Case, page: Page) -> SimulatedPhoto:
+    experiment = case.experiment
+    staging = experiment.stagings[case.number % len(experiment.stagings)]
+    return photograph_sheet(
+        with_margins(page),
+        experiment.views[case.pose],
+        experiment.shapes[case.shape],
+        staging if case.degraded else replace(staging, ground="black"),
+        dirt=PHONE if case.degraded else None,
+        rng=np.random.default_rng(1000 + case.number),
+        skew_rad=experiment.skews_rad[case.skew],
     )

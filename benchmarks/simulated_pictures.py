@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.cases import Experiment
+from benchmarks.experiments import Experiment
 from benchmarks.figures import CaseFigures, Pick, groups, score_of, to_json, write_json
 from benchmarks.places import OUTPUT
 from benchmarks.plots import (

@@ -92,7 +92,8 @@ TABLES: Mapping[str, tuple[Table, ...]] = {
     "cone": _OURS,
 }
 GROUPED_BY: Mapping[str, Sequence[str]] = {"curvature": ("shape",), "tilt": ("pose",)}
-"""The rows of an experiment's tables; those of all others are by page, shape, pose and skew."""
+"""The rows of a series' tables; those of all others are by page, shape, pose and skew, or by shape where each
+is photographed once."""
 
 WANTED_PLANAR = {
     "major flow": 0.25,
@@ -142,11 +143,11 @@ def figures_by_case(cases: Sequence[CaseFigures]) -> Figures:
 
 def report(cases: Sequence[CaseFigures], experiment: str) -> str:
     """All tables and totals of an experiment."""
-    by = GROUPED_BY.get(experiment, GROUPS)
+    by = GROUPED_BY.get(experiment, GROUPS if experiment in TABLES else ("shape",))
     read = any(case.scores for case in cases)
     parts = [
         format_table(table.title, table.columns, cases, table.printed, by)
-        for table in TABLES[experiment]
+        for table in TABLES.get(experiment, _OURS)
         if read or table.columns is not OCR_COLUMNS
     ]
     if read:

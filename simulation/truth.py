@@ -153,7 +153,7 @@ class Truth:
 
     def backward_map(self) -> NDArray[np.float32]:
         """(H, W, 2) page pixel seen by every photo pixel; NaN beside the page. From
-        `sheet_lattice`: good to 0.01 px in photos of some megapixels."""
+        `sheet_lattice`: good to 0.01 px in photos of some megapixels, to half a pixel at a crease."""
         sheet = self.sheet_lattice().upsampled(0, self.camera.height).astype(np.float64)
         flat = sheet.reshape(-1, 2)
         page = self.page.page_from_sheet(flat, self.skew_rad)

@@ -5,6 +5,7 @@ import numpy as np
 from simulation.camera import Camera, Pose
 from simulation.cone import Cone
 from simulation.flat_page import Page, PageWord
+from simulation.folded import Crease, Folded
 from simulation.surfaces import Cylinder, Plane, Shape
 from simulation.truth import Truth
 
@@ -13,6 +14,7 @@ SHAPES: dict[str, Shape] = {
     "cylinder": Cylinder((0.05, 0.1, -0.4, -0.1, 0.2)),
     "hump": Cone((0.4, -4.0), float(np.radians(25.0)), 1),
     "hollow": Cone((-3.5, 1.0), float(np.radians(35.0)), -1),
+    "folded": Folded((Crease(-0.4, 0.3, 0.2), Crease(0.45, -0.4, 0.15)), 1.5, 0.05, (0.1, 0.0, -0.1)),
 }
 CAMERA = Camera(520.0, 420, 540)
 POSE = Pose(0.45, 1.1, -0.15, (0.1, 0.05, 3.4))

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from simulation.camera import Camera, Pose
 from simulation.flat_page import Page, PageWord
+from simulation.folded import Folded
 from simulation.photo import frontal_scene
 from simulation.scenes import PLANE
 from simulation.surfaces import Cylinder, Plane, Shape
@@ -167,7 +168,9 @@ def test_backward_map_agrees_with_the_exact_points(shape: Shape) -> None:
     inside = np.random.default_rng(3).choice(len(rows), 500, replace=False)
     points = np.column_stack([columns[inside], rows[inside]]).astype(float)
     exact = truth.photo_to_page(points)
-    assert np.abs(dense[rows[inside], columns[inside]] - exact).max() < 0.05
+    # A crease is sharper than the lattice that the map is made from.
+    worst = 0.4 if isinstance(shape, Folded) else 0.05
+    assert np.abs(dense[rows[inside], columns[inside]] - exact).max() < worst
     assert np.isnan(dense[0, 0]).all()
 
 
