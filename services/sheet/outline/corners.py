@@ -52,25 +52,26 @@ class Corners:
     turns_rad: Vector
 
 
-def split_sides(edge: EdgePoints, parameters: CornerParameters | None = None) -> Corners | None:
-    """The four corners of a closed clockwise curve: four smooth sides describe what is seen of it best.
+def split_sides(
+    points: Points, shown: NDArray[np.bool_], parameters: CornerParameters | None = None
+) -> Corners | None:
+    """The four corners of a closed clockwise curve (N, 2): four smooth sides describe what is `shown` (N,) of it best.
 
     None when the curve does not turn in four places. Of a side that is out of the photo nothing is seen: the curve
     follows the photo's border there, and its ends, or its middle, stand for the corners.
     """
     p = parameters or CornerParameters()
-    points = edge.points
     count = len(points)
     arm = max(int(p.arm * count), 2)
     turn = _turns(points, arm)
-    places = _places(turn, edge.shown, arm, p)
+    places = _places(turn, shown, arm, p)
     if len(places) < 4:
         return None
-    cost = _side_costs(edge, places, p)
+    cost = _side_costs(points, shown, places, p)
     fours = np.array(list(itertools.combinations(range(len(places)), 4)))
     fits = sum(cost[fours[:, k], fours[:, (k + 1) % 4]] for k in range(4)) / count
     flatness = np.clip(1 - turn[places] / np.deg2rad(70.0), 0, 1.5) ** 2
-    price = np.where(edge.shown[places], flatness, 0.1)
+    price = np.where(shown[places], flatness, 0.1)
     total = fits + p.turn_weight * price[fours].sum(axis=1)
     best = int(np.argmin(total))
     if not np.isfinite(total[best]):
@@ -109,18 +110,20 @@ def _places(turn: Vector, shown: NDArray[np.bool_], arm: int, p: CornerParameter
     return np.asarray(sorted(set(chosen)), np.intp)
 
 
-def _side_costs(edge: EdgePoints, places: NDArray[np.intp], p: CornerParameters) -> Floats:
+def _side_costs(
+    curve: Points, shown: NDArray[np.bool_], places: NDArray[np.intp], p: CornerParameters
+) -> Floats:
     """(K, K) sum of squared distances of the shown points from place a to b from a parabola, over the squared side."""
-    count = len(edge.points)
-    unit = float(np.linalg.norm(np.ptp(edge.points, axis=0))) / 2
+    count = len(curve)
+    unit = float(np.linalg.norm(np.ptp(curve, axis=0))) / 2
     lengths = (places[None, :] - places[:, None]) % count
     cost = np.full(lengths.shape, np.inf)
     a, b = np.nonzero((lengths >= p.shortest_side * count) & (lengths <= p.longest_side * count))
     share = np.linspace(0, 1, p.side_samples)
     index = (places[a][:, None] + np.round(share * lengths[a, b][:, None]).astype(int)) % count
-    weight = edge.shown[index].astype(np.float64)
+    weight = shown[index].astype(np.float64)
     total = np.maximum(weight.sum(axis=1), 1.0)
-    points = edge.points[index] / unit
+    points = curve[index] / unit
     centred = points - (weight[..., None] * points).sum(axis=1, keepdims=True) / total[:, None, None]
     moment = np.einsum("sn,sni,snj->sij", weight, centred, centred)
     angle = 0.5 * np.arctan2(2 * moment[:, 0, 1], moment[:, 0, 0] - moment[:, 1, 1])

@@ -6,9 +6,15 @@ from functools import partial
 import numpy as np
 
 from services.arrays import Points, RgbImage
-from services.sheet.outline.candidates import Candidate, CandidateParameters, find_candidates, place_print
+from services.sheet.outline.candidates import (
+    Candidate,
+    CandidateParameters,
+    find_candidates,
+    improve_candidate,
+)
 from services.sheet.outline.corners import CornerParameters, Corners, locate_corners, split_sides
 from services.sheet.outline.edges import EdgeParameters, EdgePoints, follow_edge, measure_edge
+from services.sheet.outline.print_place import PrintParameters, place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
 from services.sheet.outline.results import SheetOutline, SheetSide
 from services.sheet.outline.scoring import ScoringParameters, rate_curve, rate_outline
@@ -19,6 +25,7 @@ class OutlineParameters:
     """The steps' parameters, and how many points describe a side."""
 
     reduction: ReductionParameters = field(default_factory=ReductionParameters)
+    print: PrintParameters = field(default_factory=PrintParameters)
     candidates: CandidateParameters = field(default_factory=CandidateParameters)
     edges: EdgeParameters = field(default_factory=EdgeParameters)
     corners: CornerParameters = field(default_factory=CornerParameters)
@@ -53,14 +60,15 @@ def find_outline(
     reduced = reduce_photo(photo, p.reduction)
     candidates: list[Candidate] = []
     for print_places in (characters, None):
-        place = place_print(reduced, print_places, p.candidates)
-        candidates += find_candidates(
-            reduced, place, partial(rate_curve, reduced, place.characters, p.scoring), p.candidates
-        )
-        candidates = sorted(candidates, key=lambda c: c.rating, reverse=True)
+        place = place_print(reduced, print_places, p.print)
+        rate = partial(rate_curve, reduced, place.characters, p.scoring)
+        candidates += find_candidates(reduced, place, rate, p.candidates)
+        candidates.sort(key=lambda c: c.rating, reverse=True)
         # Texture of a desk may be taken for print; then the photo's middle is the better start.
         if candidates[0].rating >= p.well_rated or characters is None:
             break
+    candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
+    candidates.sort(key=lambda c: c.rating, reverse=True)
     found = [_measure(photo, reduced, candidate, p) for candidate in candidates[: p.tried]]
     best = max((o for o in found if o is not None), key=lambda o: o.confidence, default=None)
     return best if best is not None and best.confidence >= p.least_confidence else None
@@ -86,7 +94,7 @@ def _measure(
     start = (candidate.curve + 0.5) * (f / reduced.factor) - 0.5
     followed = follow_edge(reduced.medium, start, window(f, reduced.medium.shape), p.edges)
     edge = measure_edge(photo, (followed + 0.5) / f - 0.5, window(1.0, (height, width)), p.edges)
-    corners = split_sides(edge, p.corners)
+    corners = split_sides(edge.points, edge.shown, p.corners)
     if corners is None:
         return None
     located = locate_corners(edge, corners, p.corners)

@@ -1,12 +1,12 @@
 """How much a closed curve looks like a sheet's boundary."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
 from services.arrays import Floats, Points
-from services.sheet.outline.corners import Corners
+from services.sheet.outline.corners import CornerParameters, Corners, split_sides
 from services.sheet.outline.edges import EdgePoints, outward_normals, resample_closed, smooth_closed
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
@@ -22,15 +22,21 @@ class ScoringParameters:
     """What a piece out of view counts for, in full edges."""
     concavity: float = 4.0
     """Weight of the share of the convex hull that the curve leaves out."""
-    lost_print: float = 1.0
-    """Weight of the share of the characters that lie outside ..."""
-    false_print: float = 0.1
-    """... beyond this: texture of a desk is taken for print."""
     creased: float = 0.03
     """Of the hull's area: what creased sheets leave out."""
     lasting: int = 9
     """Of 200 points: an edge keeps its contrast over so many."""
-    area: float = 0.15
+    corners: CornerParameters = field(default_factory=CornerParameters)
+    misfit: float = 5.0
+    """Weight of the distance from four smooth sides, beyond ..."""
+    crease_misfit: float = 0.01
+    """... what creases make of it."""
+    most_misfit: float = 0.06
+    lost_print: float = 1.0
+    """Weight of the share of the characters that lie outside ..."""
+    false_print: float = 0.1
+    """... beyond this: texture of a desk is taken for print."""
+    area: float = 0.35
     """Weight of the logarithm of the area: of two good curves the outer one is the sheet."""
 
 
@@ -51,14 +57,20 @@ def rate_curve(reduced: ReducedPhoto, characters: Points, p: ScoringParameters, 
     # The step has a direction in colour space that lasts along an edge; in a texture it changes.
     difference = np.linalg.norm(smooth_closed(inner - outer, p.lasting), axis=1)
     strength = difference**2 / (difference**2 + p.contrast**2)
-    edge = float(np.where(shown, strength, p.out_of_view).mean())
+    rating = float(np.where(shown, strength, p.out_of_view).mean())
+    corners = split_sides(points, shown, p.corners)
+    misfit = p.most_misfit if corners is None else min(corners.misfit, p.most_misfit)
+    rating -= p.misfit * max(misfit - p.crease_misfit, 0.0)
     flat = points.astype(np.float32)
-    area = cv2.contourArea(flat)
-    hull = max(cv2.contourArea(cv2.convexHull(flat)), 1e-9)
-    photo = (x1 - x0) * (y1 - y0)
-    return float(
-        edge - p.concavity * max(1 - area / hull - p.creased, 0.0) + p.area * np.log(max(area, 1.0) / photo)
-    )
+    area = float(cv2.contourArea(flat))
+    hull = max(float(cv2.contourArea(cv2.convexHull(flat))), 1e-9)
+    rating -= p.concavity * max(1 - area / hull - p.creased, 0.0)
+    rating += p.area * float(np.log(max(area, 1.0) / ((x1 - x0) * (y1 - y0))))
+    if len(characters):
+        some = characters[:: max(len(characters) // 100, 1)]
+        lost = np.mean([cv2.pointPolygonTest(flat, (float(x), float(y)), False) < 0 for x, y in some])
+        rating -= p.lost_print * max(float(lost) - p.false_print, 0.0)
+    return rating
 
 
 def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float, ...]) -> Floats:

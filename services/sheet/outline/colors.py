@@ -1,0 +1,38 @@
+"""How often colours occur in parts of a photo."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Mask
+
+_COLOR_BINS = (18, 32, 32)
+
+
+def color_codes(colors: Floats) -> NDArray[np.int64]:
+    """Index of the colour bin of every pixel."""
+    bins = (colors / np.array([6.0, 6.0, 6.0], np.float32) + np.array([0, 16, 16], np.float32)).astype(
+        np.int64
+    )
+    bins = np.clip(bins, 0, np.array(_COLOR_BINS) - 1)
+    return np.asarray((bins[..., 0] * _COLOR_BINS[1] + bins[..., 1]) * _COLOR_BINS[2] + bins[..., 2])
+
+
+def color_density(codes: NDArray[np.int64]) -> Floats:
+    """Share of `codes` in every colour bin, smoothed over neighbours."""
+    cube = (
+        np.bincount(codes.ravel(), minlength=int(np.prod(_COLOR_BINS)))
+        .reshape(_COLOR_BINS)
+        .astype(np.float32)
+    )
+    for axis in range(3):
+        cube = cube + 0.5 * (np.roll(cube, 1, axis) + np.roll(cube, -1, axis))
+    return np.asarray(cube.ravel() / max(float(cube.sum()), 1.0))
+
+
+def color_log_odds(colors: Floats, inside: Mask, outside: Mask | None) -> Floats:
+    """(h, w) log ratio of how often a colour occurs `inside` and `outside` (None: anywhere), limited to -1..1."""
+    codes = color_codes(colors)
+    floor = 1e-5
+    within = color_density(codes[inside]) + floor
+    beyond = color_density(codes if outside is None else codes[outside]) + floor
+    return np.asarray(np.clip(np.log(within / beyond), -1, 1)[codes])

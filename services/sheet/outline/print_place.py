@@ -1,0 +1,92 @@
+"""Where a photo's print lies, and which of it is the sheet's."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from services.arrays import Floats, Mask, Points, Vector
+from services.sheet.outline.colors import color_codes, color_density
+from services.sheet.outline.reduced_photo import ReducedPhoto
+
+
+@dataclass(frozen=True, slots=True)
+class PrintParameters:
+    """Which characters are believed, and where the sheet's middle is sought."""
+
+    least_characters: int = 10
+    """With fewer there is no print to start from."""
+    radius: float = 0.02
+    """Of the photo's long side: print reaches so far round its characters."""
+    like_print: float = 0.1
+    """Of the commonest density: characters on colours that are rarer among them are no print of the sheet."""
+    part: float = 0.1
+    """Of the characters of the largest part: smaller parts are clutter."""
+    core: float = 1.0
+    """Half axes of the print's core, in standard deviations: the sheet holds it, whatever else was taken for print."""
+    middle: float = 0.25
+    """Of the photo: half axes of the ellipse that is taken for the sheet's middle where no print was found."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PrintPlace:
+    """Where print lies on the reduced photo: `mask` (h, w) round characters, `core` (h, w) an ellipse in their middle.
+
+    `characters` (N, 2) are those on the ground that most of them share. Without print there are none, and both masks
+    are an ellipse in the photo's middle.
+    """
+
+    mask: Mask
+    core: Mask
+    characters: Points
+
+
+def place_print(reduced: ReducedPhoto, characters: Points | None, p: PrintParameters) -> PrintPlace:
+    """Where print, or what is taken for the sheet's middle without it, lies."""
+    height, width = reduced.colors.shape[:2]
+    if characters is None or len(characters) < p.least_characters:
+        x0, y0, x1, y1 = reduced.window
+        middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2])
+        core = _ellipse((height, width), middle, np.diag([x1 - x0, y1 - y0]) * p.middle)
+        return PrintPlace(core, core, np.zeros((0, 2)))
+    place = reduced.from_photo(characters)
+    at = np.clip(np.round(place).astype(int), 0, [width - 1, height - 1])
+    code = color_codes(reduced.colors)[at[:, 1], at[:, 0]]
+    density = color_density(code)[code]
+    kept = density >= p.like_print * np.percentile(density, 90)
+    place, at = place[kept], at[kept]
+    mask = np.zeros((height, width), np.uint8)
+    mask[at[:, 1], at[:, 0]] = 1
+    radius = max(int(p.radius * max(height, width)), 1)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    mask = np.asarray(cv2.dilate(mask, kernel), np.uint8)
+    count, labels, _, _ = cv2.connectedComponentsWithStats(mask)
+    held = np.bincount(labels[at[:, 1], at[:, 0]], minlength=count)
+    large = held >= p.part * held.max()
+    large[0] = False
+    chosen = large[labels]
+    place = place[chosen[at[:, 1], at[:, 0]]]
+    middle, axes = _middle(place)
+    core = _ellipse((height, width), middle, p.core * axes)
+    return PrintPlace(np.asarray(chosen), core | ~chosen.any(), place)
+
+
+def _middle(points: Points) -> tuple[Vector, Floats]:
+    """Centre (2,) and matrix (2, 2) of the ellipse of one standard deviation, of the inner half of `points`, grown."""
+    centre = np.median(points, axis=0)
+    cov = np.cov(points.T) + np.eye(2)
+    for _ in range(3):
+        away = np.einsum("ni,ij,nj->n", points - centre, np.linalg.inv(cov), points - centre)
+        inner = points[away <= np.median(away)]
+        centre, cov = inner.mean(axis=0), np.cov(inner.T) * 3.0 + np.eye(2)
+    values, vectors = np.linalg.eigh(cov)
+    return centre, np.asarray((vectors * np.sqrt(values)) @ vectors.T)
+
+
+def _ellipse(shape: tuple[int, int], centre: Vector, axes: Floats) -> Mask:
+    """(h, w) inside of the ellipse centre + axes @ unit circle."""
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    points = centre + np.stack([np.cos(angle), np.sin(angle)], axis=1) @ axes.T
+    mask = np.zeros(shape, np.uint8)
+    cv2.fillPoly(mask, [np.round(points).astype(np.int32)], 1)
+    return mask.astype(bool)

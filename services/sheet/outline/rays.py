@@ -1,0 +1,143 @@
+"""Rays from the middle of a sheet outwards, and closed paths across them."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Mask, Points, Vector
+from services.sheet.outline.closed_paths import find_closed_path
+from services.sheet.outline.reduced_photo import ReducedPhoto
+
+
+@dataclass(frozen=True, slots=True)
+class RayParameters:
+    """What a boundary gains and costs, in full edges; colour differences are CIE Lab's."""
+
+    rays: int = 240
+    samples: int = 176
+    """Along a ray: about 2 px of the reduced photo."""
+    longest: float = 1.02
+    """Of the way to the photo's furthest corner."""
+    max_shift: int = 7
+    """Samples from ray to ray: a side that leans 60 degrees against the ray's normal."""
+    shift_cost: float = 0.02
+    """A sample's shift: sides have few steps."""
+    contrast: float = 8.0
+    """An edge of this colour difference counts half."""
+    exit_score: float = 0.3
+    """Of a ray that leaves the photo inside the sheet."""
+    region_weight: float = 3.0
+    """A strip whose colours are surely on the wrong side, as wide as the typical radius."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rays:
+    """N rays of M samples on the reduced photo.
+
+    Sample m of ray n is at `origin + (m + 1) * steps[n]`. `edges` (N, M) is how clearly the colour changes along the
+    ray (0-1), `shown` (N, M) tells the samples inside the photo.
+    """
+
+    origin: Vector
+    steps: Points
+    edges: Floats
+    shown: Mask
+
+    @property
+    def last(self) -> NDArray[np.intp]:
+        """(N,) last sample of every ray inside the photo."""
+        return np.asarray(self.shown.sum(axis=1) - 1, np.intp)
+
+    def points(self) -> Floats:
+        """All samples (N, M, 2)."""
+        count = np.arange(1, self.edges.shape[1] + 1, dtype=np.float64)
+        return np.asarray(self.origin + count[None, :, None] * self.steps[:, None, :])
+
+    def at(self, path: NDArray[np.intp]) -> Points:
+        """Points (N, 2) of a path."""
+        return np.asarray(self.origin + (path + 1.0)[:, None] * self.steps)
+
+    def sample(self, image: Floats) -> Floats:
+        """Values (N, M) or (N, M, K) of an image (h, w) or (h, w, K)."""
+        return _sample(image, self.points())
+
+    def reach_of_mask(self, mask: Mask) -> NDArray[np.intp]:
+        """(N,) last sample of every ray inside `mask` (h, w); 0 for none."""
+        there = self.sample(mask.astype(np.float32)) > 0.5
+        last = there.shape[1] - 1 - np.argmax(there[:, ::-1], axis=1)
+        return np.asarray(np.where(there.any(axis=1), last, 0), np.intp)
+
+    def reach_of_hull(self, points: Points) -> Vector:
+        """(N,) sample, with fraction, at which every ray leaves the convex hull of `points`, which holds the origin."""
+        hull = cv2.convexHull(points.astype(np.float32))[:, 0, :].astype(np.float64)
+        way = np.roll(hull, -1, axis=0) - hull
+        normal = np.column_stack([way[:, 1], -way[:, 0]])
+        inward = ((hull.mean(axis=0) - hull) * normal).sum(axis=1) > 0
+        normal[inward] *= -1
+        room = ((hull - self.origin) * normal).sum(axis=1)
+        speed = self.steps @ normal.T
+        reach = np.where(speed > 1e-9, room / np.maximum(speed, 1e-9), np.inf).min(axis=1)
+        return np.asarray(np.clip(reach - 1, 0, self.edges.shape[1] - 1), np.float64)
+
+    def search(
+        self, least: Vector, odds: Floats | float, typical: float, p: RayParameters
+    ) -> NDArray[np.intp]:
+        """The best closed path (N,) that lies beyond the samples `least` (N,).
+
+        `odds` (N, M) are log odds that a sample is paper, `typical` the usual radius in samples.
+        """
+        rays, samples = self.edges.shape
+        region = np.cumsum(np.where(self.shown, odds, 0.0), axis=1) * (p.region_weight / max(typical, 10.0))
+        # An edge at a sample has what lies before it inside.
+        score = self.edges + region
+        n, last = np.arange(rays), self.last
+        score[n, last] = p.exit_score + region[n, last]
+        barred = ~self.shown | (np.arange(samples)[None, :] < np.minimum(least, last)[:, None])
+        return find_closed_path(np.where(barred, -np.inf, score), p.max_shift, p.shift_cost)
+
+
+def cast_rays(reduced: ReducedPhoto, middle: Mask, extent: Mask, p: RayParameters) -> Rays:
+    """Rays from the centre of `middle` (h, w), in a frame in which `extent` (h, w) is about as wide as high."""
+    x0, y0, x1, y1 = reduced.window
+    rows, columns = np.nonzero(middle)
+    origin = np.array([columns.mean(), rows.mean()])
+    rows, columns = np.nonzero(extent)
+    share = float(extent.mean())
+    photo = np.diag([(x1 - x0) ** 2 / 12.0, (y1 - y0) ** 2 / 12.0])
+    spread = np.cov(np.stack([columns, rows])) * share + 0.3 * photo * (1 - share)
+    values, vectors = np.linalg.eigh(spread)
+    axes = (vectors * np.sqrt(np.maximum(values, 1e-6) / values.max())) @ vectors.T
+    angle = 2 * np.pi * np.arange(p.rays) / p.rays
+    way = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ axes.T
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) - origin
+    longest = np.linalg.norm(corners @ np.linalg.inv(axes).T, axis=1).max() * p.longest
+    steps = way * longest / p.samples
+    count = np.arange(1, p.samples + 1, dtype=np.float64)
+    points = origin + count[None, :, None] * steps[:, None, :]
+    x, y = points[..., 0], points[..., 1]
+    shown = (x >= x0 - 0.5) & (x <= x1 + 0.5) & (y >= y0 - 0.5) & (y <= y1 + 0.5)
+    # The window is convex: what follows a sample outside is outside.
+    shown = np.logical_and.accumulate(shown, axis=1)
+    shown[:, 0] = True
+    return Rays(origin, steps, edge_strength(_sample(reduced.colors, points), p), np.asarray(shown))
+
+
+def _sample(image: Floats, points: Floats) -> Floats:
+    at = points.astype(np.float32)
+    values = np.asarray(image, np.float32)
+    return np.asarray(
+        cv2.remap(values, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    )
+
+
+def edge_strength(colors: Floats, p: RayParameters) -> Floats:
+    """(N, M) 0-1: how clearly the colour of `colors` (N, M, 3), along N rays, changes at every sample."""
+    rays = len(colors)
+    wrapped = np.concatenate([colors[-2:], colors, colors[:2]])
+    smooth = np.asarray(cv2.blur(wrapped, (2, 3), anchor=(0, 1)))[2 : rays + 2]
+    difference = np.zeros(colors.shape[:2])
+    difference[:, 2:-2] = np.linalg.norm(smooth[:, 3:-1] - smooth[:, :-4], axis=2)
+    squared = difference**2
+    return np.asarray(squared / (squared + p.contrast**2))
