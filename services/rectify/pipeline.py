@@ -20,6 +20,7 @@ from services.rectify.edge_cropping import crop_to_sheet
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.line_tracing import line_deviation
 from services.rectify.orientation import estimate_orientation
+from services.rectify.outline_plane import read_sides
 from services.rectify.parameters import PageKind, RectifyParameters
 from services.rectify.planar import (
     FlowVanishingPoints,
@@ -40,6 +41,7 @@ from services.rectify.results import (
 )
 from services.rectify.stage_clock import StageClock
 from services.rectify.surface_test import discriminate_surface
+from services.sheet.outline.results import SheetOutline
 from services.texture_flow.field import FlowSamples
 
 FACING_PAGE = Notice(
@@ -144,9 +146,13 @@ def check_parameters(photo: RgbImage, parameters: RectifyParameters) -> None:
 
 
 def estimate_page(
-    photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
+    photo: RgbImage,
+    parameters: RectifyParameters,
+    exif_focal_length_px: float | None,
+    clock: StageClock,
+    outline: SheetOutline | None = None,
 ) -> FlatPage:
-    """Text, flows, kind and pose of the page in `photo`."""
+    """Text, flows, kind and pose of the page in `photo`, whose sheet has the `outline`, if it is seen."""
     analysis = analyse_photo(photo, parameters.region, clock=clock)
     with clock.stage("shape"):
         view = PhotoFrame(photo.shape[1], photo.shape[0])
@@ -154,7 +160,7 @@ def estimate_page(
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
         evidence = PageEvidence(analysis, view, major, minor, points)
-        shape, notices = choose_shape(evidence, prior, parameters.kind)
+        shape, notices = choose_shape(evidence, prior, parameters.kind, outline)
     if analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES:
         raise NoText(
             f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
@@ -166,7 +172,7 @@ def estimate_page(
 
 
 def choose_shape(
-    evidence: PageEvidence, prior: FocalPrior, kind: PageKind
+    evidence: PageEvidence, prior: FocalPrior, kind: PageKind, outline: SheetOutline | None = None
 ) -> tuple[PagePose | CurvedPage, tuple[Notice, ...]]:
     """The gentlest shape that the evidence supports: a plane, unless a bent sheet explains more.
 
@@ -180,7 +186,8 @@ def choose_shape(
     curved = estimate_curved_page(e, prior) if kind == "curved" else None
     if isinstance(curved, CurvedPage):
         return curved, curved.notices
-    pose = choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, seems)
+    sheet = read_sides(outline, e.view, prior)
+    pose = choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, seems, sheet=sheet)
     if kind == "auto":
         plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
         waviness = line_deviation(plane, trace_page(e.analysis, e.view, plane))
@@ -188,7 +195,7 @@ def choose_shape(
             curved = estimate_curved_page(e, prior)
             if isinstance(curved, CurvedPage) and explains_more(curved, pose, waviness):
                 return curved, curved.notices
-    if seems == "planar":
+    if seems == "planar" or pose.sides_believed:
         return pose, pose.notices
     reason = (
         f"a bent sheet is not plausible ({curved.reason})"

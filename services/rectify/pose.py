@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from services.arrays import Floats, Homography, Mask, Points
+from services.geometry.camera import rotation_from_vector
 from services.geometry.homographies import (
     denominators,
     jacobians,
@@ -17,6 +18,7 @@ from services.geometry.homographies import (
 )
 from services.rectify.analysis import PageAnalysis
 from services.rectify.baselines import detect_baselines
+from services.rectify.outline_plane import OutlinePlane, SheetSides
 from services.rectify.planar import (
     FlowVanishingPoints,
     FocalLengthSource,
@@ -26,14 +28,31 @@ from services.rectify.planar import (
     estimate_plane,
     typical_focal_prior,
 )
-from services.rectify.refinement import RefinedPlane, for_text, observe_lines, refine_plane, widen
-from services.rectify.results import Notice
+from services.rectify.refinement import (
+    RefinedPlane,
+    for_text,
+    joint_cost,
+    observe_lines,
+    refine_plane,
+    widen,
+)
+from services.rectify.results import Notice, ShapeSource
+from services.rectify.straight_lines import StraightLines, along_axes, side_directions
 from services.texture_flow.field import FlowSamples, angle_difference
 
 EXIF_CONTRADICTED = Notice(
     "exif-contradicted",
     "the page's perspective does not fit the focal length in the EXIF data (cropped or resized after it was taken?), "
     "which was left out of account.",
+)
+TEXT_BELIEVED = Notice(
+    "outline-disagrees",
+    "the sheet's edges are not those of a rectangle on which its text is level (a wrong edge, or no flat rectangle); "
+    "the text was believed.",
+)
+EDGES_BELIEVED = Notice(
+    "outline-disagrees",
+    "the little text that was seen does not fit the sheet's straight edges; the edges were believed.",
 )
 
 
@@ -56,6 +75,13 @@ class PoseParameters:
     """The focal length is called estimated when the page alone fixes its logarithm better than this."""
     aspect_deviation: float = 0.03
     """Above this the width-to-height ratio is called uncertain."""
+    side_deviations: float = 4.0
+    side_rad: float = np.deg2rad(1.0)
+    """A side of the sheet that is off by more than both disagrees with the text."""
+    text_rad: float = np.deg2rad(1.5)
+    """Text that the sheet's sides leave so much less level than it can be disagrees with them."""
+    aslant_rad: float = np.deg2rad(5.0)
+    """Print that stands further aslant on its sheet is told of."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +96,12 @@ class PagePose:
     line_count: int
     deviation: float
     """Mean deviation (rad) of the flows from horizontal and vertical in the flat view."""
+    sources: tuple[ShapeSource, ...] = ("text",)
+    """What decided the shape."""
+    sides_believed: bool = False
+    """The sheet's sides are straight and those of one rectangle with the text."""
+    skew_rad: float = 0.0
+    """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
@@ -77,6 +109,16 @@ def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
     angle = most_common_direction(major)
     c, s = np.cos(angle), np.sin(angle)
     return PagePlane(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), float(np.exp(prior.log_focal)))
+
+
+def level_text(plane: PagePlane, major: FlowSamples) -> PagePlane:
+    """`plane` turned about its normal so that most of its text lines are level."""
+    H = np.linalg.inv(plane.H_centred_plane)
+    tangent = np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1)
+    t = np.einsum("nij,nj->ni", jacobians(H, major.points), tangent)
+    angles = angle_difference(np.arctan2(t[:, 1], t[:, 0]), 0.0)
+    turn = most_common_direction(FlowSamples(major.points, angles, major.weights))
+    return PagePlane(plane.rotation @ rotation_from_vector(np.array([0.0, 0.0, turn])), plane.focal)
 
 
 def most_common_direction(samples: FlowSamples, width_rad: float = np.deg2rad(2.0)) -> float:
@@ -148,18 +190,63 @@ def refine_pose(
     points: FlowVanishingPoints,
     start: PagePlane,
     p: PoseParameters,
+    sides: StraightLines | None = None,
 ) -> RefinedPlane:
     """Two rounds: the text lines are found again in the first round's view, with the deviations it has shown."""
     parameters = for_text(analysis.text_height_px)
     ink, H_centred_flat = flatten_ink(analysis, view, start)
     observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
-    first = refine_plane(start, prior, major, minor, points, observations, parameters)
+    first = refine_plane(start, prior, major, minor, points, observations, parameters, sides)
     if not is_plausible(first.plane, text_points(analysis, view), p):
         return first
     parameters = widen(parameters, first.spreads)
     ink, H_centred_flat = flatten_ink(analysis, view, first.plane)
     observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
-    return refine_plane(first.plane, prior, major, minor, points, observations, parameters)
+    return refine_plane(first.plane, prior, major, minor, points, observations, parameters, sides)
+
+
+def refine_with_sides(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    major: FlowSamples,
+    minor: FlowSamples,
+    points: FlowVanishingPoints,
+    start: PagePlane,
+    p: PoseParameters,
+    sheet: SheetSides | None,
+) -> tuple[RefinedPlane, bool]:
+    """The refined plane, and whether the sides of the `sheet` agree with it.
+
+    A wrong start hides the sides behind their own loss, so the sides' plane is a start too. Where the sides agree
+    with what comes of it, it is taken; else the plane that costs least, flows and sides taken together.
+    """
+    if sheet is None:
+        return refine_pose(analysis, view, prior, major, minor, points, start, p), False
+    found: list[tuple[float, RefinedPlane, bool]] = []
+    for first in (sheet.plane.plane if isinstance(sheet.plane, OutlinePlane) else None, start):
+        if first is None:
+            continue
+        level = level_text(first, major)
+        if not is_plausible(level, text_points(analysis, view), p):
+            continue
+        sides = along_axes(level, sheet.lines)
+        refined = refine_pose(analysis, view, prior, major, minor, points, level, p, sides)
+        agree = sides_agree(refined, sides, p)
+        cost = joint_cost(refined, major, minor, points, sides, for_text(analysis.text_height_px))
+        found.append((cost, refined, agree))
+        if agree and len(sides) > 2:
+            break
+    if not found:
+        return refine_pose(analysis, view, prior, major, minor, points, start, p), False
+    _, refined, agree = min(found, key=lambda candidate: candidate[0])
+    return refined, agree
+
+
+def sides_agree(refined: RefinedPlane, sides: StraightLines, p: PoseParameters) -> bool:
+    """Whether all of the sheet's sides lie along the page's axes, as far as they are known."""
+    off = np.abs(side_directions(refined.plane, sides, refined.skew_rad))
+    return bool((off < np.maximum(p.side_rad, p.side_deviations * sides.direction_deviations_rad)).all())
 
 
 def text_points(analysis: PageAnalysis, view: PhotoFrame) -> Points:
@@ -176,33 +263,41 @@ def choose_pose(
     points: FlowVanishingPoints,
     kind: Literal["planar", "curved"],
     parameters: PoseParameters | None = None,
+    sheet: SheetSides | None = None,
 ) -> PagePose:
-    """Pose of the page in `view`; flows in centred coordinates. Falls back to a mere turn, with the reason."""
+    """Pose of the page in `view`; flows in centred coordinates. Falls back to a mere turn, with the reason.
+
+    `sheet` holds the sides of the sheet, where they are seen. A plane that they agree with needs no support of the
+    flows, which sparse text draws astray.
+    """
     p = parameters or PoseParameters()
     characters = text_points(analysis, view)
     level = level_plane(major, prior)
     start = estimate_plane(points, prior)
     if not is_plausible(start, characters, p):
         start = level
-    refined = refine_pose(analysis, view, prior, major, minor, points, start, p)
+    refined, agree = refine_with_sides(analysis, view, prior, major, minor, points, start, p, sheet)
     notices: list[Notice] = []
     drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
     if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
         prior = typical_focal_prior()
-        refined = refine_pose(analysis, view, prior, major, minor, points, refined.plane, p)
+        refined, agree = refine_with_sides(
+            analysis, view, prior, major, minor, points, refined.plane, p, sheet
+        )
         notices.append(EXIF_CONTRADICTED)
     plane = refined.plane
     gain = p.curved_gain if kind == "curved" else p.gain
     gentle = flow_deviation(level, major, minor, p.minor_share)
+    believed = agree and sheet is not None and isinstance(sheet.plane, OutlinePlane)
     if not is_plausible(plane, characters, p):
-        plane = level
+        plane, believed = level, False
         notices.append(
             Notice(
                 "implausible-pose",
                 "the text's directions fit no plane seen by a camera; the photo was only turned.",
             )
         )
-    elif flow_deviation(plane, major, minor, p.minor_share) > gain * gentle + 1e-4:
+    elif not believed and flow_deviation(plane, major, minor, p.minor_share) > gain * gentle + 1e-4:
         plane = level
         notices.append(
             Notice(
@@ -218,6 +313,12 @@ def choose_pose(
                 f"may be off by about {100 * refined.log_aspect_deviation:.0f} %; send focal_length_px or keep EXIF.",
             )
         )
+    if sheet is not None:
+        lines, without = (
+            min(flow_deviation(other, major, minor, 0.0) for other in planes)
+            for planes in ((plane,), (level, start))
+        )
+        notices += disagreement(sheet, refined, believed, lines, without, p)
     N = plane.rotation[:, 2]
     return PagePose(
         view.H_photo_centred @ plane.H_centred_plane,
@@ -227,7 +328,29 @@ def choose_pose(
         tuple(notices),
         refined.lines,
         flow_deviation(plane, major, minor, p.minor_share),
+        ("text", "outline") if believed else ("text",),
+        believed,
+        refined.skew_rad if believed else 0.0,
     )
+
+
+def disagreement(
+    sheet: SheetSides, refined: RefinedPlane, believed: bool, lines: float, without: float, p: PoseParameters
+) -> list[Notice]:
+    """What to tell when text and outline disagree; the text's deviation (rad) is `lines`, `without` sides."""
+    if not believed:
+        return [TEXT_BELIEVED] if isinstance(sheet.plane, OutlinePlane) else []
+    if lines > without + p.text_rad:
+        return [EDGES_BELIEVED]
+    if abs(refined.skew_rad) > p.aslant_rad:
+        return [
+            Notice(
+                "outline-disagrees",
+                f"the print stands aslant on its sheet, by {abs(np.degrees(refined.skew_rad)):.0f} degrees; the view "
+                "is level with the print.",
+            )
+        ]
+    return []
 
 
 def focal_source(refined: RefinedPlane, prior: FocalPrior, parameters: PoseParameters) -> FocalLengthSource:

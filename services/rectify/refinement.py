@@ -4,6 +4,8 @@ The closed form of 3.2.3 trusts two vanishing points alone. In the flat view muc
 horizontal, the lines of a paragraph are equally spaced, flush margins and strokes are vertical. Each of these is
 one residual in units of its own deviation; rotation, focal length and the slant of the type are fitted to all of
 them together, with a soft loss and a prior on the focal length that decides only where nothing else does.
+Where sides of the sheet are seen, they lie along two directions at right angles too, turned against the text by an
+angle that is small as a rule.
 """
 
 from collections.abc import Callable
@@ -18,6 +20,7 @@ from services.geometry.camera import rotation_from_vector
 from services.geometry.homographies import jacobians, transform_points
 from services.rectify.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
 from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FlowVanishingPoints, FocalPrior, PagePlane
+from services.rectify.straight_lines import StraightLines, side_directions, side_skew
 from services.texture_flow.field import FlowSamples
 
 
@@ -50,6 +53,13 @@ class RefinementParameters:
     """A focal length further than this many deviations from the typical one comes from a page that is not quite
     flat, not from a rare lens; then the typical one is held by a tight prior."""
     held_deviation: float = 0.08
+    skew_rad: float = np.deg2rad(0.3)
+    """Of print against its sheet, as printers and copiers leave it; under a loss that lets a larger one be, since
+    print may stand aslant on purpose."""
+    side_scale: float = 3.0
+    """Scale of Cauchy's loss of the sheet's sides, in their deviations. A side that is 6 degrees off costs 60: as much
+    as a dozen lines of text that are off by four deviations, so that few words give way to four sides, and not a page
+    of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,6 +94,8 @@ class RefinedPlane:
     lines: int
     spreads: tuple[float, float]
     """Of the baselines and of the spacings, in units of the deviations that were assumed."""
+    skew_rad: float = 0.0
+    """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
 
 
 def soften(r: Vector) -> Vector:
@@ -185,6 +197,66 @@ def line_residuals(H: Homography, o: FlatObservations, p: RefinementParameters) 
     return LineResiduals(slopes, _joined(spacings), _joined(margins))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FlowObservations:
+    """Both flows with their tangents (N, 2) and deviations (N,)."""
+
+    major: FlowSamples
+    minor: FlowSamples
+    major_tangent: Points
+    minor_tangent: Points
+    major_deviation: Vector
+    minor_deviation: Vector
+
+    def residuals(self, H: Homography, slant_rad: float) -> Vector:
+        """Text lines against horizontal, strokes against vertical but for `slant_rad`, in deviations (N,)."""
+        t = np.einsum("nij,nj->ni", jacobians(H, self.major.points), self.major_tangent)
+        along = np.arctan(t[:, 1] / np.where(t[:, 0] == 0, 1e-12, t[:, 0]))
+        s = np.einsum("nij,nj->ni", jacobians(H, self.minor.points), self.minor_tangent)
+        across = np.arctan(s[:, 0] / np.where(s[:, 1] == 0, 1e-12, s[:, 1]))
+        return np.concatenate([along / self.major_deviation, (across - slant_rad) / self.minor_deviation])
+
+
+def observe_flows(
+    major: FlowSamples, minor: FlowSamples, points: FlowVanishingPoints, p: RefinementParameters
+) -> FlowObservations:
+    """The flows' deviations follow how well each meets in its vanishing point."""
+    major_spread = float(np.hypot(p.flow_floor_rad, points.horizontal.residual_rad))
+    minor_spread = float(np.hypot(p.stroke_floor_rad, points.vertical.residual_rad))
+    return FlowObservations(
+        major,
+        minor,
+        np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1),
+        np.stack([np.cos(minor.angles), np.sin(minor.angles)], axis=1),
+        np.sqrt(p.flow_overlap / np.maximum(major.weights, 0.05)) * major_spread,
+        np.sqrt(p.stroke_overlap / np.maximum(minor.weights, 0.05)) * minor_spread,
+    )
+
+
+def side_residuals(
+    plane: PagePlane, sides: StraightLines, skew_rad: float, p: RefinementParameters
+) -> Vector:
+    """Softened residuals (N + 1,) of the sheet's sides and of the skew."""
+    off = side_directions(plane, sides, skew_rad) / sides.direction_deviations_rad
+    skew = np.array([skew_rad / p.skew_rad])
+    return np.concatenate([p.side_scale * soften_hard(off / p.side_scale), soften_hard(skew)])
+
+
+def joint_cost(
+    refined: RefinedPlane,
+    major: FlowSamples,
+    minor: FlowSamples,
+    points: FlowVanishingPoints,
+    sides: StraightLines,
+    parameters: RefinementParameters,
+) -> float:
+    """Half the softened squares of what does not depend on the view in which lines were traced: flows and sides."""
+    H = np.linalg.inv(refined.plane.H_centred_plane)
+    flows = soften(observe_flows(major, minor, points, parameters).residuals(H, refined.slant_rad))
+    edges = side_residuals(refined.plane, sides, refined.skew_rad, parameters)
+    return 0.5 * float(flows @ flows + edges @ edges)
+
+
 def refine_plane(
     start: PagePlane,
     prior: FocalPrior,
@@ -193,19 +265,16 @@ def refine_plane(
     points: FlowVanishingPoints,
     observations: FlatObservations,
     parameters: RefinementParameters | None = None,
+    sides: StraightLines | None = None,
 ) -> RefinedPlane:
     """Least squares over rotation (3), log focal length and slant, all in centred unit coordinates.
 
     The flows' deviations follow how well each meets in its vanishing point, so that a page that is not quite
-    flat is believed less.
+    flat is believed less. With `sides` of the sheet, the skew of the text against them is a sixth unknown.
     """
     p = parameters or RefinementParameters()
-    major_spread = float(np.hypot(p.flow_floor_rad, points.horizontal.residual_rad))
-    minor_spread = float(np.hypot(p.stroke_floor_rad, points.vertical.residual_rad))
-    major_deviation = np.sqrt(p.flow_overlap / np.maximum(major.weights, 0.05)) * major_spread
-    minor_deviation = np.sqrt(p.stroke_overlap / np.maximum(minor.weights, 0.05)) * minor_spread
-    major_tangent = np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1)
-    minor_tangent = np.stack([np.cos(minor.angles), np.sin(minor.angles)], axis=1)
+    has_sides = sides is not None and len(sides) > 0
+    flows = observe_flows(major, minor, points, p)
 
     def plane_of(x: Vector) -> PagePlane:
         focal = float(np.clip(np.exp(x[3]), MIN_FOCAL, MAX_FOCAL))
@@ -217,34 +286,33 @@ def refine_plane(
 
     def residuals(x: Vector) -> Vector:
         H = np.linalg.inv(plane_of(x).H_centred_plane)
-        t = np.einsum("nij,nj->ni", jacobians(H, major.points), major_tangent)
-        along = np.arctan(t[:, 1] / np.where(t[:, 0] == 0, 1e-12, t[:, 0]))
-        s = np.einsum("nij,nj->ni", jacobians(H, minor.points), minor_tangent)
-        across = np.arctan(s[:, 0] / np.where(s[:, 1] == 0, 1e-12, s[:, 1]))
         lines = line_residuals(H, observations, p)
-        observed = [
-            along / major_deviation,
-            (across - x[4]) / minor_deviation,
-            lines.baselines,
-            lines.spacings,
-        ]
         # Observations may be outliers and are softened; the priors are meant as they are.
-        return np.concatenate(
-            [
-                soften(np.concatenate(observed)),
-                soften_hard(lines.margins),
-                [(x[3] - prior.log_focal) / prior.deviation, (x[4] - p.slant_mean_rad) / p.slant_rad],
-                tilt(x) / p.tilt_rad,
-            ]
-        )
+        focal_and_slant = [
+            (x[3] - prior.log_focal) / prior.deviation,
+            (x[4] - p.slant_mean_rad) / p.slant_rad,
+        ]
+        parts = [
+            soften(np.concatenate([flows.residuals(H, float(x[4])), lines.baselines, lines.spacings])),
+            soften_hard(lines.margins),
+            np.array(focal_and_slant),
+            tilt(x) / p.tilt_rad,
+        ]
+        if sides is not None and has_sides:
+            parts.append(side_residuals(plane_of(x), sides, float(x[5]), p))
+        return np.concatenate(parts)
 
     x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), p.slant_mean_rad])
-    fit = least_squares(residuals, x0, x_scale=[0.01, 0.01, 0.01, 0.05, 0.01], max_nfev=60)
+    x_scale = [0.01, 0.01, 0.01, 0.05, 0.01]
+    if sides is not None and has_sides:
+        x0 = np.append(x0, side_skew(start, sides))
+        x_scale.append(0.01)
+    fit = least_squares(residuals, x0, x_scale=x_scale, max_nfev=60)
     if prior.source == "assumed" and abs(fit.x[3] - prior.log_focal) > p.believable_focal * prior.deviation:
         held = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
         return refine_plane(
             PagePlane(start.rotation, float(np.exp(prior.log_focal))), held, major, minor, points, observations,
-            replace(p, believable_focal=np.inf),
+            replace(p, believable_focal=np.inf), sides,
         )  # fmt: skip
     before = 0.5 * float(np.sum(residuals(x0) ** 2))
     information = fit.jac.T @ fit.jac
@@ -258,6 +326,7 @@ def refine_plane(
         before,
         len(observations.starts),
         line_residuals(np.linalg.inv(refined.H_centred_plane), observations, p).spreads(),
+        float(fit.x[5]) if has_sides else 0.0,
     )
 
 

@@ -17,13 +17,24 @@ class Notice:
     detail: str
 
 
+ShapeSource = Literal["text", "outline", "rules"]
+"""What can show the page's shape: its text, the sheet's outline, straight print that is no text."""
+
+
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Convergence S3/S1 of both flows (3.2.2; None: too few samples) and the share of text area, 0-1."""
+    """Convergence S3/S1 of both flows (3.2.2; None: too few samples) and the share of text area, 0-1.
+
+    `source` tells what decided the shape. `outline_confidence`, 0-1, is that of the sheet's outline, None where none
+    was found; `sides_seen` counts its sides of which an edge was seen.
+    """
 
     major_convergence: float | None
     minor_convergence: float | None
     text_area_fraction: float
+    source: tuple[ShapeSource, ...] = ("text",)
+    outline_confidence: float | None = None
+    sides_seen: int = 0
 
 
 @dataclass(frozen=True, slots=True)

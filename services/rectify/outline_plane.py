@@ -1,0 +1,230 @@
+"""The plane of a sheet from the sides of its outline, with what it leaves uncertain."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.arrays import Points, Vector
+from services.geometry.homographies import transform_points
+from services.rectify.planar import FocalPrior, PagePlane, PhotoFrame
+from services.rectify.straight_lines import (
+    LinePlane,
+    StraightLines,
+    fit_line_plane,
+    neighbouring_fits,
+    start_plane,
+)
+from services.sheet.outline.results import SheetOutline, SheetSide
+
+
+@dataclass(frozen=True, slots=True)
+class OutlinePlaneParameters:
+    """Which sides are used, and when their plane is believed. Lengths are shares of the side's length."""
+
+    min_confidence: float = 0.5
+    """Of the outline: below it, its sides are more often wrong than right."""
+    min_points: int = 8
+    min_seen: float = 0.25
+    """Less of a side tells its direction worse than the sheet's other sides."""
+    max_bend: float = 0.03
+    """RMS distance from the best line: a side that is bent further says little of a plane."""
+    overlap: float = 4.0
+    """Neighbouring points of an edge share pixels and the paper's waves: so many count as one."""
+    bend_share: float = 0.5
+    """Of a side's bend, its ends may lie so far off the line that a straight side would have there."""
+    cut_rad: float = 1e-3
+    """A sheet's corners are right angles to 0.06 degrees (0.3 mm on A4), and lenses bend lines as much."""
+    loss_scale: float = 3.0
+    """Scale of Cauchy's loss of the line fit, in deviations: a thumb or a dog-ear covers part of a side."""
+    believable_focal: float = 3.5
+    """As in `RefinementParameters`: further from the prior, in deviations, it is no rectangle that was seen."""
+    max_misfit_rad: float = float(np.deg2rad(1.5))
+    """RMS angle that the sides leave to the best rectangle."""
+    max_tilt_rad: float = float(np.deg2rad(65.0))
+    max_aspect: float = 8.0
+    """Longer sheets than receipts."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutlinePlane:
+    """A rectangle's plane in centred unit coordinates, x along the sheet's top side as the photo shows it.
+
+    `log_focal_deviation` is without the prior. `aspect` is the sheet's width over its height, None where a side is
+    missing; `log_aspect_deviation` the standard deviation of its logarithm, or of the ratio of the plane's scales
+    along both axes where a side is missing. `tilt_deviation_rad` is that of the normal.
+    `misfit_rad` is the RMS angle between the sides and those of the rectangle.
+    """
+
+    plane: PagePlane
+    lines: StraightLines
+    aspect: float | None
+    log_aspect_deviation: float
+    log_focal_deviation: float
+    tilt_deviation_rad: float
+    misfit_rad: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SheetSides:
+    """What the outline tells of a plane: its straight `lines`, and the `plane` that they show alone, if they do."""
+
+    lines: StraightLines
+    plane: "OutlinePlane | NoOutlinePlane"
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class NoOutlinePlane:
+    """Why the outline shows no plane."""
+
+    reason: str
+
+
+def side_lines(
+    outline: SheetOutline, view: PhotoFrame, parameters: OutlinePlaneParameters | None = None
+) -> StraightLines:
+    """The outline's sides (N <= 4) as straight lines: top and bottom along x, left and right along y."""
+    p = parameters or OutlinePlaneParameters()
+    rows: list[tuple[Points, Points, float]] = []
+    upright: list[bool] = []
+    for k, side in enumerate(outline.sides):
+        found = _fit_side(side, p)
+        if found is not None:
+            rows.append(found)
+            upright.append(k % 2 == 1)
+    starts = np.array([row[0] for row in rows]).reshape(-1, 2)
+    ends = np.array([row[1] for row in rows]).reshape(-1, 2)
+    deviations = np.array([row[2] for row in rows])
+    return StraightLines(
+        (starts - view.centre) / view.unit_px,
+        (ends - view.centre) / view.unit_px,
+        deviations / view.unit_px,
+        np.array(upright, bool),
+    )
+
+
+def _fit_side(side: SheetSide, p: OutlinePlaneParameters) -> tuple[Points, Points, float] | None:
+    """Two points of the side's line with independent errors, and the deviation of these, all in pixels.
+
+    At one standard deviation of the points' places along the line from their mean, before and after, the errors of
+    a fitted line are independent, and each has twice the variance of its mean.
+    """
+    points, deviations = side.points, np.maximum(side.deviations, 1e-6)
+    known = np.isfinite(points).all(axis=1) & np.isfinite(deviations)
+    points, deviations = points[known], deviations[known]
+    if len(points) < p.min_points or side.seen < p.min_seen:
+        return None
+    weights = 1 / deviations**2
+    middle, along, off = _weighted_line(points, weights)
+    for _ in range(8):
+        scale = p.loss_scale * np.maximum(deviations, 1.4826 * np.median(np.abs(off)))
+        weights = 1 / deviations**2 / (1 + (off / scale) ** 2)
+        middle, along, off = _weighted_line(points, weights)
+    place = (points - middle) @ along
+    reach = float(np.sqrt(np.average(place**2, weights=weights)))
+    length = float(np.ptp(place))
+    bend = float(np.sqrt(np.average(off**2, weights=weights)))
+    if bend > p.max_bend * length or reach <= 0:
+        return None
+    count = max(float(weights.sum() ** 2 / (weights**2).sum()) / p.overlap, 1.0)
+    noise = max(float(np.sqrt(len(points) / (1 / deviations**2).sum())), bend) * np.sqrt(2 / count)
+    cut = p.cut_rad * 2 * reach / np.sqrt(2)
+    deviation = float(np.sqrt(noise**2 + (p.bend_share * bend) ** 2 + cut**2))
+    return middle - reach * along, middle + reach * along, deviation
+
+
+def _weighted_line(points: Points, weights: Vector) -> tuple[Points, Points, Vector]:
+    """Mean (2,), direction (2,) from the first to the last point, and signed distances (N,) of the best line."""
+    middle = np.average(points, axis=0, weights=weights)
+    centred = points - middle
+    along = np.linalg.svd(centred * np.sqrt(weights)[:, None], full_matrices=False)[2][0]
+    along = along if (points[-1] - points[0]) @ along >= 0 else -along
+    return middle, along, centred @ np.array([-along[1], along[0]])
+
+
+def read_sides(
+    outline: SheetOutline | None,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    parameters: OutlinePlaneParameters | None = None,
+) -> SheetSides | None:
+    """The outline's sides as evidence for a plane; None where there is none to be used."""
+    p = parameters or OutlinePlaneParameters()
+    if outline is None or outline.confidence < p.min_confidence:
+        return None
+    lines = side_lines(outline, view, p)
+    return SheetSides(lines, plane_from_sides(lines, prior, p), outline.confidence) if len(lines) else None
+
+
+def plane_from_outline(
+    outline: SheetOutline,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    parameters: OutlinePlaneParameters | None = None,
+) -> OutlinePlane | NoOutlinePlane:
+    """The plane in which the outline's straight sides are those of a rectangle; three sides suffice.
+
+    Four sides fix rotation and focal length, unless two opposite ones are parallel in the photo; then, and with three
+    sides, the focal length is the prior's. The sheet is not turned: its top side is on top in the photo.
+    """
+    p = parameters or OutlinePlaneParameters()
+    return plane_from_sides(side_lines(outline, view, p), prior, p)
+
+
+def plane_from_sides(
+    lines: StraightLines, prior: FocalPrior, parameters: OutlinePlaneParameters | None = None
+) -> OutlinePlane | NoOutlinePlane:
+    """As `plane_from_outline`, for sides in centred unit coordinates; further lines along them are welcome."""
+    p = parameters or OutlinePlaneParameters()
+    start = start_plane(lines, prior)
+    if start is None:
+        return NoOutlinePlane(f"only {len(lines)} straight sides are seen")
+    fit = fit_line_plane(lines, prior, start)
+    drawn = abs(float(np.log(fit.plane.focal)) - prior.log_focal)
+    if drawn > p.believable_focal * prior.deviation:
+        return NoOutlinePlane("its sides are those of no rectangle that a usual camera sees")
+    misfit = float(np.sqrt(np.mean(fit.residuals_rad**2)))
+    if misfit > p.max_misfit_rad:
+        return NoOutlinePlane("its sides are not at right angles")
+    if float(np.arccos(np.clip(abs(fit.plane.rotation[2, 2]), 0.0, 1.0))) > p.max_tilt_rad:
+        return NoOutlinePlane("it is seen from too low an angle")
+    aspect = sheet_aspect(fit.plane, lines)
+    if aspect is not None and not 1 / p.max_aspect < aspect < p.max_aspect:
+        return NoOutlinePlane("it is too narrow for a sheet")
+    aspect_deviation, tilt_deviation = _deviations(fit, lines, prior)
+    return OutlinePlane(
+        fit.plane, lines, aspect, aspect_deviation, fit.log_focal_deviation, tilt_deviation, misfit
+    )
+
+
+def sheet_aspect(plane: PagePlane, lines: StraightLines) -> float | None:
+    """Width over height of the rectangle between the outermost lines; None where one of its sides is missing."""
+    H = np.linalg.inv(plane.H_centred_plane)
+    middle = 0.5 * (transform_points(H, lines.starts) + transform_points(H, lines.ends))
+    x, y = middle[lines.upright, 0], middle[~lines.upright, 1]
+    if len(x) < 2 or len(y) < 2 or not np.isfinite(middle).all() or np.ptp(y) == 0:
+        return None
+    return float(np.ptp(x) / np.ptp(y))
+
+
+def _deviations(fit: LinePlane, lines: StraightLines, prior: FocalPrior) -> tuple[float, float]:
+    """Standard deviations of the logarithm of the aspect ratio, and of the normal's direction (rad)."""
+    aspect, tilt = 0.0, 0.0
+    known = _log_aspect(fit.plane, fit.plane, lines)
+    for plane, moved in neighbouring_fits(fit, lines, prior):
+        aspect += (_log_aspect(plane, fit.plane, moved) - known) ** 2
+        tilt += float(np.sum((plane.rotation[:, 2] - fit.plane.rotation[:, 2]) ** 2))
+    return float(np.sqrt(aspect)), float(np.sqrt(tilt))
+
+
+def _log_aspect(plane: PagePlane, reference: PagePlane, lines: StraightLines) -> float:
+    """Log of the sheet's aspect; where a side is missing, of that of what is a square in `reference`."""
+    aspect = sheet_aspect(plane, lines)
+    if aspect is not None:
+        return float(np.log(aspect))
+    H_reference = np.linalg.inv(reference.H_centred_plane)
+    middle = transform_points(H_reference, 0.5 * (lines.starts + lines.ends)).mean(axis=0)
+    size = 0.05
+    square = middle + size * np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
+    there = transform_points(np.linalg.inv(plane.H_centred_plane) @ reference.H_centred_plane, square)
+    return float(np.log(np.linalg.norm(there[1] - there[0]) / np.linalg.norm(there[3] - there[2])))

@@ -1,0 +1,259 @@
+"""A page's plane from straight lines on it that lie along two directions at right angles.
+
+The sheet's sides are such lines, and so are rules, frames and the lines of tables. A line along a direction of the
+page passes through the vanishing point of that direction, so each line gives one residual: the angle between it and
+the way to its vanishing point. Rotation and focal length are four unknowns; two lines along each direction just fix
+them (Zhang & He 2007, "Whiteboard scanning and image enhancement", solve that case in closed form from the corners).
+Where they do not show the focal length, its prior decides.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Points, Vector
+from services.geometry.camera import (
+    focal_length_from_vanishing_points,
+    rotation_from_flows,
+    rotation_from_vector,
+)
+from services.geometry.homographies import transform_points
+from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FocalPrior, PagePlane
+
+Upright = NDArray[np.bool_]
+MAX_STEPS = 60
+SMALL_STEP = 1e-10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StraightLines:
+    """Straight lines in centred unit coordinates of the photo.
+
+    `starts` and `ends` (N, 2) are two points of each whose errors across the line are independent, each with the
+    standard deviation `deviations` (N,). `upright` (N,) tells which lines lie along the page's y axis; the others lie
+    along its x axis.
+    """
+
+    starts: Points
+    ends: Points
+    deviations: Vector
+    upright: Upright
+
+    def __len__(self) -> int:
+        return len(self.deviations)
+
+    @property
+    def lengths(self) -> Vector:
+        """Distance (N,) of the two points."""
+        return np.asarray(np.linalg.norm(self.ends - self.starts, axis=1))
+
+    @property
+    def direction_deviations_rad(self) -> Vector:
+        """Standard deviation (N,) of the lines' directions."""
+        return np.asarray(np.sqrt(2.0) * self.deviations / self.lengths)
+
+    @property
+    def homogeneous(self) -> Floats:
+        """Lines (N, 3) through both points, unit length."""
+        one = np.ones((len(self), 1))
+        lines = np.cross(np.hstack([self.starts, one]), np.hstack([self.ends, one]))
+        return np.asarray(lines / np.linalg.norm(lines, axis=1, keepdims=True))
+
+    def moved(self, row: int, start: float, end: float) -> "StraightLines":
+        """The same lines, but for line `row`, whose points are moved across it by `start` and `end`."""
+        along = (self.ends[row] - self.starts[row]) / self.lengths[row]
+        across = np.array([-along[1], along[0]])
+        starts, ends = self.starts.copy(), self.ends.copy()
+        starts[row] += start * across
+        ends[row] += end * across
+        return StraightLines(starts, ends, self.deviations, self.upright)
+
+    def with_axes(self, upright: Upright) -> "StraightLines":
+        """The same lines along other axes."""
+        return StraightLines(self.starts, self.ends, self.deviations, upright)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinePlane:
+    """The plane that straight lines show, with the information (4, 4) of rotation vector and log focal length.
+
+    `residuals_rad` (N,) are the angles between the lines and the way to their vanishing points.
+    `log_focal_deviation` is without the prior.
+    """
+
+    plane: PagePlane
+    information: Floats
+    residuals_rad: Vector
+    log_focal_deviation: float
+
+
+def line_directions(plane: PagePlane, lines: StraightLines) -> Vector:
+    """Signed angle (N,), rad in (-pi/2, pi/2), from each line to the way to the vanishing point of its axis."""
+    return _directions(plane.rotation, plane.focal, lines)[0]
+
+
+def side_directions(plane: PagePlane, sides: StraightLines, skew_rad: float) -> Vector:
+    """As `line_directions`, for lines along axes that are turned by `skew_rad` in the page's plane."""
+    turn = rotation_from_vector(np.array([0.0, 0.0, skew_rad]))
+    return _directions(plane.rotation @ turn, plane.focal, sides)[0]
+
+
+def side_skew(plane: PagePlane, sides: StraightLines) -> float:
+    """Turn (rad, median) from the axes of `plane` to the directions that `sides` have in it."""
+    H = np.linalg.inv(plane.H_centred_plane)
+    way = transform_points(H, sides.ends) - transform_points(H, sides.starts)
+    # Upright lines are turned back onto the x axis.
+    turned = np.where(sides.upright[:, None], np.stack([way[:, 1], -way[:, 0]], axis=1), way)
+    angles = np.arctan2(turned[:, 1], turned[:, 0])
+    mean = 0.5 * np.angle(np.sum(np.exp(2j * angles)))
+    return float(mean + np.median((angles - mean + np.pi / 2) % np.pi - np.pi / 2))
+
+
+def along_axes(plane: PagePlane, sides: StraightLines) -> StraightLines:
+    """The same lines, each along the axis of `plane` that it is nearer to on the whole.
+
+    Text may run along either pair of the sheet's sides: axes are exchanged where the lines are turned by more than
+    45 degrees.
+    """
+    return sides if abs(side_skew(plane, sides)) <= np.pi / 4 else sides.with_axes(~sides.upright)
+
+
+def _directions(rotation: Floats, focal: float, lines: StraightLines) -> tuple[Vector, Floats]:
+    """The angles (N,) and their derivatives (N, 4) by rotation vector (on the page's side) and log focal length."""
+    along = (lines.ends - lines.starts) / lines.lengths[:, None]
+    middle = 0.5 * (lines.starts + lines.ends)
+    axis = np.eye(3)[lines.upright.astype(int)]
+    # Columns: the vanishing point, and its derivatives: d R exp([w]) e / dw_j = R (e_j x e).
+    V = np.empty((len(lines), 3, 5))
+    V[:, :, 0] = axis @ rotation.T
+    for j in range(3):
+        V[:, :, 1 + j] = np.cross(np.eye(3)[j], axis) @ rotation.T
+    V[:, :2, :4] *= focal
+    V[:, :2, 4], V[:, 2, 4] = V[:, :2, 0], 0.0
+    way = V[:, :2] - middle[:, :, None] * V[:, 2:]
+    dot = np.einsum("ni,nik->nk", along, way)
+    cross = along[:, :1] * way[:, 1] - along[:, 1:] * way[:, 0]
+    straight = np.where(dot[:, 0] == 0, 1e-12, dot[:, 0])
+    square = np.maximum(straight**2 + cross[:, 0] ** 2, 1e-24)[:, None]
+    return np.arctan(cross[:, 0] / straight), (dot[:, :1] * cross[:, 1:] - cross[:, :1] * dot[:, 1:]) / square
+
+
+def start_plane(lines: StraightLines, prior: FocalPrior) -> PagePlane | None:
+    """Closed form: both vanishing points, f from them where the prior allows; None with fewer than three lines.
+
+    With one line along an axis, that axis is the direction in the line's plane of sight at right angles to the other.
+    """
+    level, upright = (lines.homogeneous[lines.upright == side] for side in (False, True))
+    if min(len(level), len(upright)) < 1 or len(lines) < 3:
+        return None
+    v_h = _meeting(level) if len(level) > 1 else None
+    v_v = _meeting(upright) if len(upright) > 1 else None
+    focal = float(np.exp(prior.log_focal))
+    to_plane_of_sight = np.array([focal, focal, 1.0])
+    if v_h is not None and v_v is not None:
+        solved = focal_length_from_vanishing_points(v_h, v_v)
+        if solved is not None:
+            reach = np.exp(4 * prior.deviation)
+            focal = float(np.clip(solved, focal / reach, focal * reach))
+    elif v_h is not None:
+        v_v = _at_right_angles(upright[0] * to_plane_of_sight, v_h, focal)
+    elif v_v is not None:
+        v_h = _at_right_angles(level[0] * to_plane_of_sight, v_v, focal)
+    assert v_h is not None
+    assert v_v is not None
+    return PagePlane(rotation_from_flows(v_h, v_v, focal), focal)
+
+
+def _meeting(lines: Floats) -> Floats:
+    """Homogeneous point (3,) in which lines (N, 3) meet."""
+    return np.asarray(np.linalg.svd(lines, full_matrices=True)[2][2])
+
+
+def _at_right_angles(plane_of_sight: Floats, other: Floats, focal: float) -> Floats:
+    """Vanishing point (3,) of the direction in `plane_of_sight` (its normal) at right angles to that of `other`."""
+    direction = np.cross(plane_of_sight, other * np.array([1.0, 1.0, focal]))
+    return np.asarray(direction * np.array([focal, focal, 1.0]))
+
+
+def fit_line_plane(
+    lines: StraightLines, prior: FocalPrior, start: PagePlane, robust_deviations: float | None = None
+) -> LinePlane:
+    """Least squares over rotation (3) and log focal length, under the prior (Levenberg-Marquardt).
+
+    With `robust_deviations`, Cauchy's loss of that scale, in the lines' own deviations, is applied to them; the prior
+    is meant as it is.
+    """
+    deviations = lines.direction_deviations_rad
+
+    def cost(plane: PagePlane) -> float:
+        r = line_directions(plane, lines) / deviations
+        pull = (np.log(plane.focal) - prior.log_focal) / prior.deviation
+        if robust_deviations is not None:
+            r = robust_deviations * np.sqrt(np.log1p((r / robust_deviations) ** 2))
+        return float(r @ r + pull**2)
+
+    plane, least, damping = start, cost(start), 1e-6
+    A, r = _linearized(plane, lines, prior, robust_deviations)
+    for _ in range(MAX_STEPS):
+        information = A[:, :4].T @ A[:, :4]
+        damped = information + damping * np.diag(np.diag(information) + 1e-9)
+        step = -np.linalg.solve(damped, A[:, :4].T @ A[:, 4])
+        moved = _moved(plane, step)
+        tried = cost(moved)
+        if tried <= least:
+            plane, least, damping = moved, tried, 0.2 * damping
+            A, r = _linearized(plane, lines, prior, robust_deviations)
+        else:
+            damping *= 10.0
+        if float(np.abs(step).max()) < SMALL_STEP:
+            break
+    information = A[:, :4].T @ A[:, :4]
+    return LinePlane(plane, information, r, _focal_deviation(information, prior))
+
+
+def _moved(plane: PagePlane, step: Vector) -> PagePlane:
+    focal = float(np.clip(plane.focal * np.exp(np.clip(step[3], -1.0, 1.0)), MIN_FOCAL, MAX_FOCAL))
+    return PagePlane(plane.rotation @ rotation_from_vector(step[:3]), focal)
+
+
+def _linearized(
+    plane: PagePlane, lines: StraightLines, prior: FocalPrior, robust_deviations: float | None
+) -> tuple[Floats, Vector]:
+    """Derivatives and residuals (N + 1, 5), in deviations, the prior's in the last row; and the angles (N,)."""
+    r, J = _directions(plane.rotation, plane.focal, lines)
+    weights = 1 / lines.direction_deviations_rad
+    if robust_deviations is not None:
+        weights = weights / np.sqrt(1 + (r * weights / robust_deviations) ** 2)
+    rows = np.column_stack([J, r]) * weights[:, None]
+    pull = (np.log(plane.focal) - prior.log_focal) / prior.deviation
+    return np.vstack([rows, [[0.0, 0.0, 0.0, 1 / prior.deviation, pull]]]), r
+
+
+def _focal_deviation(information: Floats, prior: FocalPrior) -> float:
+    """Deviation of log f from the lines alone."""
+    without = information.copy()
+    without[3, 3] -= 1 / prior.deviation**2
+    # What is left of log f when the rotation is free.
+    left = without[3, 3] - without[3, :3] @ np.linalg.lstsq(without[:3, :3], without[:3, 3], rcond=1e-12)[0]
+    return float(1 / np.sqrt(left)) if left > 1e-6 else float("inf")
+
+
+def neighbouring_fits(
+    fit: LinePlane, lines: StraightLines, prior: FocalPrior
+) -> Iterator[tuple[PagePlane, StraightLines]]:
+    """Plane and lines as each observation in turn is moved by its own deviation, to first order.
+
+    The observations are both points of each line, and the prior. They are independent, so the deviation of whatever
+    follows from the fit is the root of the sum of its squared changes.
+    """
+    A, r = _linearized(fit.plane, lines, prior, None)
+    inverse = np.linalg.pinv(A[:, :4])
+    for row in range(len(lines)):
+        deviation = float(lines.deviations[row])
+        for start, end in ((deviation, 0.0), (0.0, deviation)):
+            moved = lines.moved(row, start, end)
+            change = (line_directions(fit.plane, moved) - r) / lines.direction_deviations_rad
+            yield _moved(fit.plane, -inverse[:, :-1] @ change), moved
+    yield _moved(fit.plane, inverse[:, -1]), lines
