@@ -73,7 +73,7 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "unsupported-media-type": "Not an image format that is accepted.",
     "undecodable-image": "The image data is truncated or damaged, or a PDF is, or it is encrypted.",
     "invalid-option": "An option is unknown, malformed or out of its range; `field` names it.",
-    "no-text": "The image shows too little printed text to see the page's shape.",
+    "no-text": "The image shows too little printed text to see the page's shape, and no sheet's edges either.",
     "not-overlapping": "No two of the photos show the same part of a page.",
     "invalid-model": "Not a layout model, or one of a newer form than this service reads.",
     "no-samples": "The model has no samples to be made of.",

@@ -50,7 +50,7 @@ class InvalidOption(DocumentError):
 
 
 class NoText(DocumentError):
-    """The image shows too little printed text to see the page's shape."""
+    """The image shows too little printed text to see the page's shape, and no sheet's edges either."""
 
     code = "no-text"
 

@@ -85,13 +85,20 @@ Direction = tuple[float, float, float]
 
 
 class Evidence(Answer):
-    """Why the page was taken for planar or curved."""
+    """Why the page was taken for planar or curved, and what showed its shape."""
 
     major_convergence: float | None = Field(
         description="S3/S1 of the text lines' flow; null: too few samples."
     )
     minor_convergence: float | None = Field(description="S3/S1 of the strokes' flow; null: too few samples.")
     text_area_fraction: float = Field(ge=0, le=1, description="Share of the photo that is text.")
+    source: list[Literal["text", "outline", "rules"]] = Field(
+        description="What decided the shape: the text, the sheet's edges, straight print that is no text."
+    )
+    outline_confidence: float | None = Field(
+        ge=0, le=1, description="Of the sheet's edges; null: none were found."
+    )
+    sides_seen: int = Field(ge=0, le=4, description="Sides of the sheet of which an edge is seen.")
 
 
 class Camera(Answer):

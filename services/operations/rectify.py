@@ -33,7 +33,7 @@ def rectify_upload(
     UnsupportedMediaType, TooLarge, UndecodableImage
         When the upload is no picture that is accepted.
     NoText
-        When the photo shows too little printed text to see the page's shape.
+        When the photo shows too little printed text to see the page's shape, and no sheet's edges either.
     InvalidOption
         When `parameters` or `encoding` cannot be met.
     """
@@ -57,6 +57,9 @@ def describe_rectification(result: RectifyResult) -> dict[str, object]:
             "major_convergence": result.evidence.major_convergence,
             "minor_convergence": result.evidence.minor_convergence,
             "text_area_fraction": result.evidence.text_area_fraction,
+            "source": list(result.evidence.source),
+            "outline_confidence": result.evidence.outline_confidence,
+            "sides_seen": result.evidence.sides_seen,
         },
         "camera": {
             "focal_length_px": result.camera.focal_length_px,

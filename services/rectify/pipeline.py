@@ -41,6 +41,7 @@ from services.rectify.results import (
 )
 from services.rectify.stage_clock import StageClock
 from services.rectify.surface_test import discriminate_surface
+from services.rectify.textless import TextlessPage, draw_for_reading, find_textless_page, frame_textless
 from services.sheet.outline.results import SheetOutline
 from services.texture_flow.field import FlowSamples
 
@@ -76,6 +77,8 @@ class FlatPage:
     vanishing_points: FlowVanishingPoints
     shape: PagePose | CurvedPage
     notices: tuple[Notice, ...]
+    outline: SheetOutline | None = None
+    """The sheet's, where it was found."""
 
     @property
     def kind(self) -> Literal["planar", "curved"]:
@@ -94,21 +97,29 @@ def rectify(
     Raises
     ------
     NoText
-        When the photo shows too little printed text to see the page's shape.
+        When the photo shows too little printed text to see the page's shape, and no sheet's edges either.
     InvalidOption
         When `parameters` cannot be met (a region or focal length that the photo cannot have).
     """
     check_parameters(photo, parameters)
     clock = StageClock(STAGE_BEGINS)
-    page = estimate_page(photo, parameters, exif_focal_length_px, clock)
+    page = find_page(photo, parameters, exif_focal_length_px, clock)
     notices = list(page.notices)
+    frame: FlatFrame | CurvedFrame
     with clock.stage("framing"):
-        outline = page.analysis.paper.outline(page.analysis.characters)
-        frame = crop_to_sheet(photo, frame_photo(photo, page, outline), page.analysis, outline)
+        if isinstance(page, TextlessPage):
+            outline, frame = page.border, frame_textless(page)
+        else:
+            outline = page.analysis.paper.outline(page.analysis.characters)
+            frame = crop_to_sheet(photo, frame_photo(photo, page, outline), page.analysis, outline)
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):
-            orientation, notice = orient_page(page.analysis, frame, ocr)
+            if isinstance(page, TextlessPage):
+                flat_frame = frame_textless(page)
+                orientation, notice = tell_orientation(lambda: draw_for_reading(photo, flat_frame), ocr)
+            else:
+                orientation, notice = orient_page(page.analysis, frame, ocr)
         notices += [notice] if notice else []
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
     with clock.stage("remap"):
@@ -145,6 +156,29 @@ def check_parameters(photo: RgbImage, parameters: RectifyParameters) -> None:
             raise InvalidOption("region: the polygon lies outside of the photo.")
 
 
+def find_page(
+    photo: RgbImage,
+    parameters: RectifyParameters,
+    exif_focal_length_px: float | None,
+    clock: StageClock,
+    outline: SheetOutline | None = None,
+) -> FlatPage | TextlessPage:
+    """The page in `photo` by its text, and by the `outline` of its sheet if that is seen; without text by the latter.
+
+    Raises
+    ------
+    NoText
+        When neither text nor a sheet's edges nor straight print shows the page's shape.
+    """
+    try:
+        return estimate_page(photo, parameters, exif_focal_length_px, clock, outline)
+    except NoText as refusal:
+        with clock.stage("shape"):
+            view = PhotoFrame(photo.shape[1], photo.shape[0])
+            prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+            return find_textless_page(photo, outline, view, prior, refusal)
+
+
 def estimate_page(
     photo: RgbImage,
     parameters: RectifyParameters,
@@ -161,14 +195,16 @@ def estimate_page(
         points = estimate_vanishing_points(major, minor)
         evidence = PageEvidence(analysis, view, major, minor, points)
         shape, notices = choose_shape(evidence, prior, parameters.kind, outline)
-    if analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES:
+    sides_believed = isinstance(shape, PagePose) and shape.sides_believed
+    few_lines = analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES
+    if few_lines and not sides_believed:
         raise NoText(
             f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
             "Send region, a polygon round the text, if there is some."
         )
     if analysis.facing_page:
         notices += (FACING_PAGE,)
-    return FlatPage(analysis, view, points, shape, notices)
+    return FlatPage(analysis, view, points, shape, notices, outline)
 
 
 def choose_shape(
@@ -260,13 +296,25 @@ def tell_orientation(
     return orientation, None
 
 
-def describe_evidence(page: FlatPage) -> Evidence:
-    """Convergence of both flows and the share of text."""
+def describe_evidence(page: FlatPage | TextlessPage) -> Evidence:
+    """Convergence of both flows, the share of text, and what decided the shape."""
+    source = ("text",) if isinstance(page.shape, CurvedPage) else page.shape.sources
+    confidence = None if page.outline is None else page.outline.confidence
+    sides = 0 if page.outline is None else sum(side.seen > 0 for side in page.outline.sides)
+    if isinstance(page, TextlessPage):
+        return Evidence(None, None, 0.0, source, confidence, sides)
     minor = page.vanishing_points.vertical.convergence if page.analysis.minor is not None else None
-    return Evidence(page.vanishing_points.horizontal.convergence, minor, page.analysis.text.area_fraction)
+    return Evidence(
+        page.vanishing_points.horizontal.convergence,
+        minor,
+        page.analysis.text.area_fraction,
+        source,
+        confidence,
+        sides,
+    )
 
 
-def describe_camera(page: FlatPage) -> CameraEstimate:
+def describe_camera(page: FlatPage | TextlessPage) -> CameraEstimate:
     """Focal length in photo pixels, and how it is known."""
     shape, view = page.shape, page.view
     if isinstance(shape, CurvedPage):
@@ -276,7 +324,7 @@ def describe_camera(page: FlatPage) -> CameraEstimate:
     return CameraEstimate(focal_px, field_of_view(focal_px, view.width, view.height), source)
 
 
-def describe_surface(page: FlatPage) -> PlaneSurface | StripsSurface:
+def describe_surface(page: FlatPage | TextlessPage) -> PlaneSurface | StripsSurface:
     """The plane's normal, or the curved page's strips."""
     if isinstance(page.shape, CurvedPage):
         return page.shape.strips

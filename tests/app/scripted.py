@@ -127,7 +127,14 @@ def document(parameters: RectifyParameters, encoding: Encoding, image: str | Non
     """A `RectifyResult` whose notices carry the options back."""
     return {
         "kind": "planar",
-        "evidence": {"major_convergence": 0.01, "minor_convergence": None, "text_area_fraction": 0.4},
+        "evidence": {
+            "major_convergence": 0.01,
+            "minor_convergence": None,
+            "text_area_fraction": 0.4,
+            "source": ["text"],
+            "outline_confidence": None,
+            "sides_seen": 0,
+        },
         "camera": {
             "focal_length_px": parameters.focal_length_px,
             "field_of_view_deg": None,

@@ -1,0 +1,145 @@
+"""A page whose text does not show its shape: its plane from the sheet's sides, or from straight print."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from services.arrays import GrayImage, Points, RgbImage
+from services.errors import NoText
+from services.geometry.homographies import transform_points
+from services.imaging.illumination import flatten_illumination
+from services.rectify.analysis import resize_gray
+from services.rectify.drawing import draw_gray_view
+from services.rectify.framing import FlatFrame, frame_page, resize_frame
+from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, read_sides
+from services.rectify.planar import FocalLengthSource, FocalPrior, PhotoFrame
+from services.rectify.pose import PagePose
+from services.rectify.results import Notice, ShapeSource
+from services.rectify.ruled_plane import plane_from_rules
+from services.sheet.outline.results import SheetOutline
+
+
+@dataclass(frozen=True, slots=True)
+class TextlessParameters:
+    """Of pages whose text does not show their shape."""
+
+    orientation_long_side_px: int = 1600
+    """Of the photo from which the few words are read that may tell which way is up."""
+    seen_focal_deviation: float = 0.25
+    aspect_deviation: float = 0.03
+    """Both as in `PoseParameters`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TextlessPage:
+    """What is known of such a page before anything is drawn.
+
+    `extent` (M, 2) are photo points that the view holds: the sheet's outline, else the ends of the straight lines.
+    """
+
+    view: PhotoFrame
+    shape: PagePose
+    extent: Points
+    outline: SheetOutline | None
+    aspect: float | None
+    """Width over height of the sheet as the photo shows it, where all four sides are seen."""
+
+    @property
+    def kind(self) -> Literal["planar"]:
+        """As it is flattened."""
+        return "planar"
+
+    @property
+    def border(self) -> Points | None:
+        """The sheet's outline (M, 2) in photo pixels, where it is seen."""
+        return None if self.outline is None else self.outline.polygon
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """What to say of the shape."""
+        return self.shape.notices
+
+
+def find_textless_page(
+    photo: RgbImage,
+    outline: SheetOutline | None,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    refusal: NoText,
+    parameters: TextlessParameters | None = None,
+) -> TextlessPage:
+    """The page in `photo` (H, W, 3), whose text was refused, by its `outline`, else by its straight print.
+
+    Raises
+    ------
+    NoText
+        `refusal` with what else was looked for, when neither shows a plane.
+    """
+    p = parameters or TextlessParameters()
+    sheet = read_sides(outline, view, prior)
+    if sheet is not None and isinstance(sheet.plane, OutlinePlane):
+        assert outline is not None
+        shape = pose_of(sheet.plane, view, prior, "outline", p)
+        return TextlessPage(view, shape, outline.polygon, outline, sheet.plane.aspect)
+    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+    ruled = plane_from_rules(gray, view, prior)
+    if isinstance(ruled, OutlinePlane):
+        extent = transform_points(
+            view.H_photo_centred, np.concatenate([ruled.lines.starts, ruled.lines.ends])
+        )
+        return TextlessPage(view, pose_of(ruled, view, prior, "rules", p), extent, None, None)
+    raise NoText(f"{refusal.detail} {describe_misses(sheet.plane if sheet is not None else None, ruled)}")
+
+
+def describe_misses(sheet: OutlinePlane | NoOutlinePlane | None, ruled: NoOutlinePlane) -> str:
+    """What else was looked for in vain."""
+    if isinstance(sheet, NoOutlinePlane):
+        return f"A sheet's edge is seen, but {sheet.reason}."
+    return f"No sheet's edge is seen whole either, and {ruled.reason}: have all four sides in the photo."
+
+
+def pose_of(
+    found: OutlinePlane, view: PhotoFrame, prior: FocalPrior, source: ShapeSource, p: TextlessParameters
+) -> PagePose:
+    """The plane in pixels, with what is uncertain about it."""
+    notices: tuple[Notice, ...] = ()
+    if found.log_aspect_deviation > p.aspect_deviation:
+        notices = (
+            Notice(
+                "aspect-ratio-uncertain",
+                "this pose does not show the focal length well, so the width-to-height ratio may be off by about "
+                f"{100 * found.log_aspect_deviation:.0f} %; send focal_length_px or keep EXIF.",
+            ),
+        )
+    seen = prior.source == "assumed" and found.log_focal_deviation < p.seen_focal_deviation
+    focal_source: FocalLengthSource = "estimated" if seen else prior.source
+    N = found.plane.rotation[:, 2]
+    return PagePose(
+        view.H_photo_centred @ found.plane.H_centred_plane,
+        (float(N[0]), float(N[1]), float(N[2])),
+        found.plane.focal * view.unit_px,
+        focal_source,
+        notices,
+        0,
+        0.0,
+        (source,),
+        source == "outline",
+    )
+
+
+def frame_textless(page: TextlessPage) -> FlatFrame:
+    """The view of the sheet, or of what lies near the straight lines, at the photo's own resolution."""
+    size = (page.view.height, page.view.width)
+    return frame_page(page.shape.H_photo_plane, size, page.extent, 0.0, page.border)
+
+
+def draw_for_reading(
+    photo: RgbImage, frame: FlatFrame, parameters: TextlessParameters | None = None
+) -> GrayImage:
+    """The flat view in gray under even light, small: enough to read which way is up."""
+    p = parameters or TextlessParameters()
+    factor = min(1.0, p.orientation_long_side_px / max(photo.shape))
+    gray = resize_gray(np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8), factor)
+    return draw_gray_view(flatten_illumination(gray), factor, resize_frame(frame, factor))
