@@ -20,7 +20,7 @@ from services.rectify.edge_cropping import crop_to_sheet
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.line_tracing import line_deviation
 from services.rectify.orientation import estimate_orientation
-from services.rectify.outline_plane import read_sides
+from services.rectify.outline_plane import SheetSides, read_sides
 from services.rectify.parameters import PageKind, RectifyParameters
 from services.rectify.planar import (
     FlowVanishingPoints,
@@ -191,10 +191,12 @@ def estimate_page(
     with clock.stage("shape"):
         view = PhotoFrame(photo.shape[1], photo.shape[0])
         prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+        sheet = read_sides(outline, view, prior)
+        view = view if sheet is None else sheet.view
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
         evidence = PageEvidence(analysis, view, major, minor, points)
-        shape, notices = choose_shape(evidence, prior, parameters.kind, outline)
+        shape, notices = choose_shape(evidence, prior, parameters.kind, sheet)
     sides_believed = isinstance(shape, PagePose) and shape.sides_believed
     few_lines = analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES
     if few_lines and not sides_believed:
@@ -208,7 +210,7 @@ def estimate_page(
 
 
 def choose_shape(
-    evidence: PageEvidence, prior: FocalPrior, kind: PageKind, outline: SheetOutline | None = None
+    evidence: PageEvidence, prior: FocalPrior, kind: PageKind, sheet: SheetSides | None = None
 ) -> tuple[PagePose | CurvedPage, tuple[Notice, ...]]:
     """The gentlest shape that the evidence supports: a plane, unless a bent sheet explains more.
 
@@ -222,7 +224,6 @@ def choose_shape(
     curved = estimate_curved_page(e, prior) if kind == "curved" else None
     if isinstance(curved, CurvedPage):
         return curved, curved.notices
-    sheet = read_sides(outline, e.view, prior)
     pose = choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, seems, sheet=sheet)
     if kind == "auto":
         plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)

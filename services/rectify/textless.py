@@ -81,8 +81,8 @@ def find_textless_page(
     sheet = read_sides(outline, view, prior)
     if sheet is not None and isinstance(sheet.plane, OutlinePlane):
         assert outline is not None
-        shape = pose_of(sheet.plane, view, prior, "outline", p)
-        return TextlessPage(view, shape, outline.polygon, outline, sheet.plane.aspect)
+        shape = pose_of(sheet.plane, sheet.view, prior, "outline", p)
+        return TextlessPage(sheet.view, shape, outline.polygon, outline, sheet.plane.aspect)
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     ruled = plane_from_rules(gray, view, prior)
     if isinstance(ruled, OutlinePlane):
