@@ -49,8 +49,8 @@ class OutlinePlaneParameters:
     max_off_centre: float = 0.35
     cropped_cost: float = 9.0
     """A photo counts as cropped when an off-centre principal point brings the sum of squares down by this."""
-    cropped_bend: float = 0.01
-    """Sides that are bent further, as shares of their length, do not tell a cropped photo."""
+    straight_bend: float = 0.01
+    """Sides that are bent further do not tell that the sheet is flat, nor that the photo was cropped."""
     max_tilt_rad: float = float(np.deg2rad(65.0))
     max_aspect: float = 8.0
     """Longer sheets than receipts."""
@@ -86,6 +86,8 @@ class SheetSides:
     view: PhotoFrame
     lines: StraightLines
     plane: "OutlinePlane | NoOutlinePlane"
+    straight: bool
+    """Whether all four sides are seen, and none is bent."""
     confidence: float
 
 
@@ -175,19 +177,20 @@ def read_sides(
     lines = side_lines(outline, view, p)
     if len(lines) == 0:
         return None
-    off = _principal_point(outline, lines, prior, p) if view.principal_point_px is None else None
+    straight = len(lines) == 4 and max(map(_bend, outline.sides)) < p.straight_bend
+    off = None
+    if straight and view.principal_point_px is None:
+        off = _principal_point(lines, prior, p)
     if off is not None:
         x, y = view.centre + off * view.unit_px
         view, lines = replace(view, principal_point_px=(float(x), float(y))), lines.seen_from(off)
-    return SheetSides(view, lines, plane_from_lines(lines, prior, p), outline.confidence)
+    return SheetSides(view, lines, plane_from_lines(lines, prior, p), straight, outline.confidence)
 
 
-def _principal_point(
-    outline: SheetOutline, lines: StraightLines, prior: FocalPrior, p: OutlinePlaneParameters
-) -> Floats | None:
+def _principal_point(lines: StraightLines, prior: FocalPrior, p: OutlinePlaneParameters) -> Floats | None:
     """Where the principal point (2,) must be, when the four straight sides are a rectangle's only if it is off."""
     start = start_plane(lines, prior)
-    if start is None or len(lines) < 4 or max(map(_bend, outline.sides)) > p.cropped_bend:
+    if start is None:
         return None
     centred = fit_line_plane(lines, prior, start)
     if centred.cost < p.cropped_cost:

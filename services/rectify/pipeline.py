@@ -228,7 +228,8 @@ def choose_shape(
     if kind == "auto":
         plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
         waviness = line_deviation(plane, trace_page(e.analysis, e.view, plane))
-        if seems == "curved" or waviness >= STRAIGHT:
+        # Four straight sides and straight lines are those of a plane, whatever sparse flows say.
+        if waviness >= STRAIGHT or (seems == "curved" and not pose.sides_believed):
             curved = estimate_curved_page(e, prior)
             if isinstance(curved, CurvedPage) and explains_more(curved, pose, waviness):
                 return curved, curved.notices
@@ -249,7 +250,7 @@ def explains_more(curved: CurvedPage, pose: PagePose, waviness: float) -> bool:
     Where the plane leaves them straight, or there are too few lines to tell, the flows must decide, and clearly.
     """
     if waviness < STRAIGHT or curved.line_count < FEW_LINES // 2:
-        return curved.deviation < FLOW_GAIN * pose.deviation
+        return not pose.sides_believed and curved.deviation < FLOW_GAIN * pose.deviation
     return curved.waviness < CURVED_GAIN * waviness and curved.deviation < pose.deviation
 
 
