@@ -1,16 +1,17 @@
 """The plane of a sheet from the sides of its outline, with what it leaves uncertain."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.arrays import Points, Vector
+from services.arrays import Floats, Points, Vector
 from services.geometry.homographies import transform_points
 from services.rectify.planar import FocalPrior, PagePlane, PhotoFrame
 from services.rectify.straight_lines import (
     LinePlane,
     StraightLines,
     fit_line_plane,
+    fit_principal_point,
     neighbouring_fits,
     start_plane,
 )
@@ -38,8 +39,18 @@ class OutlinePlaneParameters:
     """Scale of Cauchy's loss of the line fit, in deviations: a thumb or a dog-ear covers part of a side."""
     believable_focal: float = 3.5
     """As in `RefinementParameters`: further from the prior, in deviations, it is no rectangle that was seen."""
+    held_deviation: float = 0.08
+    """Then the focal length is held near the prior's by this."""
     max_misfit_rad: float = float(np.deg2rad(1.5))
     """RMS angle that the sides leave to the best rectangle."""
+    off_centre: float = 0.15
+    """Deviation of the principal point of a photo that was cropped, in half diagonals: where a quarter of the width
+    is cut from one side."""
+    max_off_centre: float = 0.35
+    cropped_cost: float = 9.0
+    """A photo counts as cropped when an off-centre principal point brings the sum of squares down by this."""
+    straight_bend: float = 0.01
+    """Sides that are bent further do not tell that the sheet is flat, nor that the photo was cropped."""
     max_tilt_rad: float = float(np.deg2rad(65.0))
     max_aspect: float = 8.0
     """Longer sheets than receipts."""
@@ -66,10 +77,17 @@ class OutlinePlane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetSides:
-    """What the outline tells of a plane: its straight `lines`, and the `plane` that they show alone, if they do."""
+    """What the outline tells of a plane: its straight `lines`, and the `plane` that they show alone, if they do.
 
+    Both are in centred unit coordinates of `view`, whose principal point is off the photo's middle where the sides ask
+    for it: a photo that was cropped.
+    """
+
+    view: PhotoFrame
     lines: StraightLines
     plane: "OutlinePlane | NoOutlinePlane"
+    straight: bool
+    """Whether all four sides are seen, and none is bent."""
     confidence: float
 
 
@@ -148,44 +166,62 @@ def read_sides(
     prior: FocalPrior,
     parameters: OutlinePlaneParameters | None = None,
 ) -> SheetSides | None:
-    """The outline's sides as evidence for a plane; None where there is none to be used."""
-    p = parameters or OutlinePlaneParameters()
-    if outline is None or outline.confidence < p.min_confidence:
-        return None
-    lines = side_lines(outline, view, p)
-    return SheetSides(lines, plane_from_sides(lines, prior, p), outline.confidence) if len(lines) else None
-
-
-def plane_from_outline(
-    outline: SheetOutline,
-    view: PhotoFrame,
-    prior: FocalPrior,
-    parameters: OutlinePlaneParameters | None = None,
-) -> OutlinePlane | NoOutlinePlane:
-    """The plane in which the outline's straight sides are those of a rectangle; three sides suffice.
+    """The outline's sides as evidence for a plane; None where there is none to be used.
 
     Four sides fix rotation and focal length, unless two opposite ones are parallel in the photo; then, and with three
     sides, the focal length is the prior's. The sheet is not turned: its top side is on top in the photo.
     """
     p = parameters or OutlinePlaneParameters()
-    return plane_from_sides(side_lines(outline, view, p), prior, p)
+    if outline is None or outline.confidence < p.min_confidence:
+        return None
+    lines = side_lines(outline, view, p)
+    if len(lines) == 0:
+        return None
+    straight = len(lines) == 4 and max(map(_bend, outline.sides)) < p.straight_bend
+    off = None
+    if straight and view.principal_point_px is None:
+        off = _principal_point(lines, prior, p)
+    if off is not None:
+        x, y = view.centre + off * view.unit_px
+        view, lines = replace(view, principal_point_px=(float(x), float(y))), lines.seen_from(off)
+    return SheetSides(view, lines, plane_from_lines(lines, prior, p), straight, outline.confidence)
 
 
-def plane_from_sides(
+def _principal_point(lines: StraightLines, prior: FocalPrior, p: OutlinePlaneParameters) -> Floats | None:
+    """Where the principal point (2,) must be, when the four straight sides are a rectangle's only if it is off."""
+    start = start_plane(lines, prior)
+    if start is None:
+        return None
+    centred = fit_line_plane(lines, prior, start)
+    if centred.cost < p.cropped_cost:
+        return None
+    usual = start_plane(lines, replace(prior, source="given"))
+    point, cost = fit_principal_point(lines, prior, usual or start, p.off_centre)
+    if centred.cost - cost < p.cropped_cost or float(np.hypot(*point)) > p.max_off_centre:
+        return None
+    return point
+
+
+def _bend(side: SheetSide) -> float:
+    """RMS distance of a side's points from its line, over its length."""
+    return side.straightness_px / max(float(np.linalg.norm(side.points[-1] - side.points[0])), 1.0)
+
+
+def plane_from_lines(
     lines: StraightLines, prior: FocalPrior, parameters: OutlinePlaneParameters | None = None
 ) -> OutlinePlane | NoOutlinePlane:
-    """As `plane_from_outline`, for sides in centred unit coordinates; further lines along them are welcome."""
+    """The plane in which `lines` are parallel and at right angles; three suffice."""
     p = parameters or OutlinePlaneParameters()
     start = start_plane(lines, prior)
     if start is None:
         return NoOutlinePlane(f"only {len(lines)} straight sides are seen")
     fit = fit_line_plane(lines, prior, start)
-    drawn = abs(float(np.log(fit.plane.focal)) - prior.log_focal)
-    if drawn > p.believable_focal * prior.deviation:
-        return NoOutlinePlane("its sides are those of no rectangle that a usual camera sees")
+    if abs(float(np.log(fit.plane.focal)) - prior.log_focal) > p.believable_focal * prior.deviation:
+        prior = FocalPrior(prior.log_focal, min(p.held_deviation, prior.deviation), prior.source)
+        fit = fit_line_plane(lines, prior, start)
     misfit = float(np.sqrt(np.mean(fit.residuals_rad**2)))
     if misfit > p.max_misfit_rad:
-        return NoOutlinePlane("its sides are not at right angles")
+        return NoOutlinePlane("its sides are those of no rectangle that a usual camera sees")
     if float(np.arccos(np.clip(abs(fit.plane.rotation[2, 2]), 0.0, 1.0))) > p.max_tilt_rad:
         return NoOutlinePlane("it is seen from too low an angle")
     aspect = sheet_aspect(fit.plane, lines)

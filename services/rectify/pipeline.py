@@ -18,6 +18,7 @@ from services.rectify.drawing import draw_flat_view, draw_gray_view
 from services.rectify.edge_cropping import crop_to_sheet
 from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.orientation import estimate_orientation
+from services.rectify.outline_plane import read_sides
 from services.rectify.parameters import RectifyParameters
 from services.rectify.planar import (
     FlowVanishingPoints,
@@ -191,10 +192,12 @@ def estimate_page(
     with clock.stage("shape"):
         view = PhotoFrame(photo.shape[1], photo.shape[0])
         prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+        sheet = read_sides(outline, view, prior)
+        view = view if sheet is None else sheet.view
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
         evidence = PageEvidence(analysis, view, major, minor, points)
-        shape, notices = choose_shape(evidence, prior, parameters.kind, outline)
+        shape, notices = choose_shape(evidence, prior, parameters.kind, outline, sheet)
     sides_believed = isinstance(shape, PagePose) and shape.sides_believed
     few_lines = analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES
     if few_lines and not sides_believed:

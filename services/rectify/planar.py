@@ -21,15 +21,19 @@ FocalLengthSource = Literal["estimated", "exif", "given", "assumed"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhotoFrame:
-    """The photo's own frame and the one that geometry is done in: centred, half the diagonal as unit."""
+    """The photo's own frame and the one that geometry is done in: centred, half the diagonal as unit.
+
+    `principal_point_px` is None where it is the photo's middle.
+    """
 
     width: int
     height: int
+    principal_point_px: tuple[float, float] | None = None
 
     @property
     def centre(self) -> tuple[float, float]:
         """Principal point in pixels."""
-        return (self.width - 1) / 2, (self.height - 1) / 2
+        return self.principal_point_px or ((self.width - 1) / 2, (self.height - 1) / 2)
 
     @property
     def unit_px(self) -> float:

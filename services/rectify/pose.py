@@ -99,7 +99,7 @@ class PagePose:
     sources: tuple[ShapeSource, ...] = ("text",)
     """What decided the shape."""
     sides_believed: bool = False
-    """The sheet's sides are straight and those of one rectangle with the text."""
+    """All four sides of the sheet are straight, and those of a rectangle in this plane."""
     skew_rad: float = 0.0
     """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
 
@@ -329,7 +329,7 @@ def choose_pose(
         refined.lines,
         flow_deviation(plane, major, minor, p.minor_share),
         ("text", "outline") if believed else ("text",),
-        believed,
+        believed and sheet is not None and sheet.straight,
         refined.skew_rad if believed else 0.0,
     )
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, GrayImage, Points, Vector
 from services.geometry.vanishing_points import estimate_vanishing_point
-from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, plane_from_sides
+from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, plane_from_lines
 from services.rectify.planar import FocalPrior, PhotoFrame
 from services.rectify.straight_lines import StraightLines
 
@@ -75,7 +75,7 @@ def plane_from_rules(
     upright = np.zeros(len(lengths), bool)
     upright[families[1]] = True
     deviations = np.hypot(p.end_px / view.unit_px, p.floor_rad * lengths / np.sqrt(2)) * np.sqrt(p.overlap)
-    return plane_from_sides(StraightLines(starts[kept], ends[kept], deviations[kept], upright[kept]), prior)
+    return plane_from_lines(StraightLines(starts[kept], ends[kept], deviations[kept], upright[kept]), prior)
 
 
 def find_segments(gray: GrayImage, view: PhotoFrame, p: RuledPlaneParameters) -> tuple[Points, Points]:

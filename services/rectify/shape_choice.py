@@ -7,7 +7,7 @@ import numpy as np
 from services.geometry.page_map import PlaneMap
 from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_curved_page, trace_page
 from services.rectify.line_tracing import line_deviation
-from services.rectify.outline_plane import read_sides
+from services.rectify.outline_plane import SheetSides
 from services.rectify.parameters import PageKind
 from services.rectify.planar import FocalPrior
 from services.rectify.pose import PagePose, choose_pose
@@ -29,7 +29,11 @@ FLOW_GAIN = 0.4
 
 
 def choose_shape(
-    evidence: PageEvidence, prior: FocalPrior, kind: PageKind, outline: SheetOutline | None = None
+    evidence: PageEvidence,
+    prior: FocalPrior,
+    kind: PageKind,
+    outline: SheetOutline | None = None,
+    sheet: SheetSides | None = None,
 ) -> tuple[PagePose | CurvedPage | RidgedPage, tuple[Notice, ...]]:
     """The gentlest shape that the evidence supports: a plane, unless a bent or creased sheet explains more.
 
@@ -41,14 +45,15 @@ def choose_shape(
     seems: Literal["planar", "curved"] = (
         discriminate_surface(e.vanishing_points, e.analysis.text_height_px) if kind == "auto" else kind
     )
-    sheet = read_sides(outline, e.view, prior)
     pose = choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, seems, sheet=sheet)
     if kind == "planar":
         return pose, pose.notices
     plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
     waviness = line_deviation(plane, trace_page(e.analysis, e.view, plane))
     bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
-    if kind == "auto" and seems == "planar" and waviness < STRAIGHT and not bent_sides:
+    # Four straight sides and straight lines are those of a plane, whatever sparse flows say.
+    planar = waviness < STRAIGHT and (seems == "planar" or pose.sides_believed)
+    if kind == "auto" and planar and not bent_sides:
         return pose, pose.notices
     ridged = None if outline is None else ridged_page(e, prior, outline)
     if isinstance(ridged, RidgedPage):
@@ -91,5 +96,5 @@ def explains_more(curved: CurvedPage, pose: PagePose, waviness: float) -> bool:
     Where the plane leaves them straight, or there are too few lines to tell, the flows must decide, and clearly.
     """
     if waviness < STRAIGHT or curved.line_count < FEW_LINES // 2:
-        return curved.deviation < FLOW_GAIN * pose.deviation
+        return not pose.sides_believed and curved.deviation < FLOW_GAIN * pose.deviation
     return curved.waviness < CURVED_GAIN * waviness and curved.deviation < pose.deviation

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import (
@@ -70,6 +71,12 @@ class StraightLines:
         ends[row] += end * across
         return StraightLines(starts, ends, self.deviations, self.upright)
 
+    def seen_from(self, principal_point: Floats) -> "StraightLines":
+        """The same lines relative to `principal_point` (2,)."""
+        return StraightLines(
+            self.starts - principal_point, self.ends - principal_point, self.deviations, self.upright
+        )
+
     def with_axes(self, upright: Upright) -> "StraightLines":
         """The same lines along other axes."""
         return StraightLines(self.starts, self.ends, self.deviations, upright)
@@ -79,7 +86,8 @@ class StraightLines:
 class LinePlane:
     """The plane that straight lines show, with the information (4, 4) of rotation vector and log focal length.
 
-    `residuals_rad` (N,) are the angles between the lines and the way to their vanishing points.
+    `residuals_rad` (N,) are the angles between the lines and the way to their vanishing points; `cost` is the sum of
+    the squared residuals in deviations, the prior's included.
     `log_focal_deviation` is without the prior.
     """
 
@@ -87,6 +95,7 @@ class LinePlane:
     information: Floats
     residuals_rad: Vector
     log_focal_deviation: float
+    cost: float
 
 
 def line_directions(plane: PagePlane, lines: StraightLines) -> Vector:
@@ -210,7 +219,7 @@ def fit_line_plane(
         if float(np.abs(step).max()) < SMALL_STEP:
             break
     information = A[:, :4].T @ A[:, :4]
-    return LinePlane(plane, information, r, _focal_deviation(information, prior))
+    return LinePlane(plane, information, r, _focal_deviation(information, prior), least)
 
 
 def _moved(plane: PagePlane, step: Vector) -> PagePlane:
@@ -238,6 +247,24 @@ def _focal_deviation(information: Floats, prior: FocalPrior) -> float:
     # What is left of log f when the rotation is free.
     left = without[3, 3] - without[3, :3] @ np.linalg.lstsq(without[:3, :3], without[:3, 3], rcond=1e-12)[0]
     return float(1 / np.sqrt(left)) if left > 1e-6 else float("inf")
+
+
+def fit_principal_point(
+    lines: StraightLines, prior: FocalPrior, start: PagePlane, deviation: float
+) -> tuple[Floats, float]:
+    """The principal point (2,) nearest to the middle that the lines ask for, and the squared residuals left.
+
+    `deviation` is that of either coordinate. Where the lines fit a usual camera it stays in the middle.
+    """
+
+    def residuals(x: Vector) -> Vector:
+        plane = _moved(start, x[:4])
+        r = line_directions(plane, lines.seen_from(x[4:])) / lines.direction_deviations_rad
+        pull = (np.log(plane.focal) - prior.log_focal) / prior.deviation
+        return np.concatenate([r, [pull], x[4:] / deviation])
+
+    fit = least_squares(residuals, np.zeros(6), x_scale=[0.01, 0.01, 0.01, 0.05, 0.05, 0.05], max_nfev=100)
+    return np.asarray(fit.x[4:]), 2 * float(fit.cost)
 
 
 def neighbouring_fits(

@@ -1,6 +1,6 @@
 """A page whose text does not show its shape: its plane from the sheet's sides, or from straight print."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -13,12 +13,19 @@ from services.imaging.illumination import flatten_illumination
 from services.rectify.analysis import resize_gray
 from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame, frame_page, resize_frame
-from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, read_sides
+from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, OutlinePlaneParameters, read_sides
 from services.rectify.planar import FocalLengthSource, FocalPrior, PhotoFrame
 from services.rectify.pose import PagePose
 from services.rectify.results import Notice, ShapeSource
 from services.rectify.ruled_plane import plane_from_rules
 from services.sheet.outline.results import SheetOutline
+
+NOT_FLAT = Notice(
+    "curved-page",
+    "the sheet's edges are not those of a flat rectangle, and no text shows its shape; this is its best planar view.",
+)
+BENT = OutlinePlaneParameters(max_bend=0.06, max_misfit_rad=float(np.deg2rad(8.0)), max_off_centre=0.0)
+"""Where a bent sheet's corners are all that there is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +86,9 @@ def find_textless_page(
     """
     p = parameters or TextlessParameters()
     sheet = read_sides(outline, view, prior)
-    if sheet is not None and isinstance(sheet.plane, OutlinePlane):
-        assert outline is not None
-        shape = pose_of(sheet.plane, view, prior, "outline", p)
-        return TextlessPage(view, shape, outline.polygon, outline, sheet.plane.aspect)
+    if sheet is not None and outline is not None and isinstance(sheet.plane, OutlinePlane):
+        shape = pose_of(sheet.plane, sheet.view, prior, "outline", p)
+        return TextlessPage(sheet.view, shape, outline.polygon, outline, sheet.plane.aspect)
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     ruled = plane_from_rules(gray, view, prior)
     if isinstance(ruled, OutlinePlane):
@@ -90,6 +96,11 @@ def find_textless_page(
             view.H_photo_centred, np.concatenate([ruled.lines.starts, ruled.lines.ends])
         )
         return TextlessPage(view, pose_of(ruled, view, prior, "rules", p), extent, None, None)
+    bent = read_sides(outline, view, prior, BENT)
+    if bent is not None and outline is not None and isinstance(bent.plane, OutlinePlane):
+        shape = pose_of(bent.plane, bent.view, prior, "outline", p)
+        shape = replace(shape, notices=(NOT_FLAT, *shape.notices), sides_believed=False)
+        return TextlessPage(bent.view, shape, outline.polygon, outline, bent.plane.aspect)
     raise NoText(f"{refusal.detail} {describe_misses(sheet.plane if sheet is not None else None, ruled)}")
 
 
