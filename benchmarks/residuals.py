@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from services.rectify.results import PlaneSurface, StripsSurface
+from services.rectify.results import MeshSurface, PlaneSurface, StripsSurface
 from simulation.camera import half_field_of_view
 from simulation.flat_page import Points
 from simulation.truth import Truth
@@ -94,10 +95,17 @@ def normal_error_deg(normals: NDArray[np.float64], truth: Truth, points: Points)
     return float(np.degrees(_angles_between(normals, truth.normals(points)).mean()))
 
 
-def normals_at(surface: PlaneSurface | StripsSurface, points: Points) -> NDArray[np.float64] | None:
+def normals_at(
+    surface: PlaneSurface | StripsSurface | MeshSurface, points: Points
+) -> NDArray[np.float64] | None:
     """The estimated normal (N, 3) at photo points (N, 2); None where the shape is not known."""
     if isinstance(surface, StripsSurface):
         return surface.normals[strip_of(surface, points)]
+    if isinstance(surface, MeshSurface):
+        p = surface.points
+        centres = 0.25 * (p[1:, 1:] + p[1:, :-1] + p[:-1, 1:] + p[:-1, :-1])
+        _, nearest = cKDTree(centres.reshape(-1, 2)).query(points)
+        return surface.normals.reshape(-1, 3)[nearest]
     if surface.normal is None:
         return None
     return np.broadcast_to(np.array(surface.normal), (len(points), 3))
