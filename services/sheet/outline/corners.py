@@ -35,6 +35,8 @@ class CornerParameters:
     """Of a side, next to a corner: rounded, and left out."""
     smooth: float = 0.0012
     """Of a side: residual (RMS) up to which a piece of it counts as smooth."""
+    kept: float = 0.7
+    """Share of a piece that must be near its parabola."""
     reach: float = 0.06
     """Of the shorter side: a corner is no further from the seen curve (a folded corner)."""
 
@@ -141,60 +143,97 @@ def _side_costs(
 
 
 def locate_corners(edge: EdgePoints, corners: Corners, parameters: CornerParameters | None = None) -> Points:
-    """The corners (4, 2): where both sides' local fits meet; NaN where that is out of view or not seen."""
+    """The corners (4, 2) of a closed edge: where both sides' local fits meet; NaN where that is not seen."""
     p = parameters or CornerParameters()
-    found = np.full((4, 2), np.nan)
     count = len(edge.points)
-    for k, at in enumerate(corners.indices):
-        behind = int(at - corners.indices[k - 1]) % count
-        ahead = int(corners.indices[(k + 1) % 4] - at) % count
-        if not edge.shown[at]:
+    sides = []
+    for start, end in zip(corners.indices, np.roll(corners.indices, -1), strict=True):
+        index = (start + np.arange(int(end - start) % count + 1)) % count
+        sides.append((edge.points[index], edge.seen[index]))
+    return _corners_of(sides, edge.shown[corners.indices], p)
+
+
+def meet_sides(
+    sides: list[EdgePoints], known: NDArray[np.bool_], parameters: CornerParameters | None = None
+) -> Points:
+    """The corners (4, 2) of four measured sides, in order; NaN where not `known` or not seen."""
+    p = parameters or CornerParameters()
+    return _corners_of([(side.points, side.seen) for side in sides], known, p)
+
+
+def guide_sides(edge: EdgePoints, corners: Corners, located: Points) -> list[Points]:
+    """Curves (N, 2) near the four sides: what was seen of them, straight on across the rest, and sharp corners."""
+    count = len(edge.points)
+    guides = []
+    for k in range(4):
+        start, end = int(corners.indices[k]), int(corners.indices[(k + 1) % 4])
+        length = (end - start) % count
+        known = np.isfinite(located[[k, (k + 1) % 4], 0])
+        # Near a corner the closed curve is rounded.
+        rounded = max(round(0.03 * length), 1)
+        inner = np.arange(rounded if known[0] else 0, length - (rounded if known[1] else 0) + 1)
+        index = (start + inner) % count
+        # Beyond the photo's border there is nothing else to follow.
+        kept = edge.seen[index] | ~edge.shown[index]
+        ends = [0, -1]
+        kept[ends] |= ~known
+        pieces = [edge.points[index[kept]]]
+        if known[0]:
+            pieces.insert(0, located[k][None])
+        if known[1]:
+            pieces.append(located[(k + 1) % 4][None])
+        guides.append(np.concatenate(pieces))
+    return guides
+
+
+def _corners_of(
+    sides: list[tuple[Points, NDArray[np.bool_]]], known: NDArray[np.bool_], p: CornerParameters
+) -> Points:
+    """Corner k (4, 2) lies between side k - 1 and side k, each a curve (N, 2) and where it is seen (N,)."""
+    found = np.full((4, 2), np.nan)
+    lengths = [float(np.linalg.norm(points[-1] - points[0])) for points, _ in sides]
+    for k in np.flatnonzero(known):
+        (before, before_seen), (after, after_seen) = sides[k - 1], sides[k]
+        incoming = _end_line(before[::-1], before_seen[::-1], p)
+        outgoing = _end_line(after, after_seen, p)
+        if incoming is None or outgoing is None:
             continue
-        lines = [_end_line(edge, int(at), -1, behind, p), _end_line(edge, int(at), 1, ahead, p)]
-        if lines[0] is None or lines[1] is None:
-            continue
-        crossing = _meet(*lines[0], *lines[1])
-        length = min(behind, ahead) / count * 2 * float(np.linalg.norm(np.ptp(edge.points, axis=0))) * 1.4
-        if crossing is None or np.linalg.norm(crossing - edge.points[at]) > p.reach * length:
-            continue
-        found[k] = crossing
+        crossing = _meet(*incoming, *outgoing)
+        end = 0.5 * (before[-1] + after[0])
+        reach = p.reach * min(lengths[k - 1], lengths[k])
+        if crossing is not None and np.linalg.norm(crossing - end) <= reach:
+            found[k] = crossing
     return found
 
 
-def _end_line(
-    edge: EdgePoints, at: int, way: int, length: int, p: CornerParameters
-) -> tuple[Points, Points] | None:
-    """Point and direction of a side's curve where it comes to the corner `at`; None where it is not seen there."""
-    count = len(edge.points)
-    skip = max(round(p.skipped * length), 2)
-
-    def piece(share: float) -> Points:
-        index = (at + way * np.arange(skip, max(round(share * length), skip + 6))) % count
-        return edge.points[index[edge.seen[index]]]
-
-    wide, narrow = piece(p.fit_share), piece(p.line_share)
-    spacing = float(np.linalg.norm(edge.points[(at + way * length // 2) % count] - edge.points[at]))
-    corner = edge.points[at]
+def _end_line(points: Points, seen: NDArray[np.bool_], p: CornerParameters) -> tuple[Points, Points] | None:
+    """Point and direction of a side's curve (N, 2) where it begins; None where it is not seen there."""
+    count = len(points)
+    skip = max(round(p.skipped * count), 1)
+    side = float(np.linalg.norm(points[-1] - points[0]))
+    wide, narrow = (
+        np.flatnonzero(seen[skip : max(round(share * count), skip + 6)]) + skip
+        for share in (p.fit_share, p.line_share)
+    )
     if len(wide) >= 10:
-        centre = wide.mean(axis=0)
-        _, _, axes = np.linalg.svd(wide - centre, full_matrices=False)
-        s, d = (wide - centre) @ axes[0], (wide - centre) @ axes[1]
-        fit = np.polynomial.polynomial.polyfit(s, d, 2)
-        residual = d - np.polynomial.polynomial.polyval(s, fit)
-        keep = np.abs(residual) <= 3 * np.median(np.abs(residual)) + 1e-9
-        fit = np.polynomial.polynomial.polyfit(s[keep], d[keep], 2)
-        rms = float(np.sqrt(np.mean((d - np.polynomial.polynomial.polyval(s, fit))[keep] ** 2)))
-        if rms < p.smooth * 2 * spacing:
-            end = float((corner - centre) @ axes[0])
-            slope = fit[1] + 2 * fit[2] * end
-            height = np.polynomial.polynomial.polyval(end, fit)
-            return centre + end * axes[0] + height * axes[1], axes[0] + slope * axes[1]
-    if len(narrow) >= 4:
-        centre = np.median(narrow, axis=0)
-        centre = narrow.mean(axis=0)
-        _, _, axes = np.linalg.svd(narrow - centre, full_matrices=False)
-        return centre, axes[0]
-    return None
+        piece = points[wide]
+        centre = piece.mean(axis=0)
+        axes = np.linalg.svd(piece - centre, full_matrices=False)[2]
+        s, d = (piece - centre) @ axes[0], (piece - centre) @ axes[1]
+        keep = np.ones(len(s), bool)
+        for _ in range(3):
+            fit = np.polynomial.polynomial.polyfit(s[keep], d[keep], 2)
+            residual = np.abs(d - np.polynomial.polynomial.polyval(s, fit))
+            keep = residual <= 3 * np.median(residual) + 1e-6
+        if np.sqrt(np.mean(residual[keep] ** 2)) < p.smooth * side and keep.mean() > p.kept:
+            end = float((points[0] - centre) @ axes[0])
+            height = float(np.polynomial.polynomial.polyval(end, fit))
+            return centre + end * axes[0] + height * axes[1], axes[0] + (fit[1] + 2 * fit[2] * end) * axes[1]
+    if len(narrow) < 4:
+        return None
+    piece = points[narrow]
+    centre = piece.mean(axis=0)
+    return centre, np.linalg.svd(piece - centre, full_matrices=False)[2][0]
 
 
 def _meet(a: Points, u: Points, b: Points, v: Points) -> Points | None:

@@ -12,8 +12,21 @@ from services.sheet.outline.candidates import (
     find_candidates,
     improve_candidate,
 )
-from services.sheet.outline.corners import CornerParameters, Corners, locate_corners, split_sides
-from services.sheet.outline.edges import EdgeParameters, EdgePoints, follow_edge, measure_edge
+from services.sheet.outline.corners import (
+    CornerParameters,
+    Corners,
+    guide_sides,
+    locate_corners,
+    meet_sides,
+    split_sides,
+)
+from services.sheet.outline.edges import (
+    EdgeParameters,
+    EdgePoints,
+    follow_edge,
+    measure_closed_edge,
+    measure_side,
+)
 from services.sheet.outline.print_place import PrintParameters, place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
 from services.sheet.outline.results import SheetOutline, SheetSide
@@ -78,32 +91,34 @@ def _measure(
     photo: RgbImage, reduced: ReducedPhoto, candidate: Candidate, p: OutlineParameters
 ) -> SheetOutline | None:
     """The outline near a candidate, measured in the photo; None when it has no four sides."""
-    x0, y0, x1, y1 = reduced.window
-    height, width = photo.shape[:2]
-
-    def window(factor: float, shape: tuple[int, ...]) -> tuple[float, float, float, float]:
-        scale = factor / reduced.factor
-        return (
-            (x0 + 1) * scale - 0.5 if x0 else 0.0,
-            (y0 + 1) * scale - 0.5 if y0 else 0.0,
-            x1 * scale - 0.5 if x1 < reduced.colors.shape[1] - 1 else shape[1] - 1.0,
-            y1 * scale - 0.5 if y1 < reduced.colors.shape[0] - 1 else shape[0] - 1.0,
-        )
-
     f = reduced.medium_factor
-    start = (candidate.curve + 0.5) * (f / reduced.factor) - 0.5
-    followed = follow_edge(reduced.medium, start, window(f, reduced.medium.shape), p.edges)
-    edge = measure_edge(photo, (followed + 0.5) / f - 0.5, window(1.0, (height, width)), p.edges)
+    start = (reduced.to_photo(candidate.curve) + 0.5) * f - 0.5
+    window = reduced.window_of(reduced.medium.shape, f)
+    followed = follow_edge(reduced.medium, start, window, p.edges)
+    edge = measure_closed_edge(reduced.medium, followed, window, p.edges)
     corners = split_sides(edge.points, edge.shown, p.corners)
     if corners is None:
         return None
-    located = locate_corners(edge, corners, p.corners)
     order = _from_top_left(edge.points[corners.indices])
     corners = Corners(corners.indices[order], corners.misfit, corners.turns_rad[order])
-    located = located[order]
-    sides = [_side(edge, corners, k, p) for k in range(4)]
-    confidence = rate_outline(edge, corners, located, p.scoring)
-    return SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, edge.points)
+    located = locate_corners(edge, corners, p.corners)
+    guides = guide_sides(edge, corners, located)
+    diagonal = float(np.linalg.norm(np.ptp(edge.points, axis=0))) / f
+    window = reduced.window_of(photo.shape, 1.0)
+    measured = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in guides]
+    located = meet_sides(measured, np.isfinite(located[:, 0]), p.corners)
+    sides = [_side(m, p) for m in measured]
+    pieces = []
+    for corner, m in zip(located, measured, strict=True):
+        pieces += [corner[None]] if np.isfinite(corner).all() else []
+        pieces.append(m.points)
+    polygon = _inside(np.concatenate(pieces), window)
+    confidence = rate_outline(measured, corners, located, p.scoring)
+    return SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, polygon)
+
+
+def _inside(points: Points, window: tuple[float, float, float, float]) -> Points:
+    return np.clip(points, np.array(window[:2]), np.array(window[2:]))
 
 
 def _from_top_left(corners: Points) -> np.ndarray:
@@ -112,23 +127,15 @@ def _from_top_left(corners: Points) -> np.ndarray:
     return (first + np.arange(4)) % 4
 
 
-def _side(edge: EdgePoints, corners: Corners, k: int, p: OutlineParameters) -> SheetSide:
-    """Side k: its seen points, about `side_points` of them."""
-    count = len(edge.points)
-    start, end = int(corners.indices[k]), int(corners.indices[(k + 1) % 4])
-    length = (end - start) % count
-    index = (start + np.arange(length + 1)) % count
-    # The ends are rounded by smoothing; the corner stands for them.
-    rounded = max(int(0.01 * length), 1)
-    inner = index[rounded : len(index) - rounded]
-    seen = float(edge.seen[inner].mean()) if len(inner) else 0.0
-    kept = inner[edge.seen[inner]]
-    step = max(round(length / p.side_points), 1)
-    kept = kept[::step]
+def _side(edge: EdgePoints, p: OutlineParameters) -> SheetSide:
+    """A side's seen points, about `side_points` of them when it is seen whole."""
+    step = max(round(len(edge.points) / p.side_points), 1)
+    kept = np.flatnonzero(edge.seen)
+    kept = kept[(kept % step) == step // 2]
     points = edge.points[kept]
     straightness = 0.0
     if len(points) > 2:
-        straightness = float(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1]) / np.sqrt(
-            len(points)
+        straightness = float(
+            np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(points))
         )
-    return SheetSide(points, edge.deviations[kept], seen, straightness)
+    return SheetSide(points, edge.deviations[kept], float(edge.seen.mean()), straightness)

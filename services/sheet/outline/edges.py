@@ -7,20 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
-from services.sheet.outline.closed_paths import find_closed_path
+from services.sheet.outline.paths import find_closed_path, find_open_path
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeParameters:
     """Lengths are pixels of the image that is searched unless told; colours are RGB levels."""
 
-    spacing_px: float = 8.0
+    spacing_px: float = 6.0
     """Between points when an edge is followed in the medium image."""
     reach_px: float = 9.0
-    """To either side: three pixels of the reduced photo, where the curve comes from."""
-    fine_points: int = 480
-    """Round the whole outline, in the photo itself."""
-    fine_reach: float = 1.0 / 500
+    """To either side: two pixels of the reduced photo, where the curve comes from, or more."""
+    side_points: int = 120
+    """On each side, in the photo itself."""
+    fine_reach: float = 1.0 / 250
     """Of the outline's diagonal, to either side."""
     fine_step: float = 1.0 / 4000
     """Of the outline's diagonal."""
@@ -28,8 +28,10 @@ class EdgeParameters:
     """An edge of this colour difference counts half."""
     straightness: float = 0.05
     """What a step of one sample from normal to normal costs, in full edges."""
-    ground: tuple[float, float] = (0.25, 0.8)
-    """Shares of the reach at which the ground at either side of an edge is told."""
+    ground: tuple[float, float] = (2.0, 5.0)
+    """The ground at either side of an edge is told at these distances, in units of the edge's usual width ..."""
+    edge_width: float = 1.0 / 1200
+    """... which is this share of the outline's diagonal, or a pixel."""
     seen_contrast: float = 6.0
     """An edge counts as seen from this difference of colour on ..."""
     seen_ratio: float = 2.0
@@ -38,7 +40,7 @@ class EdgeParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgePoints:
-    """A closed curve in photo pixels, clockwise, one row a point.
+    """Points of an edge in pixels of the image that it was measured in, clockwise, one row a point.
 
     `points` (N, 2); `normals` (N, 2) point outwards; `deviations` (N,) are standard deviations across the edge;
     `contrast` (N,) is the colour difference of both sides, RGB levels; `seen` (N,) tells where an edge is, `shown`
@@ -112,74 +114,112 @@ def follow_edge(
     window: tuple[float, float, float, float],
     parameters: EdgeParameters | None = None,
 ) -> Points:
-    """The curve (N, 2) moved onto the strongest closed edge within reach, in pixels of `image` (H, W, 3).
+    """The closed clockwise curve (N, 2) moved onto the strongest closed edge within reach, pixels of `image` (H, W, 3).
 
     `window` (x0, y0, x1, y1) is the part of the image that shows anything.
     """
     p = parameters or EdgeParameters()
-    count = int(np.clip(curve_length(curve) / p.spacing_px, 60, 900))
+    count = int(np.clip(curve_length(curve) / p.spacing_px, 60, 600))
     points = smooth_closed(resample_closed(curve, count), 3)
     normals = outward_normals(points, 3)
     offsets = np.arange(-p.reach_px, p.reach_px + 0.5, 1.0)
     wide = np.arange(offsets[0] - 2, offsets[-1] + 2.5, 1.0)
-    colors = _profiles(image, points, normals, wide, np.array([-1.5, 0.0, 1.5]))
+    colors = _profiles(image, points, normals, wide, np.array([-2.0, 0.0, 2.0]))
     difference = np.linalg.norm(
         0.5 * (colors[:, 3:-1] + colors[:, 4:]) - 0.5 * (colors[:, :-4] + colors[:, 1:-3]), axis=2
     )
     strength = difference**2 / (difference**2 + p.contrast**2)
     at = points[:, None] + offsets[None, :, None] * normals[:, None]
-    shown = _shown(at, window, 0.0)
-    score = np.where(shown, strength, -1.0)
-    score -= 0.1 * (offsets / p.reach_px) ** 2
+    score = np.where(_shown(at, window, 0.0), strength, -1.0) - 0.1 * (offsets / p.reach_px) ** 2
     path = find_closed_path(score, 2, p.straightness)
     return np.asarray(at[np.arange(count), path])
 
 
-def measure_edge(
-    photo: RgbImage,
+def measure_closed_edge(
+    image: RgbImage,
     curve: Points,
     window: tuple[float, float, float, float],
     parameters: EdgeParameters | None = None,
 ) -> EdgePoints:
-    """Sub-pixel points of the edge that `curve` (N, 2), photo pixels, clockwise, runs along.
+    """Sub-pixel points of the edge that a closed clockwise `curve` (N, 2), pixels of `image`, runs along."""
+    p = parameters or EdgeParameters()
+    points = smooth_closed(resample_closed(curve, len(curve)), 3)
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    return _measure(image, points, outward_normals(points, 2), diagonal, window, True, p)
 
-    The step is where its derivative along the normal, in the direction from one side's colour to the other's, has
-    its maximum (the vertex of a parabola through three samples).
+
+def measure_side(
+    image: RgbImage,
+    guide: Points,
+    diagonal: float,
+    window: tuple[float, float, float, float],
+    parameters: EdgeParameters | None = None,
+) -> EdgePoints:
+    """Sub-pixel points of a side's edge, near a `guide` (N, 2) that runs clockwise from corner to corner.
+
+    `diagonal` is the outline's.
     """
     p = parameters or EdgeParameters()
-    low, high = curve.min(axis=0), curve.max(axis=0)
-    diagonal = float(np.linalg.norm(high - low))
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(guide, axis=0), axis=1))])
+    at = (np.arange(p.side_points) + 0.5) * along[-1] / p.side_points
+    points = np.column_stack([np.interp(at, along, guide[:, k]) for k in range(2)])
+    inner = points.copy()
+    inner[1:-1] = (points[:-2] + points[1:-1] + points[2:]) / 3
+    way = np.gradient(inner, axis=0)
+    way[2:-2] = inner[4:] - inner[:-4]
+    normal = np.column_stack([way[:, 1], -way[:, 0]])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+    return _measure(image, inner, normal, diagonal, window, False, p)
+
+
+def _measure(
+    image: RgbImage,
+    points: Points,
+    normals: Points,
+    diagonal: float,
+    window: tuple[float, float, float, float],
+    closed: bool,
+    p: EdgeParameters,
+) -> EdgePoints:
+    """The step along each normal: where its derivative, in the direction from one side's colour to the other's, is
+    greatest (the vertex of a parabola through three samples)."""
     step = max(p.fine_step * diagonal, 0.5)
     reach = max(p.fine_reach * diagonal, 3.0)
-    points = smooth_closed(resample_closed(curve, p.fine_points), 3)
-    normals = outward_normals(points, 2)
-    half = int(np.ceil(2 * reach / step))
+    width = max(p.edge_width * diagonal, 1.0)
+    near, far = (g * width for g in p.ground)
+    half = int(np.ceil((reach + far) / step))
     offsets = step * np.arange(-half, half + 1)
-    spacing = curve_length(points) / len(points)
-    tangential = np.linspace(-0.4, 0.4, 5) * spacing
-    colors = _profiles(photo, points, normals, offsets, tangential)
-    inner = slice(half - int(p.ground[1] * half), half - int(p.ground[0] * half))
-    outer = slice(half + int(p.ground[0] * half) + 1, half + int(p.ground[1] * half) + 1)
-    difference = colors[:, outer].mean(axis=1) - colors[:, inner].mean(axis=1)
-    contrast = np.linalg.norm(difference, axis=1)
-    way = difference / np.maximum(contrast, 1e-6)[:, None]
-    profile = np.einsum("nmk,nk->nm", colors, way)
-    kernel = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16
-    profile = np.asarray(cv2.sepFilter2D(profile, -1, kernel, np.ones(1)))
-    slope = np.gradient(profile, step, axis=1)
-    near = np.abs(offsets) <= reach
-    first = int(np.argmax(near))
-    windowed = slope[:, near] * (1 - 0.3 * (offsets[near] / reach) ** 2)
-    path = find_closed_path(windowed / np.maximum(contrast, 1.0)[:, None] * 3 * step, 3, p.straightness)
-    m = np.clip(path + first, 1, len(offsets) - 2)
+    spacing = float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    colors = _profiles(image, points, normals, offsets, np.linspace(-0.4, 0.4, 5) * spacing)
+    first, last = int(np.ceil(near / step)), int(np.ceil(far / step))
+    # Means beside every sample, from running sums.
+    sums = np.concatenate(
+        [np.zeros((len(points), 1, 3)), np.cumsum(colors, axis=1, dtype=np.float64)], axis=1
+    )
+    inside = np.flatnonzero(np.abs(offsets) <= reach)
+    inner = (sums[:, inside - first + 1] - sums[:, inside - last]) / (last - first + 1)
+    outer = (sums[:, inside + last + 1] - sums[:, inside + first]) / (last - first + 1)
+    difference = outer - inner
+    contrast = np.linalg.norm(difference, axis=2)
+    blurred = np.asarray(cv2.sepFilter2D(colors, -1, np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16, np.ones(1)))
+    slope = np.gradient(blurred, step, axis=1)[:, inside]
+    along = np.einsum("nmk,nmk->nm", slope, difference) / np.maximum(contrast, 1e-6)
+    # A sharp step of contrast c has the slope c / width; a flat ramp has less.
+    sharp = np.clip(along * width / np.maximum(contrast, p.seen_contrast), 0, 1)
+    score = contrast**2 / (contrast**2 + p.contrast**2) * sharp - 0.1 * (offsets[inside] / reach) ** 2
+    find = find_closed_path if closed else find_open_path
+    m = np.clip(find(score, 3, p.straightness), 1, len(inside) - 2)
     n = np.arange(len(points))
-    before, here, after = slope[n, m - 1], slope[n, m], slope[n, m + 1]
+    before, here, after = along[n, m - 1], along[n, m], along[n, m + 1]
     bend = before - 2 * here + after
     shift = np.where(bend < -1e-9, 0.5 * (before - after) / np.where(bend < -1e-9, bend, -1.0), 0.0)
-    offset = offsets[m] + step * np.clip(shift, -1, 1)
-    unrest = np.maximum(profile[:, inner].std(axis=1), profile[:, outer].std(axis=1))
-    found = points + offset[:, None] * normals
+    found = points + (offsets[inside[m]] + step * np.clip(shift, -1, 1))[:, None] * normals
+    contrast, way = contrast[n, m], difference[n, m] / np.maximum(contrast[n, m], 1e-6)[:, None]
+    beside = inside[m][:, None] + np.concatenate([np.arange(-last, -first + 1), np.arange(first, last + 1)])
+    ground = np.einsum("nmk,nk->nm", colors[n[:, None], beside], way)
+    unrest = np.maximum(ground[:, : last - first + 1].std(axis=1), ground[:, last - first + 1 :].std(axis=1))
     shown = _shown(found, window, 1.5)
     seen = shown & (contrast > p.seen_contrast) & (contrast > p.seen_ratio * unrest) & (here > 0)
-    deviations = np.clip(unrest / np.maximum(here, 1e-6), 0.1, reach)
+    # Unrest shifts the steepest place by its own slope's share of the edge's.
+    deviations = np.clip(0.5 * unrest / np.maximum(here, 1e-6), 0.05, reach)
     return EdgePoints(found, normals, deviations, contrast, np.asarray(seen), shown)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
-from services.sheet.outline.closed_paths import find_closed_path
+from services.sheet.outline.paths import find_closed_path
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
 

@@ -46,6 +46,18 @@ class ReducedPhoto:
         """Reduced pixels (N, 2) of photo pixels."""
         return np.asarray((points + 0.5) * self.factor - 0.5)
 
+    def window_of(self, shape: tuple[int, ...], factor: float) -> tuple[float, float, float, float]:
+        """First and last pixels (x0, y0, x1, y1) of what is no padding, in the photo resized by `factor` to `shape`."""
+        scale = factor / self.factor
+        x0, y0, x1, y1 = self.window
+        height, width = self.colors.shape[:2]
+        return (
+            x0 * scale if x0 else 0.0,
+            y0 * scale if y0 else 0.0,
+            (x1 + 1) * scale - 1 if x1 < width - 1 else shape[1] - 1.0,
+            (y1 + 1) * scale - 1 if y1 < height - 1 else shape[0] - 1.0,
+        )
+
 
 def reduce_photo(photo: RgbImage, parameters: ReductionParameters | None = None) -> ReducedPhoto:
     """`photo` (H, W, 3) at the size where its sheet is looked for."""

@@ -1,5 +1,6 @@
 """How much a closed curve looks like a sheet's boundary."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -80,10 +81,14 @@ def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float,
     return np.asarray(found.mean(axis=1))
 
 
-def rate_outline(edge: EdgePoints, corners: Corners, located: Points, p: ScoringParameters) -> float:
+def rate_outline(
+    sides: Sequence[EdgePoints], corners: Corners, located: Points, p: ScoringParameters
+) -> float:
     """Probability, 0-1, that an outline is the sheet's."""
-    seen = float(edge.seen[edge.shown].mean()) if edge.shown.any() else 0.0
-    shown = float(edge.shown.mean())
+    everywhere_shown = np.concatenate([side.shown for side in sides])
+    everywhere_seen = np.concatenate([side.seen for side in sides])
+    seen = float(everywhere_seen[everywhere_shown].mean()) if everywhere_shown.any() else 0.0
+    shown = float(everywhere_shown.mean())
     known = float(np.isfinite(located[:, 0]).mean())
     z = 8 * (seen - 0.8) + 3 * (shown - 0.7) + 2 * (known - 0.7) - 40 * (corners.misfit - 0.04)
     return float(1 / (1 + np.exp(-z)))
