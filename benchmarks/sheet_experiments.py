@@ -1,7 +1,9 @@
 """The experiments on whole sheets that lie on a desk: folded, crossed, crumpled."""
 
 from benchmarks.experiments import Experiment
+from simulation.creased import Crossed, Crumpled
 from simulation.folded import folded_in_thirds
+from simulation.relaxed import FOLDED_PAPER, Relaxed
 from simulation.sheets import SHEET_ASPECT, SHEET_VIEWS, Staging
 
 LAMPS = (
@@ -36,5 +38,36 @@ FOLDED = tuple(
 )
 """Degrees, degrees, half page widths, its inverse: letters, and leaflets with upright creases."""
 
-SHEET_EXPERIMENTS = (Experiment("folded", FOLDED, SHEET_VIEWS, (0.0,), LAMPS),)
-"""Of whole sheets: 14 photos each."""
+CROSSED = tuple(
+    Relaxed(Crossed(SHEET_ASPECT, first, second, alike, centre, skew), FOLDED_PAPER)
+    for first, second, alike, centre, skew in (
+        (20, 20, False, (0.0, 0.0), 0.0),
+        (25, 15, True, (0.03, -0.02), 0.5),
+        (-20, 15, False, (-0.02, 0.0), -1.0),
+        (12, -18, False, (0.0, 0.05), 1.5),
+        (-15, -12, True, (0.0, 0.0), 0.0),
+        (30, 12, False, (0.05, 0.0), -0.5),
+        (15, 28, False, (0.0, -0.04), 0.0),
+        (-28, -20, False, (0.0, 0.0), 1.0),
+        (10, 10, True, (-0.04, 0.03), 0.0),
+        (18, -25, False, (0.0, 0.0), -2.0),
+        (-10, 22, False, (0.02, 0.02), 0.0),
+        (22, -14, False, (0.0, 0.0), 0.0),
+    )
+)
+"""Degrees: most as they were folded, three opened between the folds."""
+
+_STEEPNESS_DEG = (12, 16, 10, 14, 18, 8, 14, 12, 16, 10, 20, 14)
+_FACETS = (4.0, 3.0, 5.0, 2.5, 4.0, 3.0, 5.0, 2.0, 4.5, 3.5, 3.0, 4.0)
+CRUMPLED = tuple(
+    Relaxed(Crumpled(SHEET_ASPECT, 40 + number, angle, facets))
+    for number, (angle, facets) in enumerate(zip(_STEEPNESS_DEG, _FACETS, strict=True))
+)
+"""Of the wanted steepness paper takes a good half."""
+
+SHEET_EXPERIMENTS = (
+    Experiment("folded", FOLDED, SHEET_VIEWS, (0.0,), LAMPS),
+    Experiment("crossed", CROSSED, SHEET_VIEWS, (0.0,), LAMPS),
+    Experiment("crumpled", CRUMPLED, SHEET_VIEWS, (0.0,), LAMPS),
+)
+"""Of whole sheets: 12 to 14 photos each."""
