@@ -48,6 +48,7 @@ class ProfileParameters:
     reach: float = 2.0
     """A line's end is looked for so far beyond its last window."""
     alike: float = 0.05
+    """Paragraphs whose spacing differs by less have the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
