@@ -13,7 +13,7 @@ from services.sheet.outline.reduced_photo import ReducedPhoto
 
 @dataclass(frozen=True, slots=True)
 class RayParameters:
-    """What a boundary gains and costs, in full edges; colour differences are CIE Lab's."""
+    """What a boundary gains and costs, in full edges."""
 
     rays: int = 240
     samples: int = 176
@@ -24,8 +24,6 @@ class RayParameters:
     """Samples from ray to ray: a side that leans 60 degrees against the ray's normal."""
     shift_cost: float = 0.02
     """A sample's shift: sides have few steps."""
-    contrast: float = 8.0
-    """An edge of this colour difference counts half."""
     exit_score: float = 0.3
     """Of a ray that leaves the photo inside the sheet."""
     region_weight: float = 3.0
@@ -121,7 +119,9 @@ def cast_rays(reduced: ReducedPhoto, middle: Mask, extent: Mask, p: RayParameter
     # The window is convex: what follows a sample outside is outside.
     shown = np.logical_and.accumulate(shown, axis=1)
     shown[:, 0] = True
-    return Rays(origin, steps, edge_strength(_sample(reduced.colors, points), p), np.asarray(shown))
+    return Rays(
+        origin, steps, edge_strength(_sample(reduced.colors, points), reduced.contrast), np.asarray(shown)
+    )
 
 
 def _sample(image: Floats, points: Floats) -> Floats:
@@ -132,12 +132,13 @@ def _sample(image: Floats, points: Floats) -> Floats:
     )
 
 
-def edge_strength(colors: Floats, p: RayParameters) -> Floats:
-    """(N, M) 0-1: how clearly the colour of `colors` (N, M, 3), along N rays, changes at every sample."""
+def edge_strength(colors: Floats, contrast: float) -> Floats:
+    """(N, M) 0-1: how clearly the colour of `colors` (N, M, 3), along N rays, changes at every sample; `contrast`
+    counts half."""
     rays = len(colors)
     wrapped = np.concatenate([colors[-2:], colors, colors[:2]])
     smooth = np.asarray(cv2.blur(wrapped, (2, 3), anchor=(0, 1)))[2 : rays + 2]
     difference = np.zeros(colors.shape[:2])
     difference[:, 2:-2] = np.linalg.norm(smooth[:, 3:-1] - smooth[:, :-4], axis=2)
     squared = difference**2
-    return np.asarray(squared / (squared + p.contrast**2))
+    return np.asarray(squared / (squared + contrast**2))

@@ -1,9 +1,11 @@
 """The photo as outlines are looked for in it: small, without print, without black bands."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
 
@@ -18,6 +20,12 @@ class ReductionParameters:
     """A sheet's sides are then some hundred pixels long and print is a few pixels high."""
     closing: float = 1 / 60
     """Of the long side: wider than a line of print."""
+    contrast: tuple[float, float] = (3.0, 8.0)
+    """Colour difference (CIE Lab) on which an edge counts half: at least and at most, ..."""
+    unrest_factor: float = 3.0
+    """... this many times the photo's unrest, ..."""
+    unrest_percentile: float = 80.0
+    """... which is this percentile of the differences over three pixels: 0.6-1.1 on plain grounds, 2-5 on wood."""
     band_level: int = 10
     """Brightness of padding at most; JPEG leaves some."""
     band_share: float = 0.85
@@ -28,12 +36,14 @@ class ReductionParameters:
 class ReducedPhoto:
     """`colors` (h, w, 3) float32: CIE Lab of the photo resized by `factor`, print closed.
 
+    `contrast` is the colour difference on which an edge counts half: it stands out from the photo's unrest.
     `window` (x0, y0, x1, y1), inclusive pixels, is what is no padding. `medium` (H, W, 3) is the photo resized by
     `medium_factor`, with its print.
     """
 
     colors: Floats
     factor: float
+    contrast: float
     window: tuple[int, int, int, int]
     medium: RgbImage
     medium_factor: float
@@ -78,7 +88,18 @@ def reduce_photo(photo: RgbImage, parameters: ReductionParameters | None = None)
     closed = small.copy()
     closed[y0 : y1 + 1, x0 : x1 + 1] = cv2.medianBlur(np.ascontiguousarray(blank), 3)
     colors = cv2.cvtColor(closed.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
-    return ReducedPhoto(np.asarray(colors), factor, window, medium, medium_factor)
+    return ReducedPhoto(
+        np.asarray(colors), factor, _edge_contrast(colors, window, p), window, medium, medium_factor
+    )
+
+
+def _edge_contrast(colors: NDArray[Any], window: tuple[int, int, int, int], p: ReductionParameters) -> float:
+    """Colour difference on which an edge in `colors` (h, w, 3) counts half."""
+    x0, y0, x1, y1 = window
+    shown = np.asarray(cv2.blur(colors[y0 : y1 + 1, x0 : x1 + 1], (3, 3)))
+    steps = [shown[3:, :-3] - shown[:-3, :-3], shown[:-3, 3:] - shown[:-3, :-3]]
+    difference = np.maximum(*(np.linalg.norm(step, axis=2) for step in steps))
+    return float(np.clip(p.unrest_factor * np.percentile(difference, p.unrest_percentile), *p.contrast))
 
 
 def _halved(image: RgbImage, long_side_px: int) -> tuple[RgbImage, float]:

@@ -16,7 +16,6 @@ from services.sheet.outline.reduced_photo import ReducedPhoto
 class ScoringParameters:
     """Weights of what is seen of a curve; colours are CIE Lab's."""
 
-    contrast: float = 8.0
     border_px: float = 2.5
     """Of the reduced photo: nearer to its border a curve is out of view."""
     out_of_view: float = 0.35
@@ -57,7 +56,7 @@ def rate_curve(reduced: ReducedPhoto, characters: Points, p: ScoringParameters, 
     outer = _ring(reduced.colors, points, normals, (2.0, 3.0, 4.0))
     # The step has a direction in colour space that lasts along an edge; in a texture it changes.
     difference = np.linalg.norm(smooth_closed(inner - outer, p.lasting), axis=1)
-    strength = difference**2 / (difference**2 + p.contrast**2)
+    strength = difference**2 / (difference**2 + reduced.contrast**2)
     rating = float(np.where(shown, strength, p.out_of_view).mean())
     corners = split_sides(points, shown, p.corners)
     misfit = p.most_misfit if corners is None else min(corners.misfit, p.most_misfit)
