@@ -35,6 +35,8 @@ class CornerParameters:
     """Of a side, next to a corner: rounded, and left out."""
     smooth: float = 0.0012
     """Of a side: residual (RMS) up to which a piece of it counts as smooth."""
+    notch: float = 0.01
+    """Of a side: where the edge is further from a smooth side, the smooth side is tried too."""
     kept: float = 0.7
     """Share of a piece that must be near its parabola."""
     reach: float = 0.06
@@ -198,7 +200,7 @@ def _corners_of(
         outgoing = _end_line(after, after_seen, p)
         if incoming is None or outgoing is None:
             continue
-        crossing = _meet(*incoming, *outgoing)
+        crossing = meet(*incoming, *outgoing)
         end = 0.5 * (before[-1] + after[0])
         reach = p.reach * min(lengths[k - 1], lengths[k])
         if crossing is not None and np.linalg.norm(crossing - end) <= reach:
@@ -236,7 +238,7 @@ def _end_line(points: Points, seen: NDArray[np.bool_], p: CornerParameters) -> t
     return centre, np.linalg.svd(piece - centre, full_matrices=False)[2][0]
 
 
-def _meet(a: Points, u: Points, b: Points, v: Points) -> Points | None:
+def meet(a: Points, u: Points, b: Points, v: Points) -> Points | None:
     """Where the lines a + t u and b + t v cross; None when they are nearly parallel."""
     cross = u[0] * v[1] - u[1] * v[0]
     if abs(cross) < 0.3 * np.linalg.norm(u) * np.linalg.norm(v):

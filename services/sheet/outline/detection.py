@@ -1,5 +1,6 @@
 """The outline of the sheet in a photo."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -31,6 +32,7 @@ from services.sheet.outline.print_place import PrintParameters, place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
 from services.sheet.outline.results import SheetOutline, SheetSide
 from services.sheet.outline.scoring import ScoringParameters, rate_curve, rate_outline
+from services.sheet.outline.smooth_sides import smooth_sides
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,8 @@ class OutlineParameters:
     """Candidates that are measured in the photo."""
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
+    smooth_bonus: float = 0.01
+    """Smooth sides may have this much less of an edge than what was followed: notches are seldom the sheet's."""
     side_points: int = 60
     least_confidence: float = 0.2
     """Outlines that are less certain are not answered."""
@@ -102,11 +106,17 @@ def _measure(
     order = _from_top_left(edge.points[corners.indices])
     corners = Corners(corners.indices[order], corners.misfit, corners.turns_rad[order])
     located = locate_corners(edge, corners, p.corners)
-    guides = guide_sides(edge, corners, located)
+    known = np.isfinite(located[:, 0])
     diagonal = float(np.linalg.norm(np.ptp(edge.points, axis=0))) / f
     window = reduced.window_of(photo.shape, 1.0)
-    measured = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in guides]
-    located = meet_sides(measured, np.isfinite(located[:, 0]), p.corners)
+    measured: list[EdgePoints] = []
+    for guides in (guide_sides(edge, corners, located), smooth_sides(edge, corners, p.corners)):
+        if guides is None:
+            continue
+        tried = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in guides]
+        if not measured or _support(tried) >= _support(measured) - p.smooth_bonus:
+            measured = tried
+    located = meet_sides(measured, known, p.corners)
     sides = [_side(m, p) for m in measured]
     pieces = []
     for corner, m in zip(located, measured, strict=True):
@@ -115,6 +125,11 @@ def _measure(
     polygon = _inside(np.concatenate(pieces), window)
     confidence = rate_outline(measured, corners, located, p.scoring)
     return SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, polygon)
+
+
+def _support(sides: Sequence[EdgePoints]) -> float:
+    """Share of four sides' points on a clear edge, 0-1."""
+    return float(np.mean([np.mean(side.strength * side.seen) for side in sides]))
 
 
 def _inside(points: Points, window: tuple[float, float, float, float]) -> Points:

@@ -43,14 +43,14 @@ class EdgePoints:
     """Points of an edge in pixels of the image that it was measured in, clockwise, one row a point.
 
     `points` (N, 2); `normals` (N, 2) point outwards; `deviations` (N,) are standard deviations across the edge;
-    `contrast` (N,) is the colour difference of both sides, RGB levels; `seen` (N,) tells where an edge is, `shown`
+    `strength` (N,) is how clear the edge is, 0-1; `seen` (N,) tells where an edge is, `shown`
     (N,) where the curve is inside the photo.
     """
 
     points: Points
     normals: Points
     deviations: Vector
-    contrast: Vector
+    strength: Vector
     seen: NDArray[np.bool_]
     shown: NDArray[np.bool_]
 
@@ -206,7 +206,8 @@ def _measure(
     along = np.einsum("nmk,nmk->nm", slope, difference) / np.maximum(contrast, 1e-6)
     # A sharp step of contrast c has the slope c / width; a flat ramp has less.
     sharp = np.clip(along * width / np.maximum(contrast, p.seen_contrast), 0, 1)
-    score = contrast**2 / (contrast**2 + p.contrast**2) * sharp - 0.1 * (offsets[inside] / reach) ** 2
+    strength = contrast**2 / (contrast**2 + p.contrast**2) * sharp
+    score = strength - 0.1 * (offsets[inside] / reach) ** 2
     find = find_closed_path if closed else find_open_path
     m = np.clip(find(score, 3, p.straightness), 1, len(inside) - 2)
     n = np.arange(len(points))
@@ -222,4 +223,4 @@ def _measure(
     seen = shown & (contrast > p.seen_contrast) & (contrast > p.seen_ratio * unrest) & (here > 0)
     # Unrest shifts the steepest place by its own slope's share of the edge's.
     deviations = np.clip(0.5 * unrest / np.maximum(here, 1e-6), 0.05, reach)
-    return EdgePoints(found, normals, deviations, contrast, np.asarray(seen), shown)
+    return EdgePoints(found, normals, deviations, strength[n, m], np.asarray(seen), shown)
