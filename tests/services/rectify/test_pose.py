@@ -32,7 +32,7 @@ from services.rectify.surface_test import discriminate_surface
 from services.texture_flow.field import FlowSamples
 from simulation.scenes import POSES, View
 from tests.services.rectify.observations import photograph_plane
-from tests.services.rectify.sheet_sides import outline_of, outline_of_truth
+from tests.services.rectify.sheet_sides import outline_of_truth
 from tests.services.scenes import CURVED_SCENES, FLAT_SCENES, Album, Shot
 
 
@@ -324,8 +324,8 @@ def test_the_sheets_sides_make_the_pose_better(name: str, album: Album) -> None:
 
 def test_an_outline_that_contradicts_a_page_of_text_is_not_believed(album: Album) -> None:
     shot = album["plain"]
-    wrong = np.array([[150.0, 120.0], [780.0, 90.0], [1000.0, 1290.0], [60.0, 900.0]])
-    outline = outline_of(wrong, 0.5, np.random.default_rng(0))
+    # A rectangle, but of a sheet that lies otherwise.
+    outline = outline_of_truth(photograph_plane(POSES[1]).truth, 0.5, np.random.default_rng(0))
     prior = focal_prior(shot.frame, None, None)
     sides = read_sides(outline, shot.frame, prior)
     assert sides is not None
