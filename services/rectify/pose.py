@@ -80,8 +80,13 @@ class PoseParameters:
     """A side of the sheet that is off by more than both disagrees with the text."""
     text_rad: float = np.deg2rad(1.5)
     """Text that the sheet's sides leave so much less level than it can be disagrees with them."""
+    stray_rad: float = np.deg2rad(8.0)
+    """What the sheet's sides leave less level than this on average is no text: drawings, grain of a desk. Lines of
+    text on bent and crumpled sheets lie within 3 degrees."""
     aslant_rad: float = np.deg2rad(5.0)
     """Print that stands further aslant on its sheet is told of."""
+    few_lines: int = 6
+    """Fewer lines of text do not turn the view against its sheet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -313,6 +318,11 @@ def choose_pose(
                 f"may be off by about {100 * refined.log_aspect_deviation:.0f} %; send focal_length_px or keep EXIF.",
             )
         )
+    sources: tuple[ShapeSource, ...] = ("text", "outline") if believed else ("text",)
+    skew = refined.skew_rad if believed else 0.0
+    if believed and sheet is not None and is_stray(refined, flow_deviation(plane, major, minor, 0.0), p):
+        assert isinstance(sheet.plane, OutlinePlane)
+        plane, sources, skew = sheet.plane.plane, ("outline",), 0.0
     if sheet is not None:
         lines, without = (
             min(flow_deviation(other, major, minor, 0.0) for other in planes)
@@ -328,10 +338,16 @@ def choose_pose(
         tuple(notices),
         refined.lines,
         flow_deviation(plane, major, minor, p.minor_share),
-        ("text", "outline") if believed else ("text",),
+        sources,
         believed and sheet is not None and sheet.straight,
-        refined.skew_rad if believed else 0.0,
+        skew,
     )
+
+
+def is_stray(refined: RefinedPlane, deviation_rad: float, p: PoseParameters) -> bool:
+    """Whether what was found on a sheet is no text, or too little to turn the view against the sheet's sides."""
+    aslant = abs(refined.skew_rad) > p.aslant_rad and refined.lines < p.few_lines
+    return deviation_rad > p.stray_rad or aslant
 
 
 def disagreement(
@@ -340,7 +356,7 @@ def disagreement(
     """What to tell when text and outline disagree; the text's deviation (rad) is `lines`, `without` sides."""
     if not believed:
         return [TEXT_BELIEVED] if isinstance(sheet.plane, OutlinePlane) else []
-    if lines > without + p.text_rad:
+    if lines > without + p.text_rad or is_stray(refined, lines, p):
         return [EDGES_BELIEVED]
     if abs(refined.skew_rad) > p.aslant_rad:
         return [

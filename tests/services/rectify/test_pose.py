@@ -8,6 +8,7 @@ import pytest
 from services.arrays import Points
 from services.geometry.homographies import denominators, transform_points
 from services.rectify.baselines import detect_baselines
+from services.rectify.outline_plane import OutlinePlane, SheetSides, read_sides
 from services.rectify.planar import (
     FocalPrior,
     PagePlane,
@@ -31,6 +32,7 @@ from services.rectify.surface_test import discriminate_surface
 from services.texture_flow.field import FlowSamples
 from simulation.scenes import POSES, View
 from tests.services.rectify.observations import photograph_plane
+from tests.services.rectify.sheet_sides import outline_of_truth
 from tests.services.scenes import CURVED_SCENES, FLAT_SCENES, Album, Shot
 
 
@@ -46,6 +48,28 @@ def pose_of(shot: Shot, prior: FocalPrior | None = None) -> PagePose:
         points,
         discriminate_surface(points, shot.analysis.text_height_px),
     )
+
+
+def pose_with(shot: Shot, sides: SheetSides | None, prior: FocalPrior | None = None) -> PagePose:
+    """The pose that the pipeline would choose with the sheet's sides in view."""
+    return choose_pose(
+        shot.analysis,
+        shot.frame,
+        prior or focal_prior(shot.frame, None, None),
+        shot.major,
+        shot.minor,
+        shot.vanishing_points,
+        "planar",
+        sheet=sides,
+    )
+
+
+def sides_of(shot: Shot) -> SheetSides:
+    """The simulated sheet's sides, known to half a pixel."""
+    outline = outline_of_truth(shot.truth, 0.5, np.random.default_rng(0))
+    sides = read_sides(outline, shot.frame, focal_prior(shot.frame, None, None))
+    assert sides is not None
+    return sides
 
 
 def page_grid(shot: Shot) -> Points:
@@ -284,3 +308,30 @@ def test_an_unseen_focal_length_is_called_uncertain(album: Album) -> None:
     )  # fmt: skip
     assert [notice.code for notice in pose.notices] == ["aspect-ratio-uncertain"]
     assert "focal_length_px" in pose.notices[0].detail
+
+
+@pytest.mark.parametrize("name", ["plain", "skewed"])
+def test_the_sheets_sides_make_the_pose_better(name: str, album: Album) -> None:
+    shot = album[name]
+    alone, both = pose_of(shot), pose_with(shot, sides_of(shot))
+    assert both.sources == ("text", "outline")
+    assert both.sides_believed
+    # The sheet's frame does not turn with its print.
+    assert abs(both.skew_rad + shot.truth.skew_rad) < np.radians(0.2)
+    assert [notice.code for notice in both.notices] == ["outline-disagrees"] * (name == "skewed")
+    assert 1e-4 < residual_percent(shot, both) < max(0.03, residual_percent(shot, alone))
+
+
+def test_an_outline_that_contradicts_a_page_of_text_is_not_believed(album: Album) -> None:
+    shot = album["plain"]
+    # A rectangle, but of a sheet that lies otherwise.
+    outline = outline_of_truth(photograph_plane(POSES[1]).truth, 0.5, np.random.default_rng(0))
+    prior = focal_prior(shot.frame, None, None)
+    sides = read_sides(outline, shot.frame, prior)
+    assert sides is not None
+    assert isinstance(sides.plane, OutlinePlane)
+    pose = pose_with(shot, sides)
+    assert pose.sources == ("text",)
+    assert not pose.sides_believed
+    assert "outline-disagrees" in [notice.code for notice in pose.notices]
+    assert residual_percent(shot, pose) < 2 * residual_percent(shot, pose_of(shot)) + 0.05
