@@ -1,10 +1,10 @@
 """`Accept` and `format` -> what is sent."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from app.operations import Format, LayoutFormat
+from app.operations import Format, LayoutFormat, PagesFormat, SeveralFormat
 from services.errors import NotAcceptable
 
 MEDIA_TYPES: Mapping[Format, str] = {
@@ -16,6 +16,17 @@ MEDIA_TYPES: Mapping[Format, str] = {
     "json": "application/json",
 }
 """In the order of preference among what a client likes equally well."""
+
+PAGES_MEDIA_TYPES: Mapping[PagesFormat, str] = {**MEDIA_TYPES, "zip": "application/zip"}
+"""The same where an answer may have several pages."""
+
+SEVERAL_MEDIA_TYPES: Mapping[SeveralFormat, str] = {
+    "pdf": "application/pdf",
+    "tiff": "image/tiff",
+    "zip": "application/zip",
+    "json": "application/json",
+}
+"""Those of them that hold several pages, in the order of preference."""
 
 LAYOUT_MEDIA_TYPES: Mapping[LayoutFormat, str] = {
     "json": "application/json",
@@ -71,8 +82,10 @@ def _weight(parameters: list[str]) -> float | None:
     return 1.0
 
 
-def choose_format(requested: Format | None, accept: str | None, own: Format | None) -> Format | None:
-    """Format to send; None: the upload's own, whatever it turns out to be.
+def choose_format(
+    requested: Name | None, accept: str | None, own: Name | None, media_types: Mapping[Name, str]
+) -> Name | None:
+    """Format to send, one of `media_types`; None: the upload's own, whatever it turns out to be.
 
     `requested` is the form's `format` and wins over `accept`, the header; `own` is the upload's format where
     it is known (`sniff_format`). Among formats that weigh the same the upload's own comes first.
@@ -87,13 +100,32 @@ def choose_format(requested: Format | None, accept: str | None, own: Format | No
     ranges = parse_accept(accept) if accept is not None else ()
     if not ranges:
         return own
-    liked = _liked(MEDIA_TYPES, ranges)
+    liked = _liked(media_types, ranges)
     if own in liked:
         return own
-    images = {name for name, media_type in MEDIA_TYPES.items() if media_type.startswith("image/")}
+    images = {name for name, media_type in media_types.items() if media_type.startswith("image/")}
     if own is None and images.issubset(liked):
         return None
     return liked[0]
+
+
+def choose_pages_format(
+    requested: PagesFormat | None, accept: str | None, own: Format | None
+) -> SeveralFormat | None:
+    """Format of an answer of several pages; None: the client takes none that holds them.
+
+    `requested`, `accept` and `own` are those of `choose_format`. A client that says nothing gets a PDF (of a TIFF
+    file: a TIFF file).
+    """
+    if requested is not None:
+        return next((name for name in SEVERAL_MEDIA_TYPES if name == requested), None)
+    ranges = parse_accept(accept) if accept is not None else ()
+    weights = {name: _weight_of(media_type, ranges) for name, media_type in SEVERAL_MEDIA_TYPES.items()}
+    best = max(weights.values()) if ranges else 0.0
+    if ranges and best <= 0:
+        return None
+    liked = [name for name, weight in weights.items() if not ranges or weight == best]
+    return "tiff" if own == "tiff" and "tiff" in liked else liked[0]
 
 
 def choose_layout_format(requested: LayoutFormat | None, accept: str | None) -> LayoutFormat:
@@ -153,7 +185,13 @@ def may_have_pages(head: bytes) -> bool:
 
 
 def image_headers(document: Mapping[str, object]) -> dict[str, str]:
-    """The essential facts of a result (a route's result as JSON) as headers of an image answer."""
+    """The essential facts of a result (a route's result as JSON) as headers of an image answer.
+
+    Of several pages: of each, in their order.
+    """
+    pages = document.get("pages")
+    if isinstance(pages, list | tuple):
+        return _headers_of_pages(document, pages)
     headers = {}
     kind, orientation, unplaced, warnings, timings = (
         document.get(name) for name in ("kind", "orientation", "unplaced", "warnings", "timings_ms")
@@ -165,6 +203,21 @@ def image_headers(document: Mapping[str, object]) -> dict[str, str]:
     if isinstance(unplaced, list | tuple):
         headers["Document-Unplaced"] = ", ".join(map(str, unplaced))
     return headers | _notices(warnings) | _stages(timings)
+
+
+def _headers_of_pages(
+    document: Mapping[str, object], pages: Sequence[Mapping[str, object]]
+) -> dict[str, str]:
+    warnings: list[object] = []
+    for part in (document, *pages):
+        found = part["warnings"]
+        warnings += found if isinstance(found, list | tuple) else ()
+    each = [image_headers(page) for page in pages]
+    headers = {"Document-Pages": str(len(pages))} | {
+        name: ", ".join(one[name] for one in each if name in one)
+        for name in ("Document-Kind", "Document-Rotation")
+    }
+    return headers | _notices(warnings) | _stages(document.get("timings_ms"))
 
 
 def layout_headers(document: Mapping[str, object]) -> dict[str, str]:

@@ -58,6 +58,8 @@ class PageAnalysis:
     minor_field: FlowField | None
     facing_page: bool = False
     """Text of a facing page was seen, and left out."""
+    gutter: Points | None = None
+    """Line (N, 2) between this page and the facing one in photo pixels, from end to end of the photo."""
 
     @property
     def characters(self) -> Points:
