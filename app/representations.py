@@ -17,7 +17,15 @@ MEDIA_TYPES: Mapping[Format, str] = {
 }
 """In the order of preference among what a client likes equally well."""
 
-PAGES_MEDIA_TYPES: Mapping[PagesFormat, str] = {**MEDIA_TYPES, "zip": "application/zip"}
+PAGES_MEDIA_TYPES: Mapping[PagesFormat, str] = {
+    "jpeg": "image/jpeg",
+    "png": "image/png",
+    "webp": "image/webp",
+    "tiff": "image/tiff",
+    "pdf": "application/pdf",
+    "json": "application/json",
+    "zip": "application/zip",
+}
 """The same where an answer may have several pages."""
 
 SEVERAL_MEDIA_TYPES: Mapping[SeveralFormat, str] = {

@@ -42,12 +42,12 @@ class View:
 
     def pose(self, page: Page, shape: Shape, camera: Camera, margin: float = 0.02) -> Pose:
         """The pose at which the page just fits into the photo, less `margin` of its size on each side."""
-        return fitting_pose(self, lambda pose: Truth(page, shape, 0.0, pose, camera).outline(), camera, margin)
+        return fitting_pose(
+            self, lambda pose: Truth(page, shape, 0.0, pose, camera).outline(), camera, margin
+        )
 
 
-def fitting_pose(
-    view: View, outline: Callable[[Pose], Points], camera: Camera, margin: float = 0.02
-) -> Pose:
+def fitting_pose(view: View, outline: Callable[[Pose], Points], camera: Camera, margin: float = 0.02) -> Pose:
     """The pose of `view` at which the photo points of `outline` just fit into the photo, less `margin` on each side."""
     angles = np.radians([view.tilt_deg, view.azimuth_deg, view.roll_deg])
     at = np.array([0.0, 0.0, 4.0 * camera.focal_length_px / min(camera.width, camera.height)])

@@ -51,7 +51,7 @@ def page_beside_gutter(rise: float, fall: float, *, right: bool) -> Cylinder:
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """How the gutter looks: `shade` is the share of light that is missing in it, fading over `reach` half page widths."""
+    """Light in the gutter: the share `shade` of it is missing, less and less over `reach` half page widths."""
 
     shade: float = 0.6
     reach: float = 0.08

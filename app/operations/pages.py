@@ -56,7 +56,7 @@ class Reply:
 
 
 def rectify(upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: UploadLimits) -> Reply:
-    """Frontal flat view of an uploaded photo, or of both its pages; raises the `DocumentError`s of `services.operations`."""
+    """Flat view of an uploaded photo, or of both its pages; raises the `DocumentError`s of `services.operations`."""
     from services.operations import rectify_upload
 
     reply = rectify_upload(upload, parameters, _encoding_options(encoding), image_limits(limits))

@@ -16,8 +16,8 @@ from services.operations.replies import (
     SourceFacts,
     describe_warnings,
     image_format_of,
-    to_json_ready,
     timed,
+    to_json_ready,
 )
 from services.rectify.results import Notice
 
@@ -54,7 +54,8 @@ def make_pages_reply(
         raise several_pages_refused(len(pages))
     image_format = image_format_of(source, answer_format if answer_format != "pdf" else None)
     quality, dpi, profile = encoding.quality, source.dpi, source.icc_profile
-    body, embedded = b"", [None] * len(pages)
+    body = b""
+    embedded: list[str | None] = [None] * len(pages)
     with timed("encode", timings_ms, ENCODING_BEGINS):
         images = [page.image for page in pages]
         if answer_format == "json":
@@ -69,9 +70,7 @@ def make_pages_reply(
             body = encode_image(images[0], image_format, quality, dpi, profile)
     ready = to_json_ready(
         {
-            "pages": [
-                {**page.document, "image": image} for page, image in zip(pages, embedded, strict=True)
-            ],
+            "pages": [{**page.document, "image": image} for page, image in zip(pages, embedded, strict=True)],
             "warnings": describe_warnings(notices),
             "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
         }

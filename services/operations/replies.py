@@ -109,9 +109,9 @@ def make_reply(
 
 def image_format_of(source: SourceFacts, asked: AnswerFormat | None) -> OutputFormat:
     """Format of a page's image: the one that was `asked` for, else the upload's own (HEIC: JPEG)."""
-    if asked is not None and asked != "json" and asked != "zip":
-        return asked
-    return "jpeg" if source.format == "heic" else source.format
+    if asked is None or asked == "json" or asked == "zip":  # noqa: PLR1714 (mypy narrows by these alone)
+        return "jpeg" if source.format == "heic" else source.format
+    return asked
 
 
 def describe_orientation(orientation: Orientation) -> dict[str, object]:

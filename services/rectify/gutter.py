@@ -128,11 +128,12 @@ def _continue_directions(
     # All but the first are held a little: few samples do not tell them.
     held = np.diag([1e-6, *[0.1 if len(terms) > 3 else 0.3] * (len(terms) - 1)])
     value = angle_difference(flow.angles, reference)
-    weights, c = flow.weights, np.zeros(len(terms))
+    weights: Vector = flow.weights
+    c: Vector = np.zeros(len(terms))
     for _ in range(4):
         weighted = (design * weights[:, None]).T
-        c = np.linalg.solve(weighted @ design + held, weighted @ value)
-        weights = flow.weights / (1 + ((value - design @ c) / p.spread_rad) ** 2)
+        c = np.asarray(np.linalg.solve(weighted @ design + held, weighted @ value), np.float64)
+        weights = np.asarray(flow.weights / (1 + ((value - design @ c) / p.spread_rad) ** 2), np.float64)
     return reference + float(c[0]), float(c[2]), middle
 
 
@@ -170,7 +171,8 @@ def find_gutter(
         if row_gap(away, at[:, 1], text_height, p) < (p.close_gap if dip > p.close_dip else p.gap):
             continue
         jump = direction_jump(across, samples[:, 1], flow, text_height, p)
-        ends = np.array([at[:, 1].min() - 1e4, at[:, 1].max() + 1e4])
+        reach = float(np.hypot(*photo.shape[:2]))
+        ends = np.array([at[:, 1].min() - reach, at[:, 1].max() + reach])
         line = np.column_stack([place + slope * ends, ends]) @ turn
         gutters.append(Gutter(np.asarray(line), np.asarray(away > 0), dip, jump))
     likely = [g for g in gutters if g.dip > p.dip or g.jump_rad > p.turn_rad]
@@ -220,7 +222,8 @@ def _darkest(
     reach = 0.5 * (high - low)
     count = max(int((high - low + 2 * reach) * factor), 24)
     x = np.linspace(low - reach, high + reach, count)
-    y = np.linspace(*np.percentile(at[:, 1], [3, 97]), 200)
+    first, last = (float(v) for v in np.percentile(at[:, 1], [3, 97]))
+    y = np.linspace(first, last, 200)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     grid[..., 0] += slope * grid[..., 1]
     seen = np.asarray(((grid.reshape(-1, 2) @ turn + 0.5) * factor - 0.5).reshape(*grid.shape), np.float32)

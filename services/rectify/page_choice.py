@@ -82,7 +82,7 @@ class PageChoice:
     @property
     def facing_page(self) -> bool:
         """Whether a facing page was seen."""
-        return bool(self.facing.any())
+        return self.gutter is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,9 +214,7 @@ def _divides(photo: RgbImage, text: _Text, direction_rad: float, p: PageChoicePa
                 across = (samples[:, 0] - edge.at(samples[:, 1])) / factor
                 rows = np.linspace(0, height - 1, 60)
                 line = replace(np.column_stack([edge.at(rows), rows]))
-                found.append(
-                    _Divide(edge, line, away, at[:, 1] / factor, across, samples[:, 1] / factor)
-                )
+                found.append(_Divide(edge, line, away, at[:, 1] / factor, across, samples[:, 1] / factor))
     return found
 
 

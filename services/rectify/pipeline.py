@@ -14,14 +14,14 @@ from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
 from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_curved_page, trace_page
-from services.rectify.curved_framing import CurvedFrame, frame_curved_page
+from services.rectify.curved_framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page
 from services.rectify.drawing import draw_flat_view, draw_gray_view
-from services.rectify.edge_cropping import crop_to_sheet
-from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
+from services.rectify.edge_cropping import crop_to_sheet, within_gutter
+from services.rectify.framing import TEXT_FRAMING, FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.line_tracing import line_deviation
 from services.rectify.orientation import estimate_orientation
 from services.rectify.outline_plane import read_sides
-from services.rectify.parameters import PageKind, RectifyParameters
+from services.rectify.parameters import Crop, PageKind, RectifyParameters
 from services.rectify.planar import (
     FlowVanishingPoints,
     FocalPrior,
@@ -104,14 +104,27 @@ def rectify(
     check_parameters(photo, parameters)
     clock = StageClock(STAGE_BEGINS)
     page = find_page(photo, parameters, exif_focal_length_px, clock)
+    return flatten_page(photo, page, parameters, ocr, clock)
+
+
+def flatten_page(
+    photo: RgbImage,
+    page: FlatPage | TextlessPage,
+    parameters: RectifyParameters,
+    ocr: OcrEngine | None,
+    clock: StageClock,
+) -> RectifyResult:
+    """The flat view of a `page` whose shape is known: framed, upright, drawn."""
     notices = list(page.notices)
     frame: FlatFrame | CurvedFrame
     with clock.stage("framing"):
         if isinstance(page, TextlessPage):
             outline, frame = page.border, frame_textless(page)
         else:
-            outline = page.analysis.paper.outline(page.analysis.characters)
-            frame = crop_to_sheet(photo, frame_photo(photo, page, outline), page.analysis, outline)
+            outline = find_border(page, parameters.crop)
+            frame = frame_photo(photo, page, outline, parameters.crop)
+            if parameters.crop == "sheet":
+                frame = crop_to_sheet(photo, frame, page.analysis, outline)
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):
@@ -188,9 +201,27 @@ def estimate_page(
 ) -> FlatPage:
     """Text, flows, kind and pose of the page in `photo`, whose sheet has the `outline`, if it is seen."""
     analysis = analyse_photo(photo, parameters.region, clock=clock)
+    view = PhotoFrame(photo.shape[1], photo.shape[0])
+    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+    return shape_page(analysis, view, prior, parameters, clock, outline)
+
+
+def shape_page(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    parameters: RectifyParameters,
+    clock: StageClock,
+    outline: SheetOutline | None = None,
+) -> FlatPage:
+    """Kind and pose of a page whose text and flows are known; `prior` is what is known of the focal length.
+
+    Raises
+    ------
+    NoText
+        When most of its ink is no text, and no sheet's edges show its shape either.
+    """
     with clock.stage("shape"):
-        view = PhotoFrame(photo.shape[1], photo.shape[0])
-        prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
         evidence = PageEvidence(analysis, view, major, minor, points)
@@ -260,12 +291,22 @@ def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamp
     return FlowSamples(major.points, major.angles + np.pi / 2, 0.05 * major.weights)
 
 
-def frame_photo(photo: RgbImage, page: FlatPage, outline: Points | None) -> FlatFrame | CurvedFrame:
+def find_border(page: FlatPage, crop: Crop) -> Points | None:
+    """The sheet's outline (N, 2) in the photo, up to the gutter; None where it is not seen, or shall not be cut at."""
+    outline = page.analysis.paper.outline(page.analysis.characters) if crop == "sheet" else None
+    return outline if outline is None else within_gutter(outline, page.analysis)
+
+
+def frame_photo(
+    photo: RgbImage, page: FlatPage, outline: Points | None, crop: Crop = "sheet"
+) -> FlatFrame | CurvedFrame:
     """The part of the flat page that is shown; `outline` (N, 2) is the sheet's in the photo, if its edge is seen."""
     characters, height = page.analysis.characters, page.analysis.text_height_px
+    flat, curved = (TEXT_FRAMING, CURVED_TEXT_FRAMING) if crop == "text" else (None, None)
     if isinstance(page.shape, CurvedPage):
-        return frame_curved_page(page.shape.page_map, page.view, characters, height, outline)
-    return frame_page(page.shape.H_photo_plane, (photo.shape[0], photo.shape[1]), characters, height, outline)
+        return frame_curved_page(page.shape.page_map, page.view, characters, height, outline, flat, curved)
+    size = (photo.shape[0], photo.shape[1])
+    return frame_page(page.shape.H_photo_plane, size, characters, height, outline, flat)
 
 
 def orient_page(

@@ -102,6 +102,8 @@ class PagePose:
     """The sheet's sides are straight and those of one rectangle with the text."""
     skew_rad: float = 0.0
     """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
+    log_focal_deviation: float = float("inf")
+    """Of the focal length's logarithm as the page alone shows it."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
@@ -331,6 +333,7 @@ def choose_pose(
         ("text", "outline") if believed else ("text",),
         believed,
         refined.skew_rad if believed else 0.0,
+        float("inf") if plane is level else refined.log_focal_deviation,
     )
 
 
