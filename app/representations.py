@@ -90,10 +90,8 @@ def _weight(parameters: list[str]) -> float | None:
     return 1.0
 
 
-def choose_format(
-    requested: Name | None, accept: str | None, own: Name | None, media_types: Mapping[Name, str]
-) -> Name | None:
-    """Format to send, one of `media_types`; None: the upload's own, whatever it turns out to be.
+def choose_format(requested: Format | None, accept: str | None, own: Format | None) -> Format | None:
+    """Format to send; None: the upload's own, whatever it turns out to be.
 
     `requested` is the form's `format` and wins over `accept`, the header; `own` is the upload's format where
     it is known (`sniff_format`). Among formats that weigh the same the upload's own comes first.
@@ -103,6 +101,40 @@ def choose_format(
     NotAcceptable
         When `accept` has room for none of the formats.
     """
+    return _choose(requested, accept, own, MEDIA_TYPES)
+
+
+def choose_pages_formats(
+    requested: PagesFormat | None, accept: str | None, own: Format | None
+) -> tuple[PagesFormat | None, SeveralFormat | None]:
+    """Formats to send where the answer may have several pages: of a single page, as by `choose_format`, and of several.
+
+    The second is None when the client takes none that holds several pages. A client that says nothing gets several
+    pages as a PDF (of a TIFF file: as a TIFF file).
+
+    Raises
+    ------
+    NotAcceptable
+        When `accept` has room for none of the formats.
+    """
+    single = _choose(requested, accept, own, PAGES_MEDIA_TYPES)
+    if requested is not None:
+        return single, next((name for name in SEVERAL_MEDIA_TYPES if name == requested), None)
+    ranges = parse_accept(accept) if accept is not None else ()
+    weights = {
+        name: _weight_of(media_type, ranges) if ranges else 1.0
+        for name, media_type in SEVERAL_MEDIA_TYPES.items()
+    }
+    best = max(weights.values())
+    liked = [name for name, weight in weights.items() if weight == best]
+    if best <= 0:
+        return single, None
+    return single, "tiff" if own == "tiff" and "tiff" in liked else liked[0]
+
+
+def _choose(
+    requested: Name | None, accept: str | None, own: Name | None, media_types: Mapping[Name, str]
+) -> Name | None:
     if requested is not None:
         return requested
     ranges = parse_accept(accept) if accept is not None else ()
@@ -115,25 +147,6 @@ def choose_format(
     if own is None and images.issubset(liked):
         return None
     return liked[0]
-
-
-def choose_pages_format(
-    requested: PagesFormat | None, accept: str | None, own: Format | None
-) -> SeveralFormat | None:
-    """Format of an answer of several pages; None: the client takes none that holds them.
-
-    `requested`, `accept` and `own` are those of `choose_format`. A client that says nothing gets a PDF (of a TIFF
-    file: a TIFF file).
-    """
-    if requested is not None:
-        return next((name for name in SEVERAL_MEDIA_TYPES if name == requested), None)
-    ranges = parse_accept(accept) if accept is not None else ()
-    weights = {name: _weight_of(media_type, ranges) for name, media_type in SEVERAL_MEDIA_TYPES.items()}
-    best = max(weights.values()) if ranges else 0.0
-    if ranges and best <= 0:
-        return None
-    liked = [name for name, weight in weights.items() if not ranges or weight == best]
-    return "tiff" if own == "tiff" and "tiff" in liked else liked[0]
 
 
 def choose_layout_format(requested: LayoutFormat | None, accept: str | None) -> LayoutFormat:

@@ -12,7 +12,7 @@ from app.representations import (
     PAGES_MEDIA_TYPES,
     SNIFFED_BYTES,
     choose_format,
-    choose_pages_format,
+    choose_pages_formats,
     image_headers,
     sniff_format,
 )
@@ -99,7 +99,7 @@ async def choose_encoding(request: Request, asked: AskedEncoding, photo: UploadF
     """
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
-    chosen = choose_format(asked.format, request.headers.get("accept"), sniff_format(head), MEDIA_TYPES)
+    chosen = choose_format(asked.format, request.headers.get("accept"), sniff_format(head))
     return Encoding(format=chosen, quality=asked.quality, embed=asked.embed)
 
 
@@ -113,13 +113,8 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
     """
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
-    accept, own = request.headers.get("accept"), sniff_format(head)
-    return Encoding(
-        format=choose_format(asked.format, accept, own, PAGES_MEDIA_TYPES),
-        quality=asked.quality,
-        embed=asked.embed,
-        pages_format=choose_pages_format(asked.format, accept, own),
-    )
+    single, several = choose_pages_formats(asked.format, request.headers.get("accept"), sniff_format(head))
+    return Encoding(format=single, quality=asked.quality, embed=asked.embed, pages_format=several)
 
 
 def answer_page(reply: Reply, model: type[BaseModel]) -> Response:
