@@ -1,10 +1,10 @@
 """`Accept` and `format` -> what is sent."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from app.operations import Format, LayoutFormat
+from app.operations import Format, LayoutFormat, PagesFormat, SeveralFormat
 from services.errors import NotAcceptable
 
 MEDIA_TYPES: Mapping[Format, str] = {
@@ -16,6 +16,25 @@ MEDIA_TYPES: Mapping[Format, str] = {
     "json": "application/json",
 }
 """In the order of preference among what a client likes equally well."""
+
+PAGES_MEDIA_TYPES: Mapping[PagesFormat, str] = {
+    "jpeg": "image/jpeg",
+    "png": "image/png",
+    "webp": "image/webp",
+    "tiff": "image/tiff",
+    "pdf": "application/pdf",
+    "json": "application/json",
+    "zip": "application/zip",
+}
+"""The same where an answer may have several pages."""
+
+SEVERAL_MEDIA_TYPES: Mapping[SeveralFormat, str] = {
+    "pdf": "application/pdf",
+    "tiff": "image/tiff",
+    "zip": "application/zip",
+    "json": "application/json",
+}
+"""Those of them that hold several pages, in the order of preference."""
 
 LAYOUT_MEDIA_TYPES: Mapping[LayoutFormat, str] = {
     "json": "application/json",
@@ -82,15 +101,49 @@ def choose_format(requested: Format | None, accept: str | None, own: Format | No
     NotAcceptable
         When `accept` has room for none of the formats.
     """
+    return _choose(requested, accept, own, MEDIA_TYPES)
+
+
+def choose_pages_formats(
+    requested: PagesFormat | None, accept: str | None, own: Format | None
+) -> tuple[PagesFormat | None, SeveralFormat | None]:
+    """Formats to send where the answer may have several pages: of a single page, as by `choose_format`, and of several.
+
+    The second is None when the client takes none that holds several pages. A client that says nothing gets several
+    pages as a PDF (of a TIFF file: as a TIFF file).
+
+    Raises
+    ------
+    NotAcceptable
+        When `accept` has room for none of the formats.
+    """
+    single = _choose(requested, accept, own, PAGES_MEDIA_TYPES)
+    if requested is not None:
+        return single, next((name for name in SEVERAL_MEDIA_TYPES if name == requested), None)
+    ranges = parse_accept(accept) if accept is not None else ()
+    weights = {
+        name: _weight_of(media_type, ranges) if ranges else 1.0
+        for name, media_type in SEVERAL_MEDIA_TYPES.items()
+    }
+    best = max(weights.values())
+    liked = [name for name, weight in weights.items() if weight == best]
+    if best <= 0:
+        return single, None
+    return single, "tiff" if own == "tiff" and "tiff" in liked else liked[0]
+
+
+def _choose(
+    requested: Name | None, accept: str | None, own: Name | None, media_types: Mapping[Name, str]
+) -> Name | None:
     if requested is not None:
         return requested
     ranges = parse_accept(accept) if accept is not None else ()
     if not ranges:
         return own
-    liked = _liked(MEDIA_TYPES, ranges)
+    liked = _liked(media_types, ranges)
     if own in liked:
         return own
-    images = {name for name, media_type in MEDIA_TYPES.items() if media_type.startswith("image/")}
+    images = {name for name, media_type in media_types.items() if media_type.startswith("image/")}
     if own is None and images.issubset(liked):
         return None
     return liked[0]
@@ -153,7 +206,13 @@ def may_have_pages(head: bytes) -> bool:
 
 
 def image_headers(document: Mapping[str, object]) -> dict[str, str]:
-    """The essential facts of a result (a route's result as JSON) as headers of an image answer."""
+    """The essential facts of a result (a route's result as JSON) as headers of an image answer.
+
+    Of several pages: of each, in their order.
+    """
+    pages = document.get("pages")
+    if isinstance(pages, list | tuple):
+        return _headers_of_pages(document, pages)
     headers = {}
     kind, orientation, unplaced, warnings, timings = (
         document.get(name) for name in ("kind", "orientation", "unplaced", "warnings", "timings_ms")
@@ -165,6 +224,21 @@ def image_headers(document: Mapping[str, object]) -> dict[str, str]:
     if isinstance(unplaced, list | tuple):
         headers["Document-Unplaced"] = ", ".join(map(str, unplaced))
     return headers | _notices(warnings) | _stages(timings)
+
+
+def _headers_of_pages(
+    document: Mapping[str, object], pages: Sequence[Mapping[str, object]]
+) -> dict[str, str]:
+    warnings: list[object] = []
+    for part in (document, *pages):
+        found = part["warnings"]
+        warnings += found if isinstance(found, list | tuple) else ()
+    each = [image_headers(page) for page in pages]
+    headers = {"Document-Pages": str(len(pages))} | {
+        name: ", ".join(one[name] for one in each if name in one)
+        for name in ("Document-Kind", "Document-Rotation")
+    }
+    return headers | _notices(warnings) | _stages(document.get("timings_ms"))
 
 
 def layout_headers(document: Mapping[str, object]) -> dict[str, str]:

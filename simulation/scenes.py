@@ -5,6 +5,7 @@ different directions by 20 to 35 degrees, poses 1 and 2 such that at -15 degrees
 out almost parallel in the photo (there the focal length can hardly be seen).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from simulation.camera import Camera, Pose
 from simulation.cone import Cone
 from simulation.degradation import Degradation, degrade, desk_texture
-from simulation.flat_page import Page
+from simulation.flat_page import Page, Points
 from simulation.photo import SimulatedPhoto, simulate_photo
 from simulation.surfaces import Cylinder, Plane, Shape
 from simulation.truth import Truth
@@ -41,19 +42,26 @@ class View:
 
     def pose(self, page: Page, shape: Shape, camera: Camera, margin: float = 0.02) -> Pose:
         """The pose at which the page just fits into the photo, less `margin` of its size on each side."""
-        angles = np.radians([self.tilt_deg, self.azimuth_deg, self.roll_deg])
-        at = np.array([0.0, 0.0, 4.0 * camera.focal_length_px / min(camera.width, camera.height)])
-        room = np.array([camera.width, camera.height]) * (1.0 - 2.0 * margin)
-        for _ in range(60):
-            centre = (float(at[0]), float(at[1]), float(at[2]))
-            pose = Pose(float(angles[0]), float(angles[1]), float(angles[2]), centre)
-            outline = Truth(page, shape, 0.0, pose, camera).outline()
-            low, high = np.nanmin(outline, axis=0), np.nanmax(outline, axis=0)
-            growth = float(np.min(room / (high - low)))
-            middle = (low + high) / 2 - camera.principal_point
-            at[:2] -= middle * at[2] / camera.focal_length_px
-            at[2] /= growth**0.7
-        return pose
+        return fitting_pose(
+            self, lambda pose: Truth(page, shape, 0.0, pose, camera).outline(), camera, margin
+        )
+
+
+def fitting_pose(view: View, outline: Callable[[Pose], Points], camera: Camera, margin: float = 0.02) -> Pose:
+    """The pose of `view` at which the photo points of `outline` just fit into the photo, less `margin` on each side."""
+    angles = np.radians([view.tilt_deg, view.azimuth_deg, view.roll_deg])
+    at = np.array([0.0, 0.0, 4.0 * camera.focal_length_px / min(camera.width, camera.height)])
+    room = np.array([camera.width, camera.height]) * (1.0 - 2.0 * margin)
+    for _ in range(60):
+        centre = (float(at[0]), float(at[1]), float(at[2]))
+        pose = Pose(float(angles[0]), float(angles[1]), float(angles[2]), centre)
+        points = outline(pose)
+        low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+        growth = float(np.min(room / (high - low)))
+        middle = (low + high) / 2 - camera.principal_point
+        at[:2] -= middle * at[2] / camera.focal_length_px
+        at[2] /= growth**0.7
+    return pose
 
 
 POSES = (

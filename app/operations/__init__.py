@@ -29,7 +29,17 @@ from app.operations.layout_models import (
     initialize_model,
     measure_sample,
 )
-from app.operations.pages import Encoding, Format, MosaicLimits, Reply, UploadLimits, mosaic, rectify
+from app.operations.pages import (
+    Encoding,
+    Format,
+    MosaicLimits,
+    PagesFormat,
+    Reply,
+    SeveralFormat,
+    UploadLimits,
+    mosaic,
+    rectify,
+)
 from services.mosaic.parameters import MosaicParameters
 from services.rectify.parameters import RectifyParameters
 
@@ -49,7 +59,9 @@ __all__ = [
     "MosaicLimits",
     "Operations",
     "PageReply",
+    "PagesFormat",
     "Reply",
+    "SeveralFormat",
     "StoredPage",
     "Training",
     "UploadLimits",

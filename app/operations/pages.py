@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from services.operations import EncodingOptions
 
 Format = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
+PagesFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip"]
+SeveralFormat = Literal["pdf", "tiff", "zip", "json"]
+"""Of these, the ones that hold several pages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +35,15 @@ class MosaicLimits:
 
 @dataclass(frozen=True, slots=True)
 class Encoding:
-    """How the answer is wanted; `format` None is the upload's own."""
+    """How the answer is wanted; `format` None is the upload's own.
 
-    format: Format | None
+    `pages_format` is that of an answer of several pages; None: the client takes none that holds them.
+    """
+
+    format: PagesFormat | None
     quality: int | None
     embed: bool
+    pages_format: SeveralFormat | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +56,7 @@ class Reply:
 
 
 def rectify(upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: UploadLimits) -> Reply:
-    """Frontal flat view of an uploaded photo; raises the `DocumentError`s of `services.operations`."""
+    """Flat view of an uploaded photo, or of both its pages; raises the `DocumentError`s of `services.operations`."""
     from services.operations import rectify_upload
 
     reply = rectify_upload(upload, parameters, _encoding_options(encoding), image_limits(limits))
@@ -85,4 +92,9 @@ def image_limits(limits: UploadLimits) -> "ImageLimits":
 def _encoding_options(encoding: Encoding) -> "EncodingOptions":
     from services.operations import EncodingOptions
 
-    return EncodingOptions(format=encoding.format, quality=encoding.quality, embed=encoding.embed)
+    return EncodingOptions(
+        format=encoding.format,
+        quality=encoding.quality,
+        embed=encoding.embed,
+        pages_format=encoding.pages_format,
+    )

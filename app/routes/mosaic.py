@@ -59,7 +59,7 @@ async def mosaic(
             progress=progress,
         )
         request.state.seat.release()
-        return answer_page(reply, encoding, MosaicResult)
+        return answer_page(reply, MosaicResult)
 
     return await answer_now_or_later(request, state, work)
 

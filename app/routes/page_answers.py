@@ -5,14 +5,23 @@ from typing import Any, Protocol
 from fastapi import Request, Response, UploadFile
 from pydantic import BaseModel
 
-from app.operations import Encoding, Format, Reply
+from app.operations import Encoding, Format, PagesFormat, Reply
 from app.problems import documented
-from app.representations import MEDIA_TYPES, SNIFFED_BYTES, choose_format, image_headers, sniff_format
+from app.representations import (
+    MEDIA_TYPES,
+    PAGES_MEDIA_TYPES,
+    SNIFFED_BYTES,
+    choose_format,
+    choose_pages_formats,
+    image_headers,
+    sniff_format,
+)
 from app.routes.long_work import ACCEPTED
 from app.routes.usual_problems import FORM, IMAGE, WORK
 
 Documentation = dict[int | str, dict[str, Any]]
 
+JSON = "application/json"
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _HEADERS: dict[str, Any] = {
     "Document-Rotation": {
@@ -21,6 +30,16 @@ _HEADERS: dict[str, Any] = {
     },
     "Document-Warnings": {"description": "Codes, separated by commas.", "schema": {"type": "string"}},
     "Server-Timing": {"description": "Milliseconds of each stage.", "schema": {"type": "string"}},
+}
+_PAGES_HEADERS: dict[str, Any] = {
+    "Document-Rotation": {
+        "description": "Clockwise degrees that were applied so that it reads; of each page, separated by commas.",
+        "schema": {"type": "string", "pattern": "^(0|90|180|270)(, (0|90|180|270))*$"},
+    },
+    "Document-Pages": {
+        "description": "With pages=both: the number of pages that were found.",
+        "schema": {"type": "string"},
+    },
 }
 _PROBLEMS = ("not-acceptable", "no-text", "internal", *FORM, *IMAGE, *WORK)
 
@@ -33,19 +52,37 @@ class AskedEncoding(Protocol):
     embed: bool
 
 
+class AskedPagesEncoding(Protocol):
+    """The same where the answer may have several pages."""
+
+    format: PagesFormat | None
+    quality: int | None
+    embed: bool
+
+
 def documented_page(
-    model: type[BaseModel], header: str, meaning: str, problems: tuple[str, ...] = ()
+    model: type[BaseModel],
+    header: str,
+    meaning: str,
+    problems: tuple[str, ...] = (),
+    pages_model: type[BaseModel] | None = None,
 ) -> Documentation:
     """OpenAPI responses of a route that answers with a page or with `model`.
 
-    `header` is the one that only this route's images carry, a string; `problems` are codes beside the usual.
+    `header` is the one that only this route's images carry, a string; `problems` are codes beside the usual. With a
+    `pages_model` the answer may have several pages.
     """
+    media_types = MEDIA_TYPES.values() if pages_model is None else PAGES_MEDIA_TYPES.values()
     return {
         200: {
             "description": "The flat view, or its description as JSON; the headers are those of images.",
-            "model": model,
-            "content": {media_type: _BINARY for name, media_type in MEDIA_TYPES.items() if name != "json"},
-            "headers": {header: {"description": meaning, "schema": {"type": "string"}}, **_HEADERS},
+            "model": model if pages_model is None else model | pages_model,
+            "content": {media_type: _BINARY for media_type in media_types if media_type != JSON},
+            "headers": {
+                header: {"description": meaning, "schema": {"type": "string"}},
+                **_HEADERS,
+                **({} if pages_model is None else _PAGES_HEADERS),
+            },
         },
         **ACCEPTED,
         **documented(*_PROBLEMS, *problems),
@@ -66,10 +103,24 @@ async def choose_encoding(request: Request, asked: AskedEncoding, photo: UploadF
     return Encoding(format=chosen, quality=asked.quality, embed=asked.embed)
 
 
-def answer_page(reply: Reply, encoding: Encoding, model: type[BaseModel]) -> Response:
+async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, photo: UploadFile) -> Encoding:
+    """As `choose_encoding`, where the answer may have several pages.
+
+    Raises
+    ------
+    NotAcceptable
+        When `Accept` has room for no format.
+    """
+    head = await photo.read(SNIFFED_BYTES)
+    await photo.seek(0)
+    single, several = choose_pages_formats(asked.format, request.headers.get("accept"), sniff_format(head))
+    return Encoding(format=single, quality=asked.quality, embed=asked.embed, pages_format=several)
+
+
+def answer_page(reply: Reply, model: type[BaseModel]) -> Response:
     """The picture with its headers, or its description, held to `model`."""
-    if encoding.format == "json":
+    if reply.media_type == JSON:
         body = model.model_validate(reply.document).model_dump_json()
-        return Response(body, media_type="application/json", headers={"Vary": "Accept"})
+        return Response(body, media_type=JSON, headers={"Vary": "Accept"})
     headers = image_headers(reply.document) | {"Vary": "Accept"}
     return Response(reply.body, media_type=reply.media_type, headers=headers)

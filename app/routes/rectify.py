@@ -6,9 +6,9 @@ from fastapi import APIRouter, Form, Request, Response
 
 from app.operations import UploadLimits
 from app.routes.long_work import PREFER, answer_now_or_later
-from app.routes.page_answers import answer_page, choose_encoding, documented_page
+from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
 from app.routes.state import State
-from app.schemas.rectify import RectifyForm, RectifyResult, parse_region
+from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult, parse_region
 from services.progress import ProgressSink
 from services.rectify.parameters import RectifyParameters
 
@@ -19,7 +19,12 @@ router = APIRouter(tags=["rectify"])
     "/rectify",
     operation_id="rectify",
     response_class=Response,
-    responses=documented_page(RectifyResult, "Document-Kind", "planar or curved."),
+    responses=documented_page(
+        RectifyResult,
+        "Document-Kind",
+        "planar or curved; of each page, separated by commas.",
+        pages_model=PagesResult,
+    ),
     openapi_extra=PREFER,
 )
 async def rectify(
@@ -29,14 +34,20 @@ async def rectify(
 
     What comes back follows `Accept`, or the field `format`; with neither, an image in the upload's own
     format (HEIC: JPEG).
+
+    With pages=both an opened book is answered as its two pages, left before right: as a PDF, a TIFF file of two pages,
+    an archive with an image a page (format=zip), or JSON; with neither `Accept` nor `format`, as a PDF. `jpeg`, `png`
+    and `webp` hold one page: they are refused (`not-acceptable`) when two are found.
     """
-    encoding = await choose_encoding(request, form, form.image)
+    encoding = await choose_pages_encoding(request, form, form.image)
     parameters = RectifyParameters(
         kind=form.kind,
         upright=form.upright,
         focal_length_px=form.focal_length_px,
         region=None if form.region is None else parse_region(form.region),
         illumination=form.illumination,
+        crop=form.crop,
+        pages=form.pages,
     )
     limits = UploadLimits(
         state.settings.max_upload_bytes, state.settings.max_megapixels, state.settings.max_exif_bytes
@@ -47,6 +58,6 @@ async def rectify(
             state.operations.rectify, form.image, parameters, encoding, limits, progress=progress
         )
         request.state.seat.release()
-        return answer_page(reply, encoding, RectifyResult)
+        return answer_page(reply, RectifyResult if form.pages == "main" else PagesResult)
 
     return await answer_now_or_later(request, state, work)

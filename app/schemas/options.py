@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from app.operations import Format
+from app.operations import Format, PagesFormat
 
 WRONG_NUMBER_OF_FILES = "wrong_number_of_files"
 """Type of the validation error of a field that holds too few or too many files."""
@@ -45,6 +45,13 @@ AskedFormat = Annotated[
     Format | Absent,
     Field(
         description="What comes back; overrides `Accept`. Neither: an image in the (first) photo's own format."
+    ),
+]
+AskedPagesFormat = Annotated[
+    PagesFormat | Absent,
+    Field(
+        description="What comes back; overrides `Accept`. Neither: an image in the photo's own format, and several "
+        "pages as a PDF. `zip` has an image a page; `jpeg`, `png` and `webp` hold one page only."
     ),
 ]
 Quality = Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.schemas.options import Absent, AskedFormat, Embed, Illumination, Quality, Upright
+from app.schemas.options import Absent, AskedPagesFormat, Embed, Illumination, Quality, Upright
 from app.schemas.page import Answer, Orientation, Point, Warning
 
 REGION_POINTS = (3, 200)
@@ -76,7 +76,17 @@ class RectifyForm(BaseModel):
         json_schema_extra={"contentMediaType": "application/json", "pattern": REGION_PATTERN},
     )
     illumination: Illumination = "keep"
-    format: AskedFormat = None
+    crop: Literal["sheet", "text", "photo"] = Field(
+        default="sheet",
+        description="What the view shows: the sheet cut at its edges, the text with margins, or all of the photo that "
+        "lies near the text.",
+    )
+    pages: Literal["main", "both"] = Field(
+        default="main",
+        description="Of an opened book: the page that the photo is about, or both, left before right; the answer is "
+        "then a list of pages, even if there is only one.",
+    )
+    format: AskedPagesFormat = None
     quality: Quality = None
     embed: Embed = False
 
@@ -166,3 +176,11 @@ class RectifyResult(Answer):
     warnings: list[Warning]
     timings_ms: dict[str, float]
     image: str | None = Field(default=None, description="base64, if `embed` was asked for.")
+
+
+class PagesResult(Answer):
+    """The flat views of all pages of one photo, in reading order (left before right)."""
+
+    pages: list[RectifyResult] = Field(min_length=1)
+    warnings: list[Warning] = Field(description="About all pages together; each page has its own.")
+    timings_ms: dict[str, float] = Field(description="Of the whole work; each page has its own stages.")

@@ -6,6 +6,7 @@ import numpy as np
 
 from services.arrays import Vector
 from services.imaging.codec import ImageLimits, decode_image
+from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
     ENCODING_BEGINS,
@@ -21,12 +22,13 @@ from services.progress import progress_within
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import MeshSurface, PlaneSurface, RectifyResult, StripsSurface
+from services.rectify.spread import page_timings, rectify_spread
 
 
 def rectify_upload(
     upload: bytes, parameters: RectifyParameters, encoding: EncodingOptions, limits: ImageLimits
 ) -> PageReply:
-    """Frontal flat view of the page in an uploaded photo.
+    """Frontal flat view of the page in an uploaded photo, or of both pages of an opened book.
 
     Raises
     ------
@@ -36,15 +38,29 @@ def rectify_upload(
         When the photo shows too little printed text to see the page's shape, and no sheet's edges either.
     InvalidOption
         When `parameters` or `encoding` cannot be met.
+    NotAcceptable
+        When two pages were found and the client takes no format that holds them.
     """
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
         photo = decode_image(upload, limits)
+    source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
+    if parameters.pages == "both":
+        with progress_within(0.03, ENCODING_BEGINS):
+            found = rectify_spread(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
+        timings_ms |= page_timings(found)
+        pages = [describe_page(result) for result in found.pages]
+        return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
     with progress_within(0.03, ENCODING_BEGINS):
         result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
     timings_ms |= result.timings_ms
-    source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
     return make_reply(result.image, describe_rectification(result), source, encoding, timings_ms)
+
+
+def describe_page(result: RectifyResult) -> DescribedPage:
+    """One page of several, with its own stages."""
+    timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
+    return DescribedPage(result.image, {**describe_rectification(result), "timings_ms": timings_ms})
 
 
 def describe_rectification(result: RectifyResult) -> dict[str, object]:

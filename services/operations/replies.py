@@ -15,6 +15,7 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.imaging.codec import OutputFormat, UploadFormat, encode_image
+from services.imaging.page_files import SUFFIXES, archive_files
 from services.progress import report_progress
 from services.rectify.results import Notice, Orientation
 
@@ -25,8 +26,13 @@ MEDIA_TYPES = {
     "tiff": "image/tiff",
     "pdf": "application/pdf",
     "json": "application/json",
+    "zip": "application/zip",
 }
 
+
+AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip"]
+PagesAnswerFormat = Literal["pdf", "tiff", "zip", "json"]
+"""Of these, the ones that hold several pages."""
 
 ENCODING_BEGINS = 0.95
 """The share of the work that is done when the page is encoded, as a rule."""
@@ -37,12 +43,14 @@ class EncodingOptions:
     """How the answer is wanted.
 
     `format` None means the upload's own (JPEG for HEIC); `quality` 1-100 is for lossy formats; `embed`
-    puts the image into the JSON, in base64.
+    puts the image into the JSON, in base64. `pages_format` is that of an answer of several pages; None: the client
+    takes no format that holds them.
     """
 
-    format: Literal["jpeg", "png", "webp", "tiff", "pdf", "json"] | None = None
+    format: AnswerFormat | None = None
     quality: int | None = None
     embed: bool = False
+    pages_format: PagesAnswerFormat | None = "pdf"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,13 +91,13 @@ def make_reply(
     InvalidOption
         When `encoding` cannot be met.
     """
-    image_format: OutputFormat = "jpeg" if source.format == "heic" else source.format
-    if encoding.format is not None and encoding.format != "json":
-        image_format = encoding.format
+    image_format = image_format_of(source, encoding.format)
     body, embedded = b"", None
     if encoding.format != "json" or encoding.embed:
         with timed("encode", timings_ms, ENCODING_BEGINS):
             body = encode_image(page, image_format, encoding.quality, source.dpi, source.icc_profile)
+            if encoding.format == "zip":
+                body = archive_files([body], SUFFIXES[image_format])
     if encoding.format == "json":
         embedded = base64.b64encode(body).decode("ascii") if encoding.embed else None
         body = b""
@@ -97,6 +105,13 @@ def make_reply(
     ready = to_json_ready({**document, "timings_ms": rounded_ms, "image": embedded})
     assert isinstance(ready, dict)
     return PageReply(body, MEDIA_TYPES[encoding.format or image_format], ready)
+
+
+def image_format_of(source: SourceFacts, asked: AnswerFormat | None) -> OutputFormat:
+    """Format of a page's image: the one that was `asked` for, else the upload's own (HEIC: JPEG)."""
+    if asked is None or asked == "json" or asked == "zip":  # noqa: PLR1714 (mypy narrows by these alone)
+        return "jpeg" if source.format == "heic" else source.format
+    return asked
 
 
 def describe_orientation(orientation: Orientation) -> dict[str, object]:

@@ -56,8 +56,13 @@ class PageAnalysis:
     major_field: FlowField
     minor: FlowSamples | None
     minor_field: FlowField | None
-    facing_page: bool = False
-    """Text of a facing page was seen, and left out."""
+    gutter: Points | None = None
+    """Line (N, 2) between this page and a facing one that was seen, in photo pixels, from end to end of the photo."""
+
+    @property
+    def facing_page(self) -> bool:
+        """Whether text of a facing page was seen, and left out."""
+        return self.gutter is not None
 
     @property
     def characters(self) -> Points:
@@ -106,34 +111,77 @@ def analyse_photo(
     NoText
         When there are too few characters, or their lines show no common direction.
     """
+    return _analyse(photo, region, parameters, clock, is_spread=False)[0]
+
+
+def analyse_spread(
+    photo: RgbImage,
+    region: tuple[tuple[float, float], ...] | None = None,
+    parameters: AnalysisParameters | None = None,
+    clock: StageClock | None = None,
+) -> tuple[PageAnalysis, ...]:
+    """The same of an opened book: the main page, and the facing page if its text shows its shape.
+
+    Raises
+    ------
+    NoText
+        When there are too few characters on the main page, or their lines show no common direction.
+    """
+    return _analyse(photo, region, parameters, clock, is_spread=True)
+
+
+def _analyse(
+    photo: RgbImage,
+    region: tuple[tuple[float, float], ...] | None,
+    parameters: AnalysisParameters | None,
+    clock: StageClock | None,
+    *,
+    is_spread: bool,
+) -> tuple[PageAnalysis, ...]:
     p = parameters or AnalysisParameters()
     clock = clock or StageClock()
-    found: list[PageAnalysis] = []
+    found: list[tuple[PageAnalysis, ...]] = []
     refusals: list[NoText] = []
     # Light print on dark paper shows in the negative as the steps expect it.
     for negative in (False, True):
         try:
             seen = np.asarray(255 - photo, np.uint8) if negative else photo
-            found.append(_analyse_dark_print(seen, region, p, clock))
+            found.append(_analyse_dark_print(seen, region, p, clock, is_spread=is_spread))
         except NoText as refusal:
             refusals.append(refusal)
-        if found and found[0].text.rejected_fraction <= p.picture_share:
+        if found and found[0][0].text.rejected_fraction <= p.picture_share:
             return found[0]
     if not found:
         raise refusals[0]
-    return min(found, key=lambda analysis: analysis.text.rejected_fraction)
+    return min(found, key=lambda pages: pages[0].text.rejected_fraction)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SeenPhoto:
+    """The gray photo, and it reduced by `factor` and flat-fielded, with the paper that its text is on."""
+
+    gray: GrayImage
+    factor: float
+    reduced: GrayImage
+    paper: Paper
 
 
 def _analyse_dark_print(
-    photo: RgbImage, region: tuple[tuple[float, float], ...] | None, p: AnalysisParameters, clock: StageClock
-) -> PageAnalysis:
-    """`analyse_photo` for dark print on light paper."""
+    photo: RgbImage,
+    region: tuple[tuple[float, float], ...] | None,
+    p: AnalysisParameters,
+    clock: StageClock,
+    *,
+    is_spread: bool,
+) -> tuple[PageAnalysis, ...]:
+    """`analyse_photo` or `analyse_spread` for dark print on light paper."""
     with clock.stage("text"):
         gray, factor, reduced, text, paper = _find_text(photo, region, p)
+    seen = _SeenPhoto(gray, factor, reduced, paper)
     with clock.stage("texture_flow"):
         major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
-    facing_page = False
-    if region is None:
+    facing, gutter = None, None
+    if region is None or is_spread:
         with clock.stage("text"):
             strokes = None if minor is None else _to_photo(minor.samples, strokes_factor)
             found = choose_page(
@@ -143,19 +191,43 @@ def _analyse_dark_print(
                 _to_photo(major.samples, factor),
                 strokes,
                 paper,
+                is_spread=is_spread,
             )
-            facing_page = found.facing_page
+            gutter = found.gutter
             left_out = 1 - found.kept.mean()
             # What was left out is text for the most part: the share of what is none stays as it was.
+            if is_spread and found.facing.sum() >= p.min_components:
+                facing = replace(
+                    keep_characters(text, found.facing), rejected_fraction=text.rejected_fraction
+                )
             text = replace(keep_characters(text, found.kept), rejected_fraction=text.rejected_fraction)
         if left_out > p.other_page_share:
             with clock.stage("texture_flow"):
                 major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
     if len(major.samples) < p.min_flow_samples:
         raise NoText("the characters that were found do not form text lines of a common direction.")
+    flows = (major, minor, strokes_image, strokes_factor)
+    pages = [_analysis_of(seen, text, flows, gutter)]
+    if facing is not None:
+        with clock.stage("texture_flow"):
+            flows = _measure_flows(gray, factor, facing, p)
+        if len(flows[0].samples) >= p.min_flow_samples:
+            pages.append(_analysis_of(seen, facing, flows, gutter))
+    return tuple(pages)
+
+
+def _analysis_of(
+    seen: _SeenPhoto,
+    text: IdentifiedText,
+    flows: tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float],
+    gutter: Points | None,
+) -> PageAnalysis:
+    """What was found of one page, in the photo's own pixel frame."""
+    major, minor, strokes_image, strokes_factor = flows
+    factor = seen.factor
     return PageAnalysis(
-        paper,
-        reduced,
+        seen.paper,
+        seen.reduced,
         factor,
         strokes_image,
         strokes_factor,
@@ -164,7 +236,7 @@ def _analyse_dark_print(
         resize_field(major.field, 1 / factor),
         None if minor is None else _to_photo(minor.samples, strokes_factor),
         None if minor is None else resize_field(minor.field, 1 / strokes_factor),
-        facing_page,
+        gutter,
     )
 
 

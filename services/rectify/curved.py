@@ -75,6 +75,8 @@ class CurvedPage:
     deviation: float
     waviness: float
     notices: tuple[Notice, ...]
+    log_focal_deviation: float = float("inf")
+    """Of the focal length's logarithm as the page alone shows it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +240,7 @@ def estimate_curved_page(
         flow_deviation(page_map, e.major, e.minor),
         line_deviation(fitted.surface, lines),
         notices,
+        fitted.log_focal_deviation,
     )
 
 

@@ -26,6 +26,10 @@ class CurvedFramingParameters:
     """In which the view shrinks back to the text where the margins are not believable."""
 
 
+CURVED_TEXT_FRAMING = CurvedFramingParameters(reach=0.0)
+"""Of a view that shows the text with its margins and nothing else."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CurvedFrame:
     """View of a curved page: output pixel -> page point (affine), page point -> photo by the page's map."""

@@ -13,6 +13,8 @@ from services.rectify.framing import FlatFrame, resize_frame
 
 LONG_SIDE_PX = 700
 """Of the view in which edges are looked for."""
+MARGIN = 0.5
+"""Text heights that are kept beside the text where the gutter is cut off."""
 GRID_STEP_PX = 8
 """What the photo shows is told on every eighth pixel."""
 
@@ -25,6 +27,7 @@ def crop_to_sheet(
     A flat sheet whose `outline` (N, 2) in the photo shows it whole is framed already: what lines there are on it are
     its own (unless it is a spread of two pages).
     """
+    frame = crop_to_gutter(frame, analysis)
     flat_sheet = outline if isinstance(frame, FlatFrame) and not analysis.facing_page else None
     if flat_sheet is not None and certain_sheet(flat_sheet) is not None:
         return frame
@@ -37,6 +40,42 @@ def crop_to_sheet(
         _shown(small, photo.shape[1], photo.shape[0]),
     )
     return crop_frame(frame, edges, factor)
+
+
+def crop_to_gutter(frame: FlatFrame | CurvedFrame, analysis: PageAnalysis) -> FlatFrame | CurvedFrame:
+    """`frame` without what lies beyond the gutter, if a facing page was seen; the text stays in any case."""
+    if analysis.gutter is None:
+        return frame
+    text, line = _to_flat(frame, analysis.characters), _to_flat(frame, _dense(analysis.gutter))
+    text = text[np.isfinite(text).all(axis=1)]
+    low, high = text.min(axis=0), text.max(axis=0)
+    with np.errstate(invalid="ignore"):
+        beside = line[(line[:, 1] >= low[1]) & (line[:, 1] <= high[1]), 0]
+    if not len(text) or not len(beside):
+        return frame
+    gutter, margin = float(np.median(beside)), MARGIN * analysis.text_height_px
+    if gutter > np.median(text[:, 0]):
+        return crop_frame(frame, SheetEdges(right=max(gutter, float(high[0]) + margin)))
+    return crop_frame(frame, SheetEdges(left=min(gutter, float(low[0]) - margin)))
+
+
+def within_gutter(outline: Points, analysis: PageAnalysis) -> Points:
+    """`outline` (N, 2) in the photo with what lies beyond the gutter, if there is one, drawn back to it."""
+    if analysis.gutter is None:
+        return outline
+    middle = analysis.gutter.mean(axis=0)
+    way = np.linalg.svd(analysis.gutter - middle)[2][0]
+    across = np.array([-way[1], way[0]])
+    side = np.sign(np.median((analysis.characters - middle) @ across))
+    beyond = np.minimum(side * ((outline - middle) @ across), 0.0)
+    return np.asarray(outline - side * beyond[:, None] * across)
+
+
+def _dense(line: Points, count: int = 400) -> Points:
+    """`line` (N, 2) with more points between its own."""
+    steps = np.linspace(0, len(line) - 1, count)
+    at = np.arange(len(line))
+    return np.column_stack([np.interp(steps, at, line[:, 0]), np.interp(steps, at, line[:, 1])])
 
 
 def crop_frame(

@@ -30,6 +30,10 @@ class FramingParameters:
     """The same when it is: a bound for what cannot be a sheet."""
 
 
+TEXT_FRAMING = FramingParameters(max_reach=0.0)
+"""Of a view that shows the text with its margins and nothing else."""
+
+
 class Frame(Protocol):
     """A view of the flat page: the output's size, and where in the photo each of its pixels is."""
 

@@ -13,15 +13,16 @@ from services.imaging.illumination import normalize_illumination
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
 from services.rectify.curved import CurvedPage, PageEvidence
-from services.rectify.curved_framing import CurvedFrame, frame_curved_page, frame_mesh
+from services.rectify.curved_framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.rectify.drawing import draw_flat_view, draw_gray_view
-from services.rectify.edge_cropping import crop_to_sheet
-from services.rectify.framing import FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
+from services.rectify.edge_cropping import crop_to_sheet, within_gutter
+from services.rectify.framing import TEXT_FRAMING, FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.orientation import estimate_orientation
 from services.rectify.outline_plane import read_sides
-from services.rectify.parameters import RectifyParameters
+from services.rectify.parameters import Crop, RectifyParameters
 from services.rectify.planar import (
     FlowVanishingPoints,
+    FocalPrior,
     PhotoFrame,
     estimate_vanishing_points,
     focal_prior,
@@ -98,16 +99,29 @@ def rectify(
     check_parameters(photo, parameters)
     clock = StageClock(STAGE_BEGINS)
     page = find_page(photo, parameters, exif_focal_length_px, clock)
+    return flatten_page(photo, page, parameters, ocr, clock)
+
+
+def flatten_page(
+    photo: RgbImage,
+    page: FlatPage | TextlessPage,
+    parameters: RectifyParameters,
+    ocr: OcrEngine | None,
+    clock: StageClock,
+) -> RectifyResult:
+    """The flat view of a `page` whose shape is known: framed, upright, drawn."""
     notices = list(page.notices)
     frame: FlatFrame | CurvedFrame
     with clock.stage("framing"):
         if isinstance(page, TextlessPage):
             outline, frame = page.border, frame_textless(page)
         elif isinstance(page.shape, RidgedPage):
-            outline, frame = None, frame_photo(photo, page, None)
+            outline, frame = None, frame_photo(photo, page, None, parameters.crop)
         else:
-            outline = page.analysis.paper.outline(page.analysis.characters)
-            frame = crop_to_sheet(photo, frame_photo(photo, page, outline), page.analysis, outline)
+            outline = find_border(page, parameters.crop)
+            frame = frame_photo(photo, page, outline, parameters.crop)
+            if parameters.crop == "sheet":
+                frame = crop_to_sheet(photo, frame, page.analysis, outline)
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):
@@ -153,52 +167,72 @@ def check_parameters(photo: RgbImage, parameters: RectifyParameters) -> None:
 
 
 def find_page(
-    photo: RgbImage,
-    parameters: RectifyParameters,
-    exif_focal_length_px: float | None,
-    clock: StageClock,
-    outline: SheetOutline | None = None,
+    photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
 ) -> FlatPage | TextlessPage:
-    """The page in `photo` by its text, and by the `outline` of its sheet if that is seen; without text by the latter.
+    """The page in `photo` by its text and the outline of its sheet, or by one of them where the other is not seen.
 
     Raises
     ------
     NoText
         When neither text nor a sheet's edges nor straight print shows the page's shape.
     """
+    view = PhotoFrame(photo.shape[1], photo.shape[0])
+    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+    outline: SheetOutline | None = None
     try:
-        return estimate_page(photo, parameters, exif_focal_length_px, clock, outline)
+        analysis = analyse_photo(photo, parameters.region, clock=clock)
+        # The outline of an opened book is not that of one page.
+        if not analysis.facing_page and parameters.region is None:
+            with clock.stage("outline"):
+                outline = find_outline(photo, analysis.characters, analysis.text_height_px)
+        return shape_page(analysis, view, prior, parameters, clock, outline)
     except NoText as refusal:
-        with clock.stage("outline"):
-            outline = find_outline(photo)
+        if outline is None:
+            with clock.stage("outline"):
+                outline = find_outline(photo)
         with clock.stage("shape"):
-            view = PhotoFrame(photo.shape[1], photo.shape[0])
-            prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
             return find_textless_page(photo, outline, view, prior, refusal)
 
 
 def estimate_page(
-    photo: RgbImage,
+    photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
+) -> FlatPage:
+    """Text, flows, kind and pose of the page in `photo`, by its text alone.
+
+    Raises
+    ------
+    NoText
+        When the photo shows too little printed text to see the page's shape.
+    """
+    analysis = analyse_photo(photo, parameters.region, clock=clock)
+    view = PhotoFrame(photo.shape[1], photo.shape[0])
+    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+    return shape_page(analysis, view, prior, parameters, clock)
+
+
+def shape_page(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
     parameters: RectifyParameters,
-    exif_focal_length_px: float | None,
     clock: StageClock,
     outline: SheetOutline | None = None,
 ) -> FlatPage:
-    """Text, flows, kind and pose of the page in `photo`, whose sheet has the `outline`, if it is seen."""
-    analysis = analyse_photo(photo, parameters.region, clock=clock)
-    if not analysis.facing_page:
-        with clock.stage("outline"):
-            outline = find_outline(photo, analysis.characters, analysis.text_height_px)
+    """Kind and pose of a page whose text and flows are known; `prior` is what is known of the focal length.
+
+    Raises
+    ------
+    NoText
+        When most of its ink is no text, and no sheet's edges show its shape either.
+    """
     with clock.stage("shape"):
-        view = PhotoFrame(photo.shape[1], photo.shape[0])
-        prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
         sheet = read_sides(outline, view, prior)
         view = view if sheet is None else sheet.view
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
         evidence = PageEvidence(analysis, view, major, minor, points)
         shape, notices = choose_shape(evidence, prior, parameters.kind, outline, sheet)
-    sides_believed = isinstance(shape, PagePose) and shape.sides_believed
+    sides_believed = isinstance(shape, RidgedPage) or (isinstance(shape, PagePose) and shape.sides_believed)
     few_lines = analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES
     if few_lines and not sides_believed:
         raise NoText(
@@ -218,14 +252,26 @@ def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamp
     return FlowSamples(major.points, major.angles + np.pi / 2, 0.05 * major.weights)
 
 
-def frame_photo(photo: RgbImage, page: FlatPage, outline: Points | None) -> FlatFrame | CurvedFrame:
+def find_border(page: FlatPage, crop: Crop) -> Points | None:
+    """The sheet's outline (N, 2) in the photo, up to the gutter; None where it is not seen, or shall not be cut at."""
+    outline = page.analysis.paper.outline(page.analysis.characters) if crop == "sheet" else None
+    return outline if outline is None else within_gutter(outline, page.analysis)
+
+
+def frame_photo(
+    photo: RgbImage, page: FlatPage, outline: Points | None, crop: Crop = "sheet"
+) -> FlatFrame | CurvedFrame:
     """The part of the flat page that is shown; `outline` (N, 2) is the sheet's in the photo, if its edge is seen."""
     characters, height = page.analysis.characters, page.analysis.text_height_px
-    if isinstance(page.shape, RidgedPage):
+    if isinstance(page.shape, RidgedPage) and crop == "sheet":
         return frame_mesh(page.shape.page_map, page.view, characters)
+    flat, curved = (TEXT_FRAMING, CURVED_TEXT_FRAMING) if crop == "text" else (None, None)
+    if isinstance(page.shape, RidgedPage):
+        return frame_curved_page(page.shape.page_map, page.view, characters, height, None, flat, curved)
     if isinstance(page.shape, CurvedPage):
-        return frame_curved_page(page.shape.page_map, page.view, characters, height, outline)
-    return frame_page(page.shape.H_photo_plane, (photo.shape[0], photo.shape[1]), characters, height, outline)
+        return frame_curved_page(page.shape.page_map, page.view, characters, height, outline, flat, curved)
+    size = (photo.shape[0], photo.shape[1])
+    return frame_page(page.shape.H_photo_plane, size, characters, height, outline, flat)
 
 
 def orient_page(

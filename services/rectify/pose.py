@@ -107,6 +107,8 @@ class PagePose:
     """All four sides of the sheet are straight, and those of a rectangle in this plane."""
     skew_rad: float = 0.0
     """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
+    log_focal_deviation: float = float("inf")
+    """Of the focal length's logarithm as the page alone shows it."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
@@ -341,6 +343,7 @@ def choose_pose(
         sources,
         believed and sheet is not None and sheet.straight,
         skew,
+        float("inf") if plane is level else refined.log_focal_deviation,
     )
 
 

@@ -59,6 +59,8 @@ class RidgedPage:
     side_deviation: float
     stretch: float
     notices: tuple[Notice, ...] = ()
+    log_focal_deviation: float = float("inf")
+    """A flexible sheet shows the focal length less well than a smooth one, and how well is not known."""
 
     def surface(self, view: PhotoFrame) -> MeshSurface:
         """The mesh as the answer describes it."""

@@ -36,6 +36,7 @@ from services.errors import (
     DocumentError,
     InvalidModel,
     InvalidOption,
+    NotAcceptable,
     NoText,
     NotOverlapping,
     TooLarge,
@@ -55,6 +56,7 @@ MEDIA_TYPES = {
     "tiff": "image/tiff",
     "pdf": "application/pdf",
     "json": "application/json",
+    "zip": "application/zip",
 }
 REFUSALS: dict[bytes, type[DocumentError]] = {
     error.code.encode(): error
@@ -68,10 +70,31 @@ def upload(script: str) -> bytes:
 
 
 def rectify(upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: UploadLimits) -> Reply:
-    """Follow the script in the upload, then answer with a document that tells what was asked."""
-    if _follow(upload, "image") == b"unpicklable":
+    """Follow the script in the upload, then answer with a document that tells what was asked.
+
+    Of both pages there is one, unless the script says `pages-N`.
+    """
+    verb = _follow(upload, "image")
+    if verb == b"unpicklable":
         return Reply(lambda: None, "image/jpeg", {})  # type: ignore[arg-type]
+    if parameters.pages == "both":
+        return _reply_of_pages(verb, parameters, encoding)
     return _reply(encoding, lambda image: document(parameters, encoding, image))
+
+
+def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encoding) -> Reply:
+    count = int(verb.removeprefix(b"pages-")) if verb.startswith(b"pages-") else 1
+    chosen = encoding.format if count == 1 else encoding.pages_format
+    if count > 1 and chosen is None:
+        raise NotAcceptable(f"{count} pages, and the format holds one.", "format")
+    embedded = base64.b64encode(b"flat").decode() if encoding.embed and chosen == "json" else None
+    whole = {
+        "pages": [document(parameters, encoding, embedded)] * count,
+        "warnings": [{"code": "whole", "detail": "of all pages"}],
+        "timings_ms": {"decode": 1.25},
+    }
+    body = b"" if chosen == "json" else f"{count} as {chosen}".encode()
+    return Reply(body, MEDIA_TYPES[chosen or "jpeg"], whole)
 
 
 def mosaic(

@@ -121,7 +121,8 @@ def code_in(response: dict[str, str]) -> str:
 def test_the_form_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]
     assert list(fields) == [
-        "image", "kind", "upright", "focal_length_px", "region", "illumination", "format", "quality", "embed",
+        "image", "kind", "upright", "focal_length_px", "region", "illumination", "crop", "pages", "format",
+        "quality", "embed",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1
@@ -142,7 +143,8 @@ def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
 def test_the_headers_of_images_are_documented() -> None:
     for path, own in (("/rectify", "Document-Kind"), ("/mosaic", "Document-Unplaced")):
         headers = DOCUMENT["paths"][path]["post"]["responses"]["200"]["headers"]
-        assert list(headers) == [own, "Document-Rotation", "Document-Warnings", "Server-Timing"]
+        pages = ["Document-Pages"] if path == "/rectify" else []
+        assert list(headers) == [own, "Document-Rotation", "Document-Warnings", "Server-Timing", *pages]
 
 
 # A long text of a pattern takes a while to be drawn, on a busy machine longer than hypothesis likes: no fault of ours.

@@ -5,7 +5,7 @@ import base64
 import httpx
 import pytest
 
-from app.schemas.rectify import RectifyResult
+from app.schemas.rectify import PagesResult, RectifyResult
 from tests.app.scripted import upload
 
 
@@ -62,6 +62,9 @@ def test_embed_puts_the_image_into_the_json(client: httpx.Client) -> None:
         ({"focal_length_px": ""}, "focal_length_px=None"),
         ({"region": "[[1,2],[3.5,4],[5,-6]]"}, "region=((1.0, 2.0), (3.5, 4.0), (5.0, -6.0))"),
         ({"illumination": "normalize"}, "illumination='normalize'"),
+        ({}, "crop='sheet', pages='main'"),
+        ({"crop": "text"}, "crop='text'"),
+        ({"crop": "photo"}, "crop='photo'"),
     ],
 )
 def test_options_reach_the_operation(client: httpx.Client, data: dict[str, str], expected: str) -> None:
@@ -71,7 +74,7 @@ def test_options_reach_the_operation(client: httpx.Client, data: dict[str, str],
 @pytest.mark.parametrize("quality", ["1", "100"])
 def test_encoding_options_reach_the_operation(client: httpx.Client, quality: str) -> None:
     detail = notices(post(client, {"format": "json", "quality": quality}))["encoding"]
-    assert detail == f"Encoding(format='json', quality={quality}, embed=False)"
+    assert detail == f"Encoding(format='json', quality={quality}, embed=False, pages_format='json')"
 
 
 @pytest.mark.parametrize(
@@ -88,6 +91,8 @@ def test_encoding_options_reach_the_operation(client: httpx.Client, quality: str
         ("focal_length_px", "long"),
         ("illumination", "bright"),
         ("format", "gif"),
+        ("crop", "page"),
+        ("pages", "2"),
         ("quality", "0"),
         ("quality", "101"),
         ("quality", "80.5"),
@@ -158,6 +163,63 @@ def test_json_by_accept(client: httpx.Client) -> None:
 def test_no_representation_fits(client: httpx.Client, accept: str) -> None:
     response = post(client, accept=accept)
     assert (response.status_code, response.json()["code"]) == (406, "not-acceptable")
+
+
+def test_both_pages_are_a_list_in_json(client: httpx.Client) -> None:
+    response = post(client, {"pages": "both", "format": "json", "embed": "true"}, image=upload("pages-2"))
+    assert list(response.json()) == ["pages", "warnings", "timings_ms"]
+    found = PagesResult.model_validate(response.json())
+    assert [base64.b64decode(page.image or "") for page in found.pages] == [b"flat", b"flat"]
+
+
+def test_one_page_is_a_list_too_where_both_were_asked_for(client: httpx.Client) -> None:
+    response = post(client, {"pages": "both", "format": "json"})
+    assert len(PagesResult.model_validate(response.json()).pages) == 1
+
+
+def test_of_two_pages_the_headers_tell_both(client: httpx.Client) -> None:
+    response = post(client, {"pages": "both", "format": "pdf"}, image=upload("pages-2"))
+    assert (response.text, response.headers["content-type"]) == ("2 as pdf", "application/pdf")
+    assert response.headers["document-pages"] == "2"
+    assert response.headers["document-kind"] == "planar, planar"
+    assert response.headers["document-rotation"] == "180, 180"
+    assert response.headers["document-warnings"] == "whole, options, encoding"
+    assert response.headers["server-timing"] == "decode;dur=1.2"
+
+
+@pytest.mark.parametrize(
+    ("image", "field", "accept", "expected"),
+    [
+        (upload("pages-2"), None, "*/*", "2 as pdf"),
+        (upload("pages-2"), "zip", None, "2 as zip"),
+        (upload("pages-2"), "tiff", None, "2 as tiff"),
+        (upload("pages-2"), None, "image/*", "2 as tiff"),
+        (upload("pages-2"), None, "application/zip", "2 as zip"),
+        (b"II*\0" + upload("pages-2"), None, "*/*", "2 as tiff"),
+        (upload(""), None, "*/*", "1 as jpeg"),
+        (upload(""), "png", None, "1 as png"),
+        (upload(""), None, "application/zip", "1 as zip"),
+    ],
+)
+def test_what_comes_back_of_both_pages(
+    client: httpx.Client, image: bytes, field: str | None, accept: str | None, expected: str
+) -> None:
+    data = {"pages": "both"} | ({} if field is None else {"format": field})
+    assert post(client, data, accept, image).text == expected
+
+
+@pytest.mark.parametrize(("field", "accept"), [("jpeg", None), ("webp", "*/*"), (None, "image/png")])
+def test_an_image_format_does_not_hold_two_pages(
+    client: httpx.Client, field: str | None, accept: str | None
+) -> None:
+    data = {"pages": "both"} | ({} if field is None else {"format": field})
+    response = post(client, data, accept, upload("pages-2"))
+    assert (response.status_code, response.json()["code"]) == (406, "not-acceptable")
+
+
+def test_an_archive_of_one_page(client: httpx.Client) -> None:
+    response = post(client, {"format": "zip"})
+    assert (response.text, response.headers["content-type"]) == ("flat as zip", "application/zip")
 
 
 def test_a_large_upload_passes_through(client: httpx.Client) -> None:

@@ -4,12 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.operations import Format
+from app.operations import Format, PagesFormat
 from app.representations import (
     MEDIA_TYPES,
     MediaRange,
     NotAcceptable,
     choose_format,
+    choose_pages_formats,
     image_headers,
     parse_accept,
     sniff_format,
@@ -53,6 +54,34 @@ def test_nothing_fits(accept: str) -> None:
 
 def test_the_field_wins() -> None:
     assert choose_format("pdf", "text/html", "jpeg") == "pdf"
+
+
+@pytest.mark.parametrize(
+    ("requested", "accept", "own", "single", "several"),
+    [
+        (None, None, "jpeg", "jpeg", "pdf"),
+        (None, "*/*", "tiff", "tiff", "tiff"),
+        (None, "image/*", "png", "png", "tiff"),
+        (None, "image/png", "png", "png", None),
+        (None, "image/jpeg, application/json;q=0.5", "png", "jpeg", "json"),
+        (None, "application/zip, application/pdf;q=0.9", "png", "zip", "zip"),
+        ("zip", "image/png", "png", "zip", "zip"),
+        ("webp", "*/*", "png", "webp", None),
+    ],
+)
+def test_choice_for_one_page_and_for_several(
+    requested: PagesFormat | None,
+    accept: str | None,
+    own: Format,
+    single: PagesFormat,
+    several: PagesFormat | None,
+) -> None:
+    assert choose_pages_formats(requested, accept, own) == (single, several)
+
+
+def test_nothing_fits_several_pages_either() -> None:
+    with pytest.raises(NotAcceptable, match="application/zip"):
+        choose_pages_formats(None, "text/html", "jpeg")
 
 
 def test_parsing_keeps_order_and_weights() -> None:

@@ -11,6 +11,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> RectifyPipeline:
     """Of `rectify`."""
     stand_in = RectifyPipeline()
     monkeypatch.setattr(rectify, "rectify", stand_in)
+    monkeypatch.setattr(rectify, "rectify_spread", stand_in.rectify_spread)
     monkeypatch.setattr(rectify, "ocr_engine", lambda: "an engine")
     return stand_in
 

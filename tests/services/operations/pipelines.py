@@ -1,6 +1,7 @@
 """What stands for the pipelines: remembers how it was called, and answers at once."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from services.rectify.results import (
     PlaneSurface,
     RectifyResult,
 )
+from services.rectify.spread import RectifiedPages
 
 
 def reject_constant(name: str) -> None:
@@ -28,6 +30,7 @@ class RectifyPipeline:
         self.calls: list[tuple[Any, ...]] = []
         self.field_of_view_rad: float | None = math.pi / 3
         self.convergence: float | None = 0.0123
+        self.pages = 2
 
     def __call__(self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any) -> RectifyResult:
         self.calls.append((photo.shape, parameters, exif_focal_length_px, ocr))
@@ -41,6 +44,16 @@ class RectifyPipeline:
             np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64),
             (Notice("focal-length-unknown", "Say it."),),
             {"text": 12.345, "remap": np.float64(3.0)},
+        )
+
+    def rectify_spread(
+        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any
+    ) -> RectifiedPages:
+        """Stands for `rectify_spread`: as many pages as `pages`, the second one half as high."""
+        result = self(photo, parameters, exif_focal_length_px, ocr)
+        half = replace(result, image=np.ascontiguousarray(result.image[::2]))
+        return RectifiedPages(
+            (result, half)[: self.pages], (Notice("of-all", "Of all pages."),), {"text": 1.0}
         )
 
 

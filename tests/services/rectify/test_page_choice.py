@@ -11,11 +11,13 @@ from services.rectify.analysis import analyse_photo
 from services.rectify.page_choice import PageChoice, choose_page
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
-from simulation.degradation import desk_texture
+from simulation.degradation import PHONE, degrade, desk_texture
 from simulation.flat_page import Page
 from simulation.pages import own_pages
+from simulation.photo import simulate_photo
 from simulation.scenes import BOOK, PLANE, POSES, View, photograph
 from simulation.surfaces import Cylinder, Plane
+from simulation.truth import Truth
 from tests.services.scenes import Album, Shot
 
 Rgb = NDArray[np.uint8]
@@ -135,6 +137,36 @@ def test_columns_stay_together(album: Album, drawing: str) -> None:
     words = photo.truth.text_points(np.random.default_rng(1))
     middle = np.median(words[:, 0])
     assert 0.35 < (analysis.characters[:, 0] < middle).mean() < 0.65
+
+
+VALLEY, RIDGE = Cylinder((0.0, 0.0, 0.75, 0.0, -0.35)), Cylinder((0.0, 0.0, -1.3, 0.0, 1.5, 0.0, -0.7))
+"""Pages that bend strongly between their two columns."""
+ABOVE, BELOW = View("above", 2000.0, 25.0, 262.0, -4.0), View("below", 2300.0, 22.0, 90.0, 3.0)
+
+
+@pytest.mark.parametrize(("shape", "view"), [(VALLEY, ABOVE), (VALLEY, BELOW), (RIDGE, BELOW)])
+@pytest.mark.parametrize("dark_side", [1.0, -1.0])
+def test_columns_of_a_page_that_bends_between_them_stay_together(
+    shape: Cylinder, view: View, dark_side: float
+) -> None:
+    # A shadow ends in the gutter: a long edge, at which the lines change their direction.
+    photo, truth = bent_columns(shape, view)
+    sheet = truth.sheet_lattice().upsampled(0, truth.camera.height)
+    ramp = np.clip(np.nan_to_num(dark_side * sheet[..., 0] / 0.04) + 0.5, 0, 1)
+    shaded = (photo * (1 - 0.35 * ramp)[..., None]).astype(np.uint8)
+    analysis = analyse_photo(degrade(shaded, PHONE, np.random.default_rng(3)))
+    assert not analysis.facing_page
+    on_left = truth.photo_to_page(analysis.characters)[:, 0] < truth.page.width / 2
+    assert 0.4 < on_left.mean() < 0.6
+
+
+@cache
+def bent_columns(shape: Cylinder, view: View) -> tuple[Rgb, Truth]:
+    """A page of two columns on a desk, and its truth."""
+    page, camera = own_pages(640, 1000)[4], view.camera(840, 1080)
+    desk = desk_texture(camera.width, camera.height, np.random.default_rng(3))
+    photo = simulate_photo(page, shape, 0.0, view.pose(page, shape, camera), camera, background=desk)
+    return photo.image, photo.truth
 
 
 def test_grain_of_a_desk_that_looks_like_print_is_left_out(album: Album) -> None:

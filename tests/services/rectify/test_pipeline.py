@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -229,3 +230,31 @@ def test_who_cannot_read_says_so(photo: SimulatedPhoto) -> None:
     without = rectify(photo.image, RectifyParameters())
     assert "ocr-unavailable" in [notice.code for notice in without.warnings]
     assert without.orientation.confidence is None
+
+
+def test_the_view_shows_the_sheet_the_text_or_the_photo_round_it(photo: SimulatedPhoto) -> None:
+    inside = photo.image[:, : photo.image.shape[1] * 9 // 10]
+    seen = {
+        crop: rectify(inside, replace(AS_IT_LIES, kind="planar", crop=crop))
+        for crop in ("text", "sheet", "photo")
+    }
+    on_page = {crop: photo.truth.on_page(result.mesh.reshape(-1, 2)).mean() for crop, result in seen.items()}
+    assert on_page["text"] == 1.0
+    assert on_page["text"] >= on_page["sheet"] > on_page["photo"]
+    areas = {crop: result.image.shape[0] * result.image.shape[1] for crop, result in seen.items()}
+    assert areas["text"] < areas["sheet"] < areas["photo"]
+    words = photo.truth.text_points(np.random.default_rng(2))
+    words = words[words[:, 0] < inside.shape[1] - 30]
+    for result in seen.values():
+        border = np.concatenate(
+            [result.mesh[0], result.mesh[:, -1], result.mesh[::-1][0][::-1], result.mesh[::-1, 0]]
+        )
+        assert (
+            np.mean(
+                [
+                    cv2.pointPolygonTest(border.astype(np.float32), tuple(map(float, w)), False) >= 0
+                    for w in words[:100]
+                ]
+            )
+            == 1.0
+        )

@@ -1,0 +1,88 @@
+"""What leaves a worker when an answer may have several pages: one file of all, or a list of their descriptions."""
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from services.arrays import RgbImage
+from services.errors import NotAcceptable
+from services.imaging.codec import encode_image
+from services.imaging.page_files import encode_pages
+from services.operations.replies import (
+    ENCODING_BEGINS,
+    MEDIA_TYPES,
+    EncodingOptions,
+    PageReply,
+    SourceFacts,
+    describe_warnings,
+    image_format_of,
+    timed,
+    to_json_ready,
+)
+from services.rectify.results import Notice
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DescribedPage:
+    """One page of an answer: its picture (H, W, 3) RGB, and the contract's document but for `image`."""
+
+    image: RgbImage
+    document: Mapping[str, object]
+
+
+def make_pages_reply(
+    pages: Sequence[DescribedPage],
+    source: SourceFacts,
+    encoding: EncodingOptions,
+    timings_ms: dict[str, float],
+    notices: tuple[Notice, ...] = (),
+) -> PageReply:
+    """All `pages`, at least one, as they were asked for; a single one also in formats that hold one page only.
+
+    The document is the contract's `{"pages", "warnings", "timings_ms"}`: `notices` are about all pages together,
+    `timings_ms` is of the whole work, to which `encode` is added here.
+
+    Raises
+    ------
+    NotAcceptable
+        When there are several pages and the client takes no format that holds them.
+    InvalidOption
+        When `encoding` cannot be met.
+    """
+    answer_format = encoding.format if len(pages) == 1 else encoding.pages_format
+    if len(pages) > 1 and answer_format is None:
+        raise several_pages_refused(len(pages))
+    image_format = image_format_of(source, answer_format if answer_format != "pdf" else None)
+    quality, dpi, profile = encoding.quality, source.dpi, source.icc_profile
+    body = b""
+    embedded: list[str | None] = [None] * len(pages)
+    with timed("encode", timings_ms, ENCODING_BEGINS):
+        images = [page.image for page in pages]
+        if answer_format == "json":
+            if encoding.embed:
+                embedded = [
+                    base64.b64encode(encode_image(image, image_format, quality, dpi, profile)).decode("ascii")
+                    for image in images
+                ]
+        elif answer_format in ("pdf", "tiff", "zip"):
+            body = encode_pages(images, answer_format, image_format, quality, dpi, profile)
+        else:
+            body = encode_image(images[0], image_format, quality, dpi, profile)
+    ready = to_json_ready(
+        {
+            "pages": [{**page.document, "image": image} for page, image in zip(pages, embedded, strict=True)],
+            "warnings": describe_warnings(notices),
+            "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
+        }
+    )
+    assert isinstance(ready, dict)
+    return PageReply(body, MEDIA_TYPES[answer_format or image_format], ready)
+
+
+def several_pages_refused(count: int) -> NotAcceptable:
+    """Of an answer of `count` pages, to a client that takes only images of one page."""
+    return NotAcceptable(
+        f"{count} pages were found, and the format that was asked for holds one; ask for pdf, tiff, zip or json "
+        "(field `format`, or `Accept`), or send pages=main.",
+        "format",
+    )

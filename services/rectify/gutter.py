@@ -1,0 +1,240 @@
+"""The gutter between the two pages of an opened book, and what tells it from the gap between two columns."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Points, RgbImage, Vector
+from services.texture_flow.field import FlowSamples, angle_difference
+
+
+@dataclass(frozen=True, slots=True)
+class GutterParameters:
+    """Lengths are multiples of the text height, contrasts differences of the logarithm of brightness."""
+
+    jump_range: tuple[float, float] = (1.0, 30.0)
+    """Distances from the gutter within which directions are compared."""
+    min_samples: int = 4
+    many_samples: int = 12
+    """From here on a side's directions are continued to the gutter by a quadratic: near a gutter pages bend so much
+    that a plane misses by ten degrees."""
+    spread_rad: float = 0.05
+    """Of directions about their fit; more is an outlier."""
+    row: float = 2.0
+    """Height of the rows in which the text on both sides is compared."""
+    gap_percentile: float = 30.0
+    """Of the rows: short lines leave wider gaps."""
+    min_rows: int = 4
+    slopes: float = 0.4
+    """Of a gutter against the strokes, at most, either way; perspective makes this much."""
+    slope_steps: int = 33
+    gap: float = 5.0
+    """Between two pages, as `row_gap` tells it, at least: two margins."""
+    close_gap: float = 4.0
+    """The same where the gutter is as dark as `close_dip`: in thick books the margins dip into it."""
+    close_dip: float = 0.25
+    band: float = 3.5
+    """Width of a straight band without text in it, at least: headings and formulas stand out into the margins."""
+    stray_share: float = 0.003
+    """Of the characters: so many may lie in the gap (specks, marginal notes)."""
+    page_share: float = 0.12
+    """Of the characters: a smaller share is no page."""
+    likely_share: float = 0.6
+    """Of the widest gap: others so wide are looked at too."""
+    dip: float = 0.08
+    """A gutter is darker than the paper on both sides by this, or"""
+    turn_rad: float = float(np.deg2rad(4.0))
+    """lines turn at it by this: half of what is asked for when nobody has said that there are two pages."""
+    long_side_px: int = 700
+    paper_percentile: float = 75.0
+    """Of the brightness along a line through text: paper."""
+    black: float = 8.0
+    """Gray levels added before the logarithm."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gutter:
+    """The line between two pages: `line` (2, 2) in photo pixels; `right` (N,) tells the characters beyond it.
+
+    `dip` is how much darker it is than the paper beside it, `jump_rad` how much the text lines turn at it.
+    """
+
+    line: Points
+    right: NDArray[np.bool_]
+    dip: float
+    jump_rad: float
+
+
+def row_gap(
+    distances: Vector, rows: Vector, text_height: float, parameters: GutterParameters | None = None
+) -> float:
+    """Typical gap across a line between the text on both sides of it, in text heights.
+
+    `distances` (N,) of characters from the line are signed, `rows` (N,) are along it; both in pixels. Infinite where
+    text stands on both sides in too few rows.
+    """
+    p = parameters or GutterParameters()
+    row = np.floor((rows - rows.min()) / (p.row * text_height)).astype(int)
+    right = np.full(row.max() + 1, np.inf)
+    left = right.copy()
+    np.minimum.at(right, row[distances > 0], distances[distances > 0])
+    np.minimum.at(left, row[distances <= 0], -distances[distances <= 0])
+    gaps = (left + right)[np.isfinite(left + right)]
+    if len(gaps) < p.min_rows:
+        return float("inf")
+    return float(np.percentile(gaps, p.gap_percentile)) / text_height
+
+
+def direction_jump(
+    distances: Vector,
+    rows: Vector,
+    flow: FlowSamples,
+    text_height: float,
+    parameters: GutterParameters | None = None,
+) -> float:
+    """Change of the text lines' direction (rad) across a line, each side's continued to it smoothly.
+
+    `distances` (M,) of the samples of `flow` from the line are signed, `rows` (M,) are along it. 0 where one side has
+    too few samples.
+    """
+    p = parameters or GutterParameters()
+    near, far = (v * text_height for v in p.jump_range)
+    ends, spans = [], []
+    for sign in (-1, 1):
+        away = sign * distances
+        used = (away > near) & (away < far)
+        if used.sum() < p.min_samples:
+            return 0.0
+        ends.append(_continue_directions(away[used] / far, rows[used] / far, flow.select(used), p))
+        spans.append((rows[used].min(), rows[used].max()))
+    low, high = max(spans[0][0], spans[1][0]), min(spans[0][1], spans[1][1])
+    at = np.linspace(low, high, 9) if high > low else np.array([0.5 * (low + high)])
+    left, right = (angle + slope * (at / far - middle) for angle, slope, middle in ends)
+    return float(np.median(np.abs(angle_difference(left, right))))
+
+
+def _continue_directions(
+    away: Vector, rows: Vector, flow: FlowSamples, p: GutterParameters
+) -> tuple[float, float, float]:
+    """Direction at `away` = 0, its slope along the rows, and the row that it is told at: a robust smooth fit."""
+    reference = 0.5 * float(np.angle(np.sum(flow.weights * np.exp(2j * flow.angles))))
+    middle = float(np.median(rows))
+    terms = [np.ones_like(away), away, rows - middle]
+    if len(away) >= p.many_samples:
+        terms += [away**2, away * (rows - middle)]
+    design = np.stack(terms, axis=1)
+    # All but the first are held a little: few samples do not tell them.
+    held = np.diag([1e-6, *[0.1 if len(terms) > 3 else 0.3] * (len(terms) - 1)])
+    value = angle_difference(flow.angles, reference)
+    weights: Vector = flow.weights
+    c: Vector = np.zeros(len(terms))
+    for _ in range(4):
+        weighted = (design * weights[:, None]).T
+        c = np.asarray(np.linalg.solve(weighted @ design + held, weighted @ value), np.float64)
+        weights = np.asarray(flow.weights / (1 + ((value - design @ c) / p.spread_rad) ** 2), np.float64)
+    return reference + float(c[0]), float(c[2]), middle
+
+
+def find_gutter(
+    photo: RgbImage,
+    characters: Points,
+    text_height: float,
+    flow: FlowSamples,
+    direction_rad: float,
+    parameters: GutterParameters | None = None,
+) -> Gutter | None:
+    """The gutter of an opened book in `photo` (H, W, 3); None where nothing tells that there are two pages.
+
+    A spine is straight, so its photo is a straight line in a gap between the `characters` (N, 2), across text lines of
+    `direction_rad`. Where several gaps are wide the one with most evidence is taken: dark, and text lines that turn.
+    """
+    p = parameters or GutterParameters()
+    cos, sin = np.cos(direction_rad), np.sin(direction_rad)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    at, samples = characters @ turn.T, flow.points @ turn.T
+    found = _gaps(at, text_height, p)
+    if not found:
+        return None
+    widest = max(high - low for _, low, high in found)
+    factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
+    size = (max(round(photo.shape[1] * factor), 8), max(round(photo.shape[0] * factor), 8))
+    small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA).astype(np.float32).mean(axis=2)
+    brightness = np.asarray(np.log(small + p.black), np.float32)
+    gutters = []
+    for slope, low, high in found:
+        if high - low < p.likely_share * widest:
+            continue
+        place, dip = _darkest(brightness, factor, turn, slope, (low, high), at, p)
+        away, across = (v[:, 0] - slope * v[:, 1] - place for v in (at, samples))
+        if row_gap(away, at[:, 1], text_height, p) < (p.close_gap if dip > p.close_dip else p.gap):
+            continue
+        jump = direction_jump(across, samples[:, 1], flow, text_height, p)
+        reach = float(np.hypot(*photo.shape[:2]))
+        ends = np.array([at[:, 1].min() - reach, at[:, 1].max() + reach])
+        line = np.column_stack([place + slope * ends, ends]) @ turn
+        gutters.append(Gutter(np.asarray(line), np.asarray(away > 0), dip, jump))
+    likely = [g for g in gutters if g.dip > p.dip or g.jump_rad > p.turn_rad]
+    return max(likely, key=lambda g: max(g.dip / p.dip, 0.0) + g.jump_rad / p.turn_rad, default=None)
+
+
+def _gaps(at: Points, text_height: float, p: GutterParameters) -> list[tuple[float, float, float]]:
+    """Slopes, and bounds of x - slope y, of the empty bands between characters `at` (N, 2) that may be gutters.
+
+    Of each band at neighbouring slopes only the widest.
+    """
+    strays = int(p.stray_share * len(at))
+    first, last = int(p.page_share * len(at)), int((1 - p.page_share) * len(at))
+    bands: list[tuple[float, float, float]] = []
+    for slope in np.linspace(-p.slopes, p.slopes, p.slope_steps):
+        x = np.sort(at[:, 0] - slope * (at[:, 1] - np.median(at[:, 1])))
+        width = x[strays + 1 :] - x[: len(x) - strays - 1]
+        for k in np.flatnonzero(width > p.band * text_height):
+            if first <= k <= last:
+                shift = slope * float(np.median(at[:, 1]))
+                bands.append((float(slope), float(x[k]) - shift, float(x[k + strays + 1]) - shift))
+    bands.sort(key=lambda band: band[1] - band[2])
+    middle_row = float(np.median(at[:, 1]))
+    kept: list[tuple[float, float, float]] = []
+    for slope, low, high in bands:
+        centre = 0.5 * (low + high) + slope * middle_row
+        others = [0.5 * (a + b) + s * middle_row for s, a, b in kept]
+        if all(abs(centre - other) > p.gap * text_height for other in others):
+            kept.append((slope, low, high))
+    return kept
+
+
+def _darkest(
+    brightness: Floats,
+    factor: float,
+    turn: Floats,
+    slope: float,
+    band: tuple[float, float],
+    at: Points,
+    p: GutterParameters,
+) -> tuple[float, float]:
+    """The darkest line within a band (x - slope y between its bounds), and how much darker than the paper beside it.
+
+    Where nothing is darker than both sides, the middle of the band.
+    """
+    low, high = band
+    reach = 0.5 * (high - low)
+    count = max(int((high - low + 2 * reach) * factor), 24)
+    x = np.linspace(low - reach, high + reach, count)
+    first, last = (float(v) for v in np.percentile(at[:, 1], [3, 97]))
+    y = np.linspace(first, last, 200)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    grid[..., 0] += slope * grid[..., 1]
+    seen = np.asarray(((grid.reshape(-1, 2) @ turn + 0.5) * factor - 0.5).reshape(*grid.shape), np.float32)
+    values = cv2.remap(
+        brightness, seen[..., 0], seen[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    paper = np.percentile(values, p.paper_percentile, axis=0)
+    inside = np.flatnonzero((x >= low) & (x <= high))
+    # Of a few columns on either side the brightest: a gutter has two brighter sides, the edge of a shadow has one.
+    depth = [min(paper[: k + 1].max(), paper[k:].max()) - paper[k] for k in inside]
+    best = int(np.argmax(depth))
+    if depth[best] <= 0:
+        return 0.5 * (low + high), 0.0
+    return float(x[inside[best]]), float(depth[best])

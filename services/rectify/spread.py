@@ -1,0 +1,155 @@
+"""Both pages of an opened book in one photo: two sheets, one camera."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from services.arrays import RgbImage, Vector
+from services.errors import NoText
+from services.ocr.engine import OcrEngine
+from services.progress import progress_within
+from services.rectify.analysis import analyse_spread
+from services.rectify.curved import CurvedPage
+from services.rectify.parameters import RectifyParameters
+from services.rectify.pipeline import (
+    FACING_PAGE,
+    STAGE_BEGINS,
+    FlatPage,
+    check_parameters,
+    flatten_page,
+    rectify,
+    shape_page,
+)
+from services.rectify.planar import FocalPrior, PhotoFrame, focal_prior
+from services.rectify.results import Notice, RectifyResult
+from services.rectify.ridged_page import RidgedPage
+from services.rectify.stage_clock import StageClock
+
+ONE_PAGE = Notice("one-page", "both pages were asked for, and the photo shows the text of one page.")
+
+
+@dataclass(frozen=True, slots=True)
+class SpreadParameters:
+    """How two pages share a camera. Deviations are of the focal length's logarithm."""
+
+    determined: float = 0.25
+    """A page that alone fixes it better than this tells the other."""
+    least_deviation: float = 0.05
+    """What is taken over is not held harder: a fit does not know what its model of the page leaves out."""
+    agreement: float = 0.03
+    """A page whose own focal length differs by more than this from the final one is fitted again."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RectifiedPages:
+    """Flat views in reading order, what to say about all of them, and the stages that they shared."""
+
+    pages: tuple[RectifyResult, ...]
+    warnings: tuple[Notice, ...]
+    timings_ms: dict[str, float]
+
+
+def rectify_spread(
+    photo: RgbImage,
+    parameters: RectifyParameters,
+    exif_focal_length_px: float | None = None,
+    ocr: OcrEngine | None = None,
+) -> RectifiedPages:
+    """Frontal flat views of both pages in `photo` (H, W, 3) RGB, the left one first; of one, if it shows one.
+
+    Raises
+    ------
+    NoText
+        When the photo shows too little printed text to see a page's shape, and no sheet's edges either.
+    InvalidOption
+        When `parameters` cannot be met (a region or focal length that the photo cannot have).
+    """
+    check_parameters(photo, parameters)
+    clock = StageClock(STAGE_BEGINS)
+    with progress_within(0.0, 0.5):
+        pages = _shape_pages(photo, parameters, exif_focal_length_px, clock)
+    if len(pages) < 2:
+        result = rectify(photo, parameters, exif_focal_length_px, ocr)
+        return RectifiedPages((result,), (ONE_PAGE,), clock.timings_ms)
+    results = []
+    for number, page in enumerate(pages):
+        with progress_within(0.5 + 0.25 * number, 0.75 + 0.25 * number):
+            results.append(flatten_page(photo, page, parameters, ocr, StageClock(STAGE_BEGINS)))
+    places = [page.analysis.characters.mean(axis=0) for page in pages]
+    order = reading_order(places, _line_direction(results))
+    return RectifiedPages(tuple(results[k] for k in order), (), clock.timings_ms)
+
+
+def _shape_pages(
+    photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
+) -> list[FlatPage]:
+    """The main page and the facing one; fewer where text does not show both."""
+    view = PhotoFrame(photo.shape[1], photo.shape[0])
+    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+    try:
+        analyses = analyse_spread(photo, parameters.region, clock=clock)
+        if len(analyses) < 2:
+            return []
+        pages: list[FlatPage] = []
+        for analysis in analyses:
+            pages.append(shape_page(analysis, view, prior, parameters, clock))
+            prior = shared_prior(pages[-1], prior)
+        for k, analysis in enumerate(analyses):
+            off = abs(_log_focal(pages[k]) - prior.log_focal)
+            if prior.source == "estimated" and off > SpreadParameters().agreement:
+                pages[k] = shape_page(analysis, view, prior, parameters, clock)
+    except NoText:
+        return []
+    return [_without_facing_notice(page) for page in pages]
+
+
+def shared_prior(page: FlatPage, prior: FocalPrior, parameters: SpreadParameters | None = None) -> FocalPrior:
+    """What is known of the focal length once `page` was fitted under `prior`; `prior` where the page does not show it.
+
+    The fitted value holds the prior already, so that only their deviations are to be joined.
+    """
+    p = parameters or SpreadParameters()
+    deviation = page.shape.log_focal_deviation
+    if prior.source in ("given", "exif") or deviation >= p.determined:
+        return prior
+    joint = 1 / float(np.hypot(1 / deviation, 1 / prior.deviation))
+    return FocalPrior(_log_focal(page), max(joint, p.least_deviation), "estimated")
+
+
+def _log_focal(page: FlatPage) -> float:
+    shape = page.shape
+    focal = (
+        shape.focal
+        if isinstance(shape, CurvedPage | RidgedPage)
+        else shape.focal_length_px / page.view.unit_px
+    )
+    return float(np.log(focal))
+
+
+def _without_facing_notice(page: FlatPage) -> FlatPage:
+    return replace(page, notices=tuple(notice for notice in page.notices if notice is not FACING_PAGE))
+
+
+def _line_direction(results: Sequence[RectifyResult]) -> Vector:
+    """Direction (2,) in the photo in which lines are read, by the page whose orientation is told best."""
+    best = max(results, key=lambda result: result.orientation.confidence or 0.0)
+    row = best.mesh[best.mesh.shape[0] // 2]
+    return np.asarray(row[-1] - row[0])
+
+
+def reading_order(places: Sequence[Vector], direction: Vector) -> list[int]:
+    """Indices of pages whose text has its middle at `places` (2,) in the photo, along `direction` (2,) of the lines.
+
+    So the left page is the first one, as in all scripts that are written from left to right.
+    """
+    return sorted(range(len(places)), key=lambda k: float(places[k] @ direction))
+
+
+def page_timings(pages: RectifiedPages) -> dict[str, float]:
+    """Milliseconds of each stage over all pages."""
+    timings_ms = dict(pages.timings_ms)
+    for page in pages.pages:
+        for stage, spent in page.timings_ms.items():
+            timings_ms[stage] = timings_ms.get(stage, 0.0) + spent
+    return timings_ms

@@ -1,0 +1,50 @@
+"""Several pages in one file: all there, in order, with pixels and resolution."""
+
+import io
+import zipfile
+
+import numpy as np
+import pypdfium2
+import pytest
+from PIL import Image
+
+from services.errors import InvalidOption
+from services.imaging.codec import OutputFormat
+from services.imaging.page_files import encode_pages
+
+RNG = np.random.default_rng(4)
+PAGES = [RNG.integers(0, 256, (height, width, 3), dtype=np.uint8) for height, width in ((40, 30), (25, 50))]
+
+
+def test_a_tiff_holds_every_page_losslessly() -> None:
+    with Image.open(io.BytesIO(encode_pages(PAGES, "tiff", dpi=200.0))) as picture:
+        assert picture.n_frames == 2  # type: ignore[attr-defined]
+        for number, page in enumerate(PAGES):
+            picture.seek(number)
+            assert np.array_equal(np.asarray(picture), page)
+            assert picture.info["dpi"] == (200.0, 200.0)
+
+
+def test_a_pdf_of_quality_100_holds_every_page_losslessly_at_its_size() -> None:
+    file = encode_pages(PAGES, "pdf", quality=100, dpi=100.0)
+    document = pypdfium2.PdfDocument(file)
+    assert len(document) == len(PAGES)
+    for sheet, page in zip(document, PAGES, strict=True):
+        assert sheet.get_size() == pytest.approx((page.shape[1] * 0.72, page.shape[0] * 0.72))
+        (image,) = sheet.get_objects()
+        assert np.array_equal(image.get_bitmap(render=False).to_numpy()[..., ::-1], page)
+
+
+@pytest.mark.parametrize(("image_format", "suffix"), [("jpeg", "jpg"), ("png", "png"), ("tiff", "tif")])
+def test_an_archive_has_an_image_a_page(image_format: OutputFormat, suffix: str) -> None:
+    file = encode_pages(PAGES, "zip", image_format)
+    with zipfile.ZipFile(io.BytesIO(file)) as archive:
+        assert archive.namelist() == [f"page-01.{suffix}", f"page-02.{suffix}"]
+        sizes = [Image.open(io.BytesIO(archive.read(name))).size for name in archive.namelist()]
+    assert sizes == [(30, 40), (50, 25)]
+    assert file == encode_pages(PAGES, "zip", image_format)
+
+
+def test_a_quality_out_of_range_is_refused() -> None:
+    with pytest.raises(InvalidOption, match="quality"):
+        encode_pages(PAGES, "zip", "jpeg", quality=101)

@@ -1,0 +1,91 @@
+"""Both pages of an opened book: in reading order, each flat, with one camera."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from services.rectify.analysis import analyse_spread
+from services.rectify.parameters import RectifyParameters
+from services.rectify.spread import RectifiedPages, reading_order, rectify_spread
+from simulation.degradation import PHONE
+from simulation.pages import own_pages
+from simulation.scenes import View
+from simulation.spread import SimulatedSpread, page_beside_gutter, photograph_spread
+from simulation.truth import Truth
+from tests.services.scenes import Album
+
+BOTH = RectifyParameters(upright=False, pages="both")
+
+
+@cache
+def opened_book() -> SimulatedSpread:
+    """Two pages in a photo of 1.5 megapixels."""
+    pages = own_pages(640, 1000)
+    shapes = (page_beside_gutter(0.7, 0.1, right=False), page_beside_gutter(0.5, 0.15, right=True))
+    view = View("book", 2400.0, 14.0, 80.0, 2.0)
+    rng = np.random.default_rng(8)
+    return photograph_spread((pages[0], pages[3]), view, shapes, dirt=PHONE, rng=rng, size=(1440, 1060))
+
+
+@cache
+def flat_pages() -> RectifiedPages:
+    """Its flat views."""
+    return rectify_spread(opened_book().image, BOTH)
+
+
+def residual_percent(mesh: np.ndarray, truth: Truth) -> float:
+    """RMS of the mesh's inner nodes after the best similarity, per cent of the page's width."""
+    rows, columns = mesh.shape[:2]
+    flat = np.stack(np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows)), axis=-1)
+    page = truth.photo_to_page(mesh.reshape(-1, 2)).reshape(mesh.shape)
+    size = np.array([truth.page.width, truth.page.height])
+    inside = (np.abs(page / size - 0.5) < 0.45).all(axis=-1)
+    aim = page[inside]
+    # Pixels of the view are square, but its size is not known here: scales across and down are fitted, one each.
+    found = np.column_stack([flat[inside], np.ones(inside.sum())])
+    fitted = found @ np.linalg.lstsq(found, aim, rcond=None)[0]
+    return 100 * float(np.sqrt(((fitted - aim) ** 2).sum(axis=1).mean())) / truth.page.width
+
+
+def test_the_left_page_comes_first_and_both_are_flat() -> None:
+    spread, found = opened_book(), flat_pages()
+    assert len(found.pages) == 2
+    assert found.warnings == ()
+    for result, truth, other in zip(
+        found.pages, (spread.left, spread.right), (spread.right, spread.left), strict=True
+    ):
+        inner = result.mesh[6:-6, 4:-4].reshape(-1, 2)
+        assert truth.on_page(inner).mean() > 0.97
+        assert other.on_page(result.mesh.reshape(-1, 2)).mean() < 0.04
+        assert residual_percent(result.mesh, truth) < 1.0
+        assert "facing-page" not in [notice.code for notice in result.warnings]
+
+
+def test_both_pages_have_one_camera() -> None:
+    focal_lengths = [page.camera.focal_length_px or 0.0 for page in flat_pages().pages]
+    assert focal_lengths[0] == pytest.approx(focal_lengths[1], rel=0.06)
+    assert np.mean(focal_lengths) == pytest.approx(opened_book().left.focal_length_px, rel=0.12)
+
+
+def test_a_page_holds_nothing_of_the_other_ones_text() -> None:
+    spread = opened_book()
+    pages = analyse_spread(spread.image)
+    on_left = [spread.left.on_page(page.characters).mean() for page in pages]
+    assert sorted(on_left) == pytest.approx([0.0, 1.0], abs=0.005)
+    assert all(page.gutter is not None for page in pages)
+
+
+def test_one_page_is_answered_as_one_with_a_word_on_it(album: Album) -> None:
+    shot = album["columns"]
+    found = rectify_spread(shot.photo.image, BOTH)
+    assert len(found.pages) == 1
+    assert [notice.code for notice in found.warnings] == ["one-page"]
+
+
+@pytest.mark.parametrize(
+    ("direction", "expected"), [((1.0, 0.1), [1, 0]), ((-1.0, 0.0), [0, 1]), ((0.1, 1.0), [0, 1])]
+)
+def test_reading_order_follows_the_lines(direction: tuple[float, float], expected: list[int]) -> None:
+    places = [np.array([500.0, 100.0]), np.array([100.0, 300.0])]
+    assert reading_order(places, np.array(direction)) == expected
