@@ -65,6 +65,16 @@ def draw_flat_view(
     return flat
 
 
+def whiten_beyond(flat: RgbImage, sheet: Points | None) -> None:
+    """Draw white what lies beyond the polygon `sheet` (M, 2) of the view `flat`, in place; nothing if it is None."""
+    if sheet is None:
+        return
+    beside = np.full(flat.shape[:2], 255, np.uint8)
+    cv2.fillPoly(beside, [np.round(sheet).astype(np.int32)], 0)
+    for channel in range(flat.shape[2]):
+        flat[..., channel] |= beside
+
+
 def _certain_flat_sheet(frame: CurvedFrame, outline: Points) -> Points | None:
     """The sheet's corners in the view; a bent sheet's outline is convex only when it is flat."""
     flat = frame.to_flat(outline)

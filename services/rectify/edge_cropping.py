@@ -2,14 +2,12 @@
 
 import numpy as np
 
-from services.arrays import Mask, Points, RgbImage
+from services.arrays import Mask, Points
 from services.geometry.homographies import transform_points, translation
-from services.imaging.paper import certain_sheet
-from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
+from services.imaging.sheet_edges import SheetEdges
 from services.rectify.analysis import PageAnalysis
 from services.rectify.curved_framing import CurvedFrame
-from services.rectify.drawing import draw_flat_view
-from services.rectify.framing import FlatFrame, resize_frame
+from services.rectify.framing import FlatFrame
 
 LONG_SIDE_PX = 700
 """Of the view in which edges are looked for."""
@@ -19,34 +17,11 @@ GRID_STEP_PX = 8
 """What the photo shows is told on every eighth pixel."""
 
 
-def crop_to_sheet(
-    photo: RgbImage, frame: FlatFrame | CurvedFrame, analysis: PageAnalysis, outline: Points | None
-) -> FlatFrame | CurvedFrame:
-    """`frame` without what it shows beyond the certain edges of the sheet.
-
-    A flat sheet whose `outline` (N, 2) in the photo shows it whole is framed already: what lines there are on it are
-    its own (unless it is a spread of two pages).
-    """
-    frame = crop_to_gutter(frame, analysis)
-    flat_sheet = outline if isinstance(frame, FlatFrame) and not analysis.facing_page else None
-    if flat_sheet is not None and certain_sheet(flat_sheet) is not None:
-        return frame
-    factor = min(1.0, LONG_SIDE_PX / max(frame.width, frame.height))
-    small = resize_frame(frame, factor)
-    edges = find_sheet_edges(
-        draw_flat_view(photo, small),
-        _to_flat(small, analysis.characters),
-        analysis.text_height_px * factor,
-        _shown(small, photo.shape[1], photo.shape[0]),
-    )
-    return crop_frame(frame, edges, factor)
-
-
 def crop_to_gutter(frame: FlatFrame | CurvedFrame, analysis: PageAnalysis) -> FlatFrame | CurvedFrame:
     """`frame` without what lies beyond the gutter, if a facing page was seen; the text stays in any case."""
     if analysis.gutter is None:
         return frame
-    text, line = _to_flat(frame, analysis.characters), _to_flat(frame, _dense(analysis.gutter))
+    text, line = view_points(frame, analysis.characters), view_points(frame, _dense(analysis.gutter))
     text = text[np.isfinite(text).all(axis=1)]
     low, high = text.min(axis=0), text.max(axis=0)
     with np.errstate(invalid="ignore"):
@@ -94,13 +69,14 @@ def crop_frame(
     return frame.through(translation(float(left), float(top)), right - left + 1, bottom - top + 1)
 
 
-def _to_flat(frame: FlatFrame | CurvedFrame, photo: Points) -> Points:
+def view_points(frame: FlatFrame | CurvedFrame, photo: Points) -> Points:
+    """Pixels (N, 2) of the view of photo pixels (N, 2)."""
     if isinstance(frame, FlatFrame):
         return transform_points(np.linalg.inv(frame.H_photo_flat), photo)
     return frame.to_flat(photo)
 
 
-def _shown(frame: FlatFrame | CurvedFrame, width: int, height: int) -> Mask:
+def shown_pixels(frame: FlatFrame | CurvedFrame, width: int, height: int) -> Mask:
     """Pixels (H, W) of the frame that lie well within a photo of `width` x `height`, to a grid step."""
     x, y = np.arange(0, frame.width, GRID_STEP_PX), np.arange(0, frame.height, GRID_STEP_PX)
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float64) + 0.5 * (GRID_STEP_PX - 1)

@@ -24,6 +24,8 @@ class FramingParameters:
     """Output pixels over photo pixels."""
     max_reach: float = 1.0
     """How far, in sizes of the text, the view goes beyond the text when the paper's edge is not seen."""
+    least_growth: float = 1.02
+    """A view is not enlarged for less."""
     min_characters: int = 30
     """With fewer, the whole sheet decides the resolution."""
     max_sheet_reach: float = 8.0

@@ -10,12 +10,13 @@ from services.arrays import GrayImage, Points, RgbImage
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
 from services.imaging.illumination import normalize_illumination
+from services.imaging.paper import certain_sheet
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
 from services.rectify.curved import CurvedPage, PageEvidence
 from services.rectify.curved_framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
-from services.rectify.drawing import draw_flat_view, draw_gray_view
-from services.rectify.edge_cropping import crop_to_sheet, within_gutter
+from services.rectify.drawing import draw_flat_view, draw_gray_view, whiten_beyond
+from services.rectify.edge_cropping import crop_to_gutter, within_gutter
 from services.rectify.framing import TEXT_FRAMING, FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.orientation import estimate_orientation
 from services.rectify.outline_plane import read_sides
@@ -41,6 +42,7 @@ from services.rectify.results import (
 )
 from services.rectify.ridged_page import RidgedPage
 from services.rectify.shape_choice import FEW_LINES, choose_shape
+from services.rectify.sheet_cut import cut_to_outline, cut_to_page, restore_detail, sheet_in_view
 from services.rectify.stage_clock import StageClock
 from services.rectify.textless import TextlessPage, draw_for_reading, find_textless_page, frame_textless
 from services.sheet.outline.detection import find_outline
@@ -74,6 +76,11 @@ class FlatPage:
     notices: tuple[Notice, ...]
     outline: SheetOutline | None = None
     """The sheet's, where it was found."""
+
+    @property
+    def characters(self) -> Points:
+        """Centres of the characters (N, 2) in photo pixels."""
+        return self.analysis.characters
 
     @property
     def kind(self) -> Literal["planar", "curved"]:
@@ -115,13 +122,15 @@ def flatten_page(
     with clock.stage("framing"):
         if isinstance(page, TextlessPage):
             outline, frame = page.border, frame_textless(page)
+            if parameters.crop == "sheet" and page.outline is not None:
+                frame, _ = cut_to_outline(frame, page.outline, page.characters)
         elif isinstance(page.shape, RidgedPage):
             outline, frame = None, frame_photo(photo, page, None, parameters.crop)
         else:
             outline = find_border(page, parameters.crop)
             frame = frame_photo(photo, page, outline, parameters.crop)
             if parameters.crop == "sheet":
-                frame = crop_to_sheet(photo, frame, page.analysis, outline)
+                frame = cut_view(photo, frame, page, outline)
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):
@@ -134,6 +143,8 @@ def flatten_page(
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
     with clock.stage("remap"):
         flat = draw_flat_view(photo, frame, outline)
+        if parameters.crop == "sheet" and page.outline is not None:
+            whiten_beyond(flat, sheet_in_view(frame, page.outline, page.characters))
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
             flat = normalize_illumination(flat)
@@ -256,6 +267,22 @@ def find_border(page: FlatPage, crop: Crop) -> Points | None:
     """The sheet's outline (N, 2) in the photo, up to the gutter; None where it is not seen, or shall not be cut at."""
     outline = page.analysis.paper.outline(page.analysis.characters) if crop == "sheet" else None
     return outline if outline is None else within_gutter(outline, page.analysis)
+
+
+def cut_view(
+    photo: RgbImage, frame: FlatFrame | CurvedFrame, page: FlatPage, border: Points | None
+) -> FlatFrame | CurvedFrame:
+    """`frame` cut to the page: its outline's sides, the gutter, edges in the flat view, blank ground."""
+    characters = page.analysis.characters
+    known: frozenset[str] = frozenset()
+    if page.outline is not None:
+        frame, known = cut_to_outline(frame, page.outline, characters)
+    frame = crop_to_gutter(frame, page.analysis)
+    # Lines on a flat sheet that is seen whole are its own, but for a spread of two pages.
+    flat_sheet = border if isinstance(frame, FlatFrame) and not page.analysis.facing_page else None
+    whole = flat_sheet is not None and certain_sheet(flat_sheet) is not None
+    frame = cut_to_page(photo, frame, page.analysis, known, whole=whole)
+    return restore_detail(frame, photo.shape[0] * photo.shape[1], characters)
 
 
 def frame_photo(

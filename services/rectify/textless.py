@@ -59,6 +59,11 @@ class TextlessPage:
         return "planar"
 
     @property
+    def characters(self) -> Points:
+        """No characters (0, 2): none show the page's shape."""
+        return np.zeros((0, 2))
+
+    @property
     def border(self) -> Points | None:
         """The sheet's outline (M, 2) in photo pixels, where it is seen."""
         return None if self.outline is None else self.outline.polygon

@@ -1,0 +1,194 @@
+"""Cut of a flat view to the sheet: at the sides of its outline, at edges that the flat view shows, beyond the print."""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from services.arrays import Mask, Points, RgbImage
+from services.geometry.homographies import resizing, transform_points
+from services.imaging.illumination import flatten_illumination
+from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
+from services.rectify.analysis import PageAnalysis
+from services.rectify.curved_framing import CurvedFrame
+from services.rectify.drawing import draw_flat_view
+from services.rectify.edge_cropping import LONG_SIDE_PX, crop_frame, shown_pixels, view_points
+from services.rectify.framing import FlatFrame, FramingParameters, resize_frame
+from services.sheet.outline.results import SheetOutline
+
+SIDES = ("left", "top", "right", "bottom")
+
+
+@dataclass(frozen=True, slots=True)
+class SheetCutParameters:
+    """When a side of the outline is believed, and how much blank ground is kept."""
+
+    min_confidence: float = 0.5
+    """Of the outline: below it, its sides are more often wrong than right."""
+    white_confidence: float = 0.8
+    """Of the outline, from which on everything beyond it is drawn white."""
+    min_seen: float = 0.4
+    """Share of a side on which its edge is seen."""
+    max_slope: float = 0.2
+    """Of a side in the flat view: beyond it, it is not the side of this page."""
+    inner_percentile: float = 85.0
+    """Of a side's points, counted from outside: where a side that is not quite straight is cut."""
+    max_text_share: float = 0.005
+    """Of the characters that may lie beyond the side of the sheet that holds them."""
+    blank_margin: float = 0.12
+    """Of the text's larger size, kept beyond the print where the sheet's edge is not seen: margins of pages are as
+    wide."""
+    ink_level: int = 200
+    """Gray of a flat-fielded view below which it is printed."""
+    least_ink_px: int = 3
+    """Of a row or column of the reduced view; fewer are specks."""
+
+
+def cut_to_outline(
+    frame: FlatFrame | CurvedFrame,
+    outline: SheetOutline,
+    characters: Points,
+    parameters: SheetCutParameters | None = None,
+) -> tuple[FlatFrame | CurvedFrame, frozenset[str]]:
+    """`frame` cut at the sides of the `outline` that are seen, and which sides these are.
+
+    `characters` (N, 2), photo pixels, must lie within; a side that would cut text off is not believed.
+    """
+    p = parameters or SheetCutParameters()
+    if outline.confidence < p.min_confidence:
+        return frame, frozenset()
+    text = view_points(frame, characters)
+    text = text[np.isfinite(text).all(axis=1)]
+    border = view_points(frame, outline.polygon)
+    centre = np.nanmedian(border, axis=0)
+    found: dict[str, float] = {}
+    for side in outline.sides:
+        points = view_points(frame, side.points)
+        points = points[np.isfinite(points).all(axis=1)]
+        if side.seen < p.min_seen or len(points) < 8:
+            continue
+        middle = points.mean(axis=0)
+        way = np.linalg.svd(points - middle)[2][0]
+        upright = abs(way[1]) > abs(way[0])
+        axis = 0 if upright else 1
+        if abs(way[axis]) > p.max_slope * abs(way[1 - axis]):
+            continue
+        before = bool(middle[axis] < centre[axis])
+        place = float(
+            np.percentile(points[:, axis], p.inner_percentile if before else 100 - p.inner_percentile)
+        )
+        beyond = text[:, axis] < place if before else text[:, axis] > place
+        if len(text) and beyond.mean() > p.max_text_share:
+            continue
+        found[("left" if before else "right") if upright else ("top" if before else "bottom")] = place
+    return crop_frame(frame, SheetEdges(**found)), frozenset(found)
+
+
+def cut_to_page(
+    photo: RgbImage,
+    frame: FlatFrame | CurvedFrame,
+    analysis: PageAnalysis,
+    known: frozenset[str],
+    *,
+    whole: bool,
+    parameters: SheetCutParameters | None = None,
+) -> FlatFrame | CurvedFrame:
+    """`frame` cut on the sides that are not `known` yet: at long edges beside the text, or where blank ground begins.
+
+    A sheet that the photo surely shows `whole` has no edges within it: what lines there are on it are its own.
+    """
+    p = parameters or SheetCutParameters()
+    if len(known) == len(SIDES):
+        return frame
+    factor = min(1.0, LONG_SIDE_PX / max(frame.width, frame.height))
+    small = resize_frame(frame, factor)
+    view = draw_flat_view(photo, small)
+    shown = shown_pixels(small, photo.shape[1], photo.shape[0])
+    text = view_points(small, analysis.characters)
+    text_height_px = analysis.text_height_px * factor
+    edges = SheetEdges() if whole else find_sheet_edges(view, text, text_height_px, shown)
+    edges = replace(edges, **{side: None for side in known})
+    blank = blank_ground(view, shown, text, text_height_px, p)
+    unseen = {
+        s: getattr(blank, s) for s in SIDES if s not in known and getattr(edges, s) is None and not whole
+    }
+    return crop_frame(frame, replace(edges, **unseen), factor)
+
+
+def blank_ground(
+    view: RgbImage,
+    shown: Mask,
+    text: Points,
+    text_height_px: float,
+    parameters: SheetCutParameters | None = None,
+) -> SheetEdges:
+    """Where nothing but blank ground lies beyond, a margin from the outermost print of the `view` (H, W, 3).
+
+    `text` (N, 2) are characters, `shown` (H, W) the pixels that the photo shows. None on sides where print, a
+    picture or a desk goes on to the end of the view.
+    """
+    p = parameters or SheetCutParameters()
+    text = text[np.isfinite(text).all(axis=1)]
+    if not len(text):
+        return SheetEdges()
+    gray = np.asarray(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY), np.uint8)
+    inside = cv2.erode(shown.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
+    ink = (flatten_illumination(gray) < p.ink_level) & inside
+    low, high = np.percentile(text, 0.5, axis=0), np.percentile(text, 99.5, axis=0)
+    margin = max(p.blank_margin * float((high - low).max()), 3 * text_height_px)
+    size = (view.shape[1], view.shape[0])
+    edges: dict[str, float | None] = {}
+    for axis, (before, after) in enumerate((("left", "right"), ("top", "bottom"))):
+        inked = np.flatnonzero(ink.sum(axis=axis) >= p.least_ink_px)
+        first = min(float(low[axis]), float(inked[0]) if len(inked) else np.inf) - margin
+        last = max(float(high[axis]), float(inked[-1]) if len(inked) else -np.inf) + margin
+        edges[before] = first if first > 0 else None
+        edges[after] = last if last < size[axis] - 1 else None
+    return SheetEdges(**edges)
+
+
+def restore_detail(
+    frame: FlatFrame | CurvedFrame,
+    photo_pixels: int,
+    characters: Points,
+    framing: FramingParameters | None = None,
+) -> FlatFrame | CurvedFrame:
+    """`frame` enlarged to the pixels that the photo has of its text, where a larger view had been reduced.
+
+    `photo_pixels` bounds the view; `characters` (N, 2) are photo pixels.
+    """
+    f = framing or FramingParameters()
+    at = view_points(frame, characters)
+    at = at[np.isfinite(at).all(axis=1)]
+    if not len(at):
+        return frame
+    steps = [frame.to_photo(at + d) for d in np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])]
+    a, b = steps[1] - steps[0], steps[2] - steps[0]
+    with np.errstate(invalid="ignore"):
+        lost = np.sqrt(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+    growth = float(np.nanpercentile(lost, f.detail_percentile))
+    room = np.sqrt(f.max_growth * photo_pixels / (frame.width * frame.height))
+    growth = min(growth, float(room), 20000.0 / max(frame.width, frame.height))
+    return resize_frame(frame, growth) if growth > f.least_growth else frame
+
+
+def sheet_in_view(frame: FlatFrame | CurvedFrame, outline: SheetOutline, characters: Points) -> Points | None:
+    """The outline's polygon (M, 2) in pixels of the view, beyond which it is white; None where it is not certain."""
+    p = SheetCutParameters()
+    if outline.confidence < p.white_confidence:
+        return None
+    polygon = view_points(frame, outline.polygon)
+    polygon = polygon[np.isfinite(polygon).all(axis=1)]
+    if len(polygon) < 0.5 * len(outline.polygon):
+        return None
+    limit = 4.0 * max(frame.width, frame.height)
+    polygon = np.clip(polygon, -limit, limit)
+    text = view_points(frame, characters)
+    text = text[np.isfinite(text).all(axis=1)]
+    mask = np.zeros((frame.height // 8 + 1, frame.width // 8 + 1), np.uint8)
+    small = transform_points(resizing(1 / 8), polygon)
+    cv2.fillPoly(mask, [np.round(small).astype(np.int32)], 1)
+    at = np.clip(np.round(text / 8).astype(int), 0, [mask.shape[1] - 1, mask.shape[0] - 1])
+    if len(text) and mask[at[:, 1], at[:, 0]].mean() < 1 - p.max_text_share:
+        return None
+    return np.asarray(polygon)
