@@ -27,7 +27,7 @@ class CornerParameters:
     turn_weight: float = 0.02
     """What a corner that does not turn costs, as a mean square distance from the sides over the square of the
     mean side."""
-    fit_share: float = 0.2
+    fit_share: float = 0.14
     """Of a side, next to a corner: its curve is fitted there ..."""
     line_share: float = 0.08
     """... or, where that is not smooth, a line to this share."""

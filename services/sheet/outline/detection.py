@@ -1,6 +1,5 @@
 """The outline of the sheet in a photo."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -31,7 +30,7 @@ from services.sheet.outline.edges import (
 from services.sheet.outline.print_place import PrintParameters, place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
 from services.sheet.outline.results import SheetOutline, SheetSide
-from services.sheet.outline.scoring import ScoringParameters, rate_curve, rate_outline
+from services.sheet.outline.scoring import ScoringParameters, mean_support, rate_curve, rate_outline
 from services.sheet.outline.smooth_sides import smooth_sides
 
 
@@ -109,13 +108,13 @@ def _measure(
     known = np.isfinite(located[:, 0])
     diagonal = float(np.linalg.norm(np.ptp(edge.points, axis=0))) / f
     window = reduced.window_of(photo.shape, 1.0)
-    measured: list[EdgePoints] = []
-    for guides in (guide_sides(edge, corners, located), smooth_sides(edge, corners, p.corners)):
-        if guides is None:
-            continue
-        tried = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in guides]
-        if not measured or _support(tried) >= _support(measured) - p.smooth_bonus:
-            measured = tried
+    guides = guide_sides(edge, corners, located)
+    measured = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in guides]
+    smooth = smooth_sides(edge, corners, p.corners)
+    if smooth is not None:
+        tried = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in smooth]
+        if mean_support(tried) >= mean_support(measured) - p.smooth_bonus:
+            measured, known = tried, np.ones(4, bool)
     located = meet_sides(measured, known, p.corners)
     sides = [_side(m, p) for m in measured]
     pieces = []
@@ -123,13 +122,8 @@ def _measure(
         pieces += [corner[None]] if np.isfinite(corner).all() else []
         pieces.append(m.points)
     polygon = _inside(np.concatenate(pieces), window)
-    confidence = rate_outline(measured, corners, located, p.scoring)
+    confidence = rate_outline(measured, located, candidate.rating, p.scoring)
     return SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, polygon)
-
-
-def _support(sides: Sequence[EdgePoints]) -> float:
-    """Share of four sides' points on a clear edge, 0-1."""
-    return float(np.mean([np.mean(side.strength * side.seen) for side in sides]))
 
 
 def _inside(points: Points, window: tuple[float, float, float, float]) -> Points:

@@ -28,6 +28,8 @@ class ReductionParameters:
     """... which is this percentile of the differences over three pixels: 0.6-1.1 on plain grounds, 2-5 on wood."""
     band_level: int = 10
     """Brightness of padding at most; JPEG leaves some."""
+    band_difference: int = 2
+    """Pixels of the reduced photo by which the bands on both sides differ at most."""
     band_share: float = 0.85
     """Share of a band's border at which the photo begins at the same row or column."""
 
@@ -126,27 +128,25 @@ def _resized(image: RgbImage, width: int, height: int) -> RgbImage:
 def _without_bands(small: RgbImage, p: ReductionParameters) -> tuple[int, int, int, int]:
     """First and last column and row of what is no black band.
 
-    A band is as long as the photo, and what follows it begins everywhere at once; a sheet on a black ground does not.
+    Bands are as long as the photo and equally wide on both sides, and what follows them begins everywhere at once;
+    a sheet on a black ground does not.
     """
     dark = small.max(axis=2) <= p.band_level
-    x0, x1 = _trimmed(dark, p.band_share)
-    y0, y1 = _trimmed(dark[:, x0 : x1 + 1].T, p.band_share)
+    x0, x1 = _trimmed(dark, p)
+    y0, y1 = _trimmed(dark[:, x0 : x1 + 1].T, p)
     return x0, y0, x1, y1
 
 
-def _trimmed(dark: Mask, share: float) -> tuple[int, int]:
+def _trimmed(dark: Mask, p: ReductionParameters) -> tuple[int, int]:
     """First and last column of `dark` (rows, columns) that are no band."""
-    lit = np.asarray((~dark).any(axis=0))
-    if not lit.any():
-        return 0, dark.shape[1] - 1
-    first, last = int(np.argmax(lit)), len(lit) - 1 - int(np.argmax(lit[::-1]))
-    # One column of mixed pixels may lie between.
-    if first and (~dark[:, min(first + 1, last)]).mean() < share:
-        first = 0
-    elif first:
-        first += 1
-    if last < len(lit) - 1 and (~dark[:, max(last - 1, first)]).mean() < share:
-        last = len(lit) - 1
-    elif last < len(lit) - 1:
-        last -= 1
+    count = dark.shape[1]
+    lit = np.flatnonzero((~dark).any(axis=0))
+    if not len(lit):
+        return 0, count - 1
+    # One column of mixed pixels lies between.
+    first, last = int(lit[0]) + 1, int(lit[-1]) - 1
+    widths = (first - 1, count - 2 - last)
+    begins = [(~dark[:, at]).mean() >= p.band_share for at in (min(first, last), max(first, last))]
+    if min(widths) < 1 or abs(widths[0] - widths[1]) > p.band_difference or not all(begins):
+        return 0, count - 1
     return first, last

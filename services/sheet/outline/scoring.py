@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from services.arrays import Floats, Points
-from services.sheet.outline.corners import CornerParameters, Corners, split_sides
+from services.sheet.outline.corners import CornerParameters, split_sides
 from services.sheet.outline.edges import EdgePoints, outward_normals, resample_closed, smooth_closed
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
@@ -22,6 +22,9 @@ class ScoringParameters:
     """What a piece out of view counts for, in full edges."""
     concavity: float = 4.0
     """Weight of the share of the convex hull that the curve leaves out."""
+    evidence: tuple[float, ...] = (8.0, 0.0, 3.0, 2.0, 0.0, 0.0, 0.0)
+    """Weights of `outline_features`."""
+    prior: float = -9.0
     creased: float = 0.03
     """Of the hull's area: what creased sheets leave out."""
     lasting: int = 9
@@ -80,14 +83,41 @@ def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float,
     return np.asarray(found.mean(axis=1))
 
 
-def rate_outline(
-    sides: Sequence[EdgePoints], corners: Corners, located: Points, p: ScoringParameters
-) -> float:
-    """Probability, 0-1, that an outline is the sheet's."""
-    everywhere_shown = np.concatenate([side.shown for side in sides])
-    everywhere_seen = np.concatenate([side.seen for side in sides])
-    seen = float(everywhere_seen[everywhere_shown].mean()) if everywhere_shown.any() else 0.0
-    shown = float(everywhere_shown.mean())
-    known = float(np.isfinite(located[:, 0]).mean())
-    z = 8 * (seen - 0.8) + 3 * (shown - 0.7) + 2 * (known - 0.7) - 40 * (corners.misfit - 0.04)
+def mean_support(sides: Sequence[EdgePoints]) -> float:
+    """How clear the edge is on four sides, 0-1; none where it is not seen."""
+    return float(np.mean([np.mean(side.strength * side.seen) for side in sides]))
+
+
+def outline_features(sides: Sequence[EdgePoints], located: Points, rating: float) -> Floats:
+    """What tells right outlines from wrong ones."""
+    shown = np.concatenate([side.shown for side in sides])
+    seen = np.concatenate([side.seen for side in sides])
+    strength = np.concatenate([side.strength for side in sides])
+    worst = min(float(side.seen[side.shown].mean()) if side.shown.any() else 1.0 for side in sides)
+    jags = []
+    for side in sides:
+        points = side.points[side.shown]
+        if len(points) < 12:
+            continue
+        # What a line through neighbours leaves, over a sixth of the side.
+        reach = len(points) // 12
+        bend = points[reach:-reach] - 0.5 * (points[2 * reach :] + points[: -2 * reach])
+        length = max(float(np.linalg.norm(points[-1] - points[0])), 1.0)
+        jags.append(float(np.percentile(np.linalg.norm(bend, axis=1), 90)) / length)
+    return np.array(
+        [
+            float(seen[shown].mean()) if shown.any() else 0.0,
+            worst,
+            float(shown.mean()),
+            float(np.isfinite(located[:, 0]).mean()),
+            float((strength * seen)[shown].mean()) if shown.any() else 0.0,
+            rating,
+            min(max(jags, default=0.1), 0.1),
+        ]
+    )
+
+
+def rate_outline(sides: Sequence[EdgePoints], located: Points, rating: float, p: ScoringParameters) -> float:
+    """Probability, 0-1, that an outline is the sheet's; `rating` is its candidate's."""
+    z = float(np.dot(p.evidence, outline_features(sides, located, rating))) + p.prior
     return float(1 / (1 + np.exp(-z)))
