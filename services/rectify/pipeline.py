@@ -135,7 +135,7 @@ def flatten_page(
     if parameters.upright:
         with clock.stage("orientation"):
             if isinstance(page, TextlessPage):
-                flat_frame = frame_textless(page)
+                flat_frame = frame
                 orientation, notice = tell_orientation(lambda: draw_for_reading(photo, flat_frame), ocr)
             else:
                 orientation, notice = orient_page(page.analysis, frame, ocr)

@@ -111,6 +111,12 @@ def turn_outline(outline: SheetOutline, direction_rad: float) -> tuple[Points, t
     return np.roll(c, -first, axis=0), tuple((first + k) % 4 for k in range(4))
 
 
+def sides_bend(outline: SheetOutline) -> float:
+    """The largest RMS distance of a side from a straight line, as a share of the sheet's size."""
+    size = float(np.sqrt(np.prod(np.ptp(outline.polygon, axis=0))))
+    return max(side.straightness_px for side in outline.sides) / size
+
+
 def estimate_ridged_page(
     outline: SheetOutline,
     view: PhotoFrame,

@@ -12,7 +12,13 @@ from services.rectify.parameters import PageKind
 from services.rectify.planar import FocalPrior
 from services.rectify.pose import PagePose, choose_pose
 from services.rectify.results import Notice
-from services.rectify.ridged_page import NoRidgedPage, RidgedPage, estimate_ridged_page, trace_by_profiles
+from services.rectify.ridged_page import (
+    NoRidgedPage,
+    RidgedPage,
+    estimate_ridged_page,
+    sides_bend,
+    trace_by_profiles,
+)
 from services.rectify.surface_test import discriminate_surface
 from services.sheet.outline.results import SheetOutline
 
@@ -73,12 +79,6 @@ def choose_shape(
     )
     notice = Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
     return pose, (notice, *pose.notices)
-
-
-def sides_bend(outline: SheetOutline) -> float:
-    """The largest RMS distance of a side from a straight line, as a share of the sheet's size."""
-    size = float(np.sqrt(np.prod(np.ptp(outline.polygon, axis=0))))
-    return max(side.straightness_px for side in outline.sides) / size
 
 
 def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> RidgedPage | NoRidgedPage:

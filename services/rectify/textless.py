@@ -11,12 +11,14 @@ from services.errors import NoText
 from services.geometry.homographies import transform_points
 from services.imaging.illumination import flatten_illumination
 from services.rectify.analysis import resize_gray
+from services.rectify.curved_framing import CurvedFrame, frame_mesh
 from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame, frame_page, resize_frame
 from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, OutlinePlaneParameters, read_sides
 from services.rectify.planar import FocalLengthSource, FocalPrior, PhotoFrame
 from services.rectify.pose import PagePose
 from services.rectify.results import Notice, ShapeSource
+from services.rectify.ridged_page import RidgedPage, estimate_ridged_page, sides_bend
 from services.rectify.ruled_plane import plane_from_rules
 from services.sheet.outline.results import SheetOutline
 
@@ -34,6 +36,8 @@ class TextlessParameters:
 
     orientation_long_side_px: int = 1600
     """Of the photo from which the few words are read that may tell which way is up."""
+    straight_side: float = 0.006
+    """RMS bend of a side, as a share of the sheet's size: without text a bend must be plain to see."""
     seen_focal_deviation: float = 0.25
     aspect_deviation: float = 0.03
     """Both as in `PoseParameters`."""
@@ -47,16 +51,16 @@ class TextlessPage:
     """
 
     view: PhotoFrame
-    shape: PagePose
+    shape: PagePose | RidgedPage
     extent: Points
     outline: SheetOutline | None
     aspect: float | None
     """Width over height of the sheet as the photo shows it, where all four sides are seen."""
 
     @property
-    def kind(self) -> Literal["planar"]:
+    def kind(self) -> Literal["planar", "curved"]:
         """As it is flattened."""
-        return "planar"
+        return "planar" if isinstance(self.shape, PagePose) else "curved"
 
     @property
     def characters(self) -> Points:
@@ -90,6 +94,11 @@ def find_textless_page(
         `refusal` with what else was looked for, when neither shows a plane.
     """
     p = parameters or TextlessParameters()
+    # A sheet whose sides are bent is a bent sheet, also where they would pass for those of a plane.
+    if outline is not None and sides_bend(outline) > p.straight_side:
+        ridged = estimate_ridged_page(outline, view, prior, 0.0, None, None)
+        if isinstance(ridged, RidgedPage):
+            return TextlessPage(view, ridged, outline.polygon, outline, ridged.page_map.aspect_ratio)
     sheet = read_sides(outline, view, prior)
     if sheet is not None and outline is not None and isinstance(sheet.plane, OutlinePlane):
         shape = pose_of(sheet.plane, sheet.view, prior, "outline", p)
@@ -145,14 +154,16 @@ def pose_of(
     )
 
 
-def frame_textless(page: TextlessPage) -> FlatFrame:
+def frame_textless(page: TextlessPage) -> FlatFrame | CurvedFrame:
     """The view of the sheet, or of what lies near the straight lines, at the photo's own resolution."""
+    if isinstance(page.shape, RidgedPage):
+        return frame_mesh(page.shape.page_map, page.view, None)
     size = (page.view.height, page.view.width)
     return frame_page(page.shape.H_photo_plane, size, page.extent, 0.0, page.border)
 
 
 def draw_for_reading(
-    photo: RgbImage, frame: FlatFrame, parameters: TextlessParameters | None = None
+    photo: RgbImage, frame: FlatFrame | CurvedFrame, parameters: TextlessParameters | None = None
 ) -> GrayImage:
     """The flat view in gray under even light, small: enough to read which way is up."""
     p = parameters or TextlessParameters()

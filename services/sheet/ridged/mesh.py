@@ -67,6 +67,12 @@ class SheetMesh:
         """Width and height of the sheet in page units."""
         return (self.columns - 1) * self.step, (self.rows - 1) * self.step * self.aspect
 
+    @property
+    def aspect_ratio(self) -> float:
+        """Width over height of the sheet."""
+        width, height = self.size
+        return width / height
+
     def resampled(self, columns: int) -> "SheetMesh":
         """The same sheet with `columns` columns of nodes, and rows in proportion: nodes between nodes, bilinear."""
         if columns == self.columns:
