@@ -36,7 +36,14 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
     }
     assert document == {
         "kind": "planar",
-        "evidence": {"major_convergence": 0.0123, "minor_convergence": None, "text_area_fraction": 0.41},
+        "evidence": {
+            "major_convergence": 0.0123,
+            "minor_convergence": None,
+            "text_area_fraction": 0.41,
+            "source": ["text"],
+            "outline_confidence": None,
+            "sides_seen": 0,
+        },
         "surface": {"type": "plane", "normal": [0.0, 0.6, 0.8]},
         "orientation": {"rotation_deg": 270, "mirrored": False, "confidence": 0.98},
         "width": 40,
