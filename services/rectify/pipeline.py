@@ -131,6 +131,9 @@ def flatten_page(
             frame = frame_photo(photo, page, outline, parameters.crop)
             if parameters.crop == "sheet":
                 frame = cut_view(photo, frame, page, outline)
+        if isinstance(page, FlatPage):
+            pixels = photo.shape[0] * photo.shape[1]
+            frame = restore_detail(frame, pixels, page.characters, page.analysis.text_height_px)
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):
@@ -281,8 +284,7 @@ def cut_view(
     # Lines on a flat sheet that is seen whole are its own, but for a spread of two pages.
     flat_sheet = border if isinstance(frame, FlatFrame) and not page.analysis.facing_page else None
     whole = flat_sheet is not None and certain_sheet(flat_sheet) is not None
-    frame = cut_to_page(photo, frame, page.analysis, known, whole=whole)
-    return restore_detail(frame, photo.shape[0] * photo.shape[1], characters)
+    return cut_to_page(photo, frame, page.analysis, known, whole=whole)
 
 
 def frame_photo(

@@ -151,11 +151,14 @@ def restore_detail(
     frame: FlatFrame | CurvedFrame,
     photo_pixels: int,
     characters: Points,
+    text_height_px: float,
     framing: FramingParameters | None = None,
 ) -> FlatFrame | CurvedFrame:
-    """`frame` enlarged to the pixels that the photo has of its text, where a larger view had been reduced.
+    """`frame` with the pixels that the photo has of its text, and more where print is small.
 
-    `photo_pixels` bounds the view; `characters` (N, 2) are photo pixels.
+    A view that was larger before it was cut had been reduced. Small print loses by every resampling: drawn with more
+    pixels than the photo has it keeps what it has. `photo_pixels` bounds the view; `characters` (N, 2) are photo
+    pixels, `text_height_px` their size there.
     """
     f = framing or FramingParameters()
     at = view_points(frame, characters)
@@ -167,7 +170,9 @@ def restore_detail(
     with np.errstate(invalid="ignore"):
         lost = np.sqrt(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
     growth = float(np.nanpercentile(lost, f.detail_percentile))
-    room = np.sqrt(f.max_growth * photo_pixels / (frame.width * frame.height))
+    growth *= float(np.clip(f.small_print_px / max(text_height_px, 1.0), 1.0, f.max_enlargement))
+    pixels = max(f.max_growth * photo_pixels, f.small_view_px)
+    room = np.sqrt(pixels / (frame.width * frame.height))
     growth = min(growth, float(room), 20000.0 / max(frame.width, frame.height))
     return resize_frame(frame, growth) if growth > f.least_growth else frame
 
