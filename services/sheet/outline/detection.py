@@ -15,6 +15,7 @@ from services.sheet.outline.candidates import (
 from services.sheet.outline.corners import (
     CornerParameters,
     Corners,
+    end_at_corners,
     guide_sides,
     locate_corners,
     meet_sides,
@@ -48,10 +49,12 @@ class OutlineParameters:
     """Candidates that are measured in the photo."""
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
-    smooth_bonus: float = 0.01
+    smooth_bonus: float = 0.0
     """Smooth sides may have this much less of an edge than what was followed: notches are seldom the sheet's."""
+    certain: float = 0.95
+    """An outline with this confidence needs no second candidate."""
     side_points: int = 60
-    least_confidence: float = 0.2
+    least_confidence: float = 0.4
     """Outlines that are less certain are not answered."""
 
 
@@ -85,8 +88,13 @@ def find_outline(
             break
     candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
     candidates.sort(key=lambda c: c.rating, reverse=True)
-    found = [_measure(photo, reduced, candidate, p) for candidate in candidates[: p.tried]]
-    best = max((o for o in found if o is not None), key=lambda o: o.confidence, default=None)
+    best: SheetOutline | None = None
+    for candidate in candidates[: p.tried]:
+        outline = _measure(photo, reduced, candidate, p)
+        if outline is not None and (best is None or outline.confidence > best.confidence):
+            best = outline
+        if best is not None and best.confidence >= p.certain:
+            break
     return best if best is not None and best.confidence >= p.least_confidence else None
 
 
@@ -115,6 +123,8 @@ def _measure(
         tried = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in smooth]
         if mean_support(tried) >= mean_support(measured) - p.smooth_bonus:
             measured, known = tried, np.ones(4, bool)
+    located = meet_sides(measured, known, p.corners)
+    measured = [end_at_corners(m, located[k], located[(k + 1) % 4]) for k, m in enumerate(measured)]
     located = meet_sides(measured, known, p.corners)
     sides = [_side(m, p) for m in measured]
     pieces = []
