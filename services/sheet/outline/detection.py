@@ -31,7 +31,7 @@ from services.sheet.outline.edges import (
 from services.sheet.outline.print_place import PrintParameters, place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
 from services.sheet.outline.results import SheetOutline, SheetSide
-from services.sheet.outline.scoring import ScoringParameters, mean_support, rate_curve, rate_outline
+from services.sheet.outline.scoring import ScoringParameters, rate_curve, rate_outline
 from services.sheet.outline.smooth_sides import smooth_sides
 
 
@@ -49,8 +49,6 @@ class OutlineParameters:
     """Candidates that are measured in the photo."""
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
-    smooth_bonus: float = 0.0
-    """Smooth sides may have this much less of an edge than what was followed: notches are seldom the sheet's."""
     certain: float = 0.95
     """An outline with this confidence needs no second candidate."""
     side_points: int = 60
@@ -121,8 +119,9 @@ def _measure(
     smooth = smooth_sides(edge, corners, p.corners)
     if smooth is not None:
         tried = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in smooth]
-        if mean_support(tried) >= mean_support(measured) - p.smooth_bonus:
-            measured, known = tried, np.ones(4, bool)
+        chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
+        measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
+        known = known | chosen | np.roll(chosen, 1)
     located = meet_sides(measured, known, p.corners)
     measured = [end_at_corners(m, located[k], located[(k + 1) % 4]) for k, m in enumerate(measured)]
     located = meet_sides(measured, known, p.corners)

@@ -84,11 +84,6 @@ def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float,
     return np.asarray(found.mean(axis=1))
 
 
-def mean_support(sides: Sequence[EdgePoints]) -> float:
-    """How clear the edge is on four sides, 0-1; none where it is not seen."""
-    return float(np.mean([np.mean(side.strength * side.seen) for side in sides]))
-
-
 def outline_features(sides: Sequence[EdgePoints], located: Points, rating: float) -> Floats:
     """What tells right outlines from wrong ones (4,).
 
