@@ -38,9 +38,16 @@ class FlowErrors:
     minor_deg: float
 
 
-def rectify_photo(photo: RgbImage, ocr: OcrEngine | None) -> RectifyResult:
-    """The rectification as the service calls it, without EXIF (as the dissertation's)."""
-    return rectify(photo, RectifyParameters(), None, ocr)
+def rectify_photo(
+    photo: RgbImage, ocr: OcrEngine | None, exif_focal_length_px: float | None = None
+) -> RectifyResult:
+    """The rectification as the service calls it, without EXIF (as the dissertation's) unless it is given."""
+    return rectify(photo, RectifyParameters(), exif_focal_length_px, ocr)
+
+
+def rectify_spread(photo: RgbImage, ocr: OcrEngine | None) -> list[RectifyResult]:
+    """What is answered of the photo of an opened book: so far one page."""
+    return [rectify_photo(photo, ocr)]
 
 
 def rectify_file(path: Path, ocr: OcrEngine | None) -> tuple[RgbImage, Callable[[], RectifyResult]]:

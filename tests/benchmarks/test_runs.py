@@ -106,8 +106,8 @@ def test_a_perfect_rectification_has_no_errors(
     bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photo = _small_photo(page)
-    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: photo)
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: _perfect(photo))
+    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page, facing: photo)
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
     _fix_flows(monkeypatch)
     case = _case(page)
     figures = run_case(case, bench)
@@ -129,8 +129,8 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
     bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photo = _small_photo(page, BOOK)
-    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: photo)
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: _perfect(photo))
+    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page, facing: photo)
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
     _fix_flows(monkeypatch)
     case = _case(page, "curved")
     figures = run_case(case, bench)
@@ -142,7 +142,7 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
     assert figures.normal_deg < 0.5
     # The best planar view of it is a poor answer, and of the wrong kind.
     flat = replace(_perfect(photo), kind="planar", surface=PlaneSurface((0.0, 0.0, 1.0)))
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: flat)
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr, exif: flat)
     worse = run_case(case, bench)
     assert not worse.classified
     assert np.isnan(worse.ruling_2d_deg)
@@ -150,10 +150,10 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
 
 
 def test_a_refusal_reads_as_nothing(bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(image: np.ndarray, ocr: object) -> RectifyResult:
+    def refuse(image: np.ndarray, ocr: object, exif: object) -> RectifyResult:
         raise NoText("blank")
 
-    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: _small_photo(page))
+    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page, facing: _small_photo(page))
     monkeypatch.setattr(rectify_simulated, "rectify_photo", refuse)
     figures = run_case(_case(page), bench)
     assert figures.failure.startswith("no-text")
