@@ -30,12 +30,15 @@ def find_uvdoc(given: str | None) -> str | None:
     return given or os.environ.get("UVDOC_PYTHON")
 
 
-def run_page_dewarp(command: str, photo: RgbImage | bytes) -> tuple[RgbImage | None, Usage, str]:
+def run_page_dewarp(
+    command: str, photo: RgbImage | bytes, method: str | None = None
+) -> tuple[RgbImage | None, Usage, str]:
     """Its page (None when it failed), what it took, and why it failed.
 
-    `photo` is an image, or the bytes of a JPEG.
+    `photo` is an image, or the bytes of a JPEG. `method` is page-dewarp's `--method`; without one it takes
+    L-BFGS-B with gradients by jax where that is installed, else Powell's.
     """
-    return _run_peer([command], photo)
+    return _run_peer([command, *(("-m", method) if method else ())], photo)
 
 
 def run_uvdoc(python: str, photo: RgbImage | bytes) -> tuple[RgbImage | None, Usage, str]:

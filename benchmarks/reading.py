@@ -29,10 +29,12 @@ LOST_BELOW = 0.35
 SURE_FROM = 0.6
 """Confidence from which on a word counts as surely read."""
 
-READ_FROM_PX = 2400
-"""Longer side from which on a real photo is read as it is."""
+READ_FROM_PX = 3200
+"""Longer side from which on a real photo is read as it is: at 2800 px the small print of an invoice still gains
+10 to 20 points from a quarter more, for every method."""
 
-MOST_ENLARGED = 2.5
+MOST_ENLARGED = 2400 / 1024
+"""Beyond twice the size photos of 1024 px gain nothing (99.3 and 99.2 % at 2 and 3)."""
 
 _LIKE = str.maketrans(
     {

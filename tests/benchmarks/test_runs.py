@@ -327,7 +327,7 @@ def test_the_peers_start_is_not_held_against_it() -> None:
     peer = rectify_speed.PeerSpeed(Usage(13.0, 13.0, 200.0), Usage(1.0, 1.0, 90.0), "")
     ours = Usage(2.0, 2.0, 300.0)
     assert peer.ratio(ours) == pytest.approx(6.0)
-    assert "6.0 times ours (6.5 with its start)" in rectify_speed.format_peer(peer, ours)
+    assert "6.0 times ours (6.5 with its start)" in rectify_speed.format_peer("Powell", peer, ours)
 
 
 @pytest.mark.parametrize("curved", [False, True])
