@@ -125,7 +125,8 @@ def format_peer(label: str, peer: PeerSpeed, ours: Usage) -> str:
     failed = f" (it failed: {peer.trouble})" if peer.trouble else ""
     return (
         f"page-dewarp ({label}) on the curved photo{failed}: {peer.usage.cpu_s:.2f} CPU s, "
-        f"{peer.start.cpu_s:.2f} of them its start, {peer.usage.peak_mb:.0f} MB; ours {ours.cpu_s:.2f} CPU s, {ours.peak_mb:.0f} MB: "
+        f"{peer.start.cpu_s:.2f} of them its start, {peer.usage.peak_mb:.0f} MB; "
+        f"ours {ours.cpu_s:.2f} CPU s, {ours.peak_mb:.0f} MB: "
         f"{peer.ratio(ours):.1f} times ours ({with_start:.1f} with its start)"
     )
 
