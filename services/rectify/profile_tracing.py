@@ -47,6 +47,10 @@ class ProfileParameters:
     """Of an edge's place: what letters differ in by design, over one window."""
     reach: float = 2.0
     """A line's end is looked for so far beyond its last window."""
+    max_points: int = 2600
+    """Of all lines: of a dense page, windows are left out evenly."""
+    max_groups: int = 8
+    """Flush margins, and paragraphs, that are told; the fullest ones hold the page."""
     alike: float = 0.05
     """Paragraphs whose spacing differs by less have the same."""
 
@@ -219,11 +223,12 @@ def trace_profiles(
     pieces: list[Floats] = []
     index: list[NDArray[np.intp]] = []
     ends = []
+    thin = max(-(-2 * sum(len(members) for members in chains) // p.max_points), 1)
     for k, members in enumerate(chains):
         x = columns[ridges.window[members]]
         for edge, y in enumerate((ridges.base[members], ridges.crown[members])):
-            pieces.append(np.stack([x, y], axis=1))
-            index.append(np.full(len(x), 2 * k + edge))
+            pieces.append(np.stack([x, y], axis=1)[k % thin :: thin])
+            index.append(np.full(len(pieces[-1]), 2 * k + edge))
         ends.append(_line_ends(flat, x, ridges.crown[members], ridges.base[members], p))
     pixels, line = np.concatenate(pieces), np.concatenate(index)
     seen = page_map.to_photo(flat.to_page(pixels))
@@ -237,6 +242,7 @@ def trace_profiles(
     table = table[order]
     rows = Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], np.ones(len(table)))
     paragraphs = [q for q in group_paragraphs(rows) if placed[2 * order[q.lines]].all()]
+    paragraphs = sorted(paragraphs, key=lambda q: -len(q.lines))[: p.max_groups]
     runs = [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs]
     y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
     spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
@@ -246,7 +252,7 @@ def trace_profiles(
 
     margins = [in_photo(rows.starts[g]) for g in find_margins(rows, "left")]
     margins += [in_photo(rows.ends[g]) for g in find_margins(rows, "right")]
-    margins = [m[np.isfinite(m).all(axis=1)] for m in margins]
+    margins = sorted((m[np.isfinite(m).all(axis=1)] for m in margins), key=len, reverse=True)[: p.max_groups]
     grow = np.linalg.norm(page_map.jacobians(seen)[:, 1], axis=1) * flat.scale
     return LineObservations(
         seen,

@@ -30,11 +30,22 @@ class RidgedPageParameters:
     fit: RidgedParameters = field(default_factory=RidgedParameters)
     again: tuple[Stage, ...] = (Stage(24, 3.0, 1.5, 1.5), Stage(24, 1.0, 1.0, 1.0))
     """Schedule of the second fit, on lines traced in the view of the first."""
-    rounds: int = 2
+    rounds: int = 4
+    """Fits at most, each on lines traced anew; the last ones only where lines are still wavy and getting straighter."""
+    straight: float = 0.05
+    """RMS waviness of the lines, in text heights, below which a page reads as well as it can."""
+    improvement: float = 0.85
+    """Share of the waviness before, above which another round gains nothing."""
     min_confidence: float = 0.5
     """Of the outline: below it, its sides are more often wrong than right."""
-    min_seen: float = 0.5
+    min_seen: float = 0.35
     """Share of each side that is seen."""
+    end: float = 0.4
+    """Share of a side's points, nearest to a corner that is not seen, whose line leads to it."""
+    beyond: float = 0.3
+    """A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
+    parallel: float = 0.1
+    """Sine of the angle between two sides below which they do not meet in a corner."""
     max_stretch: float = 0.02
     """RMS change of the edges' lengths: no paper does that."""
     max_side: float = 0.012
@@ -94,15 +105,39 @@ def trace_by_profiles(analysis: PageAnalysis, view: PhotoFrame, page_map: PageMa
     return NO_LINES if flat is None else trace_profiles(flat, page_map)
 
 
-def turn_outline(outline: SheetOutline, direction_rad: float) -> tuple[Points, tuple[int, ...]]:
+def complete_corners(outline: SheetOutline, p: RidgedPageParameters) -> Points | None:
+    """The outline's corners (4, 2); one that is not seen is where the sides beside it meet. None if they do not."""
+    corners = outline.corners.copy()
+    low, high = outline.polygon.min(axis=0), outline.polygon.max(axis=0)
+    reach = p.beyond * float((high - low).max())
+    for k in np.flatnonzero(~np.isfinite(corners).all(axis=1)):
+        before, after = outline.sides[k - 1].points, outline.sides[k].points
+        if min(len(before), len(after)) < 8:
+            return None
+        lines = []
+        for points in (before[-int(p.end * len(before)) :], after[: int(p.end * len(after))]):
+            middle = points.mean(axis=0)
+            way = np.linalg.svd(points - middle)[2][0]
+            lines.append(np.array([-way[1], way[0], way[1] * middle[0] - way[0] * middle[1]]))
+        meeting = np.cross(lines[0], lines[1])
+        if abs(meeting[2]) < p.parallel:
+            return None
+        corners[k] = meeting[:2] / meeting[2]
+        if (corners[k] < low - reach).any() or (corners[k] > high + reach).any():
+            return None
+    return np.asarray(corners)
+
+
+def turn_outline(corners: Points, direction_rad: float) -> tuple[Points, tuple[int, ...]]:
     """Corners (4, 2) from the page's top left, and the numbers of its top, right, bottom and left side.
 
-    `direction_rad` is the direction of the text lines in the photo, up to a half turn.
+    `corners` (4, 2) are clockwise as the photo shows them; `direction_rad` is the direction of the text lines in the
+    photo, up to a half turn.
     """
     text = np.array([np.cos(direction_rad), np.sin(direction_rad)])
     if text[0] < 0:
         text = -text
-    c = outline.corners
+    c = corners
 
     def along(k: int) -> float:
         way = c[(k + 1) % 4] - c[k] + c[(k + 2) % 4] - c[(k + 3) % 4]
@@ -139,11 +174,12 @@ def estimate_ridged_page(
         Minor flow in centred coordinates.
     """
     p = parameters or RidgedPageParameters()
-    if outline.confidence < p.min_confidence or not np.isfinite(outline.corners).all():
+    whole = complete_corners(outline, p)
+    if outline.confidence < p.min_confidence or whole is None:
         return NoRidgedPage("the sheet's outline is not seen clearly")
     if min(side.seen for side in outline.sides) < p.min_seen:
         return NoRidgedPage("a side of the sheet is not seen")
-    corners, order = turn_outline(outline, direction_rad)
+    corners, order = turn_outline(whole, direction_rad)
     sides = tuple(
         SideObservations(
             np.asarray((outline.sides[k].points - view.centre) / view.unit_px),
@@ -159,12 +195,15 @@ def estimate_ridged_page(
     )
     if start is None:
         return NoRidgedPage("its corners are not those of a rectangle before a camera")
-    mesh, lines = start, NO_LINES
+    mesh, lines, waviness = start, NO_LINES, float("inf")
     for number in range(p.rounds if trace is not None else 1):
         lines = NO_LINES if trace is None else trace(mesh)
         observed = SheetObservations(lines, strokes, sides, prior.log_focal, prior.deviation)
         fit = p.fit if number == 0 else replace(p.fit, schedule=p.again)
         mesh = fit_mesh(mesh, observed, fit).mesh
+        before, waviness = waviness, line_deviation(mesh, lines)
+        if number and (waviness < p.straight or waviness > p.improvement * before):
+            break
     reason = _implausibility(mesh, sides, p)
     if reason is not None:
         return NoRidgedPage(reason)
