@@ -191,7 +191,9 @@ class SheetResiduals:
         jacobian = csr_array((data.ravel(), columns.ravel(), indptr), shape=(len(first), self.unknowns))
         return ResidualBlock(values, jacobian, 1)
 
-    def _margins(self, x: Vector, columns: Vector, known: NDArray[np.bool_], to_columns: csr_array) -> ResidualBlock:
+    def _margins(
+        self, x: Vector, columns: Vector, known: NDArray[np.bool_], to_columns: csr_array
+    ) -> ResidualBlock:
         part, index = self.slices[1], self.margin_index + self.globals_at + 3
         values = np.where(known[part], (columns[part] - x[index]) / self.margin_deviation, LOST)
         own = single_entries(index, -1.0 * known[part] / self.margin_deviation, self.unknowns)
@@ -232,7 +234,9 @@ class SheetResiduals:
             part, deviation = self.slices[4 + k], self.side_deviation[k]
             place = grid[part, 0 if k % 2 else 1]
             values = np.where(known[part], (place - border) / deviation, LOST)
-            found.append(ResidualBlock(values, scaled_rows((to_columns if k % 2 else to_rows)[part], 1 / deviation), 1))
+            found.append(
+                ResidualBlock(values, scaled_rows((to_columns if k % 2 else to_rows)[part], 1 / deviation), 1)
+            )
         return found
 
     def _priors(self, x: Vector) -> ResidualBlock:
