@@ -220,9 +220,12 @@ class SheetResiduals:
         jacobian = scaled_rows(to_columns[b] - to_columns[a], -1.0 * seen * dr / square) + scaled_rows(
             to_rows[b] - to_rows[a], seen * mesh.aspect * dc / square
         )
-        slant = np.full(len(values), self.globals_at + 2)
-        own = single_entries(slant, -1.0 * seen / self.stroke_deviation, self.unknowns)
-        return ResidualBlock(np.where(seen, values, LOST), jacobian + own, 1)
+        ones = np.ones(len(values), np.intp)
+        by_aspect = single_entries((self.globals_at + 1) * ones, seen * dc * dr / square, self.unknowns)
+        by_slant = single_entries(
+            (self.globals_at + 2) * ones, -1.0 * seen / self.stroke_deviation, self.unknowns
+        )
+        return ResidualBlock(np.where(seen, values, LOST), jacobian + by_aspect + by_slant, 1)
 
     def _sides(
         self, grid: Points, known: NDArray[np.bool_], to_columns: csr_array, to_rows: csr_array
