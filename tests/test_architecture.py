@@ -11,7 +11,7 @@ ARRAYS = ("numpy", "cv2", "PIL", "scipy", "pillow_heif", "img2pdf", "pypdfium2")
 HTTP = ("fastapi", "starlette", "uvicorn", "httpx", "pydantic", "pydantic_settings", "prometheus_client")
 SQL = ("sqlalchemy", "alembic", "sqlite3")
 ESTIMATORS = ("services.rectify", "services.mosaic", "services.layout")
-SURFACES = ("services.developable", "services.strips", "services.rulings")
+SURFACES = ("services.developable", "services.strips", "services.rulings", "services.sheet")
 
 RULES = [
     # (who, may not import, but may)
@@ -37,9 +37,23 @@ RULES = [
     ("services/imaging", (*ESTIMATORS, *SURFACES, "services.texture_flow", "services.ocr"), ()),
     ("services/texture_flow", (*ESTIMATORS, *SURFACES, "services.ocr"), ()),
     ("services/ocr", (*ESTIMATORS, *SURFACES, "services.texture_flow"), ()),
-    ("services/rulings", (*ESTIMATORS, "services.developable", "services.strips", "services.ocr"), ()),
-    ("services/strips", (*ESTIMATORS, "services.developable", "services.ocr"), ()),
-    ("services/developable", (*ESTIMATORS, "services.strips", "services.rulings", "services.ocr"), ()),
+    (
+        "services/rulings",
+        (*ESTIMATORS, "services.developable", "services.strips", "services.sheet", "services.ocr"),
+        (),
+    ),
+    ("services/strips", (*ESTIMATORS, "services.developable", "services.sheet", "services.ocr"), ()),
+    (
+        "services/developable",
+        (*ESTIMATORS, "services.strips", "services.rulings", "services.sheet", "services.ocr"),
+        (),
+    ),
+    # A creased sheet explains the same observations as a smooth one.
+    (
+        "services/sheet",
+        (*ESTIMATORS, *SURFACES, "services.ocr", "services.operations"),
+        ("services.sheet", "services.developable.observations"),
+    ),
     ("services/rectify", ("services.mosaic", "services.layout", "services.operations"), ()),
     ("services/mosaic", ("services.layout", "services.operations"), ()),
     ("services/layout", ("services.rectify", "services.mosaic", "services.operations"), ()),

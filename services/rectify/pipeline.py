@@ -193,15 +193,16 @@ def find_page(
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
     outline: SheetOutline | None = None
+    sought = False
     try:
         analysis = analyse_photo(photo, parameters.region, clock=clock)
         # The outline of an opened book is not that of one page.
         if not analysis.facing_page and parameters.region is None:
             with clock.stage("outline"):
-                outline = find_outline(photo, analysis.characters, analysis.text_height_px)
+                outline, sought = find_outline(photo, analysis.characters, analysis.text_height_px), True
         return shape_page(analysis, view, prior, parameters, clock, outline)
     except NoText as refusal:
-        if outline is None:
+        if not sought:
             with clock.stage("outline"):
                 outline = find_outline(photo)
         with clock.stage("shape"):

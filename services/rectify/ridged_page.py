@@ -17,7 +17,8 @@ from services.rectify.results import MeshSurface, Notice
 from services.sheet.outline.results import SheetOutline
 from services.sheet.ridged.fitting import fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
-from services.sheet.ridged.residuals import RidgedParameters, SheetObservations, SideObservations, Stage
+from services.sheet.ridged.observations import SheetObservations, SideObservations
+from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.start import mesh_between_sides
 from services.texture_flow.field import FlowSamples
 

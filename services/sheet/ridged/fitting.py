@@ -6,9 +6,12 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from services.arrays import Vector
+from services.sheet.ridged.blocks import robust, scaled_rows
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.normal_equations import normal_equations
-from services.sheet.ridged.residuals import RidgedParameters, SheetObservations, SheetResiduals, robust
+from services.sheet.ridged.observations import SheetObservations
+from services.sheet.ridged.parameters import RidgedParameters
+from services.sheet.ridged.residuals import SheetResiduals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,9 +66,7 @@ def _linearize(residuals: SheetResiduals, x: Vector) -> tuple[float, Vector, csr
     for block in residuals.blocks(x):
         part, weights = robust(block, residuals.stage)
         root = np.sqrt(weights)
-        scaled = block.jacobian.copy()
-        scaled.data *= np.repeat(root, np.diff(scaled.indptr))
         cost += part
         values.append(root * block.values)
-        jacobians.append(scaled)
+        jacobians.append(scaled_rows(block.jacobian, root))
     return cost, np.concatenate(values), vstack(jacobians, format="csr")

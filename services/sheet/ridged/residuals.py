@@ -10,7 +10,7 @@ With a point x seen at grid coordinates g, f X(g) / Z(g) = x: if the nodes move 
 dg = -G^-1 sum_k w_k P dX_k, with P = (f I | -x) / Z and G = P (X_c X_r); if f changes, by -G^-1 x d(log f).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,95 +19,14 @@ from scipy.sparse import csr_array
 
 from services.arrays import Floats, Points, Vector
 from services.developable.observations import LineObservations
+from services.sheet.ridged.blocks import ResidualBlock, scaled_rows, single_entries
 from services.sheet.ridged.mesh import SheetMesh
-from services.texture_flow.field import FlowSamples
+from services.sheet.ridged.observations import SheetObservations, SideObservations
+from services.sheet.ridged.paper import PaperResiduals
+from services.sheet.ridged.parameters import RidgedParameters, Stage
 
 LOST = 6.0
 """Residual of a point that the mesh does not show; it has no derivative."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """One of the fits that follow one another: the start is further off than the last of them sees.
-
-    `cells` of the mesh across the sheet; `scale`, where the loss of observations bends away from squares, in
-    deviations; `slack`, how much more than paper the sheet may stretch; `ridge`, where the loss of ridges bends.
-    """
-
-    cells: int
-    scale: float
-    slack: float
-    ridge: float
-
-
-@dataclass(frozen=True, slots=True)
-class RidgedParameters:
-    """Standard deviations; lengths are relative to what is named."""
-
-    stretch: float = 0.002
-    """Of an edge's length, in steps: paper does not stretch, but a ridge within a cell shortens its edges."""
-    bend_rad: float = 0.3
-    """Of the angle over the width of the sheet where there is no ridge; a cell has its share."""
-    line: float = 1.0
-    """Of a line's points, in units of their own deviations."""
-    least_line: float = 0.02
-    """Text heights, least deviation of a line's point."""
-    spacing: float = 0.02
-    """Of the step from a line to the next, in line spacings: type is set evenly, but a baseline is seen through
-    letters."""
-    stroke_rad: float = np.deg2rad(0.8)
-    stroke_overlap: float = 4.0
-    """Windows of neighbouring samples share ink: so many count as one."""
-    slant_rad: float = np.deg2rad(0.2)
-    """Mean slant of upright type, clockwise, as the smooth surface takes it."""
-    margin: float = 0.4
-    """Of a flush end, in text heights."""
-    side: float = 1.0
-    """Of an outline's point, in units of its own deviation."""
-    least_side: float = 0.0006
-    """Photo units: the side of a sheet is cut as straight as that, and not found better."""
-    schedule: tuple[Stage, ...] = (
-        Stage(12, 100.0, 10.0, 30.0),
-        Stage(12, 10.0, 3.0, 3.0),
-        Stage(24, 1.0, 1.0, 1.0),
-    )
-    evaluations: int = 12
-    """Of each of these fits."""
-    max_damping: float = 1e6
-    """Of a step, relative to the diagonal: beyond it no step helps."""
-    gain: float = 3e-3
-    """Relative decrease of the cost below which a stage ends."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SideObservations:
-    """Points (N, 2) on one side of the sheet, centred units, and their deviations (N,) across it."""
-
-    points: Points
-    deviations: Vector
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SheetObservations:
-    """What the mesh is fitted to, in centred units.
-
-    `sides` are top, right, bottom and left of the page, None where one is not seen.
-    """
-
-    lines: LineObservations
-    strokes: FlowSamples | None
-    sides: tuple[SideObservations | None, ...]
-    log_focal: float
-    focal_deviation: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Block:
-    """Residuals of one kind: values (m,), Jacobian (m, unknowns), and how many of them share one loss (0: squares)."""
-
-    values: Vector
-    jacobian: csr_array
-    group: int
 
 
 class SheetResiduals:
@@ -180,11 +99,7 @@ class SheetResiduals:
         self.spacings_at = self.globals_at + 3 + len(lines.margins)
         self.unknowns = self.spacings_at + len(self.start_spacings)
         self.border = self.unknowns - self.globals_at
-        self._edges, self._hinges = _edges(start), _hinges(start)
-        self._hinge_jacobians = {
-            name: _difference_jacobian(nodes, signs, self.unknowns)
-            for name, (nodes, signs) in self._hinges.items()
-        }
+        self._paper = PaperResiduals(start, p, stage, self.globals_at + 1, self.unknowns)
 
     @property
     def x0(self) -> Vector:
@@ -207,7 +122,7 @@ class SheetResiduals:
         focal, aspect = (float(np.exp(v)) for v in x[self.globals_at : self.globals_at + 2])
         return replace(self.start, nodes=nodes, focal=focal, aspect=aspect)
 
-    def blocks(self, x: Vector) -> list[_Block]:
+    def blocks(self, x: Vector) -> list[ResidualBlock]:
         """All residuals at `x`, before any loss."""
         mesh = self.mesh(x)
         grid = mesh.locate(self.points, self.grid)
@@ -221,8 +136,8 @@ class SheetResiduals:
             self._margins(x, grid[:, 0], known, to_columns),
             self._strokes(x, mesh, grid, known, to_columns, to_rows),
             *self._sides(grid, known, to_columns, to_rows),
-            self._stretch(x),
-            *self._bends(x),
+            self._paper.stretch(x),
+            *self._paper.bends(x),
             self._priors(x),
         ]
 
@@ -255,15 +170,15 @@ class SheetResiduals:
             found.append(csr_array((data.ravel(), columns.ravel(), indptr), shape=(len(seen), self.unknowns)))
         return found[0], found[1]
 
-    def _lines(self, x: Vector, rows: Vector, known: NDArray[np.bool_], to_rows: csr_array) -> _Block:
+    def _lines(self, x: Vector, rows: Vector, known: NDArray[np.bool_], to_rows: csr_array) -> ResidualBlock:
         part, index = self.slices[0], self.observed.lines.index
         levels = x[self.node_unknowns : self.globals_at]
         values = np.where(known[part], (rows[part] - levels[index]) / self.line_deviation, LOST)
         slope = -1.0 * known[part] / self.line_deviation
-        own = _entries(index + self.node_unknowns, slope, self.unknowns)
-        return _Block(values, _scaled(to_rows[part], 1 / self.line_deviation) + own, 1)
+        own = single_entries(index + self.node_unknowns, slope, self.unknowns)
+        return ResidualBlock(values, scaled_rows(to_rows[part], 1 / self.line_deviation) + own, 1)
 
-    def _spacing(self, x: Vector) -> _Block:
+    def _spacing(self, x: Vector) -> ResidualBlock:
         """Neighbouring lines of a paragraph lie one spacing apart, which paragraphs of like type share."""
         first, second = self._gaps.T
         group = self.spacings_at + self._gap_group
@@ -274,14 +189,16 @@ class SheetResiduals:
         data = scale[:, None] * [-1.0, 1.0, -1.0]
         indptr = np.arange(0, data.size + 1, 3)
         jacobian = csr_array((data.ravel(), columns.ravel(), indptr), shape=(len(first), self.unknowns))
-        return _Block(values, jacobian, 1)
+        return ResidualBlock(values, jacobian, 1)
 
-    def _margins(self, x: Vector, columns: Vector, known: NDArray[np.bool_], to_columns: csr_array) -> _Block:
+    def _margins(
+        self, x: Vector, columns: Vector, known: NDArray[np.bool_], to_columns: csr_array
+    ) -> ResidualBlock:
         part, index = self.slices[1], self.margin_index + self.globals_at + 3
         values = np.where(known[part], (columns[part] - x[index]) / self.margin_deviation, LOST)
-        own = _entries(index, -1.0 * known[part] / self.margin_deviation, self.unknowns)
-        return _Block(
-            values, _scaled(to_columns[part], np.full(len(index), 1 / self.margin_deviation)) + own, 1
+        own = single_entries(index, -1.0 * known[part] / self.margin_deviation, self.unknowns)
+        return ResidualBlock(
+            values, scaled_rows(to_columns[part], np.full(len(index), 1 / self.margin_deviation)) + own, 1
         )
 
     def _strokes(
@@ -292,7 +209,7 @@ class SheetResiduals:
         known: NDArray[np.bool_],
         to_columns: csr_array,
         to_rows: csr_array,
-    ) -> _Block:
+    ) -> ResidualBlock:
         """Angle of the way between two photo points of a stroke against the columns, less the slant of the type."""
         a, b = self.slices[2], self.slices[3]
         dc, dr = grid[b, 0] - grid[a, 0], mesh.aspect * (grid[b, 1] - grid[a, 1])
@@ -300,16 +217,19 @@ class SheetResiduals:
         seen = known[a] & known[b]
         values = (np.arctan(-dc / dr) - x[self.globals_at + 2]) / self.stroke_deviation
         square = np.maximum(dc * dc + dr * dr, 1e-18) * self.stroke_deviation
-        jacobian = _scaled(to_columns[b] - to_columns[a], -1.0 * seen * dr / square) + _scaled(
+        jacobian = scaled_rows(to_columns[b] - to_columns[a], -1.0 * seen * dr / square) + scaled_rows(
             to_rows[b] - to_rows[a], seen * mesh.aspect * dc / square
         )
-        slant = np.full(len(values), self.globals_at + 2)
-        own = _entries(slant, -1.0 * seen / self.stroke_deviation, self.unknowns)
-        return _Block(np.where(seen, values, LOST), jacobian + own, 1)
+        ones = np.ones(len(values), np.intp)
+        by_aspect = single_entries((self.globals_at + 1) * ones, seen * dc * dr / square, self.unknowns)
+        by_slant = single_entries(
+            (self.globals_at + 2) * ones, -1.0 * seen / self.stroke_deviation, self.unknowns
+        )
+        return ResidualBlock(np.where(seen, values, LOST), jacobian + by_aspect + by_slant, 1)
 
     def _sides(
         self, grid: Points, known: NDArray[np.bool_], to_columns: csr_array, to_rows: csr_array
-    ) -> list[_Block]:
+    ) -> list[ResidualBlock]:
         """The sheet's sides are the mesh's border: top, right, bottom, left."""
         found = []
         borders = (0.0, self.start.columns - 1.0, self.start.rows - 1.0, 0.0)
@@ -317,62 +237,17 @@ class SheetResiduals:
             part, deviation = self.slices[4 + k], self.side_deviation[k]
             place = grid[part, 0 if k % 2 else 1]
             values = np.where(known[part], (place - border) / deviation, LOST)
-            found.append(_Block(values, _scaled((to_columns if k % 2 else to_rows)[part], 1 / deviation), 1))
+            found.append(
+                ResidualBlock(values, scaled_rows((to_columns if k % 2 else to_rows)[part], 1 / deviation), 1)
+            )
         return found
 
-    def _stretch(self, x: Vector) -> _Block:
-        """Edges and diagonals of the cells keep their lengths."""
-        X = x[: self.node_unknowns].reshape(-1, 3)
-        aspect = float(np.exp(x[self.globals_at + 1]))
-        a, b, across, down = self._edges
-        way = X[b] - X[a]
-        length = np.maximum(np.linalg.norm(way, axis=1), 1e-12)
-        flat = np.hypot(across, aspect * down)
-        unit = self.start.step * self.p.stretch * self.stage.slack
-        values = (length - self.start.step * flat) / unit
-        toward = way / (length * unit)[:, None]
-        by_aspect = -self.start.step * (aspect * down) ** 2 / (flat * unit)
-        columns = np.concatenate(
-            [
-                3 * a[:, None] + np.arange(3),
-                3 * b[:, None] + np.arange(3),
-                np.full((len(a), 1), self.globals_at + 1),
-            ],
-            axis=1,
-        )
-        data = np.concatenate([-toward, toward, by_aspect[:, None]], axis=1)
-        jacobian = csr_array(
-            (data.ravel(), columns.ravel(), np.arange(0, data.size + 1, 7)), shape=(len(a), self.unknowns)
-        )
-        return _Block(values, jacobian, 0)
-
-    def _bends(self, x: Vector) -> list[_Block]:
-        """Second differences of the nodes, as angles: across, down, and the twist of a cell."""
-        X = x[: self.node_unknowns].reshape(-1, 3)
-        aspect = self.start.aspect
-        found = []
-        for name, (nodes, signs) in self._hinges.items():
-            size = {"across": 1.0, "down": aspect, "twist": np.sqrt(aspect)}[name] * self.start.step
-            scale = (self.start.columns - 1) / (size * self.p.bend_rad)
-            values = scale * np.einsum("nki,k->ni", X[nodes], signs).ravel()
-            found.append(_Block(values, self._hinge_jacobians[name] * scale, 3))
-        return found
-
-    def _priors(self, x: Vector) -> _Block:
+    def _priors(self, x: Vector) -> ResidualBlock:
         """Focal length, slant, and a weak hold of the aspect."""
         at = self.globals_at + np.arange(3)
         deviation = np.array([self.observed.focal_deviation, 1.0, np.deg2rad(0.4)])
         mean = np.array([self.observed.log_focal, np.log(self.start.aspect), self.p.slant_rad])
-        return _Block((x[at] - mean) / deviation, _entries(at, 1 / deviation, self.unknowns), 0)
-
-
-def robust(block: _Block, stage: Stage) -> tuple[float, Vector]:
-    """Cost of a block under its loss (squares, or Cauchy's for each group), and the weight (m,) of every residual."""
-    if block.group == 0:
-        return 0.5 * float(block.values @ block.values), np.ones(len(block.values))
-    square = (block.values.reshape(-1, block.group) ** 2).sum(axis=1)
-    s2 = (stage.scale if block.group == 1 else stage.ridge) ** 2
-    return 0.5 * s2 * float(np.log1p(square / s2).sum()), np.repeat(1 / (1 + square / s2), block.group)
+        return ResidualBlock((x[at] - mean) / deviation, single_entries(at, 1 / deviation, self.unknowns), 0)
 
 
 def _line_gaps(lines: LineObservations) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -403,59 +278,3 @@ def _inverse(G: Floats) -> Floats:
     det = np.where(np.abs(det) < 1e-9, np.where(det < 0, -1e-9, 1e-9), det)
     swapped = np.stack([G[:, 1, 1], -G[:, 0, 1], -G[:, 1, 0], G[:, 0, 0]], axis=1).reshape(-1, 2, 2)
     return np.asarray(swapped / det[:, None, None])
-
-
-def _scaled(matrix: csr_array, factors: Vector) -> csr_array:
-    """`matrix` with every row times its factor."""
-    scaled = csr_array(matrix, copy=True)
-    scaled.data *= np.repeat(factors, np.diff(scaled.indptr))
-    return scaled
-
-
-def _entries(columns: NDArray[np.intp], values: Vector, width: int) -> csr_array:
-    """A matrix with one entry a row."""
-    return csr_array((values, columns, np.arange(len(columns) + 1)), shape=(len(columns), width))
-
-
-def _numbers(mesh: SheetMesh) -> NDArray[np.intp]:
-    return np.arange(mesh.rows * mesh.columns).reshape(mesh.rows, mesh.columns)
-
-
-def _edges(mesh: SheetMesh) -> tuple[NDArray[np.intp], NDArray[np.intp], Vector, Vector]:
-    """Both ends of every edge and diagonal, and how many columns and rows it spans."""
-    n = _numbers(mesh)
-    kinds = [
-        (n[:, :-1], n[:, 1:], 1.0, 0.0),
-        (n[:-1], n[1:], 0.0, 1.0),
-        (n[:-1, :-1], n[1:, 1:], 1.0, 1.0),
-        (n[:-1, 1:], n[1:, :-1], 1.0, 1.0),
-    ]
-    return (
-        np.concatenate([begin.ravel() for begin, _, _, _ in kinds]),
-        np.concatenate([end.ravel() for _, end, _, _ in kinds]),
-        np.concatenate([np.full(begin.size, across) for begin, _, across, _ in kinds]),
-        np.concatenate([np.full(begin.size, down) for begin, _, _, down in kinds]),
-    )
-
-
-def _hinges(mesh: SheetMesh) -> dict[str, tuple[NDArray[np.intp], Vector]]:
-    """Nodes (n, k) of every second difference, and the signs (k,) they are taken with."""
-    n = _numbers(mesh)
-
-    def nodes(*parts: NDArray[np.intp]) -> NDArray[np.intp]:
-        return np.stack([part.ravel() for part in parts], axis=1)
-
-    second = np.array([1.0, -2.0, 1.0])
-    return {
-        "across": (nodes(n[:, :-2], n[:, 1:-1], n[:, 2:]), second),
-        "down": (nodes(n[:-2], n[1:-1], n[2:]), second),
-        "twist": (nodes(n[:-1, :-1], n[:-1, 1:], n[1:, :-1], n[1:, 1:]), np.array([1.0, -1.0, -1.0, 1.0])),
-    }
-
-
-def _difference_jacobian(nodes: NDArray[np.intp], signs: Vector, width: int) -> csr_array:
-    """Derivatives (3 n, width) of signed sums of nodes, point by point."""
-    columns = (3 * nodes[:, None, :] + np.arange(3)[:, None]).reshape(-1, len(signs))
-    data = np.broadcast_to(signs, columns.shape)
-    indptr = np.arange(0, data.size + 1, len(signs))
-    return csr_array((data.ravel(), columns.ravel(), indptr), shape=(len(columns), width))

@@ -1,13 +1,10 @@
-"""Views are cropped to the sheet's edges, and left alone where there is none."""
+"""A cropped view shows the same pixels as the view it was cropped from."""
 
 import numpy as np
-import pytest
 
 from services.imaging.sheet_edges import SheetEdges
-from services.rectify.analysis import analyse_photo
-from services.rectify.edge_cropping import crop_frame, crop_to_sheet
-from services.rectify.framing import FlatFrame, frame_page
-from tests.services.scenes import Album
+from services.rectify.edge_cropping import crop_frame
+from services.rectify.framing import FlatFrame
 
 
 def test_pixels_of_a_cropped_frame_are_those_of_the_frame() -> None:
@@ -26,28 +23,3 @@ def test_edges_beyond_the_frame_do_not_enlarge_it() -> None:
     np.testing.assert_array_equal(cropped.to_photo(np.zeros((1, 2))), [[0.0, 0.0]])
     senseless = SheetEdges(left=60.0, right=20.0)
     assert crop_frame(frame, senseless) is frame
-
-
-@pytest.mark.parametrize("name", ["dirty", "columns", "picture"])
-def test_a_photo_of_the_inside_of_a_page_is_shown_whole(album: Album, name: str) -> None:
-    shot = album[name]
-    height, width = shot.photo.image.shape[:2]
-    # Of a page that fills the photo, this part shows no edge.
-    inside = np.ascontiguousarray(
-        shot.photo.image[
-            round(0.25 * height) : round(0.7 * height), round(0.25 * width) : round(0.75 * width)
-        ]
-    )
-    analysis = analyse_photo(inside)
-    shape = (inside.shape[0], inside.shape[1])
-    frame = frame_page(np.eye(3), shape, analysis.characters, analysis.text_height_px, None)
-    cropped = crop_to_sheet(inside, frame, analysis, None)
-    assert (cropped.width, cropped.height) == (frame.width, frame.height)
-
-
-def test_a_sheet_that_is_seen_whole_keeps_its_frame(album: Album) -> None:
-    shot = album["dirty"]
-    outline = shot.analysis.paper.outline(shot.analysis.characters)
-    frame = FlatFrame(np.eye(3), shot.photo.image.shape[1], shot.photo.image.shape[0])
-    assert outline is not None
-    assert crop_to_sheet(shot.photo.image, frame, shot.analysis, outline) is frame
