@@ -75,6 +75,9 @@ class CurvedPage:
     deviation: float
     waviness: float
     notices: tuple[Notice, ...]
+    fitted: FittedSurface | None = None
+    lines: LineObservations = NO_LINES
+    """The fit of `surface`, and the lines that it was fitted to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +96,8 @@ class PageEvidence:
     major: FlowSamples
     minor: FlowSamples
     vanishing_points: FlowVanishingPoints
+    start: SurfaceStart | None = None
+    """A bent sheet that is near already."""
 
     @property
     def characters(self) -> Points:
@@ -209,8 +214,14 @@ def estimate_curved_page(
     is taken out by a small smooth residual. Where no global surface is plausible, the strips themselves may be.
     """
     p, e = parameters or CurvedParameters(), evidence
-    strips = find_strips(e.analysis, e.view, prior, e.major, e.strokes)
-    fitted = _fit_flows(e, prior, strips, p)
+    strips = None if e.start else find_strips(e.analysis, e.view, prior, e.major, e.strokes)
+    if e.start:
+        held = PageObservations(
+            e.major, e.minor, NO_LINES, page_hull(e.characters), prior.log_focal, prior.deviation
+        )
+        fitted = fit_surface(e.start, held, FittingParameters(hard_flows=True, max_evaluations=1))
+    else:
+        fitted = _fit_flows(e, prior, strips, p)
     reason = implausibility(fitted.surface, e.characters, p)
     if reason is None:
         notices: tuple[Notice, ...] = ()
@@ -238,6 +249,8 @@ def estimate_curved_page(
         flow_deviation(page_map, e.major, e.minor),
         line_deviation(fitted.surface, lines),
         notices,
+        fitted,
+        lines,
     )
 
 
