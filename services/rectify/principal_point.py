@@ -53,8 +53,12 @@ class PrincipalPointParameters:
     offset: float = 0.2
     """Deviation of an offset in half diagonals; a quarter cut from one side moves the middle by 0.17."""
     held: float = 1e-4
-    largest: float = 0.6
-    """Half the photo cut away on one side and more: there are no such photos of pages."""
+    smallest: float = 0.06
+    largest: float = 0.4
+    """Offsets that are believed: a smaller one does no harm, and more than half of a photo is not cut away."""
+    line_spread: float = 1.0
+    """A bent sheet must leave its text lines as straight as they were traced: creased ones explain theirs by whatever
+    they are offered."""
     starts: tuple[float, ...] = (-0.15, 0.15)
     """Of a plane, whose equation has two roots."""
     tension: float = 1.8
@@ -68,10 +72,12 @@ class PrincipalPointParameters:
     border: float = 1.5
     border_characters: int = 3
     """Where a photo was cut, print often runs up to its border: to so many text heights, with so many characters."""
-    gain_share: float = 0.03
-    gain_share_assumed: float = 0.1
+    gain_share: float = 0.08
+    gain_share_odd: float = 0.03
+    gain_share_assumed: float = 0.2
     """What a bent sheet must save at least, as a share of its cost: sheets and lenses are not quite what the fit
-    assumes, and where the focal length is not known more can be explained away."""
+    assumes, and where the focal length is not known more can be explained away. Less is asked for where the photo's
+    aspect ratio is none that cameras have."""
     aspects: tuple[tuple[float, float], ...] = ((4 / 3, 0.0), (3 / 2, 0.7), (16 / 9, 0.7))
     """Of the photos that cameras take, with their costs."""
     aspect_deviation: float = 0.04
@@ -131,7 +137,7 @@ def find_principal_point(
     if isinstance(shape, CurvedPage) and shape.fitted is not None and not doubted:
         fitting = _sheet_fitting(evidence, prior, shape, p)
     elif isinstance(shape, PagePose) and prior.source != "assumed":
-        doubted = doubted or aspect_cost(evidence.view, (0.0, 0.0), p) > p.one_axis
+        doubted = doubted or is_odd(evidence.view, p)
         fitting = _plane_fitting(evidence, prior, p) if doubted or shape.focal_tension > p.tension else None
     found = None if fitting is None else _choose(fitting, evidence, prior, p)
     if found is None:
@@ -161,7 +167,7 @@ def _choose(
         side = max(zip(np.abs(fit.offset), np.sign(fit.offset), "xy", strict=True))[1:]
         unlikely = rarity + (0.0 if side in cut else p.uncut_print)
         cost = fit.cost + unlikely + aspect_cost(view, fit.offset, p)
-        if fit.cost < bound and cost < least and max(map(abs, fit.offset)) < p.largest:
+        if fit.cost < bound and cost < least and p.smallest < max(map(abs, fit.offset)) < p.largest:
             best, least = fit, cost
     return best
 
@@ -203,12 +209,19 @@ def aspect_cost(view: PhotoFrame, offset: Offset, p: PrincipalPointParameters) -
     return min(usual, p.other_aspect + 0.5 * off**2)
 
 
+def is_odd(view: PhotoFrame, p: PrincipalPointParameters) -> bool:
+    """Whether the photo's own aspect ratio speaks for cropping."""
+    return aspect_cost(view, (0.0, 0.0), p) > p.one_axis
+
+
 def _sheet_fitting(
     e: PageEvidence, prior: FocalPrior, page: CurvedPage, p: PrincipalPointParameters
 ) -> _Fitting | None:
     """Fits of the bent sheet from the one at hand; None where a free principal point would save too little."""
     fitted = page.fitted
     assert fitted is not None
+    if fitted.line_spread > p.line_spread:
+        return None
     parameters = widen(FittingParameters(hard_flows=True), fitted)
     middle = PageObservations(
         e.major, e.minor, page.lines, page_hull(e.characters), prior.log_focal, prior.deviation
@@ -222,7 +235,8 @@ def _sheet_fitting(
         return _Fit(found.principal_point, found.cost, found.start)
 
     known = prior.source != "assumed"
-    return _Fitting(fit, both=known, share=p.gain_share if known else p.gain_share_assumed)
+    share = p.gain_share_odd if is_odd(e.view, p) else p.gain_share
+    return _Fitting(fit, both=known, share=share if known else p.gain_share_assumed)
 
 
 def _plane_fitting(e: PageEvidence, prior: FocalPrior, p: PrincipalPointParameters) -> _Fitting:
