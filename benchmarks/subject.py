@@ -18,6 +18,7 @@ from services.arrays import RgbImage, Vector
 from services.imaging.codec import ImageLimits, decode_image
 from services.ocr.engine import OcrEngine
 from services.operations import EncodingOptions, rectify_upload
+from services.rectify import spread
 from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
@@ -46,8 +47,8 @@ def rectify_photo(
 
 
 def rectify_spread(photo: RgbImage, ocr: OcrEngine | None) -> list[RectifyResult]:
-    """What is answered of the photo of an opened book: so far one page."""
-    return [rectify_photo(photo, ocr)]
+    """The pages that are answered of the photo of an opened book, in reading order."""
+    return list(spread.rectify_spread(photo, RectifyParameters(pages="both"), ocr=ocr).pages)
 
 
 def rectify_file(path: Path, ocr: OcrEngine | None) -> tuple[RgbImage, Callable[[], RectifyResult]]:
