@@ -245,9 +245,9 @@ def test_a_view_grows_no_further_than_the_photo_and_never_shrinks() -> None:
 def test_small_print_gets_more_pixels_than_the_photo_has_of_it() -> None:
     plain = restore_detail(VIEW, 1600 * 2000, text(), LARGE_PRINT_PX)
     enlarged = restore_detail(VIEW, 1600 * 2000, text(), 15.0)
-    assert enlarged.width == pytest.approx(1.2 * plain.width, rel=0.01)
+    assert enlarged.width == pytest.approx(1.2 * plain.width, rel=0.05)
     # Twice at most, however small it is.
-    assert restore_detail(VIEW, 1600 * 2000, text(), 2.0).width <= 2.01 * plain.width
+    assert restore_detail(VIEW, 1600 * 2000, text(), 2.0).width <= 2.0 * plain.width
 
 
 def test_what_lies_beyond_the_sheet_is_white() -> None:
