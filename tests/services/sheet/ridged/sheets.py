@@ -70,7 +70,9 @@ class Sheet:
 
     def corners(self) -> Points:
         """Photo points (4, 2) of the corners, clockwise from the top left one."""
-        return self.see(0.5 * np.array([[-WIDTH, -HEIGHT], [WIDTH, -HEIGHT], [WIDTH, HEIGHT], [-WIDTH, HEIGHT]]))
+        return self.see(
+            0.5 * np.array([[-WIDTH, -HEIGHT], [WIDTH, -HEIGHT], [WIDTH, HEIGHT], [-WIDTH, HEIGHT]])
+        )
 
 
 FLAT = Sheet()

@@ -223,7 +223,7 @@ def test_weights_are_the_slope_of_the_loss(group: int) -> None:
     _, weights = robust(block_of(values, group), LAST)
     for k in range(3):
         d = step * np.eye(3)[k]
-        slow = (robust(block_of(values + d, group), LAST)[0] - robust(block_of(values - d, group), LAST)[0]) / (
-            2 * step
-        )
+        slow = (
+            robust(block_of(values + d, group), LAST)[0] - robust(block_of(values - d, group), LAST)[0]
+        ) / (2 * step)
         assert weights[k] * values[k] == pytest.approx(slow, rel=1e-5)
