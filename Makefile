@@ -53,7 +53,7 @@ help:
 	@echo 'make format           format the code'
 	@echo 'make lock             pin the dependencies anew'
 	@echo 'make bench-rectify    the experiments on simulated photos, clean and degraded (BENCH_OPTIONS=...)'
-	@echo 'make bench-photos     the real photos, peers side by side (BENCH_OPTIONS=...)'
+	@echo 'make bench-photos     the real photos, page-dewarp and UVDoc side by side (BENCH_OPTIONS=...)'
 	@echo 'make bench-speed      time and memory of an upload against its size, page-dewarp beside it'
 	@echo 'make bench-mosaic     mosaics of simulated photos, peers on the same photos; then the checks (BENCH_OPTIONS=...)'
 	@echo 'make bench-layout     labels and classes of pages with labelled zones, a random forest beside; zones; matching'
@@ -83,7 +83,7 @@ bench-rectify: venv-dev venv-bench
 	@$(BIN)/python -m benchmarks.rectify_simulated --experiment all --both --peers $(PEERS) $(BENCH_OPTIONS)
 
 bench-photos: venv-dev venv-bench
-	@$(BIN)/python -m benchmarks.rectify_photos $(PEERS) $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks.rectify_photos $(PEERS) --uvdoc-python $(BENCH_VENV)/bin/python $(BENCH_OPTIONS)
 
 bench-speed: venv-dev venv-bench
 	@$(BIN)/python -m benchmarks.rectify_speed --page-dewarp $(BENCH_VENV)/bin/page-dewarp $(BENCH_OPTIONS)

@@ -1,18 +1,21 @@
 """The experiments on simulated photos: which pages, shapes, skews and poses each photographs."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from benchmarks.experiments import Experiment
 from benchmarks.sheet_experiments import SHEET_EXPERIMENTS
+from simulation.cropping import crop_photo
 from simulation.degradation import PHONE
 from simulation.flat_page import Page
 from simulation.pages import load_page, own_pages
 from simulation.photo import SimulatedPhoto
+from simulation.picture_pages import PICTURE_PAGES, picture_page
 from simulation.scenes import (
     CONE,
     CURVATURE_SERIES,
@@ -24,8 +27,11 @@ from simulation.scenes import (
     TILT_SERIES,
     photograph,
 )
-from simulation.sheets import photograph_sheet, with_margins
+from simulation.sheets import Staging, photograph_sheet, with_margins
+from simulation.spreads import photograph_spread
 from simulation.surfaces import Plane
+
+T = TypeVar("T")
 
 CHOSEN_PAGES = ("usrguide", "clsguide", "natbib", "amsldoc", "lion")
 """Pages 1 to 5 where the data is there: single columns, two with code, one with mathematics."""
@@ -49,7 +55,8 @@ EXPERIMENTS: Mapping[str, Experiment] = {
 class Case:
     """One photo of an experiment. Shape, pose and skew are indices into it.
 
-    `number` seeds its dirt; `rank` is its place in an order in which any first few are varied.
+    `number` seeds its dirt; `rank` is its place in an order in which any first few are varied. `facing` is the
+    other page of an opened book.
     """
 
     experiment: Experiment
@@ -61,6 +68,7 @@ class Case:
     skew: int
     degraded: bool
     rank: int
+    facing: str = ""
 
     @property
     def skew_deg(self) -> int:
@@ -88,9 +96,24 @@ def load_pages(folder: Path, names: tuple[str, ...] = CHOSEN_PAGES) -> tuple[tup
     return tuple(load_page(file, *PAGE_SIZE) for file in files), True
 
 
+def load_own_pages(folder: Path, names: Iterable[str]) -> tuple[Page, ...]:
+    """The pages that experiments name: pictures of our own, or the data's; our own two columns where that is absent."""
+    found = []
+    for name in names:
+        file = folder / "pages" / f"{name}.png"
+        if name in PICTURE_PAGES:
+            found.append(picture_page(name))
+        elif file.is_file():
+            found.append(load_page(file, *PAGE_SIZE))
+        else:
+            found.append(replace(own_pages(*PAGE_SIZE)[-1], name=name))
+    return tuple(found)
+
+
 def all_cases(experiment: Experiment, pages: tuple[str, ...], *, degraded: bool) -> list[Case]:
     """Pages x shapes x poses x skews, or each shape once, in an order in which any first few are varied."""
-    if experiment.stagings:
+    pages = experiment.pages or pages
+    if experiment.once:
         return _each_shape_once(experiment, pages, degraded=degraded)
     combinations = itertools.product(
         range(len(pages)), range(len(experiment.shapes)), range(len(experiment.views)),
@@ -105,12 +128,17 @@ def all_cases(experiment: Experiment, pages: tuple[str, ...], *, degraded: bool)
     ]
 
 
-def photograph_case(case: Case, page: Page) -> SimulatedPhoto:
-    """The case's photo: clean on black as in the dissertation, or on a desk and dirty."""
+def photograph_case(case: Case, page: Page, facing: Page | None = None) -> SimulatedPhoto:
+    """The case's photo: clean on black as in the dissertation, or on a desk and dirty.
+
+    Of a spread `facing` is the other page; without it the case's page is photographed alone, at its place.
+    """
     experiment = case.experiment
+    if experiment.is_spread:
+        return _photograph_spread(case, page, facing)
     if experiment.stagings:
         return _photograph_sheet(case, page)
-    return photograph(
+    photo = photograph(
         page,
         experiment.views[case.pose],
         experiment.skews_rad[case.skew],
@@ -118,16 +146,20 @@ def photograph_case(case: Case, page: Page) -> SimulatedPhoto:
         dirt=PHONE if case.degraded else None,
         rng=np.random.default_rng(1000 + case.number),
     )
+    return crop_photo(photo, _turn(experiment.cuts, case)) if experiment.cuts else photo
 
 
 def _each_shape_once(experiment: Experiment, pages: tuple[str, ...], *, degraded: bool) -> list[Case]:
     count = len(experiment.shapes)
+    # Both pages of a book share their pose; the others take turns.
+    photos = [number // 2 if experiment.is_spread else number for number in range(count)]
     order = np.random.default_rng(60).permutation(count).tolist()
     views, skews = len(experiment.views), len(experiment.skews_rad)
     return [
         Case(
-            experiment, number, pages[number % len(pages)], number % len(pages) + 1, number, number % views,
-            number % skews, degraded, rank,
+            experiment, number, pages[number % len(pages)], number % len(pages) + 1, number,
+            photos[number] % views, number % skews, degraded, rank,
+            pages[(number ^ 1) % len(pages)] if experiment.is_spread else "",
         )
         for rank, number in enumerate(order)
     ]  # fmt: skip
@@ -135,13 +167,42 @@ def _each_shape_once(experiment: Experiment, pages: tuple[str, ...], *, degraded
 
 def _photograph_sheet(case: Case, page: Page) -> SimulatedPhoto:
     experiment = case.experiment
-    staging = experiment.stagings[case.number % len(experiment.stagings)]
     return photograph_sheet(
-        with_margins(page),
+        page if page.name in PICTURE_PAGES else with_margins(page),
         experiment.views[case.pose],
         experiment.shapes[case.shape],
-        staging if case.degraded else replace(staging, ground="black"),
+        _staging(case),
         dirt=PHONE if case.degraded else None,
         rng=np.random.default_rng(1000 + case.number),
         skew_rad=experiment.skews_rad[case.skew],
     )
+
+
+def _photograph_spread(case: Case, page: Page, facing: Page | None) -> SimulatedPhoto:
+    """Both pages in one photo, the truth that of the case's page; or this page alone."""
+    side = case.number % 2
+    own = with_margins(page)
+    other = own if facing is None else with_margins(facing)
+    left, right = (own, other) if side == 0 else (other, own)
+    photos = photograph_spread(
+        left,
+        right,
+        case.experiment.views[case.pose],
+        case.experiment.shapes[case.shape],
+        _staging(case),
+        dirt=PHONE if case.degraded else None,
+        # Both pages of a book are cases, of one photo.
+        rng=np.random.default_rng(1000 + case.number // 2),
+        only=side if facing is None else None,
+    )
+    return photos[side]
+
+
+def _staging(case: Case) -> Staging:
+    staging = _turn(case.experiment.stagings, case)
+    return staging if case.degraded else replace(staging, ground="black")
+
+
+def _turn(choices: tuple[T, ...], case: Case) -> T:
+    number = case.number // 2 if case.experiment.is_spread else case.number
+    return choices[number % len(choices)]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.sheet_errors import SheetErrors
 from benchmarks.stopwatch import Usage
 
 NAN = float("nan")
@@ -42,6 +43,7 @@ class CaseFigures:
     """What was measured on one photo. Errors are degrees, NaN where nothing was estimated.
 
     residual_percent: RMS of the mesh after the best similarity, in percent of the page's width.
+    sheet: how the view keeps to its sheet.
     scores: by image: "photo", "rectified", "true map", "clean page" and a peer's name.
     usage: CPU and memory by step of the benchmark; stages_ms: by stage of the pipeline itself.
     failure: why the photo was refused, else empty.
@@ -67,6 +69,7 @@ class CaseFigures:
     normal_deg: float = NAN
     strips: StripErrors = StripErrors()
     residual_percent: float = NAN
+    sheet: SheetErrors = field(default_factory=SheetErrors)
     warnings: tuple[str, ...] = ()
     scores: dict[str, Score] = field(default_factory=dict)
     usage: dict[str, Usage] = field(default_factory=dict)

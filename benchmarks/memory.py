@@ -1,21 +1,27 @@
-"""What does not depend on our own code, kept between runs: how photos and their true maps read, the peer's pages.
+"""What does not depend on our own code, kept between runs: how photos and their true maps read, the peers' pages.
 
 It is filed under digests of the pictures themselves, so nothing stale is ever found; a new version of the
-reader or of the peer is what `--fresh` is for.
+reader or of a peer is what `--fresh` is for.
 """
 
 import hashlib
 import json
 import os
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.peers import run_page_dewarp
+from benchmarks import scan_distances
+from benchmarks.peers import run_page_dewarp, run_uvdoc
 from benchmarks.plots import load_picture, save_picture
 from benchmarks.reading import Reader, Reading, prepare
+from benchmarks.scan_distances import ScanDistances, compare_with_scan
 from benchmarks.stopwatch import Usage
 from services.arrays import GrayImage, RgbImage
 from services.ocr.engine import OcrEngine, Word
+
+PeerPage = tuple[RgbImage | None, Usage, str]
+"""A peer's page (None when it failed), what it took, and why it failed."""
 
 
 class Memory:
@@ -47,15 +53,36 @@ class Memory:
         _write(file, json.dumps([(word.text, word.box, word.confidence) for word in words]))
         return words
 
-    def page_dewarp(self, command: str, photo: RgbImage) -> tuple[RgbImage | None, Usage, str]:
-        """See `run_page_dewarp`; only its pages are kept, with what they took: a failure is tried again."""
+    def distances(self, view: RgbImage, scan: RgbImage) -> ScanDistances:
+        """See `compare_with_scan`; filed under its own code too, which is no one else's."""
         if self.folder is None:
-            return run_page_dewarp(command, photo)
-        file = self._file(command, photo, ".json")
+            return compare_with_scan(view, scan)
+        code = hashlib.sha256(Path(scan_distances.__file__).read_bytes())
+        code.update(scan.tobytes())
+        file = self._file(code.hexdigest(), view, ".json")
+        if file.is_file():
+            return ScanDistances(**json.loads(file.read_text(encoding="utf-8")))
+        distances = compare_with_scan(view, scan)
+        _write(file, json.dumps(asdict(distances)))
+        return distances
+
+    def page_dewarp(self, command: str, photo: RgbImage) -> PeerPage:
+        """See `run_page_dewarp`; only its pages are kept, with what they took: a failure is tried again."""
+        return self._peer("page-dewarp with jax", lambda: run_page_dewarp(command, photo), photo)
+
+    def uvdoc(self, python: str, photo: RgbImage) -> PeerPage:
+        """See `run_uvdoc`; kept like page-dewarp's pages."""
+        return self._peer("UVDoc", lambda: run_uvdoc(python, photo), photo)
+
+    def _peer(self, name: str, run: Callable[[], PeerPage], photo: RgbImage) -> PeerPage:
+        """Filed under the peer's name, not its command: folders and machines differ."""
+        if self.folder is None:
+            return run()
+        file = self._file(name, photo, ".json")
         picture = file.with_suffix(".png")
         if file.is_file():
             return load_picture(picture), Usage(**json.loads(file.read_text(encoding="utf-8"))), ""
-        page, usage, trouble = run_page_dewarp(command, photo)
+        page, usage, trouble = run()
         if page is not None:
             save_picture(picture, page)
             _write(file, json.dumps(asdict(usage)))

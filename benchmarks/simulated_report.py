@@ -41,7 +41,9 @@ OCR_COLUMNS: dict[str, Pick] = {
     "rectified CRS": score_of("rectified"),
     "rectified WRR": score_of("rectified", "words"),
 }
-IMAGES = ("photo", "rectified", "true map, our frame", "true map", "clean page", "page-dewarp")
+CUT_WITHIN_PERCENT = 0.3
+"""Of the page's width: where a view should end, on each side of a sheet that is seen whole."""
+IMAGES = ("photo", "rectified", "alone", "true map, our frame", "true map", "clean page", "page-dewarp")
 FAR_BELOW_POINTS = 5.0
 """No page may read this much worse than the same photo flattened by the true map."""
 
@@ -122,6 +124,12 @@ PICKS: dict[str, tuple[Pick, Metric]] = {
     "fov_deg": (lambda case: case.fov_deg, Metric(0.1)),
     "normal_deg": (lambda case: case.normal_deg, Metric(0.1)),
     "residual_percent": (lambda case: case.residual_percent, Metric(0.02)),
+    "mesh_median_percent": (lambda case: case.sheet.mesh_median_percent, Metric(0.02)),
+    "mesh_p95_percent": (lambda case: case.sheet.mesh_p95_percent, Metric(0.05)),
+    "cut_worst_percent": (lambda case: case.sheet.cut_worst_percent, Metric(0.05)),
+    "area_ratio": (lambda case: case.sheet.area_ratio, Metric(0.02)),
+    "density": (lambda case: case.sheet.density, Metric(0.02, True)),
+    "aspect_error_percent": (lambda case: abs(case.sheet.aspect_percent), Metric(0.1)),
     "characters_rectified": (score_of("rectified"), Metric(0.2, True)),
     "words_rectified": (score_of("rectified", "words"), Metric(0.3, True)),
 }
@@ -164,6 +172,7 @@ def report(cases: Sequence[CaseFigures], experiment: str) -> str:
             f"mesh after the best similarity, % of page width: "
             f"median {middle:.3f}, 95th percentile {high:.3f} ({len(residuals)} photos)"
         )
+    parts += _format_sheets(cases)
     refused = [f"  {case.name}: {case.failure}" for case in cases if case.failure]
     wrong = [f"  {case.name}: the other kind" for case in cases if not case.classified and not case.failure]
     parts.append(
@@ -176,13 +185,47 @@ def report(cases: Sequence[CaseFigures], experiment: str) -> str:
     return "\n\n".join(parts)
 
 
+def _gap(case: CaseFigures) -> float:
+    return score_of("true map")(case) - score_of("rectified")(case)
+
+
+SHEET_LINES: Mapping[str, Pick] = {
+    "mesh, median of nodes %": lambda case: case.sheet.mesh_median_percent,
+    "mesh, 95th of nodes %": lambda case: case.sheet.mesh_p95_percent,
+    "CRS below the true map": _gap,
+    "cut, worst side %": lambda case: abs(case.sheet.cut_percent),
+    "cut, worst twentieth %": lambda case: case.sheet.cut_worst_percent,
+    "view over page area": lambda case: case.sheet.area_ratio,
+    "pixels over photo's": lambda case: case.sheet.density,
+    "aspect error %": lambda case: abs(case.sheet.aspect_percent),
+}
+
+
+def _format_sheets(cases: Sequence[CaseFigures]) -> list[str]:
+    """How the views keep to their sheets: over the photos, and how many are cut where they should."""
+    lines = [f"{'over the photos':<26}{'median':>9}{'mean':>9}{'95th':>9}{'least':>9}{'most':>9}"]
+    for label, pick in SHEET_LINES.items():
+        values = np.array([value for value in map(pick, cases) if np.isfinite(value)])
+        if len(values):
+            row = (np.median(values), values.mean(), np.percentile(values, 95), values.min(), values.max())
+            lines.append(f"{label:<26}" + "".join(f"{value:>9.3f}" for value in row))
+    if len(lines) == 1:
+        return []
+    # A refused photo of a whole sheet is not cut at all: it counts where any other is.
+    whole = [case for case in cases if np.isfinite(case.sheet.cut_percent)]
+    if whole:
+        for label, name in (
+            ("cut, worst side %", "on average"),
+            ("cut, worst twentieth %", "at their worst"),
+        ):
+            near = sum(SHEET_LINES[label](case) <= CUT_WITHIN_PERCENT for case in whole)
+            lines.append(f"all sides within {CUT_WITHIN_PERCENT:g} % {name}: {near}/{len(whole)}")
+    return ["\n".join(lines)]
+
+
 def far_below(cases: Sequence[CaseFigures]) -> list[CaseFigures]:
     """Those that read more than `FAR_BELOW_POINTS` worse than the same photo flattened by the true map."""
     return [case for case in cases if _gap(case) > FAR_BELOW_POINTS]
-
-
-def _gap(case: CaseFigures) -> float:
-    return score_of("true map")(case) - score_of("rectified")(case)
 
 
 def _format_scores(cases: Sequence[CaseFigures]) -> str:

@@ -18,6 +18,7 @@ from services.arrays import RgbImage, Vector
 from services.imaging.codec import ImageLimits, decode_image
 from services.ocr.engine import OcrEngine
 from services.operations import EncodingOptions, rectify_upload
+from services.rectify import spread
 from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
@@ -38,9 +39,16 @@ class FlowErrors:
     minor_deg: float
 
 
-def rectify_photo(photo: RgbImage, ocr: OcrEngine | None) -> RectifyResult:
-    """The rectification as the service calls it, without EXIF (as the dissertation's)."""
-    return rectify(photo, RectifyParameters(), None, ocr)
+def rectify_photo(
+    photo: RgbImage, ocr: OcrEngine | None, exif_focal_length_px: float | None = None
+) -> RectifyResult:
+    """The rectification as the service calls it, without EXIF (as the dissertation's) unless it is given."""
+    return rectify(photo, RectifyParameters(), exif_focal_length_px, ocr)
+
+
+def rectify_spread(photo: RgbImage, ocr: OcrEngine | None) -> list[RectifyResult]:
+    """The pages that are answered of the photo of an opened book, in reading order."""
+    return list(spread.rectify_spread(photo, RectifyParameters(pages="both"), ocr=ocr).pages)
 
 
 def rectify_file(path: Path, ocr: OcrEngine | None) -> tuple[RgbImage, Callable[[], RectifyResult]]:

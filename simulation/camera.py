@@ -41,11 +41,12 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pin-hole with square pixels, its principal point in the middle of the image."""
+    """A pin-hole with square pixels, its principal point in the middle of the image, or `offset_px` beside it."""
 
     focal_length_px: float
     width: int
     height: int
+    offset_px: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         if self.focal_length_px <= 0 or self.width < 2 or self.height < 2:
@@ -54,11 +55,12 @@ class Camera:
     @property
     def principal_point(self) -> Points:
         """(2,) px."""
-        return np.array([(self.width - 1) / 2.0, (self.height - 1) / 2.0])
+        x, y = self.offset_px
+        return np.array([(self.width - 1) / 2.0 + x, (self.height - 1) / 2.0 + y])
 
     @property
     def half_field_of_view_rad(self) -> float:
-        """Angle between the optical axis and the ray to an image corner (3.4.1)."""
+        """Angle between the optical axis and the ray to an image corner (3.4.1), were the axis in the middle."""
         return half_field_of_view(self.focal_length_px, self.width, self.height)
 
     def project(self, points: Points3) -> Points:

@@ -25,10 +25,11 @@ class Light:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedPhoto:
-    """A photo (H, W, 3) RGB uint8 and what is known of it."""
+    """A photo (H, W, 3) RGB uint8 and what is known of it; None where no Exif tells a focal length."""
 
     image: NDArray[np.uint8]
     truth: Truth
+    exif_focal_length_px: float | None = None
 
 
 def simulate_photo(

@@ -1,16 +1,17 @@
 """Photos of a whole sheet that lies on something, under light from one side."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from simulation.camera import Camera, Pose
 from simulation.degradation import Degradation, RgbImage, degrade, desk_texture
 from simulation.flat_page import Page, PageWord
-from simulation.photo import Light, SimulatedPhoto, simulate_photo
+from simulation.photo import Light, SimulatedPhoto, lambertian, simulate_photo
 from simulation.scenes import PHOTO_SIZE, View
 from simulation.surfaces import Shape
 from simulation.truth import Truth
@@ -41,7 +42,8 @@ class Staging:
     ambient: share of the light that does not come from the lamp.
     exposure: brightness of white paper that faces the camera; paper that faces the lamp is brighter.
     shadow: share of the light that the sheet takes from the ground beside it; 0 on "black".
-    margin: ground on each side of the sheet, a share of the photo. Negative: no side of it is in view.
+    margin: ground on each side of the sheet, a share of the photo.
+    close: held so near that no side of the sheet is in view; `margin` then says nothing.
     """
 
     ground: Ground = "desk"
@@ -51,6 +53,7 @@ class Staging:
     exposure: float = 0.85
     shadow: float = 0.45
     margin: float = 0.05
+    close: bool = False
 
     def lights(self) -> tuple[Light, Light]:
         """The lamp, and light from all sides, which is as if it came along the optical axis."""
@@ -102,11 +105,40 @@ def photograph_sheet(
     """
     camera = view.camera(*size)
     pose = view.pose(sheet, shape, camera, staging.margin)
-    truth = Truth(sheet, shape, skew_rad, pose, camera)
-    ground = _ground(staging, truth, rng)
-    photo = simulate_photo(sheet, shape, skew_rad, pose, camera, lights=staging.lights(), background=ground)
+    if staging.close:
+        pose = _close_pose(sheet, view, shape, camera)
+    return take_photo(Truth(sheet, shape, skew_rad, pose, camera), staging, dirt, rng)
+
+
+def take_photo(
+    truth: Truth, staging: Staging, dirt: Degradation | None, rng: np.random.Generator
+) -> SimulatedPhoto:
+    """The photo of what `truth` tells, on its ground and under its lamp.
+
+    Raises
+    ------
+    ValueError
+        When the shape hides part of itself and is not `staging.close`.
+    """
+    photo = simulate_photo(
+        truth.page, truth.shape, truth.skew_rad, truth.pose, truth.camera,
+        lights=staging.lights(), background=_ground(staging, truth, rng), close_up=staging.close,
+    )  # fmt: skip
     image = photo.image if dirt is None else degrade(photo.image, dirt, rng)
-    return SimulatedPhoto(image, photo.truth)
+    return SimulatedPhoto(image, truth)
+
+
+def _close_pose(sheet: Page, view: View, shape: Shape, camera: Camera) -> Pose:
+    """The farthest pose, in steps of 2 %, from which no side of the sheet is seen."""
+    limit = np.array([camera.width, camera.height]) - 0.5
+    pose = view.pose(sheet, shape, camera, 0.0)
+    for _ in range(60):
+        x, y, away = (0.98 * part for part in pose.translation)
+        pose = replace(pose, translation=(x, y, away))
+        outline = Truth(sheet, shape, 0.0, pose, camera).outline(200)
+        if not np.any(np.all((outline > -0.5) & (outline < limit), axis=1)):
+            break
+    return pose
 
 
 def _ground(staging: Staging, truth: Truth, rng: np.random.Generator) -> RgbImage:
@@ -116,9 +148,10 @@ def _ground(staging: Staging, truth: Truth, rng: np.random.Generator) -> RgbImag
     if staging.ground == "desk":
         ground = desk_texture(width, height, rng)
     else:
-        # The light of a table that is as white as the sheet differs by a trifle.
+        # A table under the same lamp; what is white differs by a trifle.
+        bright = float(lambertian(truth.pose.rotation()[:, 2][None], staging.lights())[0])
         ground = np.full(
-            (height, width, 3), round(staging.exposure * truth.page.paper * rng.uniform(0.97, 1.0)), np.uint8
+            (height, width, 3), round(bright * truth.page.paper * rng.uniform(0.97, 1.0)), np.uint8
         )
     light = 1.0 - np.float32(staging.shadow) * _cast_shadow(truth, staging)
     return np.asarray(np.clip(ground * light[..., None] + 0.5, 0, 255), np.uint8)

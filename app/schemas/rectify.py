@@ -117,6 +117,10 @@ class Camera(Answer):
     focal_length_px: float | None
     field_of_view_deg: float | None = Field(description="Of the diagonal.")
     source: Literal["estimated", "exif", "given", "assumed"]
+    principal_point: Point | None = Field(description="Photo pixels.")
+    principal_point_source: Literal["centre", "estimated"] = Field(
+        description="The photo's centre, or, of a cropped photo, where the page shows it to be."
+    )
 
 
 class Plane(Answer):

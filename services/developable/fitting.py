@@ -43,6 +43,8 @@ class FittedSurface:
     minor_spread_rad: float
     log_focal_deviation: float
     start: SurfaceStart = field(repr=False)
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    """In the coordinates of the observations; `surface` and `start` are relative to it."""
 
 
 def fit_surface(
@@ -50,9 +52,11 @@ def fit_surface(
 ) -> FittedSurface:
     """Least squares from `start` over turn, focal length, skew, slopes of the rulings, slant and bends."""
     p = parameters or FittingParameters()
-    x0 = np.concatenate([np.zeros(3), start.parameters])
+    free = observed.principal_point.start if observed.principal_point else ()
+    x0 = np.concatenate([np.zeros(3), start.parameters, free])
     residuals = PageResiduals(start.rotation, start.anchor, start.basis, observed, x0, p)
     scale = np.concatenate([[0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.1, 0.01], np.ones(len(x0) - BENDS)])
+    scale[len(x0) - len(free) :] = 0.1
     fit = least_squares(
         lambda x: residuals.evaluate(x)[0],
         x0,
@@ -65,8 +69,12 @@ def fit_surface(
     )
     parts = residuals.parts(fit.x)
     rotation = start.rotation @ rotation_from_vector(fit.x[:3])
+    surface = residuals.surface(fit.x)
+    moved = replace(
+        start, rotation=rotation, anchor=surface.anchor, parameters=np.asarray(fit.x[3 : residuals.principal])
+    )
     return FittedSurface(
-        residuals.surface(fit.x),
+        surface,
         float(fit.x[BENDS - 1]),
         float(fit.cost),
         _spread(parts["straight"].value),
@@ -74,8 +82,28 @@ def fit_surface(
         _spread(parts["major"].value * residuals.major_deviation),
         _spread(parts["minor"].value * residuals.minor_deviation),
         _focal_deviation(fit.jac, observed.focal_deviation),
-        replace(start, rotation=rotation, parameters=np.asarray(fit.x[3:])),
+        moved,
+        residuals.principal_point(fit.x),
     )
+
+
+def free_gain(
+    at: SurfaceStart, observed: PageObservations, parameters: FittingParameters
+) -> tuple[float, float]:
+    """What a free principal point would take off the cost, along x and along y, to first order (Rao's score test).
+
+    `at` is a surface that was fitted with the principal point at the origin; `observed` has a prior on it.
+    """
+    assert observed.principal_point is not None
+    x = np.concatenate([np.zeros(3), at.parameters, (0.0, 0.0)])
+    r, J = PageResiduals(at.rotation, at.anchor, at.basis, observed, x, parameters).evaluate(x)
+    J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-12)
+    gains = []
+    for axis in (-2, -1):
+        # What of the offset's effect the other parameters cannot do.
+        effect = J[:, axis] - J[:, :-2] @ np.linalg.lstsq(J[:, :-2], J[:, axis], rcond=1e-9)[0]
+        gains.append(0.5 * float(effect @ r) ** 2 / max(float(effect @ effect), 1e-12))
+    return gains[0], gains[1]
 
 
 def _focal_deviation(jacobian: Floats, prior_deviation: float) -> float:

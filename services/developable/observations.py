@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Points, Vector
+from services.geometry.camera import PrincipalPointPrior
 from services.texture_flow.field import FlowSamples
 
 
@@ -57,3 +58,5 @@ class PageObservations:
     hull: Points
     log_focal: float
     focal_deviation: float
+    principal_point: PrincipalPointPrior | None = None
+    """None: the principal point is the origin."""

@@ -123,6 +123,7 @@ class PageResiduals:
         parameters: FittingParameters,
     ) -> None:
         self.rotation, self.anchor, self.basis, self.p = rotation, anchor, basis, parameters
+        self.principal = BENDS + basis.values.shape[1]
         self.observed, self.lines = observed, observed.lines
         p, lines = parameters, observed.lines
         self.major_deviation = (
@@ -161,18 +162,29 @@ class PageResiduals:
         self._last: tuple[bytes, Vector, Floats] | None = None
 
     def surface(self, x: Vector) -> DevelopableSurface:
-        """Surface of the parameters `x`."""
-        return surface_of(x, self.rotation, self.anchor, self.basis)
+        """Surface of the parameters `x`, in coordinates relative to their principal point."""
+        x0, y0 = self.principal_point(x)
+        anchor = (self.anchor[0] - x0, self.anchor[1] - y0)
+        return surface_of(x[: self.principal], self.rotation, anchor, self.basis)
+
+    def principal_point(self, x: Vector) -> tuple[float, float]:
+        """Principal point of the parameters `x` in centred coordinates; the origin where it is not free."""
+        free = x[self.principal :]
+        return (float(free[0]), float(free[1])) if len(free) else (0.0, 0.0)
 
     def page(self, x: Vector) -> tuple[Unrolled, Floats]:
         """All observed points unrolled, and derivatives (N, 2, M) of the page points by all parameters."""
         surface = self.surface(x)
-        at = surface.unroll(self.points)
+        at = surface.unroll(self.points - self.principal_point(x))
         moved = vary_page(surface, at)
         moved[:, :, :3] = moved[:, :, :3] @ (
             self.rotation @ rotation_from_vector(x[:3]) @ _right_jacobian(x[:3])
         )
         moved = np.insert(moved, SLANT, 0.0, axis=2)
+        if self.observed.principal_point:
+            # The sheet's origin stays at its place in the photo: where the depth is the origin's, nothing moves.
+            nearer = surface.focal / at.X[:, 2] - 1
+            moved = np.concatenate([moved, at.jacobians * nearer[:, None, None]], axis=2)
         return at, moved
 
     def parts(self, x: Vector) -> dict[str, Residual]:
@@ -250,9 +262,10 @@ class PageResiduals:
         return Residual(value / deviation, slope / deviation)
 
     def _priors(self, x: Vector) -> Residual:
-        p, k = self.p, x[BENDS:]
+        p, k = self.p, x[BENDS : self.principal]
         eye = np.eye(len(x))
-        first, second = np.diff(eye[BENDS:], axis=0), np.diff(eye[BENDS:], 2, axis=0)
+        of_bends = eye[BENDS : self.principal]
+        first, second = np.diff(of_bends, axis=0), np.diff(of_bends, 2, axis=0)
         difference = np.full(len(first), p.bend_difference)
         difference[: p.rim_bends] = difference[len(first) - p.rim_bends :] = p.rim_difference
         tilt, dtilt = self._tilt(x)
@@ -274,8 +287,15 @@ class PageResiduals:
             dtilt / p.tilt_rad,
             first / difference[:, None],
             second / p.bend_change,
-            eye[BENDS:] / p.bend,
+            of_bends / p.bend,
         ]
+        if self.observed.principal_point:
+            offset, deviations = x[self.principal :], np.array(self.observed.principal_point.deviations)
+            value.append(offset / deviations)
+            slope.append(eye[self.principal :] / deviations[:, None])
+            growth, rate = self.observed.principal_point.log_growth(offset)
+            value[0] = value[0] - growth / self.observed.focal_deviation
+            slope[0] = slope[0] - rate @ eye[self.principal :] / self.observed.focal_deviation
         return Residual(np.concatenate(value), np.concatenate(slope))
 
     def _tilt(self, x: Vector, step: float = 1e-5) -> tuple[Vector, Floats]:

@@ -1,5 +1,7 @@
 """The pin-hole camera: focal length, directions of vanishing points, plane to image (3.2.3, 3.2.4)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from services.arrays import Floats, Homography
@@ -9,6 +11,29 @@ FULL_FRAME_DIAGONAL_MM = 43.2666
 
 TYPICAL_FOCAL_LENGTH = 28.0 / FULL_FRAME_DIAGONAL_MM
 """Focal length over the image diagonal of a typical phone's main camera (26 to 30 mm equivalent)."""
+
+
+@dataclass(frozen=True, slots=True)
+class PrincipalPointPrior:
+    """How far the principal point may lie from the origin of centred coordinates, and where a fit begins.
+
+    `deviations` (x, y) are standard deviations in centred units; an axis with a tiny one is held. Where `half_size` is
+    given, half the photo's width and height in the same units, the focal length is known as a multiple of the diagonal
+    that the photo had before it was cropped on one side of each axis.
+    """
+
+    deviations: tuple[float, float]
+    start: tuple[float, float] = (0.0, 0.0)
+    half_size: tuple[float, float] | None = None
+
+    def log_growth(self, offset: Floats) -> tuple[float, Floats]:
+        """Logarithm of the original over the present diagonal at an `offset` (2,), with its derivatives (2,)."""
+        if self.half_size is None:
+            return 0.0, np.zeros(2)
+        half = np.array(self.half_size)
+        grown = half + np.abs(offset)
+        square = float(grown @ grown)
+        return 0.5 * float(np.log(square / (half @ half))), np.sign(offset) * grown / square
 
 
 def field_of_view(focal_length_px: float, width: int, height: int) -> float:

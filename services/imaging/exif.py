@@ -13,15 +13,25 @@ _PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 """FocalPlaneResolutionUnit: inch, cm, mm, um."""
 _SHORTEST_DIAGONALS, _LONGEST_DIAGONALS = 0.2, 20.0
 """Focal lengths believed, in image diagonals: a field of view of 136 to 2.9 degrees."""
+_ASPECT_TOLERANCE = 0.01
+"""Sizes whose ratios differ by less are those of one picture, reduced."""
 _LOWEST_DPI, _HIGHEST_DPI = 100.0, 2400.0
 """Resolutions believed: below lie the placeholders of cameras and editors (1, 72, 96)."""
+
+
+class DiagonalFocalLength(float):
+    """A focal length in pixels that was told as a multiple of the picture's diagonal, as it is now.
+
+    If the picture was cropped, the focal length is longer by as much as its diagonal was.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class CameraFacts:
     """What the metadata tells about a picture.
 
-    `orientation` is EXIF's 1-8; `focal_length_px` in pixels of the picture, None where unknown; `dpi`
+    `orientation` is EXIF's 1-8; `focal_length_px` in pixels of the picture, None where unknown, a
+    `DiagonalFocalLength` where cropping would have changed it; `dpi`
     is pixels per inch of the paper, None where unknown (always so for a camera's photo).
     """
 
@@ -51,13 +61,15 @@ def focal_length_px(camera: Mapping[int, Any], width: int, height: int) -> float
 
     FocalLengthIn35mmFilm f35 first: f = f35 / 43.2666 mm times the picture's diagonal. Else FocalLength
     times FocalPlaneXResolution (pixels per unit in the picture as it was taken, whose size PixelXDimension
-    and PixelYDimension tell).
+    and PixelYDimension tell). Where that size has another aspect ratio, the picture was cropped from it.
     None where neither is there, or the field of view would be absurd.
     """
     diagonal = math.hypot(width, height)
     found = _positive(camera.get(ExifTags.Base.FocalLengthIn35mmFilm))
+    full_diagonal = _diagonal_before_cropping(camera, width, height)
     if found is not None:
-        focal = found / _FILM_DIAGONAL_MM * diagonal
+        focal = found / _FILM_DIAGONAL_MM * (full_diagonal or diagonal)
+        focal = focal if full_diagonal else DiagonalFocalLength(focal)
     else:
         focal_mm = _positive(camera.get(ExifTags.Base.FocalLength))
         resolution = _positive(camera.get(ExifTags.Base.FocalPlaneXResolution))
@@ -67,8 +79,25 @@ def focal_length_px(camera: Mapping[int, Any], width: int, height: int) -> float
         sizes = [camera.get(tag) for tag in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)]
         # Long sides are compared, since an editor may have turned the picture and left the sizes.
         full_long_side = max(_positive(size) or 0.0 for size in sizes) or max(width, height)
-        focal = focal_mm * resolution / unit_mm * max(width, height) / full_long_side
+        reduction = 1.0 if full_diagonal else max(width, height) / full_long_side
+        focal = focal_mm * resolution / unit_mm * reduction
     return focal if _SHORTEST_DIAGONALS <= focal / diagonal <= _LONGEST_DIAGONALS else None
+
+
+def _diagonal_before_cropping(camera: Mapping[int, Any], width: int, height: int) -> float | None:
+    """Diagonal in pixels of the picture as it was taken, where its size shows that it was cropped since."""
+    sizes = [
+        _positive(camera.get(tag)) for tag in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)
+    ]
+    if sizes[0] is None or sizes[1] is None:
+        return None
+    # Long sides are compared, since an editor may have turned the picture and left the sizes.
+    long, short = max(sizes[0], sizes[1]), min(sizes[0], sizes[1])
+    now_long, now_short = max(width, height), min(width, height)
+    same_aspect = abs(long / short * now_short / now_long - 1) < _ASPECT_TOLERANCE
+    # A crop that was also enlarged or reduced tells nothing.
+    is_crop = (now_long, now_short) != (long, short) and now_long <= long and now_short <= short
+    return math.hypot(long, short) if is_crop and not same_aspect else None
 
 
 def _positive(value: Any) -> float | None:

@@ -81,6 +81,8 @@ def describe_rectification(result: RectifyResult) -> dict[str, object]:
             "focal_length_px": result.camera.focal_length_px,
             "field_of_view_deg": None if field_of_view_rad is None else math.degrees(field_of_view_rad),
             "source": result.camera.source,
+            "principal_point": _describe_point(result.camera.principal_point),
+            "principal_point_source": result.camera.principal_point_source,
         },
         "surface": _describe_surface(result.surface),
         "orientation": describe_orientation(result.orientation),
@@ -115,6 +117,10 @@ def _describe_surface(surface: PlaneSurface | StripsSurface | MeshSurface) -> di
             for point, angle, vanishing_point in rulings
         ],
     }
+
+
+def _describe_point(point: tuple[float, float] | None) -> list[float] | None:
+    return None if point is None else [round(point[0], 3), round(point[1], 3)]
 
 
 def _finite_point(homogeneous: Vector, limit_px: float = 1e7) -> list[float] | None:

@@ -10,7 +10,7 @@ from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import Paper, model_paper
-from services.rectify.page_choice import choose_page
+from services.rectify.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
 from services.texture_flow.field import FlowField, FlowSamples, resize_field
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
@@ -57,7 +57,7 @@ class PageAnalysis:
     minor: FlowSamples | None
     minor_field: FlowField | None
     gutter: Points | None = None
-    """Line (N, 2) between this page and a facing one that was seen, in photo pixels, from end to end of the photo."""
+    """Line (N, 2) beyond which only a facing page lies, if one was seen; photo pixels, from end to end of the photo."""
 
     @property
     def facing_page(self) -> bool:
@@ -180,7 +180,7 @@ def _analyse_dark_print(
     seen = _SeenPhoto(gray, factor, reduced, paper)
     with clock.stage("texture_flow"):
         major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
-    facing, gutter = None, None
+    facing, found = None, None
     if region is None or is_spread:
         with clock.stage("text"):
             strokes = None if minor is None else _to_photo(minor.samples, strokes_factor)
@@ -193,7 +193,6 @@ def _analyse_dark_print(
                 paper,
                 is_spread=is_spread,
             )
-            gutter = found.gutter
             left_out = 1 - found.kept.mean()
             # What was left out is text for the most part: the share of what is none stays as it was.
             if is_spread and found.facing.sum() >= p.min_components:
@@ -207,12 +206,12 @@ def _analyse_dark_print(
     if len(major.samples) < p.min_flow_samples:
         raise NoText("the characters that were found do not form text lines of a common direction.")
     flows = (major, minor, strokes_image, strokes_factor)
-    pages = [_analysis_of(seen, text, flows, gutter)]
+    pages = [_analysis_of(seen, text, flows, found)]
     if facing is not None:
         with clock.stage("texture_flow"):
             flows = _measure_flows(gray, factor, facing, p)
         if len(flows[0].samples) >= p.min_flow_samples:
-            pages.append(_analysis_of(seen, facing, flows, gutter))
+            pages.append(_analysis_of(seen, facing, flows, found))
     return tuple(pages)
 
 
@@ -220,11 +219,12 @@ def _analysis_of(
     seen: _SeenPhoto,
     text: IdentifiedText,
     flows: tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float],
-    gutter: Points | None,
+    choice: PageChoice | None,
 ) -> PageAnalysis:
     """What was found of one page, in the photo's own pixel frame."""
     major, minor, strokes_image, strokes_factor = flows
     factor = seen.factor
+    gutter = None if choice is None else choice.gutter_beside(characters_in_photo(text, factor))
     return PageAnalysis(
         seen.paper,
         seen.reduced,

@@ -77,6 +77,9 @@ class CurvedPage:
     notices: tuple[Notice, ...]
     log_focal_deviation: float = float("inf")
     """Of the focal length's logarithm as the page alone shows it."""
+    fitted: FittedSurface | None = None
+    lines: LineObservations = NO_LINES
+    """The fit of `surface`, and the lines that it was fitted to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +98,8 @@ class PageEvidence:
     major: FlowSamples
     minor: FlowSamples
     vanishing_points: FlowVanishingPoints
+    start: SurfaceStart | None = None
+    """A bent sheet that is near already."""
 
     @property
     def characters(self) -> Points:
@@ -211,8 +216,14 @@ def estimate_curved_page(
     is taken out by a small smooth residual. Where no global surface is plausible, the strips themselves may be.
     """
     p, e = parameters or CurvedParameters(), evidence
-    strips = find_strips(e.analysis, e.view, prior, e.major, e.strokes)
-    fitted = _fit_flows(e, prior, strips, p)
+    strips = None if e.start else find_strips(e.analysis, e.view, prior, e.major, e.strokes)
+    if e.start:
+        held = PageObservations(
+            e.major, e.minor, NO_LINES, page_hull(e.characters), prior.log_focal, prior.deviation
+        )
+        fitted = fit_surface(e.start, held, FittingParameters(hard_flows=True, max_evaluations=1))
+    else:
+        fitted = _fit_flows(e, prior, strips, p)
     reason = implausibility(fitted.surface, e.characters, p)
     if reason is None:
         notices: tuple[Notice, ...] = ()
@@ -241,6 +252,8 @@ def estimate_curved_page(
         line_deviation(fitted.surface, lines),
         notices,
         fitted.log_focal_deviation,
+        fitted,
+        lines,
     )
 
 

@@ -72,17 +72,25 @@ class PageChoiceParameters:
 class PageChoice:
     """Which characters (N,) are on the main page, and which on the facing page, if one was seen.
 
-    `gutter` (M, 2) is the line between both, in photo pixels, from end to end of the photo.
+    `gutters` are the lines (M, 2) between both that were seen, in photo pixels, from end to end of the photo: the edges
+    of a shadow or of a page stack are such too.
     """
 
     kept: Chosen
     facing: Chosen
-    gutter: Points | None = None
+    gutters: tuple[Points, ...] = ()
 
     @property
     def facing_page(self) -> bool:
         """Whether a facing page was seen."""
-        return self.gutter is not None
+        return len(self.gutters) > 0
+
+    def gutter_beside(self, page: Points) -> Points | None:
+        """Of the gutters the one farthest from the text `page` (N, 2): nothing of its page lies beyond that."""
+        middle = page.mean(axis=0)
+        return max(
+            self.gutters, key=lambda line: float(np.linalg.norm(line - middle, axis=1).min()), default=None
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +145,7 @@ def choose_page(
     if choice.facing_page:
         # What lies beyond the facing page's own edges is not on it.
         facing = choice.facing & _divide(choice.facing, divides, text, paper, p).kept
-        return PageChoice(choice.kept, facing, choice.gutter)
+        return PageChoice(choice.kept, facing, choice.gutters)
     if (~choice.kept).sum() <= p.stray_share * len(characters):
         return PageChoice(everything, choice.facing)
     return choice
@@ -147,7 +155,8 @@ def _divide(
     candidates: Chosen, divides: list[_Divide], text: _Text, paper: Paper, p: PageChoiceParameters
 ) -> PageChoice:
     """The main page among the `candidates` (N,), and the facing page."""
-    kept, facing, gutter = candidates.copy(), np.zeros(len(candidates), bool), None
+    kept, facing = candidates.copy(), np.zeros(len(candidates), bool)
+    gutters: tuple[Points, ...] = ()
     smaller = [min((d.characters < 0).sum(), (d.characters > 0).sum()) for d in divides]
     for k in np.argsort(smaller)[::-1]:
         right = divides[k].characters > 0
@@ -164,15 +173,25 @@ def _divide(
         elif not is_few and _is_another_page(divides[k], other, text, p):
             kept &= ~other
             # Divides come by how much they divide: the first one is the gutter.
-            if gutter is None:
-                facing, gutter = other, divides[k].line
-    return PageChoice(kept, facing, gutter)
+            if not gutters:
+                facing, gutters = other, _lines_between(main, other, divides)
+    return PageChoice(kept, facing, gutters)
+
+
+def _lines_between(main: Chosen, other: Chosen, divides: list[_Divide]) -> tuple[Points, ...]:
+    """All divides that have the one page on one side and the other on the other."""
+    lines = []
+    for divide in divides:
+        beyond = (divide.characters > 0) == (float(np.median(divide.characters[other])) > 0)
+        if beyond[other].all() and not beyond[main].any():
+            lines.append(divide.line)
+    return tuple(lines)
 
 
 def _split(gutter: Gutter, kept: Chosen, text: _Text, p: PageChoiceParameters) -> PageChoice:
     sides = (kept & ~gutter.right, kept & gutter.right)
     main, other = sorted(sides, key=lambda side: -_worth(side, text, p))
-    return PageChoice(main, other, gutter.line)
+    return PageChoice(main, other, (gutter.line,))
 
 
 def _reading_direction(major: FlowSamples, minor: FlowSamples | None) -> float:

@@ -29,6 +29,7 @@ from services.rectify.planar import (
     focal_prior,
 )
 from services.rectify.pose import PagePose
+from services.rectify.principal_point import find_principal_point
 from services.rectify.results import (
     CameraEstimate,
     Evidence,
@@ -131,6 +132,9 @@ def flatten_page(
             frame = frame_photo(photo, page, outline, parameters.crop)
             if parameters.crop == "sheet":
                 frame = cut_view(photo, frame, page, outline)
+        if isinstance(page, FlatPage):
+            pixels = photo.shape[0] * photo.shape[1]
+            frame = restore_detail(frame, pixels, page.characters, page.analysis.text_height_px)
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):
@@ -244,6 +248,13 @@ def shape_page(
         points = estimate_vanishing_points(major, minor)
         evidence = PageEvidence(analysis, view, major, minor, points)
         shape, notices = choose_shape(evidence, prior, parameters.kind, outline, sheet)
+        moved = find_principal_point(evidence, prior, shape)
+        if moved is not None:  # a cropped photo: all again, relative to the principal point that was found
+            sheet = read_sides(outline, moved.evidence.view, moved.prior)
+            again = choose_shape(moved.evidence, moved.prior, parameters.kind, outline, sheet)
+            if type(again[0]) is type(shape):
+                shape, notices = again
+                view, points = moved.evidence.view, moved.evidence.vanishing_points
     sides_believed = isinstance(shape, RidgedPage) or (isinstance(shape, PagePose) and shape.sides_believed)
     few_lines = analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES
     if few_lines and not sides_believed:
@@ -282,8 +293,7 @@ def cut_view(
     # Lines on a flat sheet that is seen whole are its own, but for a spread of two pages.
     flat_sheet = border if isinstance(frame, FlatFrame) and not page.analysis.facing_page else None
     whole = flat_sheet is not None and certain_sheet(flat_sheet) is not None
-    frame = cut_to_page(photo, frame, page.analysis, known, whole=whole)
-    return restore_detail(frame, photo.shape[0] * photo.shape[1], characters)
+    return cut_to_page(photo, frame, page.analysis, known, whole=whole)
 
 
 def frame_photo(
@@ -360,7 +370,9 @@ def describe_camera(page: FlatPage | TextlessPage) -> CameraEstimate:
         focal_px, source = shape.focal * view.unit_px, shape.focal_source
     else:
         focal_px, source = shape.focal_length_px, shape.focal_source
-    return CameraEstimate(focal_px, field_of_view(focal_px, view.width, view.height), source)
+    moved: Literal["centre", "estimated"] = "centre" if view.principal_point_px is None else "estimated"
+    angle = field_of_view(focal_px, view.width, view.height)
+    return CameraEstimate(focal_px, angle, source, view.centre, moved)
 
 
 def describe_surface(page: FlatPage | TextlessPage) -> PlaneSurface | StripsSurface | MeshSurface:

@@ -1,6 +1,6 @@
 """The pose of a planar page from its two texture flows (dissertation 3.2.3, 3.2.4)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from services.geometry.camera import (
 )
 from services.geometry.homographies import scaling, translation
 from services.geometry.vanishing_points import VanishingPoint, estimate_vanishing_point
+from services.imaging.exif import DiagonalFocalLength
 from services.texture_flow.field import FlowSamples
 
 FocalLengthSource = Literal["estimated", "exif", "given", "assumed"]
@@ -49,6 +50,12 @@ class PhotoFrame:
         """Flow samples of the photo's frame in centred unit coordinates (directions are the same)."""
         return FlowSamples((samples.points - self.centre) / self.unit_px, samples.angles, samples.weights)
 
+    def moved(self, offset: tuple[float, float]) -> "PhotoFrame":
+        """The frame whose origin lies at `offset`, in centred units of this one."""
+        x, y = self.centre
+        at = (x + offset[0] * self.unit_px, y + offset[1] * self.unit_px)
+        return replace(self, principal_point_px=at)
+
 
 @dataclass(frozen=True, slots=True)
 class FocalPrior:
@@ -57,6 +64,8 @@ class FocalPrior:
     log_focal: float
     deviation: float
     source: FocalLengthSource
+    of_diagonal: bool = False
+    """The focal length is known as a multiple of the diagonal of the photo as it was taken, before any cropping."""
 
 
 GIVEN_DEVIATION = 0.003
@@ -71,13 +80,14 @@ def focal_prior(frame: PhotoFrame, given_px: float | None, exif_px: float | None
     if given_px is not None:
         return FocalPrior(float(np.log(given_px / frame.unit_px)), GIVEN_DEVIATION, "given")
     if exif_px is not None:
-        return FocalPrior(float(np.log(exif_px / frame.unit_px)), EXIF_DEVIATION, "exif")
+        of_diagonal = isinstance(exif_px, DiagonalFocalLength)
+        return FocalPrior(float(np.log(exif_px / frame.unit_px)), EXIF_DEVIATION, "exif", of_diagonal)
     return typical_focal_prior()
 
 
 def typical_focal_prior() -> FocalPrior:
     """What is known of a camera that is not known."""
-    return FocalPrior(float(np.log(2 * TYPICAL_FOCAL_LENGTH)), TYPICAL_DEVIATION, "assumed")
+    return FocalPrior(float(np.log(2 * TYPICAL_FOCAL_LENGTH)), TYPICAL_DEVIATION, "assumed", True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

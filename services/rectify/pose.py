@@ -109,6 +109,8 @@ class PagePose:
     """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
     log_focal_deviation: float = float("inf")
     """Of the focal length's logarithm as the page alone shows it."""
+    focal_tension: float = 0.0
+    """How many deviations apart what was known of the focal length and what the page shows are."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
@@ -285,6 +287,7 @@ def choose_pose(
         start = level
     refined, agree = refine_with_sides(analysis, view, prior, major, minor, points, start, p, sheet)
     notices: list[Notice] = []
+    tension = focal_tension(refined, prior)
     drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
     if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
         prior = typical_focal_prior()
@@ -344,6 +347,7 @@ def choose_pose(
         believed and sheet is not None and sheet.straight,
         skew,
         float("inf") if plane is level else refined.log_focal_deviation,
+        tension,
     )
 
 
@@ -370,6 +374,15 @@ def disagreement(
             )
         ]
     return []
+
+
+def focal_tension(refined: RefinedPlane, prior: FocalPrior) -> float:
+    """How many deviations apart the prior's focal length and that of the observations alone are.
+
+    The fit lies between both, inversely to their variances.
+    """
+    drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
+    return drawn * float(np.hypot(prior.deviation, refined.log_focal_deviation)) / prior.deviation**2
 
 
 def focal_source(refined: RefinedPlane, prior: FocalPrior, parameters: PoseParameters) -> FocalLengthSource:

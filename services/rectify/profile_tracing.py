@@ -47,7 +47,7 @@ class ProfileParameters:
     """Of an edge's place: what letters differ in by design, over one window."""
     reach: float = 2.0
     """A line's end is looked for so far beyond its last window."""
-    max_points: int = 2600
+    max_points: int = 7000
     """Of all lines: of a dense page, windows are left out evenly."""
     max_groups: int = 8
     """Flush margins, and paragraphs, that are told; the fullest ones hold the page."""

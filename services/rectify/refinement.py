@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from services.arrays import Floats, Homography, Points, Vector
-from services.geometry.camera import rotation_from_vector
-from services.geometry.homographies import jacobians, transform_points
+from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
+from services.geometry.homographies import jacobians, transform_points, translation
 from services.rectify.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
 from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FlowVanishingPoints, FocalPrior, PagePlane
 from services.rectify.straight_lines import StraightLines, side_directions, side_skew
@@ -96,6 +96,8 @@ class RefinedPlane:
     """Of the baselines and of the spacings, in units of the deviations that were assumed."""
     skew_rad: float = 0.0
     """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    """In the coordinates of the observations; `plane` is relative to it."""
 
 
 def soften(r: Vector) -> Vector:
@@ -266,11 +268,13 @@ def refine_plane(
     observations: FlatObservations,
     parameters: RefinementParameters | None = None,
     sides: StraightLines | None = None,
+    principal_point: PrincipalPointPrior | None = None,
 ) -> RefinedPlane:
     """Least squares over rotation (3), log focal length and slant, all in centred unit coordinates.
 
     The flows' deviations follow how well each meets in its vanishing point, so that a page that is not quite
     flat is believed less. With `sides` of the sheet, the skew of the text against them is a sixth unknown.
+    With `principal_point`, and without sides, so are its two coordinates; the plane is then relative to it.
     """
     p = parameters or RefinementParameters()
     has_sides = sides is not None and len(sides) > 0
@@ -280,16 +284,21 @@ def refine_plane(
         focal = float(np.clip(np.exp(x[3]), MIN_FOCAL, MAX_FOCAL))
         return PagePlane(start.rotation @ rotation_from_vector(x[:3]), focal)
 
+    def flatten(x: Vector) -> Homography:
+        H = np.linalg.inv(plane_of(x).H_centred_plane)
+        return H if principal_point is None else np.asarray(H @ translation(-float(x[5]), -float(x[6])))
+
     def tilt(x: Vector) -> Vector:
         N = (start.rotation @ rotation_from_vector(x[:3]))[:, 2]
         return np.asarray(N[:2] * np.arccos(np.clip(N[2], -1, 1)) / max(float(np.hypot(N[0], N[1])), 1e-9))
 
     def residuals(x: Vector) -> Vector:
-        H = np.linalg.inv(plane_of(x).H_centred_plane)
+        H = flatten(x)
         lines = line_residuals(H, observations, p)
+        growth = 0.0 if principal_point is None else principal_point.log_growth(x[5:7])[0]
         # Observations may be outliers and are softened; the priors are meant as they are.
         focal_and_slant = [
-            (x[3] - prior.log_focal) / prior.deviation,
+            (x[3] - prior.log_focal - growth) / prior.deviation,
             (x[4] - p.slant_mean_rad) / p.slant_rad,
         ]
         parts = [
@@ -300,6 +309,8 @@ def refine_plane(
         ]
         if sides is not None and has_sides:
             parts.append(side_residuals(plane_of(x), sides, float(x[5]), p))
+        if principal_point is not None:
+            parts.append(x[5:7] / np.array(principal_point.deviations))
         return np.concatenate(parts)
 
     x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), p.slant_mean_rad])
@@ -307,8 +318,12 @@ def refine_plane(
     if sides is not None and has_sides:
         x0 = np.append(x0, side_skew(start, sides))
         x_scale.append(0.01)
+    if principal_point is not None:
+        x0 = np.append(x0, principal_point.start)
+        x_scale += [0.05, 0.05]
     fit = least_squares(residuals, x0, x_scale=x_scale, max_nfev=60)
-    if prior.source == "assumed" and abs(fit.x[3] - prior.log_focal) > p.believable_focal * prior.deviation:
+    drawn = abs(float(fit.x[3]) - prior.log_focal)
+    if principal_point is None and prior.source == "assumed" and drawn > p.believable_focal * prior.deviation:
         held = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
         return refine_plane(
             PagePlane(start.rotation, float(np.exp(prior.log_focal))), held, major, minor, points, observations,
@@ -325,8 +340,9 @@ def refine_plane(
         float(fit.cost),
         before,
         len(observations.starts),
-        line_residuals(np.linalg.inv(refined.H_centred_plane), observations, p).spreads(),
+        line_residuals(flatten(fit.x), observations, p).spreads(),
         float(fit.x[5]) if has_sides else 0.0,
+        (0.0, 0.0) if principal_point is None else (float(fit.x[5]), float(fit.x[6])),
     )
 
 

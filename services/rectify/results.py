@@ -42,11 +42,15 @@ class CameraEstimate:
     """Focal length in photo pixels and the diagonal field of view.
 
     `source` is "assumed" when nothing tells the focal length and that of a typical camera was taken.
+    `principal_point` (x, y) is in photo pixels: the photo's middle ("centre"), unless the page shows that the photo was
+    cropped ("estimated").
     """
 
     focal_length_px: float | None
     field_of_view_rad: float | None
     source: Literal["estimated", "exif", "given", "assumed"]
+    principal_point: tuple[float, float] | None = None
+    principal_point_source: Literal["centre", "estimated"] = "centre"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,6 @@ import numpy as np
 
 from services.arrays import Mask, Points, RgbImage
 from services.geometry.homographies import resizing, transform_points
-from services.imaging.illumination import flatten_illumination
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis import PageAnalysis
 from services.rectify.curved_framing import CurvedFrame
@@ -38,10 +37,15 @@ class SheetCutParameters:
     blank_margin: float = 0.12
     """Of the text's larger size, kept beyond the print where the sheet's edge is not seen: margins of pages are as
     wide."""
-    ink_level: int = 200
-    """Gray of a flat-fielded view below which it is printed."""
-    least_ink_px: int = 3
-    """Of a row or column of the reduced view; fewer are specks."""
+    ink_size: float = 1.5
+    """Text heights: what is wider is shadow or ground."""
+    least_ink_size_px: int = 7
+    ink_contrast: float = 0.2
+    """Of print against what is around it, as a share of that: above noise and the edges of shadows."""
+    black: float = 16.0
+    """Gray levels added to what is around: noise in the dark is no print."""
+    least_ink_px: int = 12
+    """Within a text height of a row or column of the reduced view; fewer are specks."""
 
 
 def cut_to_outline(
@@ -131,15 +135,14 @@ def blank_ground(
     text = text[np.isfinite(text).all(axis=1)]
     if not len(text):
         return SheetEdges()
-    gray = np.asarray(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY), np.uint8)
-    inside = cv2.erode(shown.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
-    ink = (flatten_illumination(gray) < p.ink_level) & inside
+    ink = _fine_structure(view, shown, max(round(p.ink_size * text_height_px), p.least_ink_size_px), p)
     low, high = np.percentile(text, 0.5, axis=0), np.percentile(text, 99.5, axis=0)
     margin = max(p.blank_margin * float((high - low).max()), 3 * text_height_px)
     size = (view.shape[1], view.shape[0])
     edges: dict[str, float | None] = {}
     for axis, (before, after) in enumerate((("left", "right"), ("top", "bottom"))):
-        inked = np.flatnonzero(ink.sum(axis=axis) >= p.least_ink_px)
+        near = np.convolve(ink.sum(axis=axis), np.ones(max(round(text_height_px), 1)), "same")
+        inked = np.flatnonzero(near >= p.least_ink_px)
         first = min(float(low[axis]), float(inked[0]) if len(inked) else np.inf) - margin
         last = max(float(high[axis]), float(inked[-1]) if len(inked) else -np.inf) + margin
         edges[before] = first if first > 0 else None
@@ -147,15 +150,28 @@ def blank_ground(
     return SheetEdges(**edges)
 
 
+def _fine_structure(view: RgbImage, shown: Mask, size: int, p: SheetCutParameters) -> Mask:
+    """Pixels (H, W) of `view` that are darker than their surroundings and narrower than `size`: print, not shadows."""
+    gray = cv2.cvtColor(view, cv2.COLOR_RGB2GRAY)
+    around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8)).astype(np.float32)
+    # The photo's border is no print.
+    rim = 2 * size + 1
+    inside = cv2.erode(shown.astype(np.uint8), np.ones((rim, rim), np.uint8), borderValue=0)
+    return np.asarray((around - gray > p.ink_contrast * (around + p.black)) & (inside > 0))
+
+
 def restore_detail(
     frame: FlatFrame | CurvedFrame,
     photo_pixels: int,
     characters: Points,
+    text_height_px: float,
     framing: FramingParameters | None = None,
 ) -> FlatFrame | CurvedFrame:
-    """`frame` enlarged to the pixels that the photo has of its text, where a larger view had been reduced.
+    """`frame` with the pixels that the photo has of its text, and more where print is small.
 
-    `photo_pixels` bounds the view; `characters` (N, 2) are photo pixels.
+    A view that was larger before it was cut had been reduced. Small print loses by every resampling: drawn with more
+    pixels than the photo has it keeps what it has. `photo_pixels` bounds the view; `characters` (N, 2) are photo
+    pixels, `text_height_px` their size there.
     """
     f = framing or FramingParameters()
     at = view_points(frame, characters)
@@ -167,7 +183,10 @@ def restore_detail(
     with np.errstate(invalid="ignore"):
         lost = np.sqrt(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
     growth = float(np.nanpercentile(lost, f.detail_percentile))
-    room = np.sqrt(f.max_growth * photo_pixels / (frame.width * frame.height))
+    enlargement = float(np.clip(f.small_print_px / max(text_height_px, 1.0), 1.0, f.max_enlargement))
+    growth *= enlargement
+    pixels = max(f.max_growth * photo_pixels, f.small_view_px if enlargement > 1 else 0.0)
+    room = np.sqrt(pixels / (frame.width * frame.height))
     growth = min(growth, float(room), 20000.0 / max(frame.width, frame.height))
     return resize_frame(frame, growth) if growth > f.least_growth else frame
 

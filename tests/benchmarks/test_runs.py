@@ -7,11 +7,13 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks import rectify_photos, rectify_simulated, rectify_speed
+from benchmarks import photo_report, rectify_photos, rectify_simulated, rectify_speed
 from benchmarks.cases import EXPERIMENTS, Case, all_cases
 from benchmarks.figures import StripErrors
 from benchmarks.reading import Reading
+from benchmarks.real_photos import RealPhoto
 from benchmarks.rectify_simulated import Bench, Options, run_case
+from benchmarks.scan_distances import ScanDistances
 from benchmarks.stopwatch import Usage
 from benchmarks.subject import FlowErrors, Flows, measure_flows, measure_steps
 from benchmarks.true_map import flatten_by_truth, flatten_in_frame
@@ -106,8 +108,8 @@ def test_a_perfect_rectification_has_no_errors(
     bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photo = _small_photo(page)
-    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: photo)
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: _perfect(photo))
+    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page, facing: photo)
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
     _fix_flows(monkeypatch)
     case = _case(page)
     figures = run_case(case, bench)
@@ -129,8 +131,8 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
     bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photo = _small_photo(page, BOOK)
-    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: photo)
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: _perfect(photo))
+    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page, facing: photo)
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
     _fix_flows(monkeypatch)
     case = _case(page, "curved")
     figures = run_case(case, bench)
@@ -142,7 +144,7 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
     assert figures.normal_deg < 0.5
     # The best planar view of it is a poor answer, and of the wrong kind.
     flat = replace(_perfect(photo), kind="planar", surface=PlaneSurface((0.0, 0.0, 1.0)))
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr: flat)
+    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr, exif: flat)
     worse = run_case(case, bench)
     assert not worse.classified
     assert np.isnan(worse.ruling_2d_deg)
@@ -150,10 +152,10 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
 
 
 def test_a_refusal_reads_as_nothing(bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(image: np.ndarray, ocr: object) -> RectifyResult:
+    def refuse(image: np.ndarray, ocr: object, exif: object) -> RectifyResult:
         raise NoText("blank")
 
-    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page: _small_photo(page))
+    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page, facing: _small_photo(page))
     monkeypatch.setattr(rectify_simulated, "rectify_photo", refuse)
     figures = run_case(_case(page), bench)
     assert figures.failure.startswith("no-text")
@@ -215,13 +217,13 @@ def test_the_steps_of_a_bent_page_are_measured(page: Page) -> None:
     assert np.isnan(none.ruling_2d_deg)
 
 
-def test_a_real_photo_is_read_by_every_method(
+def test_a_real_photo_is_measured_by_every_method(
     tmp_path: Path, page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photo = _small_photo(page)
-    path = tmp_path / "leaf.png"
+    path, scan = tmp_path / "leaf.png", tmp_path / "leaf.scan.jpg"
     cv2.imwrite(str(path), photo.image)
-    path.with_suffix(".txt").write_text("Call me Ishmael. Some years ago")
+    cv2.imwrite(str(scan), photo.image)
     monkeypatch.setattr(
         rectify_photos, "rectify_file", lambda path, ocr: (photo.image, lambda: _perfect(photo))
     )
@@ -229,16 +231,66 @@ def test_a_real_photo_is_read_by_every_method(
         "benchmarks.memory.run_page_dewarp",
         lambda command, image: (None, Usage(1.0, 1.0, 50.0), "exit status 1"),
     )
+    monkeypatch.setattr(
+        "benchmarks.memory.run_uvdoc", lambda python, image: (photo.image, Usage(2.0, 2.0, 300.0), "")
+    )
     monkeypatch.setattr(rectify_photos, "make_reader", lambda name, python: Judge())
-    bench = rectify_photos.Bench(rectify_photos.Options("judge", "", "peer", None, tmp_path / "pictures"))
-    figures = rectify_photos.run_photo(path, bench)
+    options = rectify_photos.Options("judge", "", "peer", "python", None, tmp_path / "pictures")
+    given = RealPhoto(path, "folded", "Call me Ishmael. Some years ago", scan)
+    figures = rectify_photos.run_photo(given, rectify_photos.Bench(options))
     assert figures.images["rectified"].error_rate == 0
-    assert figures.images["rectified"].characters == 100
+    assert figures.images["rectified"].characters == figures.images["rectified"].words == 100
+    against = figures.images["UVDoc"].scan
+    assert against is not None
+    assert against.distances.ms_ssim > 0.98
+    assert against.edit_distance == 0
     assert "page-dewarp" not in figures.images
-    text = rectify_photos.format_photos([figures])
+    assert figures.score("page-dewarp") == 0
+    assert not figures.lost_to
+    assert (tmp_path / "pictures" / "small" / "leaf.jpg").is_file()
+    text = photo_report.format_photos([figures])
     assert "exit status 1" in text
     assert "0.000" in text
-    assert rectify_photos.figures_by_photo([figures])["leaf"]["sure_characters"] == 20
+    held = photo_report.figures_by_photo([figures])["leaf"]
+    assert held["sure_characters"] == 20
+    assert {"words", "ms_ssim", "aligned_distortion_px"} <= held.keys()
+
+
+def _read(name: str, kind: str, ours: float, peer: float | None) -> photo_report.PhotoFigures:
+    def image(characters: float) -> photo_report.ImageFigures:
+        distances = ScanDistances(characters / 100, 4.0, 0.5, 2.0)
+        scan = photo_report.ScanFigures(distances, 7, 0.07)
+        return photo_report.ImageFigures(600, 800, 0.1, characters, characters - 10, 90, scan)
+
+    images = {"photo": image(50.0), "rectified": image(ours)}
+    if peer is not None:
+        images["UVDoc"] = image(peer)
+    used = {"rectified": Usage(1.0, 1.0, 200.0), "UVDoc": Usage(3.0, 3.0, 400.0)}
+    return photo_report.PhotoFigures(name, kind, images=images, usage=used)
+
+
+def test_kinds_have_means_and_a_photo_without_a_page_counts_as_nothing() -> None:
+    photos = [
+        _read("a", "folded", 80.0, 90.0),
+        _read("b", "folded", 90.0, None),
+        _read("c", "book", 99.0, 99.4),
+    ]
+    lines = photo_report.format_kinds(photos).splitlines()
+    rows = {line.split()[0]: line.split() for line in lines if line}
+    assert " ".join(rows["folded"]) == "folded 2 50.0 / 40.0 85.0 / 75.0 1.0 s 200 45.0 / 40.0 3.0 s 400"
+    assert rows["book"][1] == "1"
+    # Within half a point of the peer is no loss.
+    assert [line.split()[0] for line in lines[-2:]] == ["more", "a"]
+    assert lines[-2].endswith(": 1 photos")
+
+
+def test_scans_are_compared_on_photos_that_both_have() -> None:
+    photos = [_read("a", "folded", 80.0, 90.0), _read("b", "folded", 60.0, None)]
+    first, second, mean = photo_report.format_scans(photos).splitlines()[2:]
+    assert first.split()[:3] == ["a", "0.800", "0.900"]
+    assert second.split()[:3] == ["b", "0.600", "-"]
+    assert mean.split()[:5] == ["mean", "of", "1", "0.800", "0.900"]
+    assert photo_report.format_scans([]) == ""
 
 
 def test_no_data_is_said_and_is_no_failure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -275,7 +327,7 @@ def test_the_peers_start_is_not_held_against_it() -> None:
     peer = rectify_speed.PeerSpeed(Usage(13.0, 13.0, 200.0), Usage(1.0, 1.0, 90.0), "")
     ours = Usage(2.0, 2.0, 300.0)
     assert peer.ratio(ours) == pytest.approx(6.0)
-    assert "6.0 times ours (6.5 with its start)" in rectify_speed.format_peer(peer, ours)
+    assert "6.0 times ours (6.5 with its start)" in rectify_speed.format_peer("Powell", peer, ours)
 
 
 @pytest.mark.parametrize("curved", [False, True])

@@ -1,6 +1,7 @@
 """Tables in the dissertation's form, figures as JSON, and the baseline's judgement."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 
 from benchmarks import dissertation
 from benchmarks.baseline import Metric, compare, judge
-from benchmarks.cases import EXPERIMENTS, all_cases, load_pages
+from benchmarks.cases import EXPERIMENTS, all_cases, load_own_pages, load_pages
 from benchmarks.figures import CaseFigures, Score, groups, mean_std, score_of, to_json, write_json
+from benchmarks.sheet_errors import SheetErrors
 from benchmarks.simulated_report import GROUPED_BY, METRICS, TABLES, figures_by_case, report, summary
 from benchmarks.stopwatch import Usage, measured
 from benchmarks.tables import format_table, format_usage
@@ -227,7 +229,7 @@ def test_cases_are_the_dissertations_and_the_first_are_varied(tmp_path: Path) ->
     pages, given = load_pages(tmp_path)
     assert not given
     counts = {"planar": 60, "curved": 120, "curvature": 35, "tilt": 35, "cone": 60}
-    assert set(counts) == {name for name in EXPERIMENTS if not EXPERIMENTS[name].stagings}
+    assert set(counts) == {name for name in EXPERIMENTS if not EXPERIMENTS[name].once}
     for name, count in counts.items():
         cases = all_cases(EXPERIMENTS[name], tuple(page.name for page in pages), degraded=True)
         assert len({case.name for case in cases}) == count
@@ -240,10 +242,39 @@ def test_cases_are_the_dissertations_and_the_first_are_varied(tmp_path: Path) ->
     assert {case.skew_deg for case in first} == {0, 15, -15}
 
 
-@pytest.mark.parametrize("name", [name for name in EXPERIMENTS if EXPERIMENTS[name].stagings])
+@pytest.mark.parametrize("name", [name for name in EXPERIMENTS if EXPERIMENTS[name].once])
 def test_experiments_on_sheets_photograph_each_shape_once_and_varied(name: str) -> None:
     cases = all_cases(EXPERIMENTS[name], ("a", "b", "c", "d", "e"), degraded=True)
     assert 10 <= len(cases) <= 16
     assert len({case.name for case in cases}) == len(cases)
     assert [case.rank for case in cases] == list(range(len(cases)))
     assert len({case.pose for case in cases}) >= 4
+
+
+def test_a_books_two_pages_are_of_one_photo() -> None:
+    pages = ("a", "b", "c", "d", "e")
+    cases = sorted(all_cases(EXPERIMENTS["spread"], pages, degraded=True), key=lambda case: case.number)
+    for left, right in zip(cases[::2], cases[1::2], strict=True):
+        assert (left.page, left.facing) == (right.facing, right.page)
+        assert left.page != right.page
+        assert left.pose == right.pose
+        assert left.experiment.shapes[left.shape] == right.experiment.shapes[right.shape]
+
+
+def test_pages_that_experiments_name_are_there_without_data(tmp_path: Path) -> None:
+    music, two_columns = load_own_pages(tmp_path, ("music", "revtex"))
+    assert (music.name, two_columns.name) == ("music", "revtex")
+    assert not music.lines
+    assert len(two_columns.lines) > 40
+
+
+def test_the_report_says_where_views_are_cut() -> None:
+    near = SheetErrors(0.2, 0.5, -0.1, 0.2, 1.01, 1.1, -0.5)
+    far = SheetErrors(0.4, 1.5, -0.2, 2.0, 1.3, 0.9, 4.0)
+    cases = [replace(CASES[0], name=name, sheet=sheet) for name, sheet in (("a", near), ("b", far))]
+    text = report(cases, "folded")
+    assert "all sides within 0.3 % on average: 2/2" in text
+    assert "all sides within 0.3 % at their worst: 1/2" in text
+    row = next(line for line in text.splitlines() if line.startswith("aspect error %"))
+    assert row.split()[3:5] == ["2.250", "2.250"]
+    assert figures_by_case(cases)["b"]["aspect_error_percent"] == 4.0

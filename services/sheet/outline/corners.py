@@ -14,8 +14,10 @@ from services.sheet.outline.edges import EdgePoints
 class CornerParameters:
     """Lengths are shares of the curve's length unless told."""
 
-    candidates: int = 14
-    """Places that are tried as corners."""
+    candidates: int = 12
+    """Turns of the curve that are tried as corners ..."""
+    runs: int = 4
+    """... and pieces out of view, the longest ones, whose ends and middles are tried too."""
     arm: float = 0.035
     """The turn of the curve is measured over this length to either side."""
     shortest_side: float = 0.05
@@ -27,15 +29,15 @@ class CornerParameters:
     turn_weight: float = 0.02
     """What a corner that does not turn costs, as a mean square distance from the sides over the square of the
     mean side."""
-    fit_share: float = 0.14
+    fit_share: float = 0.2
     """Of a side, next to a corner: its curve is fitted there ..."""
     line_share: float = 0.08
     """... or, where that is not smooth, a line to this share."""
-    skipped: float = 0.012
+    skipped: float = 0.025
     """Of a side, next to a corner: rounded, and left out."""
     smooth: float = 0.0012
     """Of a side: residual (RMS) up to which a piece of it counts as smooth."""
-    notch: float = 0.01
+    notch: float = 0.005
     """Of a side: where the edge is further from a smooth side, the smooth side is tried too."""
     kept: float = 0.7
     """Share of a piece that must be near its parabola."""
@@ -106,11 +108,13 @@ def _places(turn: Vector, shown: NDArray[np.bool_], arm: int, p: CornerParameter
     gone = ~shown
     if gone.any() and shown.any():
         starts = np.flatnonzero(gone & ~np.roll(gone, 1))
-        for start in starts:
-            length = int(np.argmin(np.roll(gone, -start))) or count
-            if length > 0.02 * count:
-                chosen += [int(start), int((start + length - 1) % count)]
-            chosen.append(int((start + length // 2) % count))
+        ends = np.flatnonzero(gone & ~np.roll(gone, -1))
+        lengths = np.array([int((ends - start).min(where=ends >= start, initial=count)) for start in starts])
+        wrapped = lengths == count
+        lengths[wrapped] = ends[0] + count - starts[wrapped]
+        for k in np.argsort(-lengths)[: p.runs]:
+            start, length = int(starts[k]), int(lengths[k])
+            chosen += [start, (start + length // 2) % count, (start + length) % count]
     return np.asarray(sorted(set(chosen)), np.intp)
 
 
@@ -161,6 +165,32 @@ def meet_sides(
     """The corners (4, 2) of four measured sides, in order; NaN where not `known` or not seen."""
     p = parameters or CornerParameters()
     return _corners_of([(side.points, side.seen) for side in sides], known, p)
+
+
+def end_at_corners(side: EdgePoints, start: Points, end: Points) -> EdgePoints:
+    """The side without what was measured beyond its corners (2,), where it runs into the next side's edge."""
+    points = side.points
+    spacing = float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    kept = np.ones(len(points), bool)
+    for corner, order in ((start, slice(None)), (end, slice(None, None, -1))):
+        if not np.isfinite(corner).all():
+            continue
+        run = points[order]
+        inner = run[len(run) // 8] - corner
+        ahead = (run - corner) @ inner / max(float(np.linalg.norm(inner)), 1e-9)
+        last = np.flatnonzero(ahead[: len(run) // 8] < 0.5 * spacing)
+        if len(last):
+            kept[order][: last[-1] + 1] = False
+    if kept.sum() < len(points) // 2:
+        return side
+    return EdgePoints(
+        points[kept],
+        side.normals[kept],
+        side.deviations[kept],
+        side.strength[kept],
+        side.seen[kept],
+        side.shown[kept],
+    )
 
 
 def guide_sides(edge: EdgePoints, corners: Corners, located: Points) -> list[Points]:

@@ -15,6 +15,7 @@ from services.sheet.outline.candidates import (
 from services.sheet.outline.corners import (
     CornerParameters,
     Corners,
+    end_at_corners,
     guide_sides,
     locate_corners,
     meet_sides,
@@ -30,7 +31,7 @@ from services.sheet.outline.edges import (
 from services.sheet.outline.print_place import PrintParameters, place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
 from services.sheet.outline.results import SheetOutline, SheetSide
-from services.sheet.outline.scoring import ScoringParameters, mean_support, rate_curve, rate_outline
+from services.sheet.outline.scoring import ScoringParameters, rate_curve, rate_outline
 from services.sheet.outline.smooth_sides import smooth_sides
 
 
@@ -48,10 +49,10 @@ class OutlineParameters:
     """Candidates that are measured in the photo."""
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
-    smooth_bonus: float = 0.01
-    """Smooth sides may have this much less of an edge than what was followed: notches are seldom the sheet's."""
+    certain: float = 0.95
+    """An outline with this confidence needs no second candidate."""
     side_points: int = 60
-    least_confidence: float = 0.2
+    least_confidence: float = 0.4
     """Outlines that are less certain are not answered."""
 
 
@@ -85,8 +86,13 @@ def find_outline(
             break
     candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
     candidates.sort(key=lambda c: c.rating, reverse=True)
-    found = [_measure(photo, reduced, candidate, p) for candidate in candidates[: p.tried]]
-    best = max((o for o in found if o is not None), key=lambda o: o.confidence, default=None)
+    best: SheetOutline | None = None
+    for candidate in candidates[: p.tried]:
+        outline = _measure(photo, reduced, candidate, p)
+        if outline is not None and (best is None or outline.confidence > best.confidence):
+            best = outline
+        if best is not None and best.confidence >= p.certain:
+            break
     return best if best is not None and best.confidence >= p.least_confidence else None
 
 
@@ -113,8 +119,11 @@ def _measure(
     smooth = smooth_sides(edge, corners, p.corners)
     if smooth is not None:
         tried = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in smooth]
-        if mean_support(tried) >= mean_support(measured) - p.smooth_bonus:
-            measured, known = tried, np.ones(4, bool)
+        chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
+        measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
+        known = known | chosen | np.roll(chosen, 1)
+    located = meet_sides(measured, known, p.corners)
+    measured = [end_at_corners(m, located[k], located[(k + 1) % 4]) for k, m in enumerate(measured)]
     located = meet_sides(measured, known, p.corners)
     sides = [_side(m, p) for m in measured]
     pieces = []

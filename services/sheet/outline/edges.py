@@ -54,6 +54,11 @@ class EdgePoints:
     seen: NDArray[np.bool_]
     shown: NDArray[np.bool_]
 
+    @property
+    def support(self) -> float:
+        """How clear the edge is on average, 0-1; not at all where it is not seen."""
+        return float(np.mean(self.strength * self.seen))
+
 
 def resample_closed(points: Points, count: int) -> Points:
     """`count` points at equal distances along the closed curve `points` (N, 2)."""

@@ -22,9 +22,10 @@ class ScoringParameters:
     """What a piece out of view counts for, in full edges."""
     concavity: float = 4.0
     """Weight of the share of the convex hull that the curve leaves out."""
-    evidence: tuple[float, ...] = (8.0, 0.0, 3.0, 2.0, 0.0, 0.0, 0.0)
-    """Weights of `outline_features`."""
-    prior: float = -9.0
+    evidence: tuple[float, float, float, float] = (8.7, 3.2, 3.8, 8.1)
+    """Weights of `outline_features`: logistic regression on outlines of 54 real and 36 simulated photos, with and
+    without characters; of those above 0.95, 99 % were right, of 0.5-0.8 58 %, below 0.2 none."""
+    prior: float = -17.2
     creased: float = 0.03
     """Of the hull's area: what creased sheets leave out."""
     lasting: int = 9
@@ -83,38 +84,19 @@ def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float,
     return np.asarray(found.mean(axis=1))
 
 
-def mean_support(sides: Sequence[EdgePoints]) -> float:
-    """How clear the edge is on four sides, 0-1; none where it is not seen."""
-    return float(np.mean([np.mean(side.strength * side.seen) for side in sides]))
-
-
 def outline_features(sides: Sequence[EdgePoints], located: Points, rating: float) -> Floats:
-    """What tells right outlines from wrong ones."""
+    """What tells right outlines from wrong ones (4,).
+
+    Shares of what is in view on which an edge is seen, on all sides and on the worst one; the share of corners that
+    are known; the candidate's rating.
+    """
     shown = np.concatenate([side.shown for side in sides])
     seen = np.concatenate([side.seen for side in sides])
-    strength = np.concatenate([side.strength for side in sides])
-    worst = min(float(side.seen[side.shown].mean()) if side.shown.any() else 1.0 for side in sides)
-    jags = []
-    for side in sides:
-        points = side.points[side.shown]
-        if len(points) < 12:
-            continue
-        # What a line through neighbours leaves, over a sixth of the side.
-        reach = len(points) // 12
-        bend = points[reach:-reach] - 0.5 * (points[2 * reach :] + points[: -2 * reach])
-        length = max(float(np.linalg.norm(points[-1] - points[0])), 1.0)
-        jags.append(float(np.percentile(np.linalg.norm(bend, axis=1), 90)) / length)
-    return np.array(
-        [
-            float(seen[shown].mean()) if shown.any() else 0.0,
-            worst,
-            float(shown.mean()),
-            float(np.isfinite(located[:, 0]).mean()),
-            float((strength * seen)[shown].mean()) if shown.any() else 0.0,
-            rating,
-            min(max(jags, default=0.1), 0.1),
-        ]
-    )
+    # A side that is mostly out of view says nothing by its ends.
+    in_view = [side for side in sides if side.shown.mean() > 0.5]
+    worst = min((float(side.seen[side.shown].mean()) for side in in_view), default=0.0)
+    seen_of_shown = float(seen[shown].mean()) if shown.any() else 0.0
+    return np.array([seen_of_shown, worst, float(np.isfinite(located[:, 0]).mean()), rating])
 
 
 def rate_outline(sides: Sequence[EdgePoints], located: Points, rating: float, p: ScoringParameters) -> float:

@@ -10,7 +10,7 @@ from services.sheet.outline.edges import EdgePoints
 def smooth_sides(
     edge: EdgePoints, corners: Corners, parameters: CornerParameters | None = None
 ) -> list[Points] | None:
-    """Four parabolas (N, 2) from corner to corner, each through most of what was seen of its side.
+    """Four cubics (N, 2) from corner to corner, each through most of what was seen of its side.
 
     None where a corner or a side is out of view, or where the edge is nowhere far from them.
     """
@@ -26,7 +26,7 @@ def smooth_sides(
         inner = inner[edge.seen[inner]]
         if len(inner) < 10:
             return None
-        curve = _RobustParabola(edge.points[inner])
+        curve = _RobustCubic(edge.points[inner])
         sides.append(curve)
         chord = float(np.linalg.norm(edge.points[start] - edge.points[end]))
         far = max(far, float(np.abs(curve.distance(edge.points[index])).max()) / max(chord, 1.0))
@@ -44,19 +44,19 @@ def smooth_sides(
     return [sides[k].between(found[k], found[(k + 1) % 4]) for k in range(4)]
 
 
-class _RobustParabola:
-    """A parabola over its own axis through most of the points (N, 2)."""
+class _RobustCubic:
+    """A cubic over its own axis through most of the points (N, 2)."""
 
     def __init__(self, points: Points) -> None:
         self.centre = points.mean(axis=0)
         self.axes = np.linalg.svd(points - self.centre, full_matrices=False)[2]
         s, d = ((points - self.centre) @ self.axes.T).T
         self.scale = max(float(np.abs(s).max()), 1e-6)
-        design = np.polynomial.polynomial.polyvander(s / self.scale, 2)
+        design = np.polynomial.polynomial.polyvander(s / self.scale, 3)
         weight = np.ones(len(s))
         for _ in range(12):
             weighted = design * weight[:, None]
-            self.fit = np.linalg.solve(weighted.T @ design + 1e-9 * np.eye(3), weighted.T @ d)
+            self.fit = np.linalg.solve(weighted.T @ design + 1e-9 * np.eye(4), weighted.T @ d)
             residual = np.abs(d - design @ self.fit)
             spread = max(1.5 * float(np.median(residual)), 0.3)
             weight = 1 / (1 + (residual / spread) ** 2) ** 2
@@ -72,7 +72,8 @@ class _RobustParabola:
     def tangent(self, place: Points) -> tuple[Points, Points]:
         """Point and direction of the curve beside `place` (2,)."""
         s = float((place - self.centre) @ self.axes[0])
-        slope = (self.fit[1] + 2 * self.fit[2] * s / self.scale) / self.scale
+        u = s / self.scale
+        slope = (self.fit[1] + 2 * self.fit[2] * u + 3 * self.fit[3] * u * u) / self.scale
         point = self.centre + s * self.axes[0] + float(self._height(np.asarray(s))) * self.axes[1]
         return point, self.axes[0] + slope * self.axes[1]
 

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.arrays import Vector
-from services.developable.fitting import FittedSurface, fit_surface, widen
+from services.arrays import Points, Vector
+from services.developable.fitting import FittedSurface, fit_surface, free_gain, widen
 from services.developable.observations import NO_LINES, LineObservations, PageObservations
 from services.developable.residuals import BENDS, FittingParameters, PageResiduals, surface_of
+from services.developable.surface import DevelopableSurface
+from services.geometry.camera import PrincipalPointPrior
 from services.texture_flow.field import FlowSamples
 from tests.services.developable.sheets import BASIS, FLAT, PAGE, SLANT_RAD, Bent, observe, page_error
 
@@ -209,3 +211,48 @@ def test_deviations_are_widened_never_narrowed() -> None:
     assert wide.spacing_between == pytest.approx(4 * p.spacing_between)
     only = widen(p, replace(fitted, line_spread=2.0, spacing_spread=0.5))
     assert only == replace(p, line_factor=3.0)
+
+
+@pytest.mark.parametrize("name", ["cylinder", "cone", "bent along its lines"])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_bent_sheet_shows_the_principal_point_along_one_axis(name: str, axis: int) -> None:
+    bent, offset = SHEETS[name], np.eye(2)[axis] * 0.15
+    true = bent.surface()
+    moved = shifted(observe(true, focal_deviation=0.02), offset)
+    start = replace(bent.start(AWAY), anchor=(bent.anchor[0] + offset[0], bent.anchor[1] + offset[1]))
+    deviations = (0.2, 1e-4) if axis == 0 else (1e-4, 0.2)
+    free = fit_surface(start, replace(moved, principal_point=PrincipalPointPrior(deviations)))
+    held = fit_surface(start, moved)
+    assert np.abs(free.principal_point - offset).max() < 0.01
+    assert page_error(free.surface, true) < 1e-3 < page_error_at(held, true, offset)
+    gain = free_gain(
+        held.start, replace(moved, principal_point=PrincipalPointPrior((0.2, 0.2))), FittingParameters()
+    )
+    assert gain[axis] > 2.5
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_where_the_principal_point_is_the_origin_a_free_one_promises_nothing(name: str) -> None:
+    observed = observe(SHEETS[name].surface(), line_noise=5e-4, flow_noise_rad=3e-3, focal_deviation=0.02)
+    held = fit_surface(SHEETS[name].start(AWAY), observed)
+    free = replace(observed, principal_point=PrincipalPointPrior((0.2, 0.2)))
+    assert max(free_gain(held.start, free, FittingParameters())) < 2.5
+
+
+def shifted(observed: PageObservations, offset: Points) -> PageObservations:
+    """The same page in a photo whose middle lies at minus `offset` (2,) from the principal point."""
+    lines = observed.lines
+    return replace(
+        observed,
+        major=replace(observed.major, points=observed.major.points + offset),
+        minor=replace(observed.minor, points=observed.minor.points + offset),
+        lines=replace(lines, points=lines.points + offset, margins=[m + offset for m in lines.margins]),
+        hull=observed.hull + offset,
+    )
+
+
+def page_error_at(found: FittedSurface, true: DevelopableSurface, offset: Points) -> float:
+    """As `page_error`, for a surface in the coordinates of such a photo."""
+    z, w = found.surface.to_page(true.to_photo(PAGE) + offset) @ [1, 1j], PAGE @ [1, 1j]
+    z, w = z - z.mean(), w - w.mean()
+    return float(np.sqrt(np.mean(np.abs(w - np.vdot(z, w) / np.vdot(z, z) * z) ** 2)))

@@ -19,7 +19,7 @@ from services.developable.residuals import (
     soften_hard,
     surface_of,
 )
-from services.geometry.camera import rotation_from_vector
+from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
 from services.texture_flow.field import FlowSamples
 from tests.services.developable.sheets import (
     BASIS,
@@ -316,3 +316,29 @@ def test_focal_lengths_are_bounded(log_focal: float) -> None:
     x = at(FRONTAL)
     x[3] = log_focal
     assert 0.3 < surface_of(x, np.eye(3), (0.0, 0.0), BASIS).focal < 13
+
+
+@pytest.mark.parametrize("name", ["sheet", "sheet bent along its lines", "strong"])
+@pytest.mark.parametrize("half_size", [None, (0.6, 0.8)])
+def test_derivatives_by_the_principal_point_are_exact(
+    name: str, half_size: tuple[float, float] | None
+) -> None:
+    bent = SHEETS[name]
+    prior = PrincipalPointPrior((0.2, 0.1), half_size=half_size)
+    observed = replace(observe(bent.surface(), line_noise=1e-3), principal_point=prior)
+    start = bent.start()
+    x = np.concatenate([at(bent), [0.07, -0.05]])
+    residuals = PageResiduals(start.rotation, start.anchor, BASIS, observed, x, P)
+    # Margins are measured from their median, which is some point's.
+    found = differences(lambda y: residuals.evaluate(y)[0], x)[:, -2:]
+    assert np.abs(residuals.evaluate(x)[1][:, -2:] - found).max() < 2e-3 * np.abs(found).max()
+
+
+def test_the_sheet_keeps_its_place_in_the_photo_when_the_principal_point_moves() -> None:
+    bent = SHEETS["sheet"]
+    prior = PrincipalPointPrior((0.2, 0.1))
+    observed = replace(observe(bent.surface()), principal_point=prior)
+    start = bent.start()
+    x = np.concatenate([at(bent), [0.07, -0.05]])
+    surface = PageResiduals(start.rotation, start.anchor, BASIS, observed, x, P).surface(x)
+    assert surface.anchor == pytest.approx(np.array(bent.anchor) - [0.07, -0.05])

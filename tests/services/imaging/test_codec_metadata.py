@@ -7,6 +7,7 @@ import pytest
 from PIL import ImageCms
 
 from services.imaging.codec import DecodedImage, ImageLimits, decode_image
+from services.imaging.exif import DiagonalFocalLength
 from tests.services.imaging.files import make_exif, make_file
 
 FOCAL_LENGTH, FOCAL_LENGTH_35MM, EXPOSURE_TIME = 0x920A, 0xA405, 0x829A
@@ -91,3 +92,22 @@ def test_profiles_that_do_not_describe_the_pixels_are_dropped() -> None:
         make_file(GRAY, "JPEG"),
     ):
         assert decode_image(other, ImageLimits()).icc_profile is None
+
+
+def test_a_cropped_picture_has_the_focal_length_of_the_one_that_was_taken() -> None:
+    # 400 x 300 is left of 400 x 500: the 35 mm equivalent refers to the whole.
+    camera = {FOCAL_LENGTH_35MM: 26, PIXEL_X: 400, PIXEL_Y: 500}
+    found = decode_photo(camera).focal_length_px
+    assert found == pytest.approx(26 / math.hypot(36, 24) * math.hypot(400, 500))
+    assert not isinstance(found, DiagonalFocalLength)
+    plane = {FOCAL_LENGTH: 5.0, PLANE_X_RESOLUTION: 100.0, PLANE_UNIT: 4, PIXEL_X: 400, PIXEL_Y: 500}
+    assert decode_photo(plane).focal_length_px == pytest.approx(500)
+
+
+@pytest.mark.parametrize("sizes", [{}, {PIXEL_X: 400, PIXEL_Y: 300}, {PIXEL_X: 3000, PIXEL_Y: 4000}])
+def test_where_no_cropping_is_seen_the_focal_length_is_a_share_of_the_diagonal(
+    sizes: dict[int, object],
+) -> None:
+    found = decode_photo({FOCAL_LENGTH_35MM: 26} | sizes).focal_length_px
+    assert found == pytest.approx(26 / math.hypot(36, 24) * 500)
+    assert isinstance(found, DiagonalFocalLength)

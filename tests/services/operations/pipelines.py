@@ -38,7 +38,7 @@ class RectifyPipeline:
             np.ascontiguousarray(np.rot90(photo)),
             "planar",
             Evidence(self.convergence, None, 0.41),
-            CameraEstimate(55.5, self.field_of_view_rad, "exif"),
+            CameraEstimate(55.5, self.field_of_view_rad, "exif", (29.5, 19.25), "estimated"),
             PlaneSurface((0.0, 0.6, 0.8)),
             Orientation(270, False, 0.98),
             np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64),

@@ -33,6 +33,8 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "focal_length_px": 55.5,
         "field_of_view_deg": pytest.approx(60),
         "source": "exif",
+        "principal_point": [29.5, 19.25],
+        "principal_point_source": "estimated",
     }
     assert document == {
         "kind": "planar",

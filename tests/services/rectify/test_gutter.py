@@ -67,15 +67,15 @@ def gutter_of(gap: float, dip: float, turn_deg: float) -> Gutter | None:
     return find_gutter(spread_photo(dip), at, HEIGHT, flow_over(at, np.deg2rad(turn_deg)), 0.0)
 
 
-@pytest.mark.parametrize(("dip", "turn_deg"), [(0.4, 0.0), (0.0, 12.0), (0.3, 8.0)])
-def test_a_gutter_is_dark_or_lines_turn_at_it(dip: float, turn_deg: float) -> None:
+@pytest.mark.parametrize(("dip", "turn_deg"), [(0.4, 0.0), (0.3, 8.0)])
+def test_a_gutter_is_a_dark_line_in_a_wide_gap(dip: float, turn_deg: float) -> None:
     gutter = gutter_of(9.0, dip, turn_deg)
     assert gutter is not None
     assert np.array_equal(gutter.right, blocks(9.0)[:, 0] > 450)
-    assert gutter.line[:, 0] == pytest.approx(450, abs=12 if dip else 45)
+    assert gutter.line[:, 0] == pytest.approx(450, abs=12)
     assert gutter.jump_rad == pytest.approx(np.deg2rad(turn_deg), abs=0.03)
 
 
-@pytest.mark.parametrize(("gap", "dip", "turn_deg"), [(3.0, 0.4, 20.0), (9.0, 0.0, 0.0), (4.5, 0.0, 20.0)])
-def test_columns_have_no_gutter_of_a_book(gap: float, dip: float, turn_deg: float) -> None:
+@pytest.mark.parametrize(("gap", "dip", "turn_deg"), [(3.0, 0.4, 20.0), (9.0, 0.0, 0.0), (9.0, 0.0, 20.0)])
+def test_a_narrow_gap_and_a_bright_one_are_no_gutter(gap: float, dip: float, turn_deg: float) -> None:
     assert gutter_of(gap, dip, turn_deg) is None

@@ -1,8 +1,11 @@
 """Refinement recovers a pose from flows and lines of known noise, and heeds what is known beforehand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from services.geometry.camera import PrincipalPointPrior
 from services.rectify.baselines import Baselines
 from services.rectify.planar import (
     FocalPrior,
@@ -264,3 +267,23 @@ def test_spacings_are_alike_within_the_tolerance() -> None:
         found = observe_lines(lines, plane.H_centred_page, p)
         assert len(found.paragraphs) == 2
         assert found.alike == []
+
+
+@pytest.mark.parametrize("view", POSES, ids=lambda view: f"pose{view.name}")
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_known_focal_length_shows_how_far_a_photo_was_cropped_along_an_axis(view: View, axis: int) -> None:
+    plane, rng = photograph_plane(view, float(np.radians(15))), np.random.default_rng(3)
+    offset = 0.15 * np.eye(2)[axis]
+    major, minor = plane.flow(0.0, 0.0, rng), plane.flow(np.pi / 2 - SLANT_RAD, 0.0, rng)
+    major, minor = replace(major, points=major.points + offset), replace(minor, points=minor.points + offset)
+    lines = plane.lines(0.05, rng)
+    lines = replace(lines, starts=lines.starts + offset, ends=lines.ends + offset)
+    points = estimate_vanishing_points(major, minor)
+    prior = focal_prior(plane.frame, plane.truth.focal_length_px, None)
+    deviations = (0.5, 1e-4) if axis == 0 else (1e-4, 0.5)
+    start = PrincipalPointPrior(deviations, (0.1 * offset[0], 0.1 * offset[1]))
+    found = refine_plane(
+        plane.wrong(0.5 * TURN_DEG, 1.0), prior, major, minor, points, lines, principal_point=start
+    )
+    assert np.abs(found.principal_point - offset).max() < 0.02
+    assert plane.error_deg(found.plane) < 0.4

@@ -210,6 +210,10 @@ def test_sides_that_are_known_and_a_sheet_that_is_seen_whole_are_not_cut_again(a
     assert (kept.width, kept.height) == (frame.width, frame.height)
 
 
+LARGE_PRINT_PX = 30.0
+"""Text height of print that needs no enlargement."""
+
+
 def steps(frame: FlatFrame, at: Points) -> Floats:
     """Photo pixels (N,) per pixel of the view."""
     a, b, c = (frame.to_photo(at + d) for d in np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
@@ -218,7 +222,7 @@ def steps(frame: FlatFrame, at: Points) -> Floats:
 
 def test_detail_that_a_larger_view_had_lost_comes_back() -> None:
     small = resize_frame(VIEW, 0.5)
-    found = restore_detail(small, 1600 * 2000, text())
+    found = restore_detail(small, 1600 * 2000, text(), LARGE_PRINT_PX)
     assert isinstance(found, FlatFrame)
     lost = steps(found, transform_points(np.linalg.inv(found.H_photo_flat), text()))
     assert np.percentile(lost, 95) < 1.1
@@ -231,11 +235,19 @@ def test_detail_that_a_larger_view_had_lost_comes_back() -> None:
 
 def test_a_view_grows_no_further_than_the_photo_and_never_shrinks() -> None:
     small = resize_frame(VIEW, 0.5)
-    bounded = restore_detail(small, 300 * 300, text())
+    bounded = restore_detail(small, 300 * 300, text(), LARGE_PRINT_PX)
     assert bounded is small or bounded.width * bounded.height < 1.7 * 300 * 300
     large = resize_frame(VIEW, 2.0)
-    assert restore_detail(large, 4000 * 4000, text()) is large
-    assert restore_detail(VIEW, 4000 * 4000, np.zeros((0, 2))) is VIEW
+    assert restore_detail(large, 4000 * 4000, text(), LARGE_PRINT_PX) is large
+    assert restore_detail(VIEW, 4000 * 4000, np.zeros((0, 2)), LARGE_PRINT_PX) is VIEW
+
+
+def test_small_print_gets_more_pixels_than_the_photo_has_of_it() -> None:
+    plain = restore_detail(VIEW, 1600 * 2000, text(), LARGE_PRINT_PX)
+    enlarged = restore_detail(VIEW, 1600 * 2000, text(), 15.0)
+    assert enlarged.width == pytest.approx(1.2 * plain.width, rel=0.05)
+    # Twice at most, however small it is.
+    assert restore_detail(VIEW, 1600 * 2000, text(), 2.0).width <= 2.0 * plain.width
 
 
 def test_what_lies_beyond_the_sheet_is_white() -> None:

@@ -1,5 +1,6 @@
 """Both pages of an opened book: in reading order, each flat, with one camera."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 
 from services.rectify.analysis import analyse_spread
 from services.rectify.parameters import RectifyParameters
-from services.rectify.spread import RectifiedPages, reading_order, rectify_spread
+from services.rectify.results import Notice
+from services.rectify.spread import RectifiedPages, reading_order, rectify_spread, turn_like, turn_result
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
 from simulation.scenes import View
@@ -89,3 +91,30 @@ def test_one_page_is_answered_as_one_with_a_word_on_it(album: Album) -> None:
 def test_reading_order_follows_the_lines(direction: tuple[float, float], expected: list[int]) -> None:
     places = [np.array([500.0, 100.0]), np.array([100.0, 300.0])]
     assert reading_order(places, np.array(direction)) == expected
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_a_turned_view_shows_the_same(turns: int) -> None:
+    result = flat_pages().pages[0]
+    turned = turn_result(result, turns)
+    assert turned.orientation.rotation_deg == 90 * turns
+    height, width = turned.image.shape[:2]
+    # The pixel at the middle of the right half shows what the mesh says of it.
+    old = np.rot90(result.image, -turns)
+    assert np.array_equal(turned.image[height // 2, 3 * width // 4], old[height // 2, 3 * width // 4])
+    corners = [result.mesh[0, 0], result.mesh[0, -1], result.mesh[-1, -1], result.mesh[-1, 0]]
+    assert np.array_equal(turned.mesh[0, 0], corners[-turns])
+    assert np.array_equal(turned.mesh[0, -1], corners[(1 - turns) % 4])
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_a_page_that_could_not_be_read_is_turned_like_the_other_one(turns: int) -> None:
+    left, right = flat_pages().pages
+    sure = replace(left, orientation=replace(left.orientation, confidence=0.9))
+    unread = replace(turn_result(right, turns), warnings=(Notice("orientation-unknown", "Not turned."),))
+    found = turn_like(unread, [sure, unread])
+    assert np.array_equal(found.mesh, right.mesh)
+    assert np.array_equal(found.image, right.image)
+    assert found.warnings == ()
+    # Nobody knows better: it stays.
+    assert turn_like(unread, [left, unread]) is unread

@@ -1,0 +1,277 @@
+"""The principal point of a photo that was cropped (6.2), where the page shows it.
+
+A camera's principal point is the middle of its photo; cropping moves the middle, not the point. A page tells of it:
+
+- A plane, by two vanishing points, tells one equation: the optical centre sees both at right angles,
+  (v_h - c) . (v_v - c) = -f^2. With f known beforehand (EXIF, the client), c lies on a circle through both axes of the
+  photo, so a photo that was cropped along one axis shows by how much. Which axis it was, the plane does not tell.
+- A bent sheet tells c along the direction in which its normals turn, and about f and c together across it.
+
+So the cropping is one of a few hypotheses: none, along x, along y, and, for a bent sheet under a known focal length,
+both. Each is fitted under a prior on the offset; what it costs together with how likely such a photo is decides. A
+photo as it was taken has one of a few aspect ratios, which tells hypotheses apart that the page alone does not.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from services.developable.fitting import SurfaceStart, fit_surface, free_gain, widen
+from services.developable.observations import PageObservations
+from services.developable.residuals import FittingParameters
+from services.geometry.camera import PrincipalPointPrior
+from services.rectify.baselines import detect_baselines
+from services.rectify.curved import CurvedPage, PageEvidence, page_hull
+from services.rectify.planar import (
+    FocalPrior,
+    PagePlane,
+    PhotoFrame,
+    estimate_plane,
+    estimate_vanishing_points,
+    typical_focal_prior,
+)
+from services.rectify.pose import (
+    PagePose,
+    PoseParameters,
+    flatten_ink,
+    is_plausible,
+    level_plane,
+    refine_pose,
+)
+from services.rectify.refinement import for_text, observe_lines, refine_plane
+from services.rectify.refinement import widen as widen_lines
+from services.texture_flow.field import FlowSamples
+
+Offset = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class PrincipalPointParameters:
+    """Costs are negative log likelihoods, as those of the fits (half the sum of squared residuals)."""
+
+    offset: float = 0.2
+    """Deviation of an offset in half diagonals; a quarter cut from one side moves the middle by 0.17."""
+    held: float = 1e-4
+    smallest: float = 0.06
+    largest: float = 0.4
+    """Offsets that are believed: a smaller one does no harm, and more than half of a photo is not cut away."""
+    line_spread: float = 1.0
+    """A bent sheet must leave its text lines as straight as they were traced: creased ones explain theirs by whatever
+    they are offered."""
+    starts: tuple[float, ...] = (-0.15, 0.15)
+    """Of a plane, whose equation has two roots."""
+    tension: float = 1.8
+    """A plane whose focal length is fewer deviations from what is known of it shows no cropping."""
+    score: float = 2.5
+    """A bent sheet is fitted anew where a free principal point promises to save so much."""
+    one_axis: float = 2.5
+    both_axes: float = 8.5
+    """Most photos are not cropped, and few of those that are lose a corner."""
+    uncut_print: float = 1.5
+    border: float = 1.5
+    border_characters: int = 3
+    """Where a photo was cut, print often runs up to its border: to so many text heights, with so many characters."""
+    gain_share: float = 0.08
+    gain_share_odd: float = 0.03
+    gain_share_assumed: float = 0.2
+    """What a bent sheet must save at least, as a share of its cost: sheets and lenses are not quite what the fit
+    assumes, and where the focal length is not known more can be explained away. Less is asked for where the photo's
+    aspect ratio is none that cameras have."""
+    aspects: tuple[tuple[float, float], ...] = ((4 / 3, 0.0), (3 / 2, 0.7), (16 / 9, 0.7))
+    """Of the photos that cameras take, with their costs."""
+    aspect_deviation: float = 0.04
+    other_aspect: float = 4.0
+    usual_aspect: float = 1.45
+    other_aspect_deviation: float = 0.2
+    """Of the logarithm; other aspects are rare, and long ones rarer still."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovedEvidence:
+    """The evidence relative to the principal point that the page shows, and what is known of the focal length then."""
+
+    evidence: PageEvidence
+    prior: FocalPrior
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """What a hypothesis comes to: the principal point's offset, the fit's cost, and a start for a bent sheet."""
+
+    offset: Offset
+    cost: float
+    start: SurfaceStart | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fitting:
+    """How hypotheses are fitted (without a prior on the principal point it is the middle), and from which offsets."""
+
+    fit: Callable[[PrincipalPointPrior | None], _Fit]
+    along_x: tuple[float, ...] = (0.0,)
+    along_y: tuple[float, ...] = (0.0,)
+    both: bool = False
+    share: float = 0.0
+    """Of the middle's cost, what must be saved at least."""
+
+
+def find_principal_point(
+    evidence: PageEvidence,
+    prior: FocalPrior,
+    shape: object,
+    parameters: PrincipalPointParameters | None = None,
+) -> MovedEvidence | None:
+    """Where the principal point is, when the page speaks clearly against the photo's middle.
+
+    The offset is looked for from the middle, wherever the principal point of the `evidence` lies.
+
+    `shape` is what was fitted under the middle. None where the middle explains the page, or the page cannot tell.
+    """
+    p = parameters or PrincipalPointParameters()
+    doubted = evidence.view.principal_point_px is not None
+    if doubted:
+        # The sides of the sheet have moved it to the nearest place that explains them; the text tells more.
+        evidence = _seen_from_middle(evidence)
+    fitting: _Fitting | None = None
+    if isinstance(shape, CurvedPage) and shape.fitted is not None and not doubted:
+        fitting = _sheet_fitting(evidence, prior, shape, p)
+    elif isinstance(shape, PagePose) and prior.source != "assumed":
+        doubted = doubted or is_odd(evidence.view, p)
+        fitting = _plane_fitting(evidence, prior, p) if doubted or shape.focal_tension > p.tension else None
+    found = None if fitting is None else _choose(fitting, evidence, prior, p)
+    if found is None:
+        return None
+    return MovedEvidence(
+        _relative_to(found.offset, evidence, found.start), prior_at(prior, evidence.view, found.offset)
+    )
+
+
+def _choose(
+    fitting: _Fitting, e: PageEvidence, prior: FocalPrior, p: PrincipalPointParameters
+) -> _Fit | None:
+    """The hypothesis that costs least, None when that is the photo's middle."""
+    view = e.view
+    half = (0.5 * view.width / view.unit_px, 0.5 * view.height / view.unit_px) if prior.of_diagonal else None
+    free, held = p.offset, p.held
+    cut = cut_sides(e, p)
+    hypotheses = [((free, held), (start, 0.0), p.one_axis) for start in fitting.along_x]
+    hypotheses += [((held, free), (0.0, start), p.one_axis) for start in fitting.along_y]
+    if fitting.both:
+        hypotheses.append(((free, free), (0.0, 0.0), p.both_axes))
+    centre = fitting.fit(None)
+    bound = centre.cost * (1 - fitting.share)
+    best, least = None, centre.cost + aspect_cost(view, (0.0, 0.0), p)
+    for deviations, start, rarity in hypotheses:
+        fit = fitting.fit(PrincipalPointPrior(deviations, start, half))
+        side = max(zip(np.abs(fit.offset), np.sign(fit.offset), "xy", strict=True))[1:]
+        unlikely = rarity + (0.0 if side in cut else p.uncut_print)
+        cost = fit.cost + unlikely + aspect_cost(view, fit.offset, p)
+        if fit.cost < bound and cost < least and p.smallest < max(map(abs, fit.offset)) < p.largest:
+            best, least = fit, cost
+    return best
+
+
+def cut_sides(e: PageEvidence, p: PrincipalPointParameters) -> set[tuple[float, str]]:
+    """The sides of the photo that print runs up to, as sign and name of the axis that leads to them."""
+    view, height = e.view, e.analysis.text_height_px
+    size = np.array([view.width, view.height], float)
+    gaps = {-1.0: e.analysis.characters, 1.0: size - 1 - e.analysis.characters}
+    return {
+        (sign, axis)
+        for sign, gap in gaps.items()
+        for k, axis in enumerate("xy")
+        if np.count_nonzero(gap[:, k] < p.border * height) >= p.border_characters
+    }
+
+
+def original_size(view: PhotoFrame, offset: Offset) -> tuple[float, float]:
+    """Width and height of the photo before it was cropped on one side of each axis, in pixels."""
+    return view.width + 2 * abs(offset[0]) * view.unit_px, view.height + 2 * abs(offset[1]) * view.unit_px
+
+
+def prior_at(prior: FocalPrior, view: PhotoFrame, offset: Offset) -> FocalPrior:
+    """What is known of the focal length when the principal point lies at `offset`."""
+    if not prior.of_diagonal:
+        return prior
+    growth = float(np.hypot(*original_size(view, offset))) / (2 * view.unit_px)
+    return replace(prior, log_focal=prior.log_focal + float(np.log(growth)))
+
+
+def aspect_cost(view: PhotoFrame, offset: Offset, p: PrincipalPointParameters) -> float:
+    """How unusual the aspect ratio of the photo would be before it was cropped."""
+    long, short = sorted(original_size(view, offset), reverse=True)
+    aspect = float(np.log(long / short))
+    usual = min(
+        0.5 * ((aspect - float(np.log(ratio))) / p.aspect_deviation) ** 2 + cost for ratio, cost in p.aspects
+    )
+    off = (aspect - float(np.log(p.usual_aspect))) / p.other_aspect_deviation
+    return min(usual, p.other_aspect + 0.5 * off**2)
+
+
+def is_odd(view: PhotoFrame, p: PrincipalPointParameters) -> bool:
+    """Whether the photo's own aspect ratio speaks for cropping."""
+    return aspect_cost(view, (0.0, 0.0), p) > p.one_axis
+
+
+def _sheet_fitting(
+    e: PageEvidence, prior: FocalPrior, page: CurvedPage, p: PrincipalPointParameters
+) -> _Fitting | None:
+    """Fits of the bent sheet from the one at hand; None where a free principal point would save too little."""
+    fitted = page.fitted
+    assert fitted is not None
+    if fitted.line_spread > p.line_spread:
+        return None
+    parameters = widen(FittingParameters(hard_flows=True), fitted)
+    middle = PageObservations(
+        e.major, e.minor, page.lines, page_hull(e.characters), prior.log_focal, prior.deviation
+    )
+    anywhere = replace(middle, principal_point=PrincipalPointPrior((p.offset, p.offset)))
+    if max(free_gain(fitted.start, anywhere, parameters)) < p.score:
+        return None
+
+    def fit(principal_point: PrincipalPointPrior | None) -> _Fit:
+        found = fit_surface(fitted.start, replace(middle, principal_point=principal_point), parameters)
+        return _Fit(found.principal_point, found.cost, found.start)
+
+    known = prior.source != "assumed"
+    share = p.gain_share_odd if is_odd(e.view, p) else p.gain_share
+    return _Fitting(fit, both=known, share=share if known else p.gain_share_assumed)
+
+
+def _plane_fitting(e: PageEvidence, prior: FocalPrior, p: PrincipalPointParameters) -> _Fitting:
+    """Fits of the plane to flows and text lines, as these are traced where the focal length is free."""
+    pose, typical = PoseParameters(), typical_focal_prior()
+    start = estimate_plane(e.vanishing_points, typical)
+    if not is_plausible(start, e.characters, pose):
+        start = level_plane(e.major, typical)
+    traced = refine_pose(e.analysis, e.view, typical, e.major, e.minor, e.vanishing_points, start, pose)
+    parameters = widen_lines(for_text(e.analysis.text_height_px), traced.spreads)
+    ink, H_centred_flat = flatten_ink(e.analysis, e.view, traced.plane)
+    lines = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
+
+    def fit(principal_point: PrincipalPointPrior | None) -> _Fit:
+        plane = PagePlane(traced.plane.rotation, float(np.exp(prior.log_focal)))
+        found = refine_plane(
+            plane, prior, e.major, e.minor, e.vanishing_points, lines, parameters, None, principal_point
+        )
+        return _Fit(found.principal_point, found.cost)
+
+    return _Fitting(fit, p.starts, p.starts)
+
+
+def _seen_from_middle(e: PageEvidence) -> PageEvidence:
+    """The evidence relative to the photo's middle."""
+    middle = PhotoFrame(e.view.width, e.view.height)
+    x, y = ((np.array(middle.centre) - e.view.centre) / e.view.unit_px).tolist()
+    return _relative_to((x, y), e)
+
+
+def _relative_to(offset: Offset, e: PageEvidence, start: SurfaceStart | None = None) -> PageEvidence:
+    """All evidence relative to a principal point at `offset`."""
+
+    def shift(flow: FlowSamples) -> FlowSamples:
+        return FlowSamples(flow.points - offset, flow.angles, flow.weights)
+
+    view, major, minor = e.view.moved(offset), shift(e.major), shift(e.minor)
+    return PageEvidence(e.analysis, view, major, minor, estimate_vanishing_points(major, minor), start)

@@ -1,0 +1,118 @@
+"""A cropped photo shows where its middle was; one that was not cropped keeps it."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.rectify.analysis import analyse_photo
+from services.rectify.curved import PageEvidence
+from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
+from services.rectify.pose import PagePose, choose_pose
+from services.rectify.principal_point import (
+    PrincipalPointParameters,
+    aspect_cost,
+    cut_sides,
+    find_principal_point,
+    original_size,
+    prior_at,
+)
+from simulation.pages import own_pages
+from simulation.photo import SimulatedPhoto
+from simulation.scenes import POSES, photograph
+
+P = PrincipalPointParameters()
+CROPS = {"left": (0.25, 0.0, 0.0), "below": (0.0, 0.0, 0.2)}
+"""Shares of the width cut from the left and from the right, of the height from below."""
+
+
+@lru_cache(maxsize=1)
+def photo() -> SimulatedPhoto:
+    """A page of text, 840 x 1080 px."""
+    return photograph(own_pages(640, 1000)[0], POSES[0], 0.0, size=(840, 1080))
+
+
+@lru_cache(maxsize=3)
+def evidence_of(crop: tuple[float, float, float]) -> tuple[PageEvidence, np.ndarray]:
+    """What a part of the photo shows, and the offset of the true principal point from its middle, in pixels."""
+    image = photo().image
+    height, width = image.shape[:2]
+    left, right, foot = round(crop[0] * width), round(crop[1] * width), round(crop[2] * height)
+    part = np.ascontiguousarray(image[: height - foot, left : width - right])
+    view, analysis = PhotoFrame(part.shape[1], part.shape[0]), analyse_photo(part)
+    assert analysis.minor is not None
+    major, minor = view.to_centred(analysis.major), view.to_centred(analysis.minor)
+    points = estimate_vanishing_points(major, minor)
+    true = photo().truth.camera.principal_point - [left, 0] - view.centre
+    return PageEvidence(analysis, view, major, minor, points), true
+
+
+def pose_of(e: PageEvidence, prior: FocalPrior) -> PagePose:
+    """The plane under the photo's middle."""
+    return choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, "planar")
+
+
+def test_a_plane_shows_how_much_was_cut_from_a_side() -> None:
+    e, true = evidence_of(CROPS["left"])
+    prior = focal_prior(e.view, None, photo().truth.focal_length_px)
+    moved = find_principal_point(e, prior, pose_of(e, prior))
+    assert moved is not None
+    found = np.array(moved.evidence.view.centre) - e.view.centre
+    assert np.abs(found - true).max() < 0.2 * np.abs(true).max()
+    # The text is where it was in the photo.
+    again, view = moved.evidence.major.points, moved.evidence.view
+    np.testing.assert_allclose(again * view.unit_px + view.centre, e.analysis.major.points)
+
+
+def test_the_focal_length_may_be_known_as_a_share_of_the_diagonal() -> None:
+    e, true = evidence_of(CROPS["left"])
+    whole = np.hypot(photo().truth.camera.width, photo().truth.camera.height)
+    share = photo().truth.focal_length_px / whole * 2 * e.view.unit_px
+    prior = replace(focal_prior(e.view, None, share), of_diagonal=True)
+    moved = find_principal_point(e, prior, pose_of(e, prior))
+    assert moved is not None
+    assert (
+        np.abs(np.array(moved.evidence.view.centre) - e.view.centre - true).max() < 0.2 * np.abs(true).max()
+    )
+    known = np.exp(moved.prior.log_focal) * e.view.unit_px
+    assert known == pytest.approx(photo().truth.focal_length_px, rel=0.03)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_whole_photo_keeps_its_middle(known: bool) -> None:
+    e, _ = evidence_of((0.0, 0.0, 0.0))
+    prior = focal_prior(e.view, photo().truth.focal_length_px if known else None, None)
+    assert find_principal_point(e, prior, pose_of(e, prior)) is None
+
+
+def test_a_plane_without_known_focal_length_tells_nothing() -> None:
+    e, _ = evidence_of(CROPS["left"])
+    prior = focal_prior(e.view, None, None)
+    assert find_principal_point(e, prior, pose_of(e, prior)) is None
+
+
+def test_print_runs_up_to_the_side_that_was_cut() -> None:
+    assert cut_sides(evidence_of(CROPS["left"])[0], P) == {(-1.0, "x")}
+    assert cut_sides(evidence_of(CROPS["below"])[0], P) == {(1.0, "y")}
+    assert cut_sides(evidence_of((0.0, 0.0, 0.0))[0], P) == set()
+
+
+@given(st.sampled_from([4 / 3, 3 / 2, 16 / 9]), st.floats(0.1, 0.5), st.sampled_from([-1, 1]))
+def test_a_camera_s_photo_costs_least_and_a_cropped_one_costs_as_the_original(
+    aspect: float, share: float, sign: int
+) -> None:
+    whole, part = (
+        PhotoFrame(3000, round(3000 * aspect)),
+        PhotoFrame(round(3000 * (1 - share)), round(3000 * aspect)),
+    )
+    offset = (sign * 0.5 * (whole.width - part.width) / part.unit_px, 0.0)
+    assert original_size(part, offset) == pytest.approx((whole.width, whole.height))
+    assert aspect_cost(part, offset, P) == pytest.approx(aspect_cost(whole, (0.0, 0.0), P), abs=1e-6)
+    assert aspect_cost(whole, (0.0, 0.0), P) < 1.0 < aspect_cost(PhotoFrame(3000, 3050), (0.0, 0.0), P)
+    prior = FocalPrior(0.1, 0.03, "exif", True)
+    moved = prior_at(prior, part, offset)
+    assert np.exp(moved.log_focal) * part.unit_px / whole.unit_px == pytest.approx(np.exp(0.1))
+    assert prior_at(replace(prior, of_diagonal=False), part, offset).log_focal == 0.1

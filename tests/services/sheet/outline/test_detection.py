@@ -1,0 +1,146 @@
+"""The outline of a sheet, on photos whose sheet is known."""
+
+import cv2
+import numpy as np
+import pytest
+
+from services.arrays import Points
+from services.sheet.outline.detection import find_outline
+from services.sheet.outline.results import SheetOutline
+from tests.services.sheet.outline.drawn import distances, draw_sheet, sides_of
+
+SIZE = (660, 820)
+CORNERS = np.array([[92.3, 71.6], [571.8, 98.2], [604.4, 741.7], [61.1, 722.9]])
+
+
+def _errors(outline: SheetOutline | None, truth: Points, corners: Points) -> tuple[float, float]:
+    """95th percentile of the points' distances from the true outline, and the worst corner's; pixels."""
+    assert outline is not None
+    points = np.concatenate([side.points for side in outline.sides])
+    return (
+        float(np.percentile(distances(points, truth), 95)),
+        float(np.linalg.norm(outline.corners - corners, axis=1).max()),
+    )
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.06, -0.05])
+def test_straight_and_bent_sides_are_found_to_a_fraction_of_a_pixel(bend: float) -> None:
+    truth = sides_of(CORNERS, bend)
+    outline = find_outline(draw_sheet(truth, SIZE))
+    side, corner = _errors(outline, truth, CORNERS)
+    assert side < 0.35
+    assert corner < 0.8
+    assert outline is not None
+    assert outline.confidence > 0.9
+    assert min(s.seen for s in outline.sides) > 0.95
+    straightness = [s.straightness_px for s in outline.sides]
+    assert straightness[1] < 0.3
+    assert (straightness[0] > 3.0) == (bend != 0)
+
+
+@pytest.mark.parametrize("ground", [(214, 212, 206), (18, 17, 20), (150, 30, 28)])
+def test_light_dark_and_coloured_grounds(ground: tuple[int, int, int]) -> None:
+    truth = sides_of(CORNERS, 0.02)
+    side, corner = _errors(find_outline(draw_sheet(truth, SIZE, ground=ground)), truth, CORNERS)
+    assert side < 0.5
+    assert corner < 1.2
+
+
+def test_deviations_are_of_the_errors_size() -> None:
+    truth = sides_of(CORNERS, 0.03)
+    outline = find_outline(draw_sheet(truth, SIZE, noise=6.0))
+    assert outline is not None
+    ratio = np.concatenate([distances(s.points, truth) / s.deviations for s in outline.sides])
+    assert 0.2 < np.median(ratio) / 0.6745 < 4.0
+
+
+def test_a_frame_printed_on_the_page_is_not_the_sheet() -> None:
+    photo = draw_sheet(sides_of(CORNERS), SIZE)
+    inner = CORNERS.mean(axis=0) + 0.8 * (CORNERS - CORNERS.mean(axis=0))
+    cv2.polylines(photo, [np.round(inner).astype(np.int32)], True, (20, 20, 30), 4, cv2.LINE_AA)
+    side, corner = _errors(find_outline(photo), sides_of(CORNERS), CORNERS)
+    assert side < 0.5
+    assert corner < 1.0
+
+
+def test_a_heading_on_a_ground_of_its_own_belongs_to_the_sheet() -> None:
+    photo = draw_sheet(sides_of(CORNERS), SIZE)
+    share = 0.12
+    bar = np.array(
+        [
+            CORNERS[0],
+            CORNERS[1],
+            CORNERS[1] + share * (CORNERS[2] - CORNERS[1]),
+            CORNERS[0] + share * (CORNERS[3] - CORNERS[0]),
+        ]
+    )
+    cv2.fillPoly(photo, [np.round(bar).astype(np.int32)], (28, 46, 110), cv2.LINE_AA)
+    _, corner = _errors(find_outline(photo), sides_of(CORNERS), CORNERS)
+    assert corner < 2.5
+
+
+def test_fingers_leave_a_gap_and_the_side_goes_on() -> None:
+    photo = draw_sheet(sides_of(CORNERS), SIZE)
+    thumb = np.round(0.5 * (CORNERS[1] + CORNERS[2])).astype(int)
+    cv2.ellipse(photo, (int(thumb[0]), int(thumb[1])), (60, 26), 0, 0, 360, (196, 150, 128), -1, cv2.LINE_AA)
+    outline = find_outline(photo)
+    side, corner = _errors(outline, sides_of(CORNERS), CORNERS)
+    assert corner < 1.2
+    assert side < 4.0
+
+
+def test_a_corner_out_of_view_is_unknown_and_its_sides_are_partly_seen() -> None:
+    corners = CORNERS + np.array([130.0, 0.0])
+    outline = find_outline(draw_sheet(sides_of(corners), SIZE))
+    assert outline is not None
+    assert np.isnan(outline.corners).any(axis=1).tolist() == [False, True, True, False]
+    known = np.isfinite(outline.corners[:, 0])
+    assert np.linalg.norm(outline.corners[known] - corners[known], axis=1).max() < 1.5
+    points = np.concatenate([s.points for s in outline.sides])
+    assert np.percentile(distances(points, sides_of(corners)), 95) < 1.0
+    assert outline.polygon.min() >= 0
+    assert (outline.polygon.max(axis=0) <= np.array(SIZE) - 1).all()
+
+
+def test_black_bands_beside_the_photo_are_no_ground() -> None:
+    photo = draw_sheet(sides_of(CORNERS), SIZE)
+    wide = cv2.copyMakeBorder(photo, 0, 0, 70, 70, cv2.BORDER_CONSTANT, value=(0, 0, 0))
+    moved = CORNERS + np.array([70.0, 0.0])
+    side, corner = _errors(find_outline(wide), sides_of(moved), moved)
+    assert side < 0.5
+    assert corner < 1.0
+
+
+def test_no_outline_where_no_sheet_ends() -> None:
+    rng = np.random.default_rng(4)
+    paper = np.full((820, 660, 3), 226.0) + rng.normal(0, 3, (820, 660, 3))
+    paper -= np.linspace(0, 60, 660)[None, :, None]
+    photo = np.asarray(np.clip(paper, 0, 255), np.uint8)
+    for row in range(80, 760, 24):
+        cv2.putText(photo, "lorem ipsum dolor sit amet", (60, row), 0, 0.9, (40, 40, 50), 2, cv2.LINE_AA)
+    assert find_outline(photo) is None
+    noise = np.asarray(rng.integers(0, 255, (300, 400, 3)), np.uint8)
+    assert find_outline(noise) is None
+    assert find_outline(np.zeros((40, 40, 3), np.uint8)) is None
+
+
+def test_a_turned_photo_has_the_turned_outline() -> None:
+    photo = draw_sheet(sides_of(CORNERS, 0.03), SIZE)
+    outline = find_outline(photo)
+    turned = find_outline(np.ascontiguousarray(photo[::-1, ::-1]))
+    assert outline is not None
+    assert turned is not None
+    back = np.array(SIZE) - 1 - turned.corners
+    assert np.abs(np.roll(back, 2, axis=0) - outline.corners).max() < 0.7
+
+
+def test_print_on_the_desk_does_not_mislead() -> None:
+    photo = draw_sheet(sides_of(CORNERS), SIZE)
+    rng = np.random.default_rng(5)
+    print_points = CORNERS.min(axis=0) + 90 + rng.random((120, 2)) * [250, 400]
+    false_points = rng.random((60, 2)) * SIZE
+    side, corner = _errors(
+        find_outline(photo, np.concatenate([print_points, false_points]), 8.0), sides_of(CORNERS), CORNERS
+    )
+    assert side < 0.5
+    assert corner < 1.0
