@@ -44,6 +44,8 @@ class RidgedPageParameters:
     """Share of a side's points, nearest to a corner that is not seen, whose line leads to it."""
     beyond: float = 0.3
     """A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
+    max_skew_rad: float = float(np.deg2rad(4.0))
+    """Of the print against its sheet: beyond, the sheet's sides say nothing of the lines' directions."""
     parallel: float = 0.1
     """Sine of the angle between two sides below which they do not meet in a corner."""
     max_stretch: float = 0.02
@@ -153,6 +155,17 @@ def sides_bend(outline: SheetOutline) -> float:
     return max(side.straightness_px for side in outline.sides) / size
 
 
+def print_skew(mesh: SheetMesh, major: FlowSamples) -> float:
+    """Median angle (rad) of the text lines from the sheet's top and bottom sides, in the flat view of `mesh`."""
+    J = mesh.jacobians(major.points)
+    known = np.isfinite(J).all(axis=(1, 2))
+    if not known.any():
+        return 0.0
+    way = np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1)
+    u, v = np.einsum("nij,nj->in", J[known], way[known])
+    return float(np.median((np.arctan2(v, u) + np.pi / 2) % np.pi - np.pi / 2))
+
+
 def estimate_ridged_page(
     outline: SheetOutline,
     view: PhotoFrame,
@@ -160,6 +173,7 @@ def estimate_ridged_page(
     direction_rad: float,
     trace: Callable[[PageMap], LineObservations] | None,
     strokes: FlowSamples | None,
+    major: FlowSamples | None = None,
     parameters: RidgedPageParameters | None = None,
 ) -> RidgedPage | NoRidgedPage:
     """The creased sheet with this `outline`, or why there is none.
@@ -170,8 +184,8 @@ def estimate_ridged_page(
         Direction of the text lines in the photo; which side is the top up to a half turn.
     trace
         Gives the text lines as they are seen in the flat view of a map; None where there is no text.
-    strokes
-        Minor flow in centred coordinates.
+    strokes, major
+        Minor and major flow in centred coordinates.
     """
     p = parameters or RidgedPageParameters()
     whole = complete_corners(outline, p)
@@ -195,6 +209,8 @@ def estimate_ridged_page(
     )
     if start is None:
         return NoRidgedPage("its corners are not those of a rectangle before a camera")
+    if major is not None and abs(print_skew(start, major)) > p.max_skew_rad:
+        return NoRidgedPage("its print stands askew on it")
     mesh, lines, waviness = start, NO_LINES, float("inf")
     for number in range(p.rounds if trace is not None else 1):
         lines = NO_LINES if trace is None else trace(mesh)

@@ -86,7 +86,13 @@ def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> Ri
     double = 2 * e.major.angles
     direction = 0.5 * float(np.arctan2(e.major.weights @ np.sin(double), e.major.weights @ np.cos(double)))
     return estimate_ridged_page(
-        outline, e.view, prior, direction, lambda page: trace_by_profiles(e.analysis, e.view, page), e.strokes
+        outline,
+        e.view,
+        prior,
+        direction,
+        lambda page: trace_by_profiles(e.analysis, e.view, page),
+        e.strokes,
+        e.major,
     )
 
 
