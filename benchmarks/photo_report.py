@@ -85,7 +85,7 @@ class PhotoFigures:
 def format_photos(photos: Sequence[PhotoFigures]) -> str:
     """One line a photo and method; CER, CRS and WRR where the text is known, else characters surely read."""
     lines = [
-        f"{'photo':<34}{'image':<12}{'size':>11}{'CER':>7}{'CRS %':>7}{'WRR %':>7}{'sure ch.':>9}"
+        f"{'photo':<46}{'image':<12}{'size':>11}{'CER':>7}{'CRS %':>7}{'WRR %':>7}{'sure ch.':>9}"
         f"{'CPU s':>7}{'MB':>6}  answer"
     ]
     for photo in photos:
@@ -93,7 +93,7 @@ def format_photos(photos: Sequence[PhotoFigures]) -> str:
             figures, used = photo.images.get(method), photo.usage.get(method)
             if figures is None and used is None:
                 continue
-            line = f"{f'{photo.name} ({photo.kind})' if method == 'photo' else '':<34}{method:<12}"
+            line = f"{f'{photo.name} ({photo.kind})' if method == 'photo' else '':<46}{method:<12}"
             line += _figures_line(figures) if figures else f"{'-':>11}{'-':>7}{'-':>7}{'-':>7}{'-':>9}"
             line += f"{used.cpu_s:>7.2f}{used.peak_mb:>6.0f}" if used else " " * 13
             notes = [photo.answers.get(method, ""), *(photo.warnings if method == "rectified" else ())]

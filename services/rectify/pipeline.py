@@ -21,6 +21,7 @@ from services.rectify.framing import TEXT_FRAMING, FlatFrame, frame_page, mesh_o
 from services.rectify.orientation import estimate_orientation
 from services.rectify.outline_plane import read_sides
 from services.rectify.parameters import Crop, RectifyParameters
+from services.rectify.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.planar import (
     FlowVanishingPoints,
     FocalPrior,
@@ -242,6 +243,9 @@ def shape_page(
         When most of its ink is no text, and no sheet's edges show its shape either.
     """
     with clock.stage("shape"):
+        if outline is not None:
+            cut = find_cut_borders(analysis, view.width, view.height)
+            outline = leave_out_borders(outline, cut, view.width, view.height)
         sheet = read_sides(outline, view, prior)
         view = view if sheet is None else sheet.view
         major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)

@@ -23,6 +23,7 @@ from services.developable.residuals import FittingParameters
 from services.geometry.camera import PrincipalPointPrior
 from services.rectify.baselines import detect_baselines
 from services.rectify.curved import CurvedPage, PageEvidence, page_hull
+from services.rectify.photo_border import find_cut_borders
 from services.rectify.planar import (
     FocalPrior,
     PagePlane,
@@ -69,9 +70,7 @@ class PrincipalPointParameters:
     both_axes: float = 8.5
     """Most photos are not cropped, and few of those that are lose a corner."""
     uncut_print: float = 1.5
-    border: float = 1.5
-    border_characters: int = 3
-    """Where a photo was cut, print often runs up to its border: to so many text heights, with so many characters."""
+    """Where a photo was cut, print often runs up to its border."""
     gain_share: float = 0.08
     gain_share_odd: float = 0.03
     gain_share_assumed: float = 0.2
@@ -154,7 +153,7 @@ def _choose(
     view = e.view
     half = (0.5 * view.width / view.unit_px, 0.5 * view.height / view.unit_px) if prior.of_diagonal else None
     free, held = p.offset, p.held
-    cut = cut_sides(e, p)
+    cut = find_cut_borders(e.analysis, view.width, view.height)
     hypotheses = [((free, held), (start, 0.0), p.one_axis) for start in fitting.along_x]
     hypotheses += [((held, free), (0.0, start), p.one_axis) for start in fitting.along_y]
     if fitting.both:
@@ -164,25 +163,17 @@ def _choose(
     best, least = None, centre.cost + aspect_cost(view, (0.0, 0.0), p)
     for deviations, start, rarity in hypotheses:
         fit = fitting.fit(PrincipalPointPrior(deviations, start, half))
-        side = max(zip(np.abs(fit.offset), np.sign(fit.offset), "xy", strict=True))[1:]
-        unlikely = rarity + (0.0 if side in cut else p.uncut_print)
+        unlikely = rarity + (0.0 if cut_border(fit.offset) in cut else p.uncut_print)
         cost = fit.cost + unlikely + aspect_cost(view, fit.offset, p)
         if fit.cost < bound and cost < least and p.smallest < max(map(abs, fit.offset)) < p.largest:
             best, least = fit, cost
     return best
 
 
-def cut_sides(e: PageEvidence, p: PrincipalPointParameters) -> set[tuple[float, str]]:
-    """The sides of the photo that print runs up to, as sign and name of the axis that leads to them."""
-    view, height = e.view, e.analysis.text_height_px
-    size = np.array([view.width, view.height], float)
-    gaps = {-1.0: e.analysis.characters, 1.0: size - 1 - e.analysis.characters}
-    return {
-        (sign, axis)
-        for sign, gap in gaps.items()
-        for k, axis in enumerate("xy")
-        if np.count_nonzero(gap[:, k] < p.border * height) >= p.border_characters
-    }
+def cut_border(offset: Offset) -> str:
+    """The border of the photo at which most was cut off when the principal point lies at `offset`."""
+    x, y = offset
+    return ("left" if x < 0 else "right") if abs(x) > abs(y) else ("top" if y < 0 else "bottom")
 
 
 def original_size(view: PhotoFrame, offset: Offset) -> tuple[float, float]:

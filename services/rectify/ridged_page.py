@@ -47,6 +47,8 @@ class RidgedPageParameters:
     """Share of a side's points, nearest to a corner that is not seen, whose line leads to it."""
     beyond: float = 0.3
     """A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
+    max_skew_rad: float = float(np.deg2rad(4.0))
+    """Of the print against its sheet: beyond, the sheet's sides say nothing of the lines' directions."""
     parallel: float = 0.1
     """Sine of the angle between two sides below which they do not meet in a corner."""
     max_stretch: float = 0.02
@@ -155,6 +157,34 @@ def sides_bend(outline: SheetOutline) -> float:
     return max(side.straightness_px for side in outline.sides) / size
 
 
+def sides_crease(outline: SheetOutline, order: int = 4) -> float:
+    """The largest RMS distance of a side from a polynomial over its chord, as a share of the sheet's size.
+
+    A sheet that is bent without creases has smooth sides; a crease that runs to a side leaves a kink in it.
+    """
+    size = float(np.sqrt(np.prod(np.ptp(outline.polygon, axis=0))))
+    worst = 0.0
+    for side in outline.sides:
+        if len(side.points) > 3 * order:
+            middle = side.points.mean(axis=0)
+            along, across = ((side.points - middle) @ np.linalg.svd(side.points - middle)[2].T).T
+            curve = np.polynomial.Chebyshev.fit(along, across, order)
+            rest = np.sort(np.abs(across - curve(along)))
+            worst = max(worst, float(np.sqrt(np.mean(rest[: int(0.95 * len(rest))] ** 2))))
+    return worst / size
+
+
+def print_skew(mesh: SheetMesh, major: FlowSamples) -> float:
+    """Median angle (rad) of the text lines from the sheet's top and bottom sides, in the flat view of `mesh`."""
+    J = mesh.jacobians(major.points)
+    known = np.isfinite(J).all(axis=(1, 2))
+    if not known.any():
+        return 0.0
+    way = np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1)
+    u, v = np.einsum("nij,nj->in", J[known], way[known])
+    return float(np.median((np.arctan2(v, u) + np.pi / 2) % np.pi - np.pi / 2))
+
+
 def estimate_ridged_page(
     outline: SheetOutline,
     view: PhotoFrame,
@@ -162,6 +192,7 @@ def estimate_ridged_page(
     direction_rad: float,
     trace: Callable[[PageMap], LineObservations] | None,
     strokes: FlowSamples | None,
+    major: FlowSamples | None = None,
     parameters: RidgedPageParameters | None = None,
 ) -> RidgedPage | NoRidgedPage:
     """The creased sheet with this `outline`, or why there is none.
@@ -172,8 +203,8 @@ def estimate_ridged_page(
         Direction of the text lines in the photo; which side is the top up to a half turn.
     trace
         Gives the text lines as they are seen in the flat view of a map; None where there is no text.
-    strokes
-        Minor flow in centred coordinates.
+    strokes, major
+        Minor and major flow in centred coordinates.
     """
     p = parameters or RidgedPageParameters()
     whole = complete_corners(outline, p)
@@ -197,6 +228,8 @@ def estimate_ridged_page(
     )
     if start is None:
         return NoRidgedPage("its corners are not those of a rectangle before a camera")
+    if major is not None and abs(print_skew(start, major)) > p.max_skew_rad:
+        return NoRidgedPage("its print stands askew on it")
     mesh, lines, waviness = start, NO_LINES, float("inf")
     for number in range(p.rounds if trace is not None else 1):
         lines = NO_LINES if trace is None else trace(mesh)

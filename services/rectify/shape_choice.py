@@ -9,7 +9,7 @@ from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_
 from services.rectify.line_tracing import line_deviation
 from services.rectify.outline_plane import SheetSides
 from services.rectify.parameters import PageKind
-from services.rectify.planar import FocalPrior
+from services.rectify.planar import FocalPrior, PhotoFrame
 from services.rectify.pose import PagePose, choose_pose
 from services.rectify.results import Notice
 from services.rectify.ridged_page import (
@@ -17,6 +17,7 @@ from services.rectify.ridged_page import (
     RidgedPage,
     estimate_ridged_page,
     sides_bend,
+    sides_crease,
     trace_by_profiles,
 )
 from services.rectify.surface_test import discriminate_surface
@@ -28,6 +29,10 @@ STRAIGHT = 0.04
 """RMS waviness of text lines, in text heights, up to which flat pages show it; nobody sees it."""
 STRAIGHT_SIDE = 0.003
 """RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
+SMOOTH_SIDE = 0.001
+"""RMS distance of a side from a smooth curve, as a share of the sheet's size, up to which it has no kinks."""
+FLAT_SIDE = 0.008
+"""RMS bend of a side on the flat page, as a share of its length, up to which a smooth surface explains it."""
 CURVED_GAIN = 0.7
 """A bent sheet must bring the waviness below this share of the plane's."""
 FLOW_GAIN = 0.4
@@ -44,8 +49,8 @@ def choose_shape(
     """The gentlest shape that the evidence supports: a plane, unless a bent or creased sheet explains more.
 
     These are tried when the flows do not converge (3.2.2), or the plane leaves the text lines or the sheet's sides
-    bent, and taken when they leave them clearly straighter. The mesh stands on the sheet's sides, so it is tried
-    where these are seen; the smooth surface where they are not.
+    bent, and taken when they leave them clearly straighter. The mesh stands on the sheet's sides: it is tried where
+    these are seen and kinked, or where the smooth surface leaves them bent.
     """
     e = evidence
     seems: Literal["planar", "curved"] = (
@@ -61,13 +66,24 @@ def choose_shape(
     planar = waviness < STRAIGHT and (seems == "planar" or pose.sides_believed)
     if kind == "auto" and planar and not bent_sides:
         return pose, pose.notices
+    curved: CurvedPage | NoSheet | None = None
+    if outline is not None and sides_crease(outline) < SMOOTH_SIDE:
+        curved = estimate_curved_page(e, prior)
+        smooth = isinstance(curved, CurvedPage) and straightens_sides(curved, outline, e.view)
+        if (
+            isinstance(curved, CurvedPage)
+            and smooth
+            and (kind == "curved" or explains_more(curved, pose, waviness))
+        ):
+            return curved, curved.notices
     ridged = None if outline is None else ridged_page(e, prior, outline)
     if isinstance(ridged, RidgedPage):
         by_profiles = line_deviation(plane, trace_by_profiles(e.analysis, e.view, plane))
         straighter = ridged.waviness < CURVED_GAIN * by_profiles
         if kind == "curved" or straighter or bent_sides:
             return ridged, ridged.notices
-    curved = estimate_curved_page(e, prior)
+    if curved is None:
+        curved = estimate_curved_page(e, prior)
     if isinstance(curved, CurvedPage) and (kind == "curved" or explains_more(curved, pose, waviness)):
         return curved, curved.notices
     if seems == "planar" or pose.sides_believed:
@@ -81,12 +97,33 @@ def choose_shape(
     return pose, (notice, *pose.notices)
 
 
+def straightens_sides(curved: CurvedPage, outline: SheetOutline, view: PhotoFrame) -> bool:
+    """Whether the sheet's sides are straight on the flat page of `curved`, as those of its paper are."""
+    for side in outline.sides:
+        page = curved.page_map.to_page((side.points - view.centre) / view.unit_px)
+        known = np.isfinite(page).all(axis=1)
+        if len(page) < 8:
+            continue
+        if known.mean() < 0.8:
+            return False
+        spread = np.linalg.svd(page[known] - page[known].mean(axis=0), compute_uv=False)
+        if spread[1] > FLAT_SIDE * np.sqrt(12.0) * spread[0]:
+            return False
+    return True
+
+
 def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> RidgedPage | NoRidgedPage:
     """The creased sheet within `outline`, refined by the page's text."""
     double = 2 * e.major.angles
     direction = 0.5 * float(np.arctan2(e.major.weights @ np.sin(double), e.major.weights @ np.cos(double)))
     return estimate_ridged_page(
-        outline, e.view, prior, direction, lambda page: trace_by_profiles(e.analysis, e.view, page), e.strokes
+        outline,
+        e.view,
+        prior,
+        direction,
+        lambda page: trace_by_profiles(e.analysis, e.view, page),
+        e.strokes,
+        e.major,
     )
 
 

@@ -10,16 +10,18 @@ from hypothesis import strategies as st
 
 from services.rectify.analysis import analyse_photo
 from services.rectify.curved import PageEvidence
+from services.rectify.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
 from services.rectify.pose import PagePose, choose_pose
 from services.rectify.principal_point import (
     PrincipalPointParameters,
     aspect_cost,
-    cut_sides,
+    cut_border,
     find_principal_point,
     original_size,
     prior_at,
 )
+from services.sheet.outline.results import SheetOutline, SheetSide
 from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
 from simulation.scenes import POSES, photograph
@@ -94,10 +96,24 @@ def test_a_plane_without_known_focal_length_tells_nothing() -> None:
     assert find_principal_point(e, prior, pose_of(e, prior)) is None
 
 
-def test_print_runs_up_to_the_side_that_was_cut() -> None:
-    assert cut_sides(evidence_of(CROPS["left"])[0], P) == {(-1.0, "x")}
-    assert cut_sides(evidence_of(CROPS["below"])[0], P) == {(1.0, "y")}
-    assert cut_sides(evidence_of((0.0, 0.0, 0.0))[0], P) == set()
+def test_print_runs_up_to_the_border_that_was_cut() -> None:
+    for crop, border in (("left", "left"), ("below", "bottom")):
+        e, true = evidence_of(CROPS[crop])
+        assert find_cut_borders(e.analysis, e.view.width, e.view.height) == {border}
+        assert cut_border((float(true[0]), float(true[1]))) == border
+    e, _ = evidence_of((0.0, 0.0, 0.0))
+    assert find_cut_borders(e.analysis, e.view.width, e.view.height) == set()
+
+
+def test_the_border_of_the_photo_is_no_side_of_the_sheet() -> None:
+    corners = np.array([[20.0, 30.0], [180.0, 25.0], [190.0, 299.0], [10.0, 299.0]])
+    rows = [np.linspace(corners[k], corners[(k + 1) % 4], 30) for k in range(4)]
+    top, right, bottom, left = (SheetSide(row, np.full(30, 0.3), 1.0, 0.1) for row in rows)
+    outline = SheetOutline(corners, (top, right, bottom, left), 0.9, corners)
+    assert leave_out_borders(outline, {"left"}, 200, 300).sides == outline.sides
+    kept = leave_out_borders(outline, {"bottom"}, 200, 300)
+    assert [side.seen for side in kept.sides] == [1.0, 1.0, 0.0, 1.0]
+    assert np.isnan(kept.corners).any(axis=1).tolist() == [False, False, True, True]
 
 
 @given(st.sampled_from([4 / 3, 3 / 2, 16 / 9]), st.floats(0.1, 0.5), st.sampled_from([-1, 1]))

@@ -1,0 +1,61 @@
+"""Where a page goes on beyond the photo: print that runs up to the border, and what an outline makes of it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from services.arrays import Points
+from services.rectify.analysis import PageAnalysis
+from services.sheet.outline.results import SheetOutline
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoBorderParameters:
+    """When print counts as cut by the photo's border."""
+
+    near: float = 1.5
+    """In text heights."""
+    characters: int = 3
+    """So many must be near: a speck may be anywhere."""
+    hugging: float = 0.04
+    """A side whose median point is nearer to the border than this share of the photo's long side lies on it."""
+
+
+BORDERS = ("left", "top", "right", "bottom")
+
+
+def border_gaps(points: Points, width: int, height: int) -> Points:
+    """Distances (N, 4) in pixels of photo points (N, 2) from the borders, in the order of `BORDERS`."""
+    return np.concatenate([points, np.array([width - 1, height - 1]) - points], axis=1)
+
+
+def find_cut_borders(
+    analysis: PageAnalysis, width: int, height: int, parameters: PhotoBorderParameters | None = None
+) -> set[str]:
+    """Those of the photo's `BORDERS` that print runs up to."""
+    p = parameters or PhotoBorderParameters()
+    near = border_gaps(analysis.characters, width, height) < p.near * analysis.text_height_px
+    return {border for border, count in zip(BORDERS, near.sum(axis=0), strict=True) if count >= p.characters}
+
+
+def leave_out_borders(
+    outline: SheetOutline,
+    borders: set[str],
+    width: int,
+    height: int,
+    parameters: PhotoBorderParameters | None = None,
+) -> SheetOutline:
+    """The outline; sides on one of the photo's `borders`, beyond which print shows the sheet to go on, are unseen."""
+    p = parameters or PhotoBorderParameters()
+    corners, sides = outline.corners.copy(), list(outline.sides)
+    for k, side in enumerate(outline.sides):
+        if not len(side.points):
+            continue
+        gaps = np.median(border_gaps(side.points, width, height), axis=0)
+        hugged = {
+            border for border, gap in zip(BORDERS, gaps, strict=True) if gap < p.hugging * max(width, height)
+        }
+        if hugged & borders:
+            corners[[k, (k + 1) % 4]] = np.nan
+            sides[k] = replace(side, seen=0.0, straightness_px=0.0)
+    return replace(outline, corners=corners, sides=(sides[0], sides[1], sides[2], sides[3]))
