@@ -87,7 +87,13 @@ def estimate(
     outline = outline or bent_outline_of_truth(truth, 0.5, rng)
     lines = lines_of(truth, rng)
     return estimate_ridged_page(
-        outline, VIEW, prior_of(truth), 0.0, (lambda _: lines) if text else None, None, p
+        outline,
+        VIEW,
+        prior_of(truth),
+        0.0,
+        (lambda _: lines) if text else None,
+        None,
+        parameters=p,
     )
 
 
