@@ -46,3 +46,27 @@ def leaning(tilt_deg: float, azimuth_deg: float, roll_deg: float) -> Floats:
     tilt, azimuth, roll = np.radians([tilt_deg, azimuth_deg, roll_deg])
     tilted = rotation_from_vector(tilt * np.array([np.cos(azimuth), np.sin(azimuth), 0.0]))
     return np.asarray(rotation_from_vector(np.array([0.0, 0.0, roll])) @ tilted)
+
+
+def bent_outline_of_truth(
+    truth: Truth, noise_px: float, rng: np.random.Generator, points: int = 60
+) -> SheetOutline:
+    """The simulated sheet's, whose sides follow its edges."""
+    x, y = 1.0, truth.page.half_height_units
+    sheet = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+    corners = truth.sheet_to_photo(sheet)
+    first = int(np.argmin(corners.sum(axis=1)))
+    sheet, corners = np.roll(sheet, -first, axis=0), np.roll(corners, -first, axis=0)
+    places = np.linspace(0.01, 0.99, points)[:, None]
+    sides = []
+    for k in ALL:
+        edge = truth.sheet_to_photo(sheet[k] + places * (sheet[(k + 1) % 4] - sheet[k]))
+        edge = edge + rng.normal(0, noise_px, edge.shape)
+        straightness = float(
+            np.linalg.svd(edge - edge.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(edge))
+        )
+        sides.append(SheetSide(edge, np.full(points, max(noise_px, 1e-7)), 1.0, straightness))
+    polygon = np.concatenate(
+        [np.vstack([corner, side.points]) for corner, side in zip(corners, sides, strict=True)]
+    )
+    return SheetOutline(corners, (sides[0], sides[1], sides[2], sides[3]), 0.95, polygon)

@@ -39,7 +39,7 @@ def result(photo: SimulatedPhoto, reports: list[tuple[str, float]]) -> RectifyRe
 
 
 def test_its_stages_are_told_as_they_begin(result: RectifyResult, reports: list[tuple[str, float]]) -> None:
-    assert list(dict(reports)) == ["text", "texture_flow", "shape", "framing", "remap"]
+    assert list(dict(reports)) == ["text", "texture_flow", "outline", "shape", "framing", "remap"]
     assert list(dict(reports)) == list(result.timings_ms)
     begins = [fraction for _, fraction in sorted(dict(reports).items(), key=lambda report: report[1])]
     assert begins == list(dict(reports).values())

@@ -8,19 +8,27 @@ import pytest
 
 from services.arrays import RgbImage
 from services.errors import NoText
+from services.rectify import pipeline
+from services.rectify.curved_framing import CurvedFrame
 from services.rectify.outline_plane import OutlinePlane
 from services.rectify.parameters import RectifyParameters
-from services.rectify.pipeline import describe_evidence, find_page
-from services.rectify.planar import PhotoFrame, typical_focal_prior
+from services.rectify.pipeline import describe_camera, describe_evidence, describe_surface, find_page
+from services.rectify.planar import FocalPrior, PhotoFrame, typical_focal_prior
 from services.rectify.pose import PagePose
+from services.rectify.results import MeshSurface
+from services.rectify.ridged_page import RidgedPage
 from services.rectify.ruled_plane import plane_from_rules
 from services.rectify.stage_clock import StageClock
-from services.rectify.textless import draw_for_reading, find_textless_page, frame_textless
+from services.rectify.textless import TextlessPage, draw_for_reading, find_textless_page, frame_textless
+from services.sheet.outline.results import SheetOutline
 from simulation.degradation import PHONE
 from simulation.flat_page import Page
+from simulation.folded import folded_in_thirds
 from simulation.photo import SimulatedPhoto
-from simulation.scenes import POSES, View, photograph
-from tests.services.rectify.sheet_sides import outline_of_truth
+from simulation.scenes import BOOK, POSES, View, photograph
+from simulation.sheets import SHEET_VIEWS, Staging, photograph_sheet
+from simulation.surfaces import Shape
+from tests.services.rectify.sheet_sides import bent_outline_of_truth, outline_of_truth
 
 REFUSAL = NoText("only 3 printed characters were found.")
 PRIOR = typical_focal_prior()
@@ -124,3 +132,66 @@ def test_what_is_taken_for_text_on_a_drawing_does_not_turn_it() -> None:
     assert [notice.code for notice in page.notices] == ["outline-disagrees"]
     assert isinstance(page.shape, PagePose)
     assert (page.shape.focal_source, page.shape.skew_rad) == ("exif", 0.0)
+
+
+BENT: dict[str, Shape] = {"folded": folded_in_thirds(990 / 700, 20, -15), "curved": BOOK}
+
+
+@lru_cache
+def bent_sheet(name: str) -> SimulatedPhoto:
+    staging = Staging("black")
+    rng = np.random.default_rng(3)
+    return photograph_sheet(drawing(), SHEET_VIEWS[1], BENT[name], staging, rng=rng, size=(700, 900))
+
+
+@pytest.mark.parametrize("name", BENT)
+def test_a_bent_drawing_comes_out_rectangular_by_its_bent_sides(name: str) -> None:
+    shot = bent_sheet(name)
+    outline = bent_outline_of_truth(shot.truth, 0.4, np.random.default_rng(0))
+    view = frame_of(shot.image)
+    prior = FocalPrior(float(np.log(shot.truth.focal_length_px / view.unit_px)), 0.03, "exif")
+    page = find_textless_page(shot.image, outline, view, prior, REFUSAL)
+    assert isinstance(page.shape, RidgedPage)
+    assert page.kind == "curved"
+    assert page.aspect == pytest.approx(700 / 990, rel=0.03)
+    frame = frame_textless(page)
+    assert isinstance(frame, CurvedFrame)
+    # The view is the sheet: its border shows the sheet's sides, evenly spaced.
+    assert frame.width / frame.height == pytest.approx(700 / 990, rel=0.03)
+    places = np.linspace(0, 1, 9)
+    for axis, at in ((0, 0.0), (0, 1.0), (1, 0.0), (1, 1.0)):
+        edge = np.full((9, 2), at)
+        edge[:, 1 - axis] = places
+        seen = frame.to_photo(edge * [frame.width - 1, frame.height - 1])
+        sheet = shot.truth.photo_to_sheet(seen) / [1.0, shot.truth.page.half_height_units]
+        assert np.abs((sheet + 1) / 2 - edge).max() < 0.03
+    assert draw_for_reading(shot.image, frame).shape == (frame.height, frame.width)
+    evidence = describe_evidence(page)
+    assert (evidence.source, evidence.sides_seen) == (("outline",), 4)
+    assert isinstance(describe_surface(page), MeshSurface)
+    assert describe_camera(page).source == "exif"
+
+
+def test_the_outline_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = photo_of("drawing", POSES[2])
+    outline = outline_of_truth(shot.truth, 0.5, np.random.default_rng(0))
+    looked: list[bool] = []
+
+    def look(_photo: RgbImage, characters: object = None, _height: object = None) -> SheetOutline:
+        looked.append(characters is not None)
+        return outline
+
+    def refuse(*_: object) -> None:
+        raise REFUSAL
+
+    monkeypatch.setattr(pipeline, "find_outline", look)
+    monkeypatch.setattr(pipeline, "shape_page", refuse)
+    page = find_page(shot.image, RectifyParameters(), None, StageClock())
+    assert isinstance(page, TextlessPage)
+    assert page.outline is outline
+    assert looked == [True]
+    # Where the text was refused before, it is looked for without.
+    monkeypatch.setattr(pipeline, "analyse_photo", lambda *_, **__: refuse())
+    page = find_page(shot.image, RectifyParameters(), None, StageClock())
+    assert isinstance(page, TextlessPage)
+    assert looked == [True, False]
