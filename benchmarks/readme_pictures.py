@@ -24,14 +24,16 @@ from services.operations import ocr_engine
 from services.rectify.analysis import analyse_photo
 from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
-from services.rectify.results import StripsSurface
+from services.rectify.results import MeshSurface, StripsSurface
 from services.texture_flow.field import FlowSamples
 from simulation.degradation import PHONE
+from simulation.folded import folded_in_thirds
 from simulation.labelled_pages import LabelledPage, letter_page, memo_page, title_page
 from simulation.letter_pages import colour_page
 from simulation.mosaic_sets import MosaicSet, photograph_set
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, photograph
+from simulation.sheets import SHEET_ASPECT, SHEET_VIEWS, Staging, photograph_sheet, with_margins
 
 SEED = 7
 COLOURS = ((220, 60, 40), (40, 130, 60), (50, 90, 210), (170, 90, 190))
@@ -66,6 +68,24 @@ def curved_page(photo: RgbImage) -> RgbImage:
         start, end = (np.round(point + side * way).astype(int).tolist() for side in (-1, 1))
         cv2.line(drawn, start, end, (220, 40, 40), 3, cv2.LINE_AA)
     return make_strip([photo, drawn, result.image], ["photo", "rulings and mesh", "POST /rectify"])
+
+
+def creased_sheet() -> RgbImage:
+    """A letter that was folded in three, the mesh between its sides drawn on the photo, and its flat view."""
+    sheet = with_margins(own_pages()[0])
+    shape = folded_in_thirds(SHEET_ASPECT, 24.0, -18.0)
+    rng = np.random.default_rng(SEED)
+    photo = photograph_sheet(sheet, SHEET_VIEWS[2], shape, Staging(), dirt=PHONE, rng=rng).image
+    result = rectify(photo, RectifyParameters(illumination="normalize"), None, ocr_engine())
+    assert isinstance(result.surface, MeshSurface)
+    drawn = (0.6 * photo + 102).astype(np.uint8)
+    nodes = np.round(result.surface.points).astype(np.int32)
+    for lines in (nodes[::2], nodes[:, ::2].transpose(1, 0, 2)):
+        curves = [np.ascontiguousarray(line) for line in lines]
+        cv2.polylines(drawn, curves, False, (60, 130, 220), 2, cv2.LINE_AA)
+    rim = np.concatenate([nodes[0], nodes[1:, -1], nodes[-1, -2::-1], nodes[-2:0:-1, 0]])
+    cv2.polylines(drawn, [np.ascontiguousarray(rim)], True, (220, 40, 40), 5, cv2.LINE_AA)
+    return make_strip([photo, drawn, result.image], ["photo", "outline and mesh", "POST /rectify"])
 
 
 def texture_flow(photo: RgbImage) -> RgbImage:
@@ -156,6 +176,7 @@ def main() -> int:
     pictures = {
         "before-after": before_and_after(photo),
         "curved-page": curved_page(bent),
+        "creased-sheet": creased_sheet(),
         "texture-flow": texture_flow(photo),
         "mosaic": four_photos(made),
         "ghosts": ghosts(made),
