@@ -66,35 +66,58 @@ def choose_shape(
     planar = waviness < STRAIGHT and (seems == "planar" or pose.sides_believed)
     if kind == "auto" and planar and not bent_sides:
         return pose, pose.notices
+    bent = choose_bent_shape(e, prior, pose, waviness, outline, forced=kind == "curved")
+    if isinstance(bent, CurvedPage | RidgedPage):
+        return bent, bent.notices
+    if seems == "planar" or pose.sides_believed:
+        return pose, pose.notices
+    return pose, (why_not_bent(bent), *pose.notices)
+
+
+def choose_bent_shape(
+    e: PageEvidence,
+    prior: FocalPrior,
+    pose: PagePose,
+    waviness: float,
+    outline: SheetOutline | None,
+    *,
+    forced: bool,
+) -> CurvedPage | RidgedPage | NoSheet | None:
+    """The bent or creased sheet that explains clearly more than the plane `pose`, which leaves `waviness`.
+
+    `forced`: any that is plausible. Else why none is plausible, or None where one is and explains no more.
+    """
     curved: CurvedPage | NoSheet | None = None
     if outline is not None and sides_crease(outline) < SMOOTH_SIDE:
         curved = estimate_curved_page(e, prior)
-        smooth = isinstance(curved, CurvedPage) and straightens_sides(curved, outline, e.view)
         if (
             isinstance(curved, CurvedPage)
-            and smooth
-            and (kind == "curved" or explains_more(curved, pose, waviness))
+            and straightens_sides(curved, outline, e.view)
+            and (forced or explains_more(curved, pose, waviness))
         ):
-            return curved, curved.notices
+            return curved
     ridged = None if outline is None else ridged_page(e, prior, outline)
-    if isinstance(ridged, RidgedPage):
+    if isinstance(ridged, RidgedPage) and outline is not None:
+        plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
         by_profiles = line_deviation(plane, trace_by_profiles(e.analysis, e.view, plane))
         straighter = ridged.waviness < CURVED_GAIN * by_profiles
-        if kind == "curved" or straighter or bent_sides:
-            return ridged, ridged.notices
+        if forced or straighter or sides_bend(outline) > STRAIGHT_SIDE:
+            return ridged
     if curved is None:
         curved = estimate_curved_page(e, prior)
-    if isinstance(curved, CurvedPage) and (kind == "curved" or explains_more(curved, pose, waviness)):
-        return curved, curved.notices
-    if seems == "planar" or pose.sides_believed:
-        return pose, pose.notices
+    if isinstance(curved, NoSheet):
+        return curved
+    return curved if forced or explains_more(curved, pose, waviness) else None
+
+
+def why_not_bent(bent: NoSheet | None) -> Notice:
+    """What to say of a page that seems bent and is shown as a plane."""
     reason = (
-        f"a bent sheet is not plausible ({curved.reason})"
-        if isinstance(curved, NoSheet)
+        f"a bent sheet is not plausible ({bent.reason})"
+        if isinstance(bent, NoSheet)
         else "a bent sheet does not explain its text better"
     )
-    notice = Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
-    return pose, (notice, *pose.notices)
+    return Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
 
 
 def straightens_sides(curved: CurvedPage, outline: SheetOutline, view: PhotoFrame) -> bool:

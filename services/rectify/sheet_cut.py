@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from services.arrays import Mask, Points, RgbImage
-from services.geometry.homographies import resizing, transform_points
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis import PageAnalysis
 from services.rectify.curved_framing import CurvedFrame
@@ -32,6 +32,8 @@ class SheetCutParameters:
     """Of a side in the flat view: beyond it, it is not the side of this page."""
     inner_percentile: float = 85.0
     """Of a side's points, counted from outside: where a side that is not quite straight is cut."""
+    min_text_share: float = 0.97
+    """Of the characters that a sheet holds, or its outline is another's."""
     max_text_share: float = 0.005
     """Of the characters that may lie beyond the side of the sheet that holds them."""
     blank_margin: float = 0.12
@@ -61,7 +63,11 @@ def cut_to_outline(
     p = parameters or SheetCutParameters()
     if outline.confidence < p.min_confidence:
         return frame, frozenset()
-    text = view_points(frame, characters)
+    on_sheet = within_polygon(outline.polygon, characters)
+    # A few specks of a desk may have been taken for print.
+    if len(on_sheet) and on_sheet.mean() < p.min_text_share:
+        return frame, frozenset()
+    text = view_points(frame, characters[on_sheet])
     text = text[np.isfinite(text).all(axis=1)]
     border = view_points(frame, outline.polygon)
     centre = np.nanmedian(border, axis=0)
@@ -86,6 +92,18 @@ def cut_to_outline(
             continue
         found[("left" if before else "right") if upright else ("top" if before else "bottom")] = place
     return crop_frame(frame, SheetEdges(**found)), frozenset(found)
+
+
+def within_polygon(polygon: Points, points: Points, scale: float = 0.25) -> NDArray[np.bool_]:
+    """Which `points` (N, 2) lie within `polygon` (M, 2), to a few pixels: on a mask of `scale` times the size."""
+    low = np.floor(polygon.min(axis=0))
+    size = np.ceil((polygon.max(axis=0) - low) * scale).astype(int) + 1
+    mask = np.zeros((size[1], size[0]), np.uint8)
+    cv2.fillPoly(mask, [np.round((polygon - low) * scale).astype(np.int32)], 1)
+    at = np.round((points - low) * scale).astype(int)
+    inside = ((at >= 0) & (at < size)).all(axis=1)
+    at = np.clip(at, 0, size - 1)
+    return np.asarray(inside & (mask[at[:, 1], at[:, 0]] > 0))
 
 
 def cut_to_page(
@@ -202,12 +220,7 @@ def sheet_in_view(frame: FlatFrame | CurvedFrame, outline: SheetOutline, charact
         return None
     limit = 4.0 * max(frame.width, frame.height)
     polygon = np.clip(polygon, -limit, limit)
-    text = view_points(frame, characters)
-    text = text[np.isfinite(text).all(axis=1)]
-    mask = np.zeros((frame.height // 8 + 1, frame.width // 8 + 1), np.uint8)
-    small = transform_points(resizing(1 / 8), polygon)
-    cv2.fillPoly(mask, [np.round(small).astype(np.int32)], 1)
-    at = np.clip(np.round(text / 8).astype(int), 0, [mask.shape[1] - 1, mask.shape[0] - 1])
-    if len(text) and mask[at[:, 1], at[:, 0]].mean() < 1 - p.max_text_share:
+    on_sheet = within_polygon(outline.polygon, characters)
+    if len(on_sheet) and on_sheet.mean() < p.min_text_share:
         return None
     return np.asarray(polygon)
