@@ -63,6 +63,14 @@ REFUSALS: dict[bytes, type[DocumentError]] = {
     for error in (NoText, NotOverlapping, TooLarge, UndecodableImage, UnsupportedMediaType)
 }
 
+CREASED_SHEET: dict[str, object] = {
+    "type": "mesh",
+    "rows": 3,
+    "columns": 2,
+    "points": [[(1.5, 2.0), (8.0, 2.5)], [(1.0, 5.0), (8.5, 5.0)], [(1.5, 8.0), (8.0, 8.5)]],
+    "normals": [[(0.0, 0.6, 0.8)], [(0.0, -0.6, 0.8)]],
+}
+
 
 def upload(script: str) -> bytes:
     """An upload that makes the operation follow the script."""
@@ -72,14 +80,15 @@ def upload(script: str) -> bytes:
 def rectify(upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: UploadLimits) -> Reply:
     """Follow the script in the upload, then answer with a document that tells what was asked.
 
-    Of both pages there is one, unless the script says `pages-N`.
+    Of both pages there is one, unless the script says `pages-N`; `creased` answers a mesh.
     """
     verb = _follow(upload, "image")
     if verb == b"unpicklable":
         return Reply(lambda: None, "image/jpeg", {})  # type: ignore[arg-type]
     if parameters.pages == "both":
         return _reply_of_pages(verb, parameters, encoding)
-    return _reply(encoding, lambda image: document(parameters, encoding, image))
+    creased = {"kind": "curved", "surface": CREASED_SHEET} if verb == b"creased" else {}
+    return _reply(encoding, lambda image: document(parameters, encoding, image) | creased)
 
 
 def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encoding) -> Reply:

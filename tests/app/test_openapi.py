@@ -140,6 +140,19 @@ def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     assert fields["illumination"]["default"] == "normalize"
 
 
+def test_every_kind_of_surface_is_documented_and_told_by_its_type() -> None:
+    schemas = DOCUMENT["components"]["schemas"]
+    surface = schemas["RectifyResult"]["properties"]["surface"]
+    kinds = {
+        kind: reference.rsplit("/", 1)[1] for kind, reference in surface["discriminator"]["mapping"].items()
+    }
+    assert kinds == {"plane": "Plane", "strips": "Strips", "mesh": "CreasedSheet"}
+    assert {choice["$ref"].rsplit("/", 1)[1] for choice in surface["oneOf"]} == set(kinds.values())
+    mesh = schemas["CreasedSheet"]
+    assert set(mesh["required"]) >= {"rows", "columns", "points", "normals"}
+    assert mesh["properties"]["rows"]["minimum"] == 2
+
+
 def test_the_headers_of_images_are_documented() -> None:
     for path, own in (("/rectify", "Document-Kind"), ("/mosaic", "Document-Unplaced")):
         headers = DOCUMENT["paths"][path]["post"]["responses"]["200"]["headers"]

@@ -1,12 +1,13 @@
 """POST /rectify: options in, representations out."""
 
 import base64
+import json
 
 import httpx
 import pytest
 
-from app.schemas.rectify import PagesResult, RectifyResult
-from tests.app.scripted import upload
+from app.schemas.rectify import CreasedSheet, PagesResult, RectifyResult
+from tests.app.scripted import CREASED_SHEET, upload
 
 
 def post(
@@ -44,6 +45,17 @@ def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     ]  # fmt: skip
     assert response.json()["image"] is None
     assert RectifyResult.model_validate(response.json()).mesh.source[1][0] == (0, 9)
+
+
+def test_a_creased_page_is_answered_as_a_mesh(client: httpx.Client) -> None:
+    response = post(client, {"format": "json"}, image=upload("creased"))
+    assert response.json()["surface"] == json.loads(json.dumps(CREASED_SHEET))
+    surface = RectifyResult.model_validate(response.json()).surface
+    assert isinstance(surface, CreasedSheet)
+    assert surface.points[2][1] == (8.0, 8.5)
+    assert surface.normals[1] == [(0.0, -0.6, 0.8)]
+    # The image's headers tell no more of it than of any bent page.
+    assert post(client, image=upload("creased")).headers["document-kind"] == "curved"
 
 
 def test_embed_puts_the_image_into_the_json(client: httpx.Client) -> None:

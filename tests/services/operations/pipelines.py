@@ -10,10 +10,12 @@ from services.mosaic.results import MosaicResult, Pair, Patch
 from services.rectify.results import (
     CameraEstimate,
     Evidence,
+    MeshSurface,
     Notice,
     Orientation,
     PlaneSurface,
     RectifyResult,
+    StripsSurface,
 )
 from services.rectify.spread import RectifiedPages
 
@@ -31,6 +33,7 @@ class RectifyPipeline:
         self.field_of_view_rad: float | None = math.pi / 3
         self.convergence: float | None = 0.0123
         self.pages = 2
+        self.surface: PlaneSurface | StripsSurface | MeshSurface = PlaneSurface((0.0, 0.6, 0.8))
 
     def __call__(self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any) -> RectifyResult:
         self.calls.append((photo.shape, parameters, exif_focal_length_px, ocr))
@@ -39,7 +42,7 @@ class RectifyPipeline:
             "planar",
             Evidence(self.convergence, None, 0.41),
             CameraEstimate(55.5, self.field_of_view_rad, "exif", (29.5, 19.25), "estimated"),
-            PlaneSurface((0.0, 0.6, 0.8)),
+            self.surface,
             Orientation(270, False, 0.98),
             np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64),
             (Notice("focal-length-unknown", "Say it."),),

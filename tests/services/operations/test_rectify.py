@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image, ImageCms
+from pydantic import TypeAdapter
 
+from app.schemas.rectify import CreasedSheet
 from services.errors import InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging.codec import ImageLimits
 from services.operations import EncodingOptions, rectify_upload
 from services.operations import rectify as rectify_operation
 from services.progress import progress_to, report_progress
 from services.rectify.parameters import RectifyParameters
+from services.rectify.results import MeshSurface
 from tests.services.imaging.files import make_exif, make_file
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
 
@@ -54,6 +57,23 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "warnings": [{"code": "focal-length-unknown", "detail": "Say it."}],
         "image": None,
     }
+
+
+def test_a_creased_page_is_a_mesh_in_the_contracts_terms(pipeline: RectifyPipeline) -> None:
+    x, y = np.meshgrid(np.arange(4) / 3, np.arange(3) * 2.0)
+    normals = np.tile([0.0, -0.6, 0.8], (2, 3, 1))
+    pipeline.surface = MeshSurface(np.stack([x, y], axis=-1), normals)
+    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS)
+    document = json.loads(json.dumps(reply.document), parse_constant=reject_constant)
+    surface = document["surface"]
+    assert (surface["type"], surface["rows"], surface["columns"]) == ("mesh", 3, 4)
+    assert surface["points"][2][1] == [0.33, 4.0]
+    assert surface["normals"][1][2] == [0.0, -0.6, 0.8]
+    assert (len(surface["points"]), len(surface["normals"])) == (3, 2)
+    assert {len(row) for row in surface["points"]} == {4}
+    assert {len(row) for row in surface["normals"]} == {3}
+    described = TypeAdapter(CreasedSheet).validate_python(surface)
+    assert described.points[2][1] == (0.33, 4.0)
 
 
 @pytest.mark.usefixtures("pipeline")
