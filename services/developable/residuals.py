@@ -291,7 +291,7 @@ class PageResiduals:
         ]
         if self.observed.principal_point:
             offset, deviations = x[self.principal :], np.array(self.observed.principal_point.deviations)
-            value.append(offset / deviations)
+            value.append((offset - self.observed.principal_point.mean) / deviations)
             slope.append(eye[self.principal :] / deviations[:, None])
             growth, rate = self.observed.principal_point.log_growth(offset)
             value[0] = value[0] - growth / self.observed.focal_deviation

@@ -15,9 +15,9 @@ TYPICAL_FOCAL_LENGTH = 28.0 / FULL_FRAME_DIAGONAL_MM
 
 @dataclass(frozen=True, slots=True)
 class PrincipalPointPrior:
-    """How far the principal point may lie from the origin of centred coordinates, and where a fit begins.
+    """Where the principal point lies in centred coordinates, as far as it is known, and where a fit begins.
 
-    `deviations` (x, y) are standard deviations in centred units; an axis with a tiny one is held. Where `half_size` is
+    `deviations` (x, y) from the `mean` are standard deviations; an axis with a tiny one is held. Where `half_size` is
     given, half the photo's width and height in the same units, the focal length is known as a multiple of the diagonal
     that the photo had before it was cropped on one side of each axis.
     """
@@ -25,6 +25,7 @@ class PrincipalPointPrior:
     deviations: tuple[float, float]
     start: tuple[float, float] = (0.0, 0.0)
     half_size: tuple[float, float] | None = None
+    mean: tuple[float, float] = (0.0, 0.0)
 
     def log_growth(self, offset: Floats) -> tuple[float, Floats]:
         """Logarithm of the original over the present diagonal at an `offset` (2,), with its derivatives (2,)."""

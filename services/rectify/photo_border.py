@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from services.arrays import Points
@@ -17,6 +18,8 @@ class PhotoBorderParameters:
     """In text heights."""
     characters: int = 3
     """So many must be near: a speck may be anywhere."""
+    beside_sheet: float = 0.5
+    """In text heights: print lies within the sheet's outline, or the border is a wrong outline's."""
     hugging: float = 0.04
     """A side whose median point is nearer to the border than this share of the photo's long side lies on it."""
 
@@ -30,11 +33,24 @@ def border_gaps(points: Points, width: int, height: int) -> Points:
 
 
 def find_cut_borders(
-    analysis: PageAnalysis, width: int, height: int, parameters: PhotoBorderParameters | None = None
+    analysis: PageAnalysis,
+    width: int,
+    height: int,
+    sheet: Points | None = None,
+    parameters: PhotoBorderParameters | None = None,
 ) -> set[str]:
-    """Those of the photo's `BORDERS` that print runs up to."""
+    """Those of the photo's `BORDERS` that print runs up to, on the `sheet` (M, 2) if its outline is given.
+
+    Without it, the grain of a desk may count as print.
+    """
     p = parameters or PhotoBorderParameters()
-    near = border_gaps(analysis.characters, width, height) < p.near * analysis.text_height_px
+    printed = analysis.characters
+    near = border_gaps(printed, width, height) < p.near * analysis.text_height_px
+    if sheet is not None:
+        contour, reach = sheet.astype(np.float32), p.beside_sheet * analysis.text_height_px
+        for k in np.flatnonzero(near.any(axis=1)):
+            at = (float(printed[k, 0]), float(printed[k, 1]))
+            near[k] &= cv2.pointPolygonTest(contour, at, True) > -reach
     return {border for border, count in zip(BORDERS, near.sum(axis=0), strict=True) if count >= p.characters}
 
 

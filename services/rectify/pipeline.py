@@ -244,7 +244,7 @@ def shape_page(
     """
     with clock.stage("shape"):
         if outline is not None:
-            cut = find_cut_borders(analysis, view.width, view.height)
+            cut = find_cut_borders(analysis, view.width, view.height, outline.polygon)
             outline = leave_out_borders(outline, cut, view.width, view.height)
         sheet = read_sides(outline, view, prior)
         view = view if sheet is None else sheet.view

@@ -77,8 +77,8 @@ class PrincipalPointParameters:
     """What a bent sheet must save at least, as a share of its cost: sheets and lenses are not quite what the fit
     assumes, and where the focal length is not known more can be explained away. Less is asked for where the photo's
     aspect ratio is none that cameras have."""
-    aspects: tuple[tuple[float, float], ...] = ((4 / 3, 0.0), (3 / 2, 0.7), (16 / 9, 0.7))
-    """Of the photos that cameras take, with their costs."""
+    aspects: tuple[tuple[float, float], ...] = ((4 / 3, 0.0), (16 / 9, 1.6), (3 / 2, 2.8))
+    """Of the photos that cameras take, with their costs: phones take 4:3 and some 16:9, larger cameras 3:2."""
     aspect_deviation: float = 0.04
     other_aspect: float = 4.0
     usual_aspect: float = 1.45
@@ -161,12 +161,23 @@ def _choose(
     centre = fitting.fit(None)
     bound = centre.cost * (1 - fitting.share)
     best, least = None, centre.cost + aspect_cost(view, (0.0, 0.0), p)
+    tried: set[tuple[float, float]] = set()
     for deviations, start, rarity in hypotheses:
-        fit = fitting.fit(PrincipalPointPrior(deviations, start, half))
-        unlikely = rarity + (0.0 if cut_border(fit.offset) in cut else p.uncut_print)
-        cost = fit.cost + unlikely + aspect_cost(view, fit.offset, p)
-        if fit.cost < bound and cost < least and p.smallest < max(map(abs, fit.offset)) < p.largest:
-            best, least = fit, cost
+        free_fit = fitting.fit(PrincipalPointPrior(deviations, start, half))
+        place = (round(free_fit.offset[0], 2), round(free_fit.offset[1], 2))
+        if place in tried:  # two starts, one end
+            continue
+        tried.add(place)
+        fits = [(free_fit, aspect_cost(view, free_fit.offset, p))]
+        if held in deviations:
+            for usual in usual_originals(view, free_fit.offset, p):
+                near = PrincipalPointPrior(usual.deviations, usual.mean, half, usual.mean)
+                fits.append((fitting.fit(near), usual.cost))
+        for fit, unusual in fits:
+            cost = fit.cost + unusual + rarity + (0.0 if cut_border(fit.offset) in cut else p.uncut_print)
+            believable = p.smallest < max(map(abs, fit.offset)) < p.largest
+            if believable and fit.cost < bound and cost < least:
+                best, least = fit, cost
     return best
 
 
@@ -179,6 +190,31 @@ def cut_border(offset: Offset) -> str:
 def original_size(view: PhotoFrame, offset: Offset) -> tuple[float, float]:
     """Width and height of the photo before it was cropped on one side of each axis, in pixels."""
     return view.width + 2 * abs(offset[0]) * view.unit_px, view.height + 2 * abs(offset[1]) * view.unit_px
+
+
+@dataclass(frozen=True, slots=True)
+class UsualOriginal:
+    """Where the principal point lies if the photo was cut from one of a usual aspect ratio, and what that costs."""
+
+    mean: Offset
+    deviations: Offset
+    cost: float
+
+
+def usual_originals(view: PhotoFrame, offset: Offset, p: PrincipalPointParameters) -> list[UsualOriginal]:
+    """The usual originals that are larger along the axis of an `offset`, cut on the same side."""
+    axis = 0 if abs(offset[0]) > abs(offset[1]) else 1
+    size, other = (view.width, view.height)[:: 1 if axis == 0 else -1]
+    found: list[UsualOriginal] = []
+    for ratio, cost in p.aspects:
+        for whole in (ratio * other, other / ratio):
+            moved = 0.5 * (whole - size) / view.unit_px
+            if p.smallest < moved < p.largest:
+                mean, deviations = [0.0, 0.0], [p.held, p.held]
+                mean[axis] = float(np.copysign(moved, offset[axis]))
+                deviations[axis] = 0.5 * p.aspect_deviation * whole / view.unit_px
+                found.append(UsualOriginal((mean[0], mean[1]), (deviations[0], deviations[1]), cost))
+    return found
 
 
 def prior_at(prior: FocalPrior, view: PhotoFrame, offset: Offset) -> FocalPrior:
@@ -218,15 +254,15 @@ def _sheet_fitting(
         e.major, e.minor, page.lines, page_hull(e.characters), prior.log_focal, prior.deviation
     )
     anywhere = replace(middle, principal_point=PrincipalPointPrior((p.offset, p.offset)))
-    if max(free_gain(fitted.start, anywhere, parameters)) < p.score:
+    known, odd = prior.source != "assumed", is_odd(e.view, p)
+    if not (known and odd) and max(free_gain(fitted.start, anywhere, parameters)) < p.score:
         return None
 
     def fit(principal_point: PrincipalPointPrior | None) -> _Fit:
         found = fit_surface(fitted.start, replace(middle, principal_point=principal_point), parameters)
         return _Fit(found.principal_point, found.cost, found.start)
 
-    known = prior.source != "assumed"
-    share = p.gain_share_odd if is_odd(e.view, p) else p.gain_share
+    share = p.gain_share_odd if odd else p.gain_share
     return _Fitting(fit, both=known, share=share if known else p.gain_share_assumed)
 
 

@@ -310,7 +310,7 @@ def refine_plane(
         if sides is not None and has_sides:
             parts.append(side_residuals(plane_of(x), sides, float(x[5]), p))
         if principal_point is not None:
-            parts.append(x[5:7] / np.array(principal_point.deviations))
+            parts.append((x[5:7] - principal_point.mean) / np.array(principal_point.deviations))
         return np.concatenate(parts)
 
     x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), p.slant_mean_rad])
