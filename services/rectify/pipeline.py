@@ -257,7 +257,7 @@ def shape_page(
             sheet = read_sides(outline, moved.evidence.view, moved.prior)
             again = choose_shape(moved.evidence, moved.prior, parameters.kind, outline, sheet)
             if type(again[0]) is type(shape):
-                shape, notices = again
+                shape, notices = again[0], (*moved.notices, *again[1])
                 view, points = moved.evidence.view, moved.evidence.vanishing_points
     sides_believed = isinstance(shape, RidgedPage) or (isinstance(shape, PagePose) and shape.sides_believed)
     few_lines = analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES

@@ -33,6 +33,7 @@ from services.rectify.planar import (
     typical_focal_prior,
 )
 from services.rectify.pose import (
+    EXIF_CONTRADICTED,
     PagePose,
     PoseParameters,
     flatten_ink,
@@ -42,6 +43,7 @@ from services.rectify.pose import (
 )
 from services.rectify.refinement import for_text, observe_lines, refine_plane
 from services.rectify.refinement import widen as widen_lines
+from services.rectify.results import Notice
 from services.texture_flow.field import FlowSamples
 
 Offset = tuple[float, float]
@@ -69,6 +71,8 @@ class PrincipalPointParameters:
     one_axis: float = 2.5
     both_axes: float = 8.5
     """Most photos are not cropped, and few of those that are lose a corner."""
+    other_focal: float = 4.0
+    """Photos whose EXIF data tell another focal length were zoomed, or cut on all sides alike."""
     uncut_print: float = 1.5
     """Where a photo was cut, print often runs up to its border."""
     gain_share: float = 0.08
@@ -88,10 +92,14 @@ class PrincipalPointParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovedEvidence:
-    """The evidence relative to the principal point that the page shows, and what is known of the focal length then."""
+    """The evidence relative to the principal point that the page shows, and what is known of the focal length then.
+
+    `notices` say what was left out of account.
+    """
 
     evidence: PageEvidence
     prior: FocalPrior
+    notices: tuple[Notice, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,6 +109,8 @@ class _Fit:
     offset: Offset
     cost: float
     start: SurfaceStart | None = None
+    other_focal: bool = False
+    """Whether EXIF's focal length was left out of account."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,6 +123,8 @@ class _Fitting:
     both: bool = False
     share: float = 0.0
     """Of the middle's cost, what must be saved at least."""
+    other_focal: Callable[[], float] | None = None
+    """Cost of the middle when EXIF's focal length is left out of account."""
 
 
 def find_principal_point(
@@ -126,9 +138,10 @@ def find_principal_point(
     The offset is looked for from the middle, wherever the principal point of the `evidence` lies.
 
     `shape` is what was fitted under the middle. None where the middle explains the page, or the page cannot tell.
+    Where the middle explains the page but for EXIF's focal length, that is left out of account.
     """
     p = parameters or PrincipalPointParameters()
-    doubted = evidence.view.principal_point_px is not None
+    doubted = moved_by_sides = evidence.view.principal_point_px is not None
     if doubted:
         # The sides of the sheet have moved it to the nearest place that explains them; the text tells more.
         evidence = _seen_from_middle(evidence)
@@ -141,6 +154,9 @@ def find_principal_point(
     found = None if fitting is None else _choose(fitting, evidence, prior, p)
     if found is None:
         return None
+    if found.other_focal:
+        fitted_so = isinstance(shape, PagePose) and shape.focal_source != "exif" and not moved_by_sides
+        return None if fitted_so else MovedEvidence(evidence, typical_focal_prior(), (EXIF_CONTRADICTED,))
     return MovedEvidence(
         _relative_to(found.offset, evidence, found.start), prior_at(prior, evidence.view, found.offset)
     )
@@ -161,6 +177,11 @@ def _choose(
     centre = fitting.fit(None)
     bound = centre.cost * (1 - fitting.share)
     best, least = None, centre.cost + aspect_cost(view, (0.0, 0.0), p)
+    if prior.source == "exif" and fitting.other_focal is not None:
+        free_cost = fitting.other_focal()
+        unlikely = free_cost + p.other_focal + aspect_cost(view, (0.0, 0.0), p)
+        if unlikely < least:
+            best, least = _Fit((0.0, 0.0), free_cost, other_focal=True), unlikely
     tried: set[tuple[float, float]] = set()
     for deviations, start, rarity in hypotheses:
         free_fit = fitting.fit(PrincipalPointPrior(deviations, start, half))
@@ -284,7 +305,11 @@ def _plane_fitting(e: PageEvidence, prior: FocalPrior, p: PrincipalPointParamete
         )
         return _Fit(found.principal_point, found.cost)
 
-    return _Fitting(fit, p.starts, p.starts)
+    def other_focal() -> float:
+        flows = (e.major, e.minor, e.vanishing_points)
+        return refine_plane(traced.plane, typical, *flows, lines, parameters).cost
+
+    return _Fitting(fit, p.starts, p.starts, other_focal=other_focal)
 
 
 def _seen_from_middle(e: PageEvidence) -> PageEvidence:

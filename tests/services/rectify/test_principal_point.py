@@ -90,6 +90,39 @@ def test_a_whole_photo_keeps_its_middle(known: bool) -> None:
     assert find_principal_point(e, prior, pose_of(e, prior)) is None
 
 
+@pytest.mark.parametrize("share", [0.6, 0.8, 1.4])
+def test_a_wrong_focal_length_in_exif_does_not_move_the_middle(share: float) -> None:
+    e, _ = evidence_of((0.0, 0.0, 0.0))
+    prior = focal_prior(e.view, None, share * photo().truth.focal_length_px)
+    assert prior.source == "exif"
+    pose = pose_of(e, prior)
+    moved = find_principal_point(e, prior, pose)
+    # Either it was left out of account before, or it is now.
+    if moved is None:
+        assert pose.focal_source != "exif"
+    else:
+        assert moved.evidence.view.centre == e.view.centre
+        assert moved.prior.source == "assumed"
+        assert [notice.code for notice in moved.notices] == ["exif-contradicted"]
+    # The same focal length from the client is meant.
+    given = focal_prior(e.view, share * photo().truth.focal_length_px, None)
+    meant = find_principal_point(e, given, pose_of(e, given))
+    assert meant is None or meant.prior.source == "given"
+
+
+def test_the_middle_comes_back_where_the_sides_had_moved_it_for_a_wrong_focal_length() -> None:
+    e, _ = evidence_of((0.0, 0.0, 0.0))
+    prior = focal_prior(e.view, None, 0.7 * photo().truth.focal_length_px)
+    view = e.view.moved((0.2, 0.0))
+    major, minor = (replace(flow, points=flow.points - np.array([0.2, 0.0])) for flow in (e.major, e.minor))
+    aside = PageEvidence(e.analysis, view, major, minor, estimate_vanishing_points(major, minor))
+    moved = find_principal_point(aside, prior, pose_of(aside, prior))
+    assert moved is not None
+    assert moved.evidence.view.centre == pytest.approx(e.view.centre)
+    assert np.allclose(moved.evidence.major.points, e.major.points)
+    assert moved.notices
+
+
 def test_a_plane_without_known_focal_length_tells_nothing() -> None:
     e, _ = evidence_of(CROPS["left"])
     prior = focal_prior(e.view, None, None)
