@@ -24,6 +24,8 @@ class SheetCutParameters:
 
     min_confidence: float = 0.5
     """Of the outline: below it, its sides are more often wrong than right."""
+    certain_confidence: float = 0.97
+    """Of the outline, from which on nearly none is wrong."""
     white_confidence: float = 0.8
     """Of the outline, from which on everything beyond it is drawn white."""
     min_seen: float = 0.4
@@ -63,11 +65,13 @@ def cut_to_outline(
     p = parameters or SheetCutParameters()
     if outline.confidence < p.min_confidence:
         return frame, frozenset()
-    on_sheet = within_polygon(outline.polygon, characters)
-    # A few specks of a desk may have been taken for print.
-    if len(on_sheet) and on_sheet.mean() < p.min_text_share:
-        return frame, frozenset()
-    text = view_points(frame, characters[on_sheet])
+    if outline.confidence >= p.certain_confidence:
+        on_sheet = within_polygon(outline.polygon, characters)
+        if len(on_sheet) and on_sheet.mean() < p.min_text_share:
+            return frame, frozenset()
+        # Beside a sheet that is surely one, specks of a desk were taken for print; else it may be a frame on the page.
+        characters = characters[on_sheet]
+    text = view_points(frame, characters)
     text = text[np.isfinite(text).all(axis=1)]
     border = view_points(frame, outline.polygon)
     centre = np.nanmedian(border, axis=0)
