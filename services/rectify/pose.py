@@ -86,7 +86,8 @@ class PoseParameters:
     aslant_rad: float = np.deg2rad(5.0)
     """Print that stands further aslant on its sheet is told of."""
     few_lines: int = 6
-    """Fewer lines of text do not turn the view against its sheet."""
+    few_aslant_rad: float = np.deg2rad(1.5)
+    """Fewer lines of text than `few_lines` do not turn the view further against its sheet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -353,7 +354,7 @@ def choose_pose(
 
 def is_stray(refined: RefinedPlane, deviation_rad: float, p: PoseParameters) -> bool:
     """Whether what was found on a sheet is no text, or too little to turn the view against the sheet's sides."""
-    aslant = abs(refined.skew_rad) > p.aslant_rad and refined.lines < p.few_lines
+    aslant = abs(refined.skew_rad) > p.few_aslant_rad and refined.lines < p.few_lines
     return deviation_rad > p.stray_rad or aslant
 
 

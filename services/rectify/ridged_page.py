@@ -47,7 +47,7 @@ class RidgedPageParameters:
     """Share of a side's points, nearest to a corner that is not seen, whose line leads to it."""
     beyond: float = 0.3
     """A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
-    max_skew_rad: float = float(np.deg2rad(4.0))
+    max_skew_rad: float = float(np.deg2rad(2.5))
     """Of the print against its sheet: beyond, the sheet's sides say nothing of the lines' directions."""
     parallel: float = 0.1
     """Sine of the angle between two sides below which they do not meet in a corner."""
@@ -175,14 +175,18 @@ def sides_crease(outline: SheetOutline, order: int = 4) -> float:
 
 
 def print_skew(mesh: SheetMesh, major: FlowSamples) -> float:
-    """Median angle (rad) of the text lines from the sheet's top and bottom sides, in the flat view of `mesh`."""
+    """Angle (rad) that three quarters of the text lines are askew by at least, from the sheet's top and bottom sides.
+
+    It is seen in the flat view of `mesh`. Creases turn lines both ways, print that is askew turns all of them alike.
+    """
     J = mesh.jacobians(major.points)
     known = np.isfinite(J).all(axis=(1, 2))
     if not known.any():
         return 0.0
     way = np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1)
     u, v = np.einsum("nij,nj->in", J[known], way[known])
-    return float(np.median((np.arctan2(v, u) + np.pi / 2) % np.pi - np.pi / 2))
+    low, high = np.percentile((np.arctan2(v, u) + np.pi / 2) % np.pi - np.pi / 2, [25, 75])
+    return float(max(low, 0.0) + min(high, 0.0))
 
 
 def estimate_ridged_page(

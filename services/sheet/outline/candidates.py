@@ -134,7 +134,10 @@ def _extend_sides(search: _Search, path: NDArray[np.intp]) -> None:
             continue
         least = path - p.tolerance
         least[middle] = p.extension * path[middle] + p.tolerance
-        search.add(least)
+        # Between the corners of the old side and the new one, the outer of two good edges is the sheet's.
+        outward = np.zeros((count, 1))
+        outward[(start - margin + np.arange(length + 2 * margin + 1)) % count] = p.outward
+        search.add(least, outward)
 
 
 def _filled(curve: Points, shape: tuple[int, ...]) -> Mask:
