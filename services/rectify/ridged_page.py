@@ -15,7 +15,7 @@ from services.rectify.planar import FocalLengthSource, FocalPrior, PhotoFrame
 from services.rectify.profile_tracing import flatten_darkness, trace_profiles
 from services.rectify.results import MeshSurface, Notice
 from services.sheet.outline.results import SheetOutline
-from services.sheet.ridged.fitting import fit_mesh
+from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
@@ -31,6 +31,10 @@ class RidgedPageParameters:
     sides_only: RidgedParameters = field(default_factory=lambda: RidgedParameters(bend_rad=3.0))
     """Without text. Sides alone do not tell a few creases from a smooth bend, and it is seldom creases: a prior for
     few ridges made cylinders worse than the start (aspect 3-12 % off, now 0-1.5 %)."""
+    fit_to_flow: tuple[Stage, ...] = (Stage(12, 100.0, 10.0, 30.0), Stage(12, 10.0, 3.0, 3.0))
+    """Schedule of a fit to the directions of the text lines, before any is traced."""
+    focal_steps: tuple[float, ...] = (1.25, 0.8)
+    """Factors of the walk along a focal length that was only assumed, upwards, else downwards."""
     again: tuple[Stage, ...] = (Stage(24, 3.0, 1.5, 1.5), Stage(24, 1.0, 1.0, 1.0))
     """Schedule of the second fit, on lines traced in the view of the first."""
     rounds: int = 4
@@ -234,16 +238,15 @@ def estimate_ridged_page(
         return NoRidgedPage("its corners are not those of a rectangle before a camera")
     if major is not None and abs(print_skew(start, major)) > p.max_skew_rad:
         return NoRidgedPage("its print stands askew on it")
-    mesh, lines, waviness = start, NO_LINES, float("inf")
-    for number in range(p.rounds if trace is not None else 1):
-        lines = NO_LINES if trace is None else trace(mesh)
-        observed = SheetObservations(lines, strokes, sides, prior.log_focal, prior.deviation)
-        firmness = p.sides_only if trace is None else p.fit
-        mesh = fit_mesh(mesh, observed, firmness if number == 0 else replace(firmness, schedule=p.again)).mesh
-        before, waviness = waviness, line_deviation(mesh, lines)
-        if number and (waviness < p.straight or waviness > p.improvement * before):
-            break
+    seen = SheetObservations(NO_LINES, strokes, sides, prior.log_focal, prior.deviation)
+    steps = p.focal_steps if prior.source == "assumed" else ()
+    mesh, lines = _fit_to_lines(start, trace, seen, steps, p)
     reason = _implausibility(mesh, sides, p)
+    if reason is not None and trace is not None and major is not None:
+        # Lines that cross a sharp crease are easily linked to their neighbours; their directions are not.
+        turned = fit_mesh(start, replace(seen, flow=major), replace(p.fit, schedule=p.fit_to_flow)).mesh
+        mesh, lines = _fit_to_lines(turned, trace, seen, steps, p)
+        reason = _implausibility(mesh, sides, p)
     if reason is not None:
         return NoRidgedPage(reason)
     return RidgedPage(
@@ -255,6 +258,51 @@ def estimate_ridged_page(
         _side_deviation(mesh, sides),
         _stretch(mesh),
     )
+
+
+def _fit_to_lines(
+    start: SheetMesh,
+    trace: Callable[[PageMap], LineObservations] | None,
+    seen: SheetObservations,
+    focal_steps: tuple[float, ...],
+    p: RidgedPageParameters,
+) -> tuple[SheetMesh, LineObservations]:
+    """The mesh fitted to `seen` and to the lines that `trace` finds in its view, round by round; and these lines."""
+    if trace is None:
+        return fit_mesh(start, seen, p.sides_only).mesh, NO_LINES
+    mesh, lines, waviness = start, NO_LINES, float("inf")
+    for number in range(p.rounds):
+        lines = trace(mesh)
+        schedule = p.again if number else p.fit.schedule
+        fitted = fit_mesh(mesh, replace(seen, lines=lines), replace(p.fit, schedule=schedule))
+        if not number:
+            fitted = _search_focal(fitted, replace(seen, lines=lines), focal_steps, p)
+        mesh = fitted.mesh
+        before, waviness = waviness, line_deviation(mesh, lines)
+        if number and (waviness < p.straight or waviness > p.improvement * before):
+            break
+    return mesh, lines
+
+
+def _search_focal(
+    fitted: FittedMesh, observed: SheetObservations, steps: tuple[float, ...], p: RidgedPageParameters
+) -> FittedMesh:
+    """The best fit on a walk along the focal length.
+
+    Depth and focal length that grow alike leave the photo as it is, so a fit stays near the focal length that it
+    began with, though another one explains the photo better.
+    """
+    last = replace(p.fit, schedule=p.fit.schedule[-1:])
+    best = fitted
+    for step in steps:
+        while True:
+            tried = fit_mesh(best.mesh.deepened(step), observed, last)
+            if tried.cost >= best.cost:
+                break
+            best = tried
+        if best is not fitted:
+            break
+    return best
 
 
 def _side_deviation(mesh: SheetMesh, sides: tuple[SideObservations, ...]) -> float:

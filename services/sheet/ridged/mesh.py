@@ -5,7 +5,7 @@ unit coordinates: x right, y down, z forward, a point X is seen at f X / Z). Bet
 coordinates (c, r) and page coordinates (u, v) differ by the mesh's step, its aspect, and the page's origin.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +84,10 @@ class SheetMesh:
         step = width / (columns - 1)
         aspect = height / (rows - 1) / step
         return SheetMesh(X.reshape(rows, columns, 3), self.focal, step, aspect, self.origin)
+
+    def deepened(self, factor: float) -> "SheetMesh":
+        """The sheet with `factor` times its depth, seen in the same place with as much longer a focal length."""
+        return replace(self, nodes=self.nodes * np.array([1.0, 1.0, factor]), focal=self.focal * factor)
 
     def _steps(self) -> Vector:
         return np.array([self.step, self.step * self.aspect])

@@ -19,7 +19,8 @@ class SideObservations:
 class SheetObservations:
     """What the mesh is fitted to, in centred units.
 
-    `sides` are top, right, bottom and left of the page, None where one is not seen.
+    `sides` are top, right, bottom and left of the page, None where one is not seen. `flow` are directions of text
+    lines: they tell less than traced lines, but also where no line can be followed over a crease.
     """
 
     lines: LineObservations
@@ -27,3 +28,4 @@ class SheetObservations:
     sides: tuple[SideObservations | None, ...]
     log_focal: float
     focal_deviation: float
+    flow: FlowSamples | None = None

@@ -37,6 +37,8 @@ class RidgedParameters:
     stroke_rad: float = np.deg2rad(0.8)
     stroke_overlap: float = 4.0
     """Windows of neighbouring samples share ink: so many count as one."""
+    flow_rad: float = np.deg2rad(1.0)
+    """Of a text line's direction; weights are as for strokes."""
     slant_rad: float = np.deg2rad(0.2)
     """Mean slant of upright type, clockwise, as the smooth surface takes it."""
     margin: float = 0.4

@@ -25,6 +25,8 @@ from services.sheet.ridged.observations import SheetObservations, SideObservatio
 from services.sheet.ridged.paper import PaperResiduals
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 
+FLOW_PROBE = 0.01
+"""Photo units from a sample of the flow to the points that show its direction."""
 LOST = 6.0
 """Residual of a point that the mesh does not show; it has no derivative."""
 
@@ -45,8 +47,18 @@ class SheetResiduals:
         strokes = observed.strokes
         stroke = np.zeros((0, 2)) if strokes is None else strokes.points
         way = np.zeros((0, 2)) if strokes is None else _ways(strokes.angles)
-        probe = 0.6 * lines.text_height
-        parts = [lines.points, ends, stroke - probe * way, stroke + probe * way, *(s.points for s in sides)]
+        probe = 0.6 * (lines.text_height or FLOW_PROBE)
+        flow = np.zeros((0, 2)) if observed.flow is None else observed.flow.points
+        along = np.zeros((0, 2)) if observed.flow is None else _ways(observed.flow.angles)
+        parts = [
+            lines.points,
+            ends,
+            stroke - probe * way,
+            stroke + probe * way,
+            *(s.points for s in sides),
+            flow - FLOW_PROBE * along,
+            flow + FLOW_PROBE * along,
+        ]
         self.points = np.concatenate(parts)
         self.slices = _slices([len(part) for part in parts])
         self.grid = start.locate(self.points)
@@ -80,6 +92,11 @@ class SheetResiduals:
             np.zeros(0)
             if strokes is None
             else p.stroke_rad * np.sqrt(p.stroke_overlap / np.maximum(strokes.weights, 0.05))
+        )
+        self.flow_deviation = (
+            np.zeros(0)
+            if observed.flow is None
+            else p.flow_rad * np.sqrt(p.stroke_overlap / np.maximum(observed.flow.weights, 0.05))
         )
         self.side_deviation = [
             p.side
@@ -135,6 +152,7 @@ class SheetResiduals:
             self._spacing(x),
             self._margins(x, grid[:, 0], known, to_columns),
             self._strokes(x, mesh, grid, known, to_columns, to_rows),
+            self._flow(mesh, grid, known, to_columns, to_rows),
             *self._sides(grid, known, to_columns, to_rows),
             self._paper.stretch(x),
             *self._paper.bends(x),
@@ -226,6 +244,29 @@ class SheetResiduals:
             (self.globals_at + 2) * ones, -1.0 * seen / self.stroke_deviation, self.unknowns
         )
         return ResidualBlock(np.where(seen, values, LOST), jacobian + by_aspect + by_slant, 1)
+
+    def _flow(
+        self,
+        mesh: SheetMesh,
+        grid: Points,
+        known: NDArray[np.bool_],
+        to_columns: csr_array,
+        to_rows: csr_array,
+    ) -> ResidualBlock:
+        """Angle of the way between two photo points of a text line against the rows."""
+        a, b = self.slices[8], self.slices[9]
+        dc, dr = grid[b, 0] - grid[a, 0], mesh.aspect * (grid[b, 1] - grid[a, 1])
+        dc = np.where(np.abs(dc) < 1e-9, 1e-9, dc)
+        seen = known[a] & known[b]
+        values = np.arctan(dr / dc) / self.flow_deviation
+        square = np.maximum(dc * dc + dr * dr, 1e-18) * self.flow_deviation
+        jacobian = scaled_rows(to_rows[b] - to_rows[a], seen * mesh.aspect * dc / square) + scaled_rows(
+            to_columns[b] - to_columns[a], -1.0 * seen * dr / square
+        )
+        by_aspect = single_entries(
+            np.full(len(values), self.globals_at + 1, np.intp), seen * dc * dr / square, self.unknowns
+        )
+        return ResidualBlock(np.where(seen, values, LOST), jacobian + by_aspect, 1)
 
     def _sides(
         self, grid: Points, known: NDArray[np.bool_], to_columns: csr_array, to_rows: csr_array

@@ -89,13 +89,14 @@ def observe(
     line_points: int = 22,
     side_points: int = 60,
     focal_deviation: float = 0.05,
+    directions: bool = False,
 ) -> SheetObservations:
-    """What a photo of `sheet` shows: lines in paragraphs of eight, strokes, and four sides."""
+    """What a photo of `sheet` shows: lines in paragraphs of eight, strokes, and four sides; on request the lines' directions."""
 
     def off(points: Points) -> Points:
         return np.asarray(points + rng.normal(0, noise, points.shape)) if noise > 0 else points
 
-    lines, strokes = NO_LINES, None
+    lines, strokes, flow = NO_LINES, None, None
     if text:
         places = np.arange(-TEXT[1], TEXT[1], SPACING)
         places = places[np.arange(len(places)) % 9 != 8]
@@ -120,6 +121,9 @@ def observe(
         # Type leans by what `RidgedParameters.slant_rad` expects: none here.
         angles = np.arctan2(way[:, 1], way[:, 0]) + rng.normal(0, np.deg2rad(1.0) if noise > 0 else 0.0, 300)
         strokes = FlowSamples(sheet.see(at), angles, np.ones(300))
+        if directions:
+            way = sheet.see(at + half[::-1]) - sheet.see(at - half[::-1])
+            flow = FlowSamples(sheet.see(at), np.arctan2(way[:, 1], way[:, 0]), np.ones(300))
     share = np.linspace(-0.98, 0.98, side_points) / 2
     whole = np.full(side_points, 0.5)
     ends = (
@@ -132,7 +136,7 @@ def observe(
         SideObservations(off(sheet.see(np.stack(end, axis=1))), np.full(side_points, max(noise, 0.1 * PIXEL)))
         for end in ends
     )
-    return SheetObservations(lines, strokes, sides, float(np.log(FOCAL)), focal_deviation)
+    return SheetObservations(lines, strokes, sides, float(np.log(FOCAL)), focal_deviation, flow)
 
 
 def errors(sheet: Sheet, mesh: SheetMesh) -> Vector:

@@ -20,6 +20,7 @@ KINDS = (
     "spacing",
     "margins",
     "strokes",
+    "flow",
     "top",
     "right",
     "bottom",
@@ -48,7 +49,7 @@ def blocks(residuals: SheetResiduals, x: Vector) -> dict[str, ResidualBlock]:
 @lru_cache
 def small(name: str) -> SheetResiduals:
     """Residuals about a coarse mesh of a sheet, with few observations."""
-    observed = observe(SHEETS[name], np.random.default_rng(0), line_points=5, side_points=9)
+    observed = observe(SHEETS[name], np.random.default_rng(0), line_points=5, side_points=9, directions=True)
     return residuals_of(SHEETS[name], observed)
 
 
