@@ -25,7 +25,7 @@ from services.rectify.pipeline import rectify
 from services.rectify.planar import PhotoFrame, typical_focal_prior
 from services.rectify.results import RectifyResult
 from services.rectify.strip_page import find_strips
-from services.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
+from services.sheet.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
 from services.texture_flow.regression import regress_flow
 from simulation.flat_page import Points
 from simulation.truth import Truth

@@ -11,7 +11,7 @@ ARRAYS = ("numpy", "cv2", "PIL", "scipy", "pillow_heif", "img2pdf", "pypdfium2")
 HTTP = ("fastapi", "starlette", "uvicorn", "httpx", "pydantic", "pydantic_settings", "prometheus_client")
 SQL = ("sqlalchemy", "alembic", "sqlite3")
 ESTIMATORS = ("services.rectify", "services.mosaic", "services.layout")
-SURFACES = ("services.developable", "services.strips", "services.rulings", "services.sheet")
+SHEET = ("services.sheet",)
 
 RULES = [
     # (who, may not import, but may)
@@ -31,29 +31,20 @@ RULES = [
     ),
     (
         "services/geometry",
-        (*ESTIMATORS, *SURFACES, "services.imaging", "services.texture_flow", "services.ocr"),
+        (*ESTIMATORS, *SHEET, "services.imaging", "services.texture_flow", "services.ocr"),
         (),
     ),
-    ("services/imaging", (*ESTIMATORS, *SURFACES, "services.texture_flow", "services.ocr"), ()),
-    ("services/texture_flow", (*ESTIMATORS, *SURFACES, "services.ocr"), ()),
-    ("services/ocr", (*ESTIMATORS, *SURFACES, "services.texture_flow"), ()),
-    (
-        "services/rulings",
-        (*ESTIMATORS, "services.developable", "services.strips", "services.sheet", "services.ocr"),
-        (),
-    ),
-    ("services/strips", (*ESTIMATORS, "services.developable", "services.sheet", "services.ocr"), ()),
-    (
-        "services/developable",
-        (*ESTIMATORS, "services.strips", "services.rulings", "services.sheet", "services.ocr"),
-        (),
-    ),
+    ("services/imaging", (*ESTIMATORS, *SHEET, "services.texture_flow", "services.ocr"), ()),
+    ("services/texture_flow", (*ESTIMATORS, *SHEET, "services.ocr"), ()),
+    ("services/ocr", (*ESTIMATORS, *SHEET, "services.texture_flow"), ()),
+    ("services/sheet", (*ESTIMATORS, "services.ocr", "services.operations"), ()),
+    ("services/sheet/outline", SHEET, ("services.sheet.outline",)),
+    ("services/sheet/rulings", SHEET, ("services.sheet.rulings",)),
+    ("services/sheet/strips", SHEET, ("services.sheet.strips", "services.sheet.rulings")),
+    ("services/sheet/developable", SHEET, ("services.sheet.developable",)),
+    ("services/sheet/tracing", SHEET, ("services.sheet.tracing", "services.sheet.developable.observations")),
     # A creased sheet explains the same observations as a smooth one.
-    (
-        "services/sheet",
-        (*ESTIMATORS, *SURFACES, "services.ocr", "services.operations"),
-        ("services.sheet", "services.developable.observations"),
-    ),
+    ("services/sheet/ridged", SHEET, ("services.sheet.ridged", "services.sheet.developable.observations")),
     ("services/rectify", ("services.mosaic", "services.layout", "services.operations"), ()),
     ("services/mosaic", ("services.layout", "services.operations"), ()),
     ("services/layout", ("services.rectify", "services.mosaic", "services.operations"), ()),

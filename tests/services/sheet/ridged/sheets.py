@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from services.arrays import Floats, Points, Vector
-from services.developable.observations import NO_LINES, LineObservations, Run
+from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.texture_flow.field import FlowSamples
