@@ -1,6 +1,8 @@
 """The import rules of the house, held against the code's own imports."""
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +18,13 @@ SURFACES = ("services.developable", "services.strips", "services.rulings", "serv
 RULES = [
     # (who, may not import, but may)
     ("app", ("simulation", "benchmarks", "tests", *ARRAYS), ()),
+    # Of what workers run the server knows the contract: plain data, and names of operations.
+    (
+        "app",
+        ("services",),
+        ("services.contract", "services.errors", "services.progress", "services.layout.content_settings"),
+    ),
+    ("services/contract", ("services", "models", *ARRAYS, *HTTP, *SQL), ("services.contract",)),
     # The store's door is its repository; no table and no session comes through it.
     (
         "app",
@@ -23,7 +32,11 @@ RULES = [
         ("models.repository", "models.records", "models.errors", "models.layout_graph"),
     ),
     ("app/engine", (*HTTP, "app"), ("app.engine",)),
-    ("app/schemas", ("app.routes", "app.engine", "app.main", "services"), ()),
+    (
+        "app/schemas",
+        ("app.routes", "app.engine", "app.main", "services"),
+        ("services.contract", "services.errors"),
+    ),
     (
         "services",
         ("app", "simulation", "benchmarks", "tests", "models", *HTTP, *SQL),
@@ -88,7 +101,9 @@ def within(name: str, packages: tuple[str, ...]) -> bool:
     return any(name == package or name.startswith(package + ".") for package in packages)
 
 
-@pytest.mark.parametrize(("who", "forbidden", "allowed"), RULES, ids=[rule[0] for rule in RULES])
+@pytest.mark.parametrize(
+    ("who", "forbidden", "allowed"), RULES, ids=[f"{rule[0]}-{rule[1][0]}" for rule in RULES]
+)
 def test_imports_run_one_way(who: str, forbidden: tuple[str, ...], allowed: tuple[str, ...]) -> None:
     wrong = [
         f"{path.relative_to(ROOT)} imports {name}"
@@ -97,6 +112,18 @@ def test_imports_run_one_way(who: str, forbidden: tuple[str, ...], allowed: tupl
         if within(name, forbidden) and not within(name, allowed)
     ]
     assert wrong == []
+
+
+def test_the_server_loads_no_arrays() -> None:
+    """Neither directly nor through what it imports: that is for the workers."""
+    loaded = subprocess.run(
+        [sys.executable, "-c", "import sys, app.main; print(*sys.modules)"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert {name.partition(".")[0] for name in loaded.stdout.split()}.isdisjoint(ARRAYS)
 
 
 @pytest.mark.parametrize(("module", "places"), ONLY_IN, ids=[rule[0] for rule in ONLY_IN])

@@ -4,10 +4,12 @@ The app reads them from the store and tells a person what was found; nothing cha
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from models.layout_graph import InvalidLayout, Page
+from services.contract.layout import LayoutSettings
+from services.contract.layout_models import StoredPage
 from services.layout.content_features import ContentFeatures
 from services.layout.discovery.class_samples import ClassSamples, gather_samples
 from services.layout.discovery.groups import GroupingParameters, PageGroup, choose_pages, group_pages
@@ -18,16 +20,8 @@ from services.layout.exchange.page_json import page_from_document
 from services.layout.graph import build_graph
 from services.layout.pipeline import content_features
 from services.operations.layout_models import FOUND
-from services.operations.page_zones import LayoutSettings, exchange_limits
+from services.operations.page_zones import exchange_limits
 from services.progress import report_progress
-
-
-@dataclass(frozen=True, slots=True)
-class StoredPage:
-    """A page as the app keeps it: an unknown one, or a sample of a class."""
-
-    id: str
-    document: Mapping[str, Any]
 
 
 def propose_classes(

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from app.operations.layout import LayoutSettings, ModelDocument, layout_settings, stored_models
-
 
 @dataclass(frozen=True, slots=True)
 class FeedbackTask:
@@ -58,46 +56,3 @@ class Training:
     rounds: list[dict[str, Any]]
     kept_round: int
     stopped: Literal["rounds", "held-out", "no-errors", "effort"]
-
-
-def adapt_models(task: FeedbackTask, models: list[ModelDocument], settings: LayoutSettings) -> Adaptation:
-    """What a person's correction of a page makes of `models`, the newest versions of the found and the verified class.
-
-    Of a class without a version, or without a class, there is none among them; the answer has then no document of it.
-    Raises the `DocumentError`s of `services.operations`.
-    """
-    from services.operations import layout_learning
-
-    adaptation = layout_learning.adapt_models(
-        layout_learning.FeedbackTask(
-            task.page,
-            task.found_class,
-            task.found_labels,
-            task.verified_class,
-            task.labels,
-            task.learners,
-        ),
-        stored_models(models),
-        layout_settings(settings),
-    )
-    return Adaptation(
-        adaptation.documents,
-        adaptation.verified_labels,
-        adaptation.wrong,
-        adaptation.costs,
-        adaptation.sample,
-        adaptation.zones,
-    )
-
-
-def train_model(
-    model: ModelDocument, samples: list[dict[str, Any]], rounds: int, learner: str, settings: LayoutSettings
-) -> Training:
-    """`model` after at most `rounds` rounds over `samples`; raises the `DocumentError`s of `services.operations`."""
-    from services.operations import layout_learning
-
-    (stored,) = stored_models([model])
-    training = layout_learning.train_model(stored, samples, rounds, learner, layout_settings(settings))
-    return Training(
-        training.document, training.labels, training.rounds, training.kept_round, training.stopped
-    )

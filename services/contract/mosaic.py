@@ -1,9 +1,10 @@
-"""What a caller may ask of `mosaic`."""
+"""What a caller may ask of /mosaic."""
 
 from dataclasses import dataclass
 from typing import Literal
 
-from services.rectify.parameters import Illumination
+from services.contract.images import ImageLimits
+from services.contract.rectify import Illumination
 
 Composition = Literal["selective", "average"]
 
@@ -24,3 +25,11 @@ class MosaicParameters:
     composition: Composition = "selective"
     illumination: Illumination = "normalize"
     upright: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class MosaicLimits:
+    """What each photo of a mosaic may cost, and all of them together, which are in memory at once."""
+
+    photo: ImageLimits
+    max_megapixels: float

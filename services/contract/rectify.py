@@ -1,4 +1,4 @@
-"""What a caller may ask of `rectify`."""
+"""What a caller may ask of /rectify."""
 
 from dataclasses import dataclass
 from typing import Literal
