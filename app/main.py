@@ -47,7 +47,7 @@ from app.schemas.problem import Problem
 from app.settings import Settings
 from app.uploads import Admission, BodyGuard, BodyLimits
 from services.contract.operations import Operations
-from services.layout.content_settings import InvalidContentSettings, read_settings
+from services.layout.content.content_settings import InvalidContentSettings, read_settings
 
 log = logging.getLogger(__name__)
 

@@ -15,11 +15,11 @@ from benchmarks.layout_part import Part, Result, Results, table
 from benchmarks.layout_protocols import make_model, page_labels, unlabelled
 from benchmarks.layout_specimens import Specimen, by_class
 from benchmarks.learning_pages import LEARNERS, verdict
-from models.layout_graph import Page
-from models.model_document import model_to_document
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
 from services.contract.layout_learning import FeedbackTask
 from services.layout.exchange.page_json import page_to_document
+from services.layout.model.model_document import model_to_document
+from services.layout.page import Page
 from services.operations.layout import recognize_upload
 from services.operations.layout_learning import adapt_models
 

@@ -18,8 +18,8 @@ from services.contract.rectify import RectifyParameters
 from services.geometry.vanishing_points import estimate_vanishing_point
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
-from services.layout.overlay import draw_overlay
 from services.layout.pipeline import VersionedModel, complete_sample, initialize_model, read_page, recognize
+from services.layout.rendering.overlay import draw_overlay
 from services.mosaic.pipeline import mosaic
 from services.operations.reader import ocr_engine
 from services.rectify.analysis import analyse_photo

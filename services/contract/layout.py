@@ -9,6 +9,9 @@ from services.contract.images import ImageLimits
 
 LayoutFormat = Literal["json", "pagexml", "alto", "png"]
 
+LONGEST_LABEL = 60
+"""Characters; the longest label of the labelled pages has 16."""
+
 MEDIA_TYPES: Mapping[LayoutFormat, str] = {
     "json": "application/json",
     "pagexml": "application/xml",

@@ -1,7 +1,12 @@
 """Models that learn: from what a person said of one page, and from rounds over all verified ones."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
+
+Learner = Literal["passive-aggressive", "counting", "error-correction"]
+"""How a model learns from a verified page; what each does is told by `services.layout.learning.learners`."""
+DEFAULT_LEARNER: Final[Learner] = "passive-aggressive"
+"""Of models whose settings name none: fewest errors on streams of verified pages (docs/decisions.md, 2026-11-22)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,26 +8,26 @@ from functools import partial
 
 import numpy as np
 
-from models.layout_graph import Page
 from services.arrays import RgbImage
 from services.contract.layout import MEDIA_TYPES, LayoutOptions, LayoutReply, LayoutSettings, ModelDocument
 from services.contract.rectify import RectifyParameters
 from services.errors import TooLarge
 from services.imaging.codec import decode_image, encode_image
 from services.imaging.page_images import PagePicture
-from services.layout.documents import PageInDocument, place_page
 from services.layout.exchange.alto import write_alto
 from services.layout.exchange.page_json import page_to_document
 from services.layout.exchange.page_xml import write_page_xml
-from services.layout.overlay import draw_overlay
+from services.layout.page import Page
 from services.layout.pipeline import (
     complete_page,
     content_features,
     read_page,
     recognize,
 )
-from services.layout.recognition import RecognitionParameters
-from services.layout.results import Recognition
+from services.layout.recognition.documents import PageInDocument, place_page
+from services.layout.recognition.page_recognition import RecognitionParameters
+from services.layout.recognition.results import Recognition
+from services.layout.rendering.overlay import draw_overlay
 from services.ocr.engine import OcrEngine
 from services.operations.layout_result import describe_recognition
 from services.operations.page_zones import check_frame, read_file, read_zones

@@ -11,11 +11,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
-from models.layout_graph import LayoutModel, ModelEdge, ModelNode, NumericExpectation
 from services.contract.layout import ModelDocument
 from services.contract.layout_models import ModelDifference
-from services.layout.compiled_model import COUNT, LABEL, SUREST, content_scale_name
-from services.layout.edge_attributes import RELATIONS
+from services.layout.graph.edge_attributes import RELATIONS
+from services.layout.model.compiled_model import COUNT, LABEL, SUREST, content_scale_name
+from services.layout.model.layout_model import LayoutModel, ModelEdge, ModelNode, NumericExpectation
 from services.operations.stored_models import read_model
 
 K = TypeVar("K")

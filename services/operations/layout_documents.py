@@ -14,10 +14,10 @@ from services.contract.layout import (
 )
 from services.errors import DocumentError, InvalidOption, NotAcceptable
 from services.imaging.page_images import PageLimits, PageSource, open_pages
-from services.layout.documents import DocumentParameters, DocumentRecognition, recognize_document
 from services.layout.exchange.page_json import page_to_document
 from services.layout.pipeline import content_features
-from services.layout.recognition import RecognitionParameters
+from services.layout.recognition.documents import DocumentParameters, DocumentRecognition, recognize_document
+from services.layout.recognition.page_recognition import RecognitionParameters
 from services.operations.layout import (
     MATCHING_BEGINS,
     Sight,

@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, cast, get_args
 
-from models.layout_graph import MOST_LABELS, InvalidLayout, Learner, Page
-from models.model_document import model_to_document
 from services.contract.layout import LayoutSettings, ModelDocument
-from services.contract.layout_learning import Adaptation, FeedbackTask, Training
+from services.contract.layout_learning import Adaptation, FeedbackTask, Learner, Training
 from services.errors import InvalidOption
 from services.layout.exchange.page_json import page_from_document
 from services.layout.learning.feedback import CostChange, LabelsMissing, VerifiedPage
+from services.layout.model.layout_model import MOST_LABELS
+from services.layout.model.model_document import model_to_document
+from services.layout.page import InvalidLayout, Page
 from services.layout.pipeline import content_features, learn_from_feedback
 from services.layout.pipeline import train_model as train_on_samples
 from services.operations.layout_models import draft_of, read_samples, sample_document

@@ -2,13 +2,13 @@
 
 import json
 
-from models.layout_graph import InvalidLayout, Page
 from services.arrays import RgbImage
 from services.contract.layout import LayoutSettings
 from services.errors import InvalidOption
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
 from services.layout.exchange.zones_file import read_zones_file
+from services.layout.page import InvalidLayout, Page
 
 
 def read_zones(zones: bytes, settings: LayoutSettings) -> Page:

@@ -4,10 +4,11 @@ import json
 from collections import OrderedDict
 from collections.abc import Sequence
 
-from models.layout_graph import InvalidLayout, LayoutModel
-from models.model_document import model_from_document
 from services.contract.layout import ModelDocument
 from services.errors import InvalidModel
+from services.layout.model.layout_model import LayoutModel
+from services.layout.model.model_document import model_from_document
+from services.layout.page import InvalidLayout
 from services.layout.pipeline import VersionedModel
 
 MOST_BYTES = 80 * 2**20

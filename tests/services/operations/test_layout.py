@@ -11,12 +11,13 @@ import pytest
 from PIL import Image
 
 from app.schemas.layout import result_of
-from models.layout_graph import MOST_LABELS, Page, Zone
 from services.contract.images import ImageLimits
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
 from services.errors import InvalidModel, InvalidOption, TooLarge
-from services.layout.cost import MOST_EXPLAINED
-from services.layout.results import AttributeCost, ClassMatch, LabelledZone, MatchReport, Recognition
+from services.layout.model.cost import MOST_EXPLAINED, AttributeCost
+from services.layout.model.layout_model import MOST_LABELS
+from services.layout.page import Page, Zone
+from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
 from services.operations import layout
 from services.operations.layout import recognize_upload
 from services.operations.layout_models import import_model, initialize_from_samples, measure_sample

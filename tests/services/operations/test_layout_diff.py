@@ -5,10 +5,16 @@ from dataclasses import replace
 
 import pytest
 
-from models.layout_graph import Calibration, LayoutModel, ModelEdge, ModelNode, NumericExpectation
-from models.model_document import model_to_document
 from services.contract.layout import ModelDocument
 from services.errors import InvalidModel
+from services.layout.model.layout_model import (
+    Calibration,
+    LayoutModel,
+    ModelEdge,
+    ModelNode,
+    NumericExpectation,
+)
+from services.layout.model.model_document import model_to_document
 from services.operations.layout_diff import compare_models
 
 NULL = ModelNode(None, 10.0, 0.5, {"left": NumericExpectation(0.5, 0.1)}, {"date": 0.1}, (0.0, 0.1))

@@ -12,10 +12,10 @@ import pytest
 from PIL import Image
 
 from app.schemas.layout import document_of, result_of
-from models.layout_graph import Page
 from services.contract.layout import DocumentReply, LayoutOptions, LayoutReply, LayoutSettings, ModelDocument
 from services.errors import InvalidOption, NotAcceptable, NoText, TooLarge, UndecodableImage
 from services.imaging.codec import encode_image
+from services.layout.page import Page
 from services.operations import layout, layout_documents
 from services.operations.layout_documents import recognize_uploads
 from services.operations.layout_models import initialize_from_samples, measure_sample

@@ -3,9 +3,9 @@
 import json
 from dataclasses import replace
 
-from models.layout_graph import Calibration, LayoutModel, ModelNode
-from models.model_document import model_to_document
 from services.contract.layout import ModelDocument
+from services.layout.model.layout_model import Calibration, LayoutModel, ModelNode
+from services.layout.model.model_document import model_to_document
 from services.operations.stored_models import ReadyModels, open_models
 
 
