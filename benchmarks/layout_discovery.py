@@ -23,12 +23,12 @@ from benchmarks.layout_specimens import ZONES, Specimen, Zones, by_class, lesson
 from benchmarks.layout_truth import layout_folder
 from benchmarks.options import make_parser
 from benchmarks.places import MEMORY, OUTPUT
-from models.layout_graph import Page
 from services.layout.discovery.class_samples import ClassSamples, gather_samples, held_out_costs
 from services.layout.discovery.groups import PageGroup, group_pages
 from services.layout.discovery.merging import MergeProposal, cannot_be_told_apart, compare_classes
 from services.layout.discovery.splitting import compare_parts, propose_split
-from services.layout.graph import LayoutGraph, build_graph
+from services.layout.graph.layout_graph import LayoutGraph, build_graph
+from services.layout.page import Page
 from services.layout.pipeline import content_features
 
 PAGES = (2, 3, 5, 10, 20)

@@ -15,10 +15,10 @@ from typing import get_args
 import numpy as np
 
 from benchmarks.layout_part import share, table
-from models.layout_graph import Page, Zone
-from services.layout.documents import class_of, recognize_document
+from services.layout.page import Page, Zone
 from services.layout.pipeline import VersionedModel, content_features, initialize_model, recognize
-from services.layout.results import Recognition
+from services.layout.recognition.documents import class_of, recognize_document
+from services.layout.recognition.results import Recognition
 from simulation.labelled_pages import DocumentKind, LabelledPage, document_pages
 
 KINDS: tuple[DocumentKind, ...] = get_args(DocumentKind)

@@ -27,12 +27,12 @@ from benchmarks.layout_truth import layout_folder
 from benchmarks.options import make_parser
 from benchmarks.places import OUTPUT
 from benchmarks.restyled_pages import restyled
-from models.layout_graph import Page, Zone
-from services.layout import recognition
-from services.layout.graph import build_graph
+from services.layout.graph.layout_graph import build_graph
+from services.layout.page import Page, Zone
 from services.layout.pipeline import VersionedModel, content_features, initialize_model
-from services.layout.recognition import RecognitionParameters, recognize_page
-from services.layout.results import Recognition
+from services.layout.recognition import page_recognition as recognition
+from services.layout.recognition.page_recognition import RecognitionParameters, recognize_page
+from services.layout.recognition.results import Recognition
 from simulation.labelled_pages import LabelledPage, fax_page, letter_page, memo_page, title_page
 
 NAME = "layout_hierarchy"

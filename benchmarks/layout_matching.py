@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.simulated_cost_tables import EASY, HARD, HOPELESS, TYPICAL, Hardness, simulated_tables
-from services.layout.cost_tables import CostTables, Matching
 from services.layout.matching import MatchingParameters, match_directly, match_in_two_steps
+from services.layout.matching.cost_tables import CostTables, Matching
 
 WANTED_MS = {(15, 10): 2.0, (60, 15): 50.0}
 """Median CPU time of a direct matching of a typical page, by zones and labels."""

@@ -14,11 +14,11 @@ from datetime import UTC, datetime
 from lxml import etree
 
 from benchmarks.layout_truth import SETS, load_set
-from models.layout_graph import ALIGNMENTS, KINDS, Page, Zone
 from services.layout.exchange.alto import read_alto, write_alto
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_xml import read_page_xml, write_page_xml
-from services.layout.results import ClassMatch, LabelledZone, Recognition
+from services.layout.page import ALIGNMENTS, KINDS, Page, Zone
+from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 
 _AWKWARD_NAMES = ("z1", "1", "z-1", "page", "reading-order", "a b", "ß;}{:,\\", "<&\"'>", "😀")
 _AWKWARD_TEXT = ("", "a\r\nb\tc", "\x00\x1f]]>&lt;", "\ufffe", "  ", "один 二")

@@ -31,8 +31,8 @@ from benchmarks.places import MEMORY, OUTPUT
 from benchmarks.segmentation_matching import FATES, match_zones
 from benchmarks.stopwatch import measured
 from benchmarks.workers import MOST_WORKERS, Progress, run_in_workers
-from models.layout_graph import Page
 from services.arrays import GrayImage, RgbImage
+from services.layout.page import Page
 from services.layout.segmentation import segment_page
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine

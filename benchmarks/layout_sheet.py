@@ -11,10 +11,10 @@ from benchmarks.layout_protocols import Labels, make_model, page_labels, recogni
 from benchmarks.layout_specimens import Specimen, by_class, lessons
 from benchmarks.places import OUTPUT
 from benchmarks.plots import contact_sheet, load_picture, make_strip, save_picture
-from models.layout_graph import Page
 from services.arrays import RgbImage
-from services.layout.overlay import draw_overlay
-from services.layout.results import Recognition
+from services.layout.page import Page
+from services.layout.recognition.results import Recognition
+from services.layout.rendering.overlay import draw_overlay
 
 SHEET = OUTPUT / "layout_overlays.png"
 _HEIGHT_PX = 1000

@@ -17,9 +17,9 @@ from benchmarks.layout_truth import (
 )
 from benchmarks.memory import Memory
 from benchmarks.plots import load_picture
-from models.layout_graph import Page
 from services.arrays import GrayImage
-from services.layout.label_transfer import shared_areas, transfer_labels
+from services.layout.learning.label_transfer import shared_areas, transfer_labels
+from services.layout.page import Page
 from services.layout.pipeline import content_features
 from services.layout.segmentation import segment_page
 from services.ocr.engine import OcrEngine

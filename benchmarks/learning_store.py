@@ -28,8 +28,8 @@ from benchmarks.layout_part import table
 from benchmarks.learning_pages import verdict
 from benchmarks.places import OUTPUT
 from benchmarks.server_processes import Server
-from models.model_document import model_from_document
 from models.repository import Store
+from services.layout.model.model_document import model_from_document
 from simulation.labelled_pages import letter_page
 
 CLASS = "letter"

@@ -20,10 +20,10 @@ from benchmarks.learning_pages import (
     see,
 )
 from benchmarks.plots import draw_panels
-from models.layout_graph import Page
-from services.layout.initialization import Views
+from services.layout.learning.initialization import Views
 from services.layout.learning.learners import learn_page, wrong_zones
-from services.layout.learning.state import LearningModel
+from services.layout.model.learning_model import LearningModel
+from services.layout.page import Page
 
 SETS = (
     *TITLES_REAL,

@@ -48,7 +48,7 @@ from benchmarks.subject import rectify_file
 from benchmarks.workers import Progress, run_in_workers
 from services.arrays import RgbImage
 from services.errors import DocumentError
-from services.operations import ocr_engine
+from services.operations.reader import ocr_engine
 
 _SHEET_STRIP_HEIGHT_PX = 360
 _SHOWN = ("photo", "rectified", "UVDoc", "page-dewarp")

@@ -4,10 +4,10 @@ from typing import Literal
 
 import numpy as np
 
+from services.contract.rectify import PageKind
 from services.geometry.page_map import PlaneMap
 from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_curved_page, trace_page
 from services.rectify.outline_plane import SheetSides
-from services.rectify.parameters import PageKind
 from services.rectify.planar import FocalPrior, PhotoFrame
 from services.rectify.pose import PagePose, choose_pose
 from services.rectify.results import Notice

@@ -9,8 +9,8 @@ import httpx
 import uvicorn
 
 from app.main import create_app
-from app.operations import Operations
 from app.settings import Settings
+from services.contract.operations import Operations
 from tests.app.scripted import OPERATIONS
 
 SETTINGS = {
