@@ -30,7 +30,7 @@ class PeerMosaic:
 def stitch(photos: Sequence[RgbImage], mode: int) -> PeerMosaic:
     """OpenCV's Stitcher as it comes."""
     with measured() as usage:
-        stitcher = cv2.Stitcher_create(mode)
+        stitcher = cv2.Stitcher.create(mode)
         try:
             status, image = stitcher.stitch([np.ascontiguousarray(photo[..., ::-1]) for photo in photos])
         except cv2.error:
@@ -69,7 +69,7 @@ def _features(photo: RgbImage) -> tuple[NDArray[np.float64], NDArray[np.float32]
     gray = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)
     factor = min(_MATCHING_PX / max(gray.shape), 1.0)
     small = cv2.resize(gray, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
-    points, descriptors = cv2.SIFT_create().detectAndCompute(small, None)
+    points, descriptors = cv2.SIFT.create().detectAndCompute(small, None)
     if descriptors is None:
         return np.zeros((0, 2)), np.zeros((0, 128), np.float32)
     places = np.array([point.pt for point in points], np.float64)

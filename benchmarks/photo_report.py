@@ -186,7 +186,11 @@ def format_scans(photos: Sequence[PhotoFigures]) -> str:
     both = [found for _, found in rows if len(found) == 2]
     if both:
         cells = (
-            pair(*(_mean(pick(found[method]) for found in both) for method in ("rectified", "UVDoc")), column)
+            pair(
+                _mean(pick(found["rectified"]) for found in both),
+                _mean(pick(found["UVDoc"]) for found in both),
+                column,
+            )
             for column, pick in columns.items()
         )
         lines.append(f"{f'mean of {len(both)}':<34}{''.join(cells)}")

@@ -8,13 +8,13 @@ from app.operations import Format, PagesFormat
 from app.representations import (
     MEDIA_TYPES,
     MediaRange,
-    NotAcceptable,
     choose_format,
     choose_pages_formats,
     image_headers,
     parse_accept,
     sniff_format,
 )
+from services.errors import NotAcceptable
 
 
 @pytest.mark.parametrize(

@@ -85,6 +85,6 @@ def test_one_photo_is_shifted_and_the_pipeline_left_as_it_was(monkeypatch: pytes
     monkeypatch.setattr(pipeline, "compose_page", compose, raising=False)
     placed = [PlacedStandIn(SimpleNamespace(index=k), Placement(np.eye(3))) for k in range(3)]
     with shifted_photo(1, SHIFT):
-        moved = pipeline.compose_page(placed)  # type: ignore[attr-defined]
+        moved = pipeline.compose_page(placed)  # type: ignore[attr-defined, call-arg]
     assert np.allclose(moved, [[0, 0], SHIFT, [0, 0]])
     assert pipeline.compose_page is compose  # type: ignore[attr-defined]

@@ -11,7 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.layout_graph import (
+    LARGEST,
+    LONGEST_LABEL,
     MODEL_FORMAT_VERSION,
+    MOST_LABELS,
     Calibration,
     EdgeMemory,
     InvalidLayout,
@@ -23,11 +26,8 @@ from models.layout_graph import (
     NumericExpectation,
 )
 from models.model_document import (
-    LARGEST,
-    LONGEST_LABEL,
     LONGEST_NAME,
     MOST_DESCRIPTORS,
-    MOST_LABELS,
     MOST_NAMES,
     model_from_document,
     model_to_document,
