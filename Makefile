@@ -87,29 +87,29 @@ format: venv-dev
 check: lint test
 
 bench-rectify: venv-dev venv-bench
-	@$(BIN)/python -m benchmarks.rectify_simulated --experiment all --both --peers $(PEERS) $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks rectify_simulated --experiment all --both --peers $(PEERS) $(BENCH_OPTIONS)
 
 bench-photos: venv-dev venv-bench
-	@$(BIN)/python -m benchmarks.rectify_photos $(PEERS) --uvdoc-python $(BENCH_VENV)/bin/python $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks rectify_photos $(PEERS) --uvdoc-python $(BENCH_VENV)/bin/python $(BENCH_OPTIONS)
 
 bench-speed: venv-dev venv-bench
-	@$(BIN)/python -m benchmarks.rectify_speed --page-dewarp $(BENCH_VENV)/bin/page-dewarp $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks rectify_speed --page-dewarp $(BENCH_VENV)/bin/page-dewarp $(BENCH_OPTIONS)
 
 bench-mosaic: venv-dev
-	@$(BIN)/python -m benchmarks.mosaic_simulated --peers $(BENCH_OPTIONS)
-	@$(BIN)/python -m benchmarks.mosaic_checks
+	@$(BIN)/python -m benchmarks mosaic_simulated --peers $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks mosaic_checks
 
 bench-layout: venv-dev
-	@$(BIN)/python -m benchmarks.layout_recognition $(BENCH_OPTIONS)
-	@$(BIN)/python -m benchmarks.layout_segmentation
-	@$(BIN)/python -m benchmarks.layout_matching --two-steps
+	@$(BIN)/python -m benchmarks layout_recognition $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks layout_segmentation
+	@$(BIN)/python -m benchmarks layout_matching --two-steps
 
 bench-learning: venv-dev
-	@$(BIN)/python -m benchmarks.learning $(BENCH_OPTIONS)
-	@$(BIN)/python -m benchmarks.learning_store
-	@$(BIN)/python -m benchmarks.layout_documents
-	@$(BIN)/python -m benchmarks.layout_hierarchy
-	@$(BIN)/python -m benchmarks.layout_discovery
+	@$(BIN)/python -m benchmarks learning $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks learning_store
+	@$(BIN)/python -m benchmarks layout_documents
+	@$(BIN)/python -m benchmarks layout_hierarchy
+	@$(BIN)/python -m benchmarks layout_discovery
 
 # `$(call install_packages,NAMES,CONSEQUENCE)` installs Debian's packages, as root or by sudo without a password. Where
 # it may not, it says so with the consequence, and succeeds.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.figures import write_json
+from benchmarks.common.figures import write_json
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.sheet_errors import SheetErrors
-from benchmarks.stopwatch import Usage
+from benchmarks.common.sheet_errors import SheetErrors
+from benchmarks.common.stopwatch import Usage
 
 NAN = float("nan")
 

@@ -11,12 +11,12 @@ from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import scan_distances
-from benchmarks.peers import run_page_dewarp, run_uvdoc
-from benchmarks.plots import load_picture, save_picture
-from benchmarks.reading import Reader, Reading, prepare
-from benchmarks.scan_distances import ScanDistances, compare_with_scan
-from benchmarks.stopwatch import Usage
+from benchmarks.common import scan_distances
+from benchmarks.common.peers import run_page_dewarp, run_uvdoc
+from benchmarks.common.plots import load_picture, save_picture
+from benchmarks.common.reading import Reader, Reading, prepare
+from benchmarks.common.scan_distances import ScanDistances, compare_with_scan
+from benchmarks.common.stopwatch import Usage
 from services.arrays import GrayImage, RgbImage
 from services.ocr.engine import OcrEngine, Word
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.stopwatch import Usage, peak_of_process_mb
+from benchmarks.common.stopwatch import Usage, peak_of_process_mb
 from services.arrays import RgbImage
 
 TIME_LIMIT_S = 180.0

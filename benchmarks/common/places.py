@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-REPOSITORY = Path(__file__).resolve().parent.parent
+REPOSITORY = Path(__file__).resolve().parents[2]
 OUTPUT = REPOSITORY / "benchmarks" / "output"
 MEMORY = OUTPUT / "memory"
 BASELINE = REPOSITORY / "benchmarks" / "baseline"

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.figures import CaseFigures, Pick, mean_std
+from benchmarks.common.figures import CaseFigures, Pick, mean_std
 from services.arrays import RgbImage
 
 SHEET_WIDTH_PX = 3000

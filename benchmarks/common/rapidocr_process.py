@@ -1,6 +1,6 @@
 """Reads page pictures named on stdin, one a line; answers a JSON line of [text, confidence] for each.
 
-Started by `benchmarks.reading.RapidOcrReader` in an environment that has `rapidocr` and `onnxruntime`; it
+Started by `benchmarks.common.reading.RapidOcrReader` in an environment that has `rapidocr` and `onnxruntime`; it
 imports nothing of this project.
 """
 

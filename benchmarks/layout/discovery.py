@@ -1,6 +1,6 @@
 """New classes among unknown pages, classes to merge and classes to split: what is found, and what is proposed wrongly.
 
-    python -m benchmarks.layout_discovery [--no-reading] [--limit N]
+    python -m benchmarks layout_discovery [--no-reading] [--limit N]
 
 Each of the eleven classes is withheld in turn; two models are made of halves of one class; one model of two classes.
 """
@@ -14,15 +14,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.figures import plain_values, write_json
-from benchmarks.layout_discovery_plot import draw_discovery
-from benchmarks.layout_part import share, table
-from benchmarks.layout_protocols import make_model, recognized
-from benchmarks.layout_recognition import ReadingOptions, segment_all
-from benchmarks.layout_specimens import ZONES, Specimen, Zones, by_class, lessons, load_specimens
-from benchmarks.layout_truth import layout_folder
-from benchmarks.options import make_parser
-from benchmarks.places import MEMORY, OUTPUT
+from benchmarks.common.figures import plain_values, write_json
+from benchmarks.common.options import make_parser
+from benchmarks.common.places import MEMORY, OUTPUT
+from benchmarks.layout.discovery_plot import draw_discovery
+from benchmarks.layout.part import share, table
+from benchmarks.layout.protocols import make_model, recognized
+from benchmarks.layout.recognition import ReadingOptions, segment_all
+from benchmarks.layout.specimens import ZONES, Specimen, Zones, by_class, lessons, load_specimens
+from benchmarks.layout.truth import layout_folder
 from models.layout_graph import Page
 from services.layout.discovery.class_samples import ClassSamples, gather_samples, held_out_costs
 from services.layout.discovery.groups import PageGroup, group_pages
@@ -294,7 +294,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     draw_discovery(OUTPUT / "layout_discovery.png", results["own"])
     print(f"figures and plot: {OUTPUT}")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

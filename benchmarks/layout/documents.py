@@ -1,20 +1,19 @@
 """Documents of several pages: their class by all pages beside that of every page alone, and labels of later pages.
 
-python -m benchmarks.layout_documents [--documents 12] [--samples 2 3 5 8]
+python -m benchmarks layout_documents [--documents 12] [--samples 2 3 5 8]
 
 Simulated letters, memos and papers of two publications, of 1 to 4 pages; models of so many simulated documents each,
 none of which is tested. Zones are the true ones.
 """
 
 import argparse
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import get_args
 
 import numpy as np
 
-from benchmarks.layout_part import share, table
+from benchmarks.layout.part import share, table
 from models.layout_graph import Page, Zone
 from services.layout.documents import class_of, recognize_document
 from services.layout.pipeline import VersionedModel, content_features, initialize_model, recognize
@@ -164,13 +163,9 @@ def report(documents: Documents, samples: Iterable[int]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.layout_documents", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks layout_documents", description=__doc__)
     parser.add_argument("--documents", type=int, default=12, help="of each kind")
     parser.add_argument("--samples", type=int, nargs="+", default=[2, 3, 5, 8], help="documents of a model")
     options = parser.parse_args(arguments)
     print(report(make_documents(options.documents), options.samples))
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,6 +1,6 @@
 """Many models: class decisions and time with the hierarchy and without, against the number of models.
 
-python -m benchmarks.layout_hierarchy [--pages N] [--data FOLDER]
+python -m benchmarks layout_hierarchy [--pages N] [--data FOLDER]
 
 Publications are the classes of the shared pages, those of simulated ones, and restyled copies of both
 (`restyled_pages`); without the shared pages they are of simulated ones only.
@@ -19,14 +19,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.figures import plain_values, write_json
-from benchmarks.layout_part import Result, share, table
-from benchmarks.layout_protocols import folds, make_model, unlabelled
-from benchmarks.layout_specimens import by_class, load_specimens
-from benchmarks.layout_truth import layout_folder
-from benchmarks.options import make_parser
-from benchmarks.places import OUTPUT
-from benchmarks.restyled_pages import restyled
+from benchmarks.common.figures import plain_values, write_json
+from benchmarks.common.options import make_parser
+from benchmarks.common.places import OUTPUT
+from benchmarks.layout.part import Result, share, table
+from benchmarks.layout.protocols import folds, make_model, unlabelled
+from benchmarks.layout.restyled_pages import restyled
+from benchmarks.layout.specimens import by_class, load_specimens
+from benchmarks.layout.truth import layout_folder
 from models.layout_graph import Page, Zone
 from services.layout import recognition
 from services.layout.graph import build_graph
@@ -294,7 +294,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     no_worse = all(each["hierarchy"]["right"] >= each["flat"]["right"] for each in sizes.values())
     no_worse &= not in_folds or in_folds["hierarchy"]["right"] >= in_folds["flat"]["right"]
     return 0 if is_fast and no_worse else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import cv2
 
-from benchmarks.figures import plain_values, write_json
-from benchmarks.layout_part import Part, Result, Results
-from benchmarks.layout_specimens import Specimen
-from benchmarks.places import REPOSITORY
-from benchmarks.workers import Progress, run_in_workers
+from benchmarks.common.figures import plain_values, write_json
+from benchmarks.common.places import REPOSITORY
+from benchmarks.common.workers import Progress, run_in_workers
+from benchmarks.layout.part import Part, Result, Results
+from benchmarks.layout.specimens import Specimen
 
 _SOURCES = ("services/layout/**/*.py", "services/operations/*.py", "models/*.py", "benchmarks/layout_*.py")
 """The code that a layout benchmark measures and is made of, beside the module of the part."""

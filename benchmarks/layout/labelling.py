@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from benchmarks.baseline import Figures
-from benchmarks.layout_part import Part, Result, Results, share, table
-from benchmarks.layout_protocols import (
+from benchmarks.common.baseline import Figures
+from benchmarks.layout.part import Part, Result, Results, share, table
+from benchmarks.layout.protocols import (
     Labels,
     component_counts,
     confusions,
@@ -14,7 +14,7 @@ from benchmarks.layout_protocols import (
     page_labels,
     wrong_zones,
 )
-from benchmarks.layout_specimens import (
+from benchmarks.layout.specimens import (
     TRIALS,
     Specimen,
     Trial,
@@ -22,7 +22,7 @@ from benchmarks.layout_specimens import (
     of_sources,
     with_ten_components,
 )
-from benchmarks.layout_truth import TITLES_MADE, TITLES_REAL
+from benchmarks.layout.truth import TITLES_MADE, TITLES_REAL
 from models.layout_graph import Page
 
 UNIFIED = {

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.baseline import Figures
-from benchmarks.layout_part import Part, Result, Results, table
-from benchmarks.layout_peers import TREES, ForestLabels
-from benchmarks.layout_protocols import (
+from benchmarks.common.baseline import Figures
+from benchmarks.layout.part import Part, Result, Results, table
+from benchmarks.layout.peers import TREES, ForestLabels
+from benchmarks.layout.protocols import (
     Labeller,
     Labels,
     draws,
@@ -18,8 +18,8 @@ from benchmarks.layout_protocols import (
     label_in_folds,
     page_labels,
 )
-from benchmarks.layout_specimens import Lesson, Specimen, of_sources, with_ten_components
-from benchmarks.layout_truth import TITLES_MADE, TITLES_REAL
+from benchmarks.layout.specimens import Lesson, Specimen, of_sources, with_ten_components
+from benchmarks.layout.truth import TITLES_MADE, TITLES_REAL
 from models.layout_graph import Page
 
 SIZES = (1, 2, 3, 5, 10, 20)

@@ -1,17 +1,16 @@
 """Time, proofs and gaps of matching on simulated cost tables of pages, against the number of zones and labels.
 
-python -m benchmarks.layout_matching [--pages 20] [--two-steps]
+python -m benchmarks layout_matching [--pages 20] [--two-steps]
 """
 
 import argparse
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.simulated_cost_tables import EASY, HARD, HOPELESS, TYPICAL, Hardness, simulated_tables
+from benchmarks.layout.simulated_cost_tables import EASY, HARD, HOPELESS, TYPICAL, Hardness, simulated_tables
 from services.layout.cost_tables import CostTables, Matching
 from services.layout.matching import MatchingParameters, match_directly, match_in_two_steps
 
@@ -84,7 +83,7 @@ def format_row(name: str, figures: Sequence[MatchingFigures]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.layout_matching", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks layout_matching", description=__doc__)
     parser.add_argument("--pages", type=int, default=20, help="simulated pages of each kind")
     parser.add_argument("--two-steps", action="store_true", help="measure the two steps besides")
     options = parser.parse_args(arguments)
@@ -104,7 +103,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for line in too_slow:
         print("too slow:", line)
     return 1 if too_slow else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.baseline import Figures
-from benchmarks.layout_specimens import Specimen
+from benchmarks.common.baseline import Figures
+from benchmarks.layout.specimens import Specimen
 
 Result = dict[str, Any]
 """What a job measured, as JSON has it."""

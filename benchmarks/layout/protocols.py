@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.layout_specimens import Lesson
+from benchmarks.layout.specimens import Lesson
 from models.layout_graph import LayoutModel, Page
 from services.layout.pipeline import VersionedModel, initialize_model, recognize
 from services.layout.recognition import RecognitionParameters

@@ -1,6 +1,6 @@
 """Layout structure recognition on pages with labelled zones: labels, classes, a random forest beside it, speed.
 
-python -m benchmarks.layout_recognition [--parts titles,classes,...] [--limit N] [--no-reading]
+python -m benchmarks layout_recognition [--parts titles,classes,...] [--limit N] [--no-reading]
 """
 
 import argparse
@@ -12,21 +12,21 @@ from pathlib import Path
 
 import cv2
 
-from benchmarks.baseline import Figures, Metric, judge
-from benchmarks.figures import plain_values, write_json
-from benchmarks.layout_classes import CLASSES
-from benchmarks.layout_jobs import measure_all
-from benchmarks.layout_labelling import LETTERS, TITLES
-from benchmarks.layout_learning import LEARNING, draw_curves
-from benchmarks.layout_part import Part, Results, choose_parts
-from benchmarks.layout_sheet import SHEETS
-from benchmarks.layout_specimens import Specimen, load_specimens, segmented
-from benchmarks.layout_speed import SPEED, STEPS
-from benchmarks.layout_truth import layout_folder
-from benchmarks.memory import Memory
-from benchmarks.options import make_parser
-from benchmarks.places import BASELINE, MEMORY, OUTPUT
-from benchmarks.workers import Progress, run_in_workers
+from benchmarks.common.baseline import Figures, Metric, judge
+from benchmarks.common.figures import plain_values, write_json
+from benchmarks.common.memory import Memory
+from benchmarks.common.options import make_parser
+from benchmarks.common.places import BASELINE, MEMORY, OUTPUT
+from benchmarks.common.workers import Progress, run_in_workers
+from benchmarks.layout.classes import CLASSES
+from benchmarks.layout.jobs import measure_all
+from benchmarks.layout.labelling import LETTERS, TITLES
+from benchmarks.layout.learning_curve import LEARNING, draw_curves
+from benchmarks.layout.part import Part, Results, choose_parts
+from benchmarks.layout.sheet import SHEETS
+from benchmarks.layout.specimens import Specimen, load_specimens, segmented
+from benchmarks.layout.speed import SPEED, STEPS
+from benchmarks.layout.truth import layout_folder
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine
 
@@ -128,7 +128,3 @@ def _parser() -> argparse.ArgumentParser:
     add("--limit", type=int, default=None, help="only the first N pages of each class and set")
     add("--no-reading", action="store_true", help="segment without OCR: much faster the first time")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

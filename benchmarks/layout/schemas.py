@@ -1,19 +1,18 @@
 """Whether what recognition writes as PAGE-XML and ALTO is valid by the schemas themselves.
 
-python -m benchmarks.layout_schemas --page pagecontent.xsd --alto alto-4-4.xsd
+python -m benchmarks layout_schemas --page pagecontent.xsd --alto alto-4-4.xsd
 
 The schemas are not ours to bring along: PAGE's is in github.com/PRImA-Research-Lab/PAGE-XML (2019-07-15), ALTO's
 in github.com/altoxml/schema (v4/alto-4-4.xsd; its import of xlink.xsd must lead to a file).
 """
 
 import argparse
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 
 from lxml import etree
 
-from benchmarks.layout_truth import SETS, load_set
+from benchmarks.layout.truth import SETS, load_set
 from models.layout_graph import ALIGNMENTS, KINDS, Page, Zone
 from services.layout.exchange.alto import read_alto, write_alto
 from services.layout.exchange.limits import ExchangeLimits
@@ -60,12 +59,15 @@ def _recognized(page: Page, chosen: ClassMatch | None) -> Recognition:
     return Recognition(page, zones, chosen)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write every page in every format and print which files are not valid."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks layout_schemas", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--page", help="pagecontent.xsd of PAGE-XML 2019-07-15")
     parser.add_argument("--alto", help="alto-4-4.xsd")
     parser.add_argument("--data", help="folder of the shared data")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     limits, created = ExchangeLimits(), datetime.now(UTC)
     asked: list[tuple[str, str, Callable[..., bytes], Callable[..., Page]]] = [
         (name, path, write, read)
@@ -93,7 +95,3 @@ def main() -> int:
         print(f"{name}: {pages} documents, {invalid} invalid, {changed} do not read back")
         good &= not invalid and not changed
     return 0 if good else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

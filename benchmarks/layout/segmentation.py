@@ -1,8 +1,8 @@
 """Our page segmentation against the true zones of the labelled pages, with the engine's words and without.
 
-python -m benchmarks.layout_segmentation [--sets titles/real/jose,letters/made] [--labels] [--sheets] [--limit N]
+python -m benchmarks layout_segmentation [--sets titles/real/jose,letters/made] [--labels] [--sheets] [--limit N]
 
-Shares of true zones, each counted once, by the areas of boxes (benchmarks/segmentation_matching.py):
+Shares of true zones, each counted once, by the areas of boxes (benchmarks/layout/segmentation_matching.py):
 
 whole    one found zone has an IoU of 0.75 with it, or of 0.5 where each is the other's only partner
 merged   a found zone covers half of it and half of another true zone
@@ -25,12 +25,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.layout_truth import SETS, LabelledPage, layout_folder, load_set
-from benchmarks.layout_words import PageWords
-from benchmarks.places import MEMORY, OUTPUT
-from benchmarks.segmentation_matching import FATES, match_zones
-from benchmarks.stopwatch import measured
-from benchmarks.workers import MOST_WORKERS, Progress, run_in_workers
+from benchmarks.common.places import MEMORY, OUTPUT
+from benchmarks.common.stopwatch import measured
+from benchmarks.common.workers import MOST_WORKERS, Progress, run_in_workers
+from benchmarks.layout.segmentation_matching import FATES, match_zones
+from benchmarks.layout.truth import SETS, LabelledPage, layout_folder, load_set
+from benchmarks.layout.words import PageWords
 from models.layout_graph import Page
 from services.arrays import GrayImage, RgbImage
 from services.layout.segmentation import segment_page
@@ -170,7 +170,7 @@ def format_figures(figures: Sequence[SetFigures], *, labels: bool = False) -> st
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the table, write the figures; 0, or 1 where there is no data."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.layout_segmentation",
+        prog="python -m benchmarks layout_segmentation",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -207,7 +207,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     file = OUTPUT / "layout_segmentation.json"
     file.write_text(json.dumps([asdict(each) for each in figures], indent=1), encoding="utf-8")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -6,11 +6,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from benchmarks.layout_part import Part, Result, Results, table
-from benchmarks.layout_protocols import Labels, make_model, page_labels, recognized
-from benchmarks.layout_specimens import Specimen, by_class, lessons
-from benchmarks.places import OUTPUT
-from benchmarks.plots import contact_sheet, load_picture, make_strip, save_picture
+from benchmarks.common.places import OUTPUT
+from benchmarks.common.plots import contact_sheet, load_picture, make_strip, save_picture
+from benchmarks.layout.part import Part, Result, Results, table
+from benchmarks.layout.protocols import Labels, make_model, page_labels, recognized
+from benchmarks.layout.specimens import Specimen, by_class, lessons
 from models.layout_graph import Page
 from services.arrays import RgbImage
 from services.layout.overlay import draw_overlay

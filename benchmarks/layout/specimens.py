@@ -8,15 +8,15 @@ from typing import Literal, get_args
 import cv2
 import numpy as np
 
-from benchmarks.layout_truth import (
+from benchmarks.common.memory import Memory
+from benchmarks.common.plots import load_picture
+from benchmarks.layout.truth import (
     SETS,
     TITLES_MADE,
     TITLES_REAL,
     LabelledPage,
     load_set,
 )
-from benchmarks.memory import Memory
-from benchmarks.plots import load_picture
 from models.layout_graph import Page
 from services.arrays import GrayImage
 from services.layout.label_transfer import shared_areas, transfer_labels

@@ -7,13 +7,13 @@ from dataclasses import asdict
 import cv2
 import numpy as np
 
-from benchmarks.baseline import Figures
-from benchmarks.layout_part import Part, Result, Results, share, table
-from benchmarks.layout_protocols import error_percent, folds, page_labels, recognized
-from benchmarks.layout_specimens import ZONES, Specimen, by_class, of_sources
-from benchmarks.layout_truth import TITLES_REAL
-from benchmarks.plots import load_picture
-from benchmarks.stopwatch import measured
+from benchmarks.common.baseline import Figures
+from benchmarks.common.plots import load_picture
+from benchmarks.common.stopwatch import measured
+from benchmarks.layout.part import Part, Result, Results, share, table
+from benchmarks.layout.protocols import error_percent, folds, page_labels, recognized
+from benchmarks.layout.specimens import ZONES, Specimen, by_class, of_sources
+from benchmarks.layout.truth import TITLES_REAL
 from models.layout_graph import Page
 from services.arrays import RgbImage
 from services.layout.pipeline import VersionedModel, initialize_model, read_page, recognize

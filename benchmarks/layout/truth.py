@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.places import data_folder
+from benchmarks.common.places import data_folder
 from models.layout_graph import Page, Zone
 
 TITLES_REAL = tuple(f"titles/real/{name}" for name in ("jose", "juliacon", "rescience"))

@@ -4,7 +4,7 @@ import os
 import pickle
 from pathlib import Path
 
-from benchmarks.layout_truth import LabelledPage
+from benchmarks.layout.truth import LabelledPage
 from services.arrays import GrayImage
 from services.imaging.illumination import flatten_illumination
 from services.ocr.engine import OcrEngine, Word

@@ -1,6 +1,6 @@
 """Adaptive learning: rounds of training, streams of feedback, one correction, wrong classes, the time it takes.
 
-python -m benchmarks.learning [--parts rounds,streams,...] [--limit N] [--no-reading]
+python -m benchmarks learning [--parts rounds,streams,...] [--limit N] [--no-reading]
 
 What was measured before is found again as long as neither the pages nor the code have changed (--fresh does without).
 """
@@ -11,20 +11,20 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benchmarks.baseline import Figures, Metric, judge
-from benchmarks.figures import plain_values, write_json
-from benchmarks.layout_jobs import KeptResults, measure_all
-from benchmarks.layout_part import Part, Results, choose_parts
-from benchmarks.layout_recognition import ReadingOptions, segment_all
-from benchmarks.layout_specimens import OTHER_LETTERS, Specimen, load_specimens
-from benchmarks.layout_truth import layout_folder
-from benchmarks.learning_classes import FEEDBACK_CLASSES
-from benchmarks.learning_once import ONCE
-from benchmarks.learning_rounds import ROUNDS, draw_rounds
-from benchmarks.learning_speed import ADAPTATION_SPEED
-from benchmarks.learning_streams import STREAMS, draw_streams
-from benchmarks.options import make_parser
-from benchmarks.places import BASELINE, MEMORY, OUTPUT
+from benchmarks.common.baseline import Figures, Metric, judge
+from benchmarks.common.figures import plain_values, write_json
+from benchmarks.common.options import make_parser
+from benchmarks.common.places import BASELINE, MEMORY, OUTPUT
+from benchmarks.layout.jobs import KeptResults, measure_all
+from benchmarks.layout.part import Part, Results, choose_parts
+from benchmarks.layout.recognition import ReadingOptions, segment_all
+from benchmarks.layout.specimens import OTHER_LETTERS, Specimen, load_specimens
+from benchmarks.layout.truth import layout_folder
+from benchmarks.learning.classes import FEEDBACK_CLASSES
+from benchmarks.learning.once import ONCE
+from benchmarks.learning.rounds import ROUNDS, draw_rounds
+from benchmarks.learning.speed import ADAPTATION_SPEED
+from benchmarks.learning.streams import STREAMS, draw_streams
 
 NAME = "learning"
 PARTS: dict[str, Part] = {
@@ -98,7 +98,3 @@ def _parser() -> argparse.ArgumentParser:
     add("--limit", type=int, default=None, help="only the first N pages of each class and set")
     add("--no-reading", action="store_true", help="segment the real memos without OCR")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.baseline import Figures
-from benchmarks.layout_part import Part, Result, Results, share, table
-from benchmarks.layout_protocols import make_model, page_labels, recognized, unlabelled
-from benchmarks.layout_specimens import OTHER_LETTERS, Specimen, by_class
-from benchmarks.learning_pages import verdict
+from benchmarks.common.baseline import Figures
+from benchmarks.layout.part import Part, Result, Results, share, table
+from benchmarks.layout.protocols import make_model, page_labels, recognized, unlabelled
+from benchmarks.layout.specimens import OTHER_LETTERS, Specimen, by_class
+from benchmarks.learning.pages import verdict
 from models.layout_graph import LayoutModel, Page
 from services.layout.pipeline import VerifiedPage, content_features, learn_from_feedback
 from services.layout.results import Recognition

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from benchmarks.baseline import Figures
-from benchmarks.layout_learning import TEN
-from benchmarks.layout_part import Part, Result, Results, share, table
-from benchmarks.layout_specimens import Specimen
-from benchmarks.layout_truth import TITLES_MADE, TITLES_REAL
-from benchmarks.learning_pages import LEARNERS, begin, chosen_sets, found_labels, see, verdict
+from benchmarks.common.baseline import Figures
+from benchmarks.layout.learning_curve import TEN
+from benchmarks.layout.part import Part, Result, Results, share, table
+from benchmarks.layout.specimens import Specimen
+from benchmarks.layout.truth import TITLES_MADE, TITLES_REAL
+from benchmarks.learning.pages import LEARNERS, begin, chosen_sets, found_labels, see, verdict
 from services.layout.learning.learners import learn_page
 
 SETS = (

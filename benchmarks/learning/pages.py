@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import get_args
 
-from benchmarks.layout_learning import labelled_sets
-from benchmarks.layout_specimens import Specimen
+from benchmarks.layout.learning_curve import labelled_sets
+from benchmarks.layout.specimens import Specimen
 from models.layout_graph import LayoutModel, Learner, Page
 from services.layout.graph import KIND_FEATURES, build_graph
 from services.layout.initialization import Views, begin_model, see_samples

@@ -8,14 +8,15 @@ from typing import cast
 
 import numpy as np
 
-from benchmarks.baseline import Figures
-from benchmarks.layout_labelling import UNIFIED
-from benchmarks.layout_learning import TEN
-from benchmarks.layout_part import Part, Result, Results, share, table
-from benchmarks.layout_protocols import Labels, component_counts, error_percent, folds
-from benchmarks.layout_specimens import Specimen, of_sources
-from benchmarks.layout_truth import TITLES_REAL
-from benchmarks.learning_pages import (
+from benchmarks.common.baseline import Figures
+from benchmarks.common.plots import draw_panels
+from benchmarks.layout.labelling import UNIFIED
+from benchmarks.layout.learning_curve import TEN
+from benchmarks.layout.part import Part, Result, Results, share, table
+from benchmarks.layout.protocols import Labels, component_counts, error_percent, folds
+from benchmarks.layout.specimens import Specimen, of_sources
+from benchmarks.layout.truth import TITLES_REAL
+from benchmarks.learning.pages import (
     COLOURS,
     begin,
     chosen_sets,
@@ -25,7 +26,6 @@ from benchmarks.learning_pages import (
     see,
     verdict,
 )
-from benchmarks.plots import draw_panels
 from models.layout_graph import Learner, Page
 from services.layout.initialization import Views
 from services.layout.learning.learners import learn_page, practise, wrong_zones

@@ -11,7 +11,7 @@ from threading import Thread
 
 import psutil
 
-from benchmarks.places import REPOSITORY
+from benchmarks.common.places import REPOSITORY
 
 MOST_SECONDS = 90.0
 """Until it listens, on a busy machine; and until it has stopped."""

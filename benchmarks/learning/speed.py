@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.worker import collect_seldom
-from benchmarks.baseline import Figures
-from benchmarks.layout_part import Part, Result, Results, table
-from benchmarks.layout_protocols import make_model, page_labels, unlabelled
-from benchmarks.layout_specimens import Specimen, by_class
-from benchmarks.learning_pages import LEARNERS, verdict
+from benchmarks.common.baseline import Figures
+from benchmarks.layout.part import Part, Result, Results, table
+from benchmarks.layout.protocols import make_model, page_labels, unlabelled
+from benchmarks.layout.specimens import Specimen, by_class
+from benchmarks.learning.pages import LEARNERS, verdict
 from models.layout_graph import Page
 from models.model_document import model_to_document
 from services.layout.exchange.page_json import page_to_document

@@ -1,6 +1,6 @@
 """Feedback on one class to several servers over one database, while servers are killed: nothing is lost or half.
 
-python -m benchmarks.learning_store [--servers 4] [--posts 250] [--kill-every 5]
+python -m benchmarks learning_store [--servers 4] [--posts 250] [--kill-every 5]
 
 Needs no data: the pages are letters that the project sets itself.
 """
@@ -23,11 +23,11 @@ from typing import Any
 import httpx
 import numpy as np
 
-from benchmarks.figures import plain_values, write_json
-from benchmarks.layout_part import table
-from benchmarks.learning_pages import verdict
-from benchmarks.places import OUTPUT
-from benchmarks.server_processes import Server
+from benchmarks.common.figures import plain_values, write_json
+from benchmarks.common.places import OUTPUT
+from benchmarks.layout.part import table
+from benchmarks.learning.pages import verdict
+from benchmarks.learning.server_processes import Server
 from models.model_document import model_from_document
 from models.repository import Store
 from simulation.labelled_pages import letter_page
@@ -306,7 +306,7 @@ def _report(options: argparse.Namespace, storm: Storm, checks: Sequence[Sequence
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.learning_store",
+        prog="python -m benchmarks learning_store",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -316,7 +316,3 @@ def _parser() -> argparse.ArgumentParser:
         "--kill-every", type=float, default=5.0, help="seconds between kills on average; 0: none"
     )
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

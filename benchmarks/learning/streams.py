@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.baseline import Figures
-from benchmarks.layout_learning import TEN
-from benchmarks.layout_part import Part, Result, Results, share, table
-from benchmarks.layout_specimens import Specimen
-from benchmarks.layout_truth import TITLES_REAL
-from benchmarks.learning_pages import (
+from benchmarks.common.baseline import Figures
+from benchmarks.common.plots import draw_panels
+from benchmarks.layout.learning_curve import TEN
+from benchmarks.layout.part import Part, Result, Results, share, table
+from benchmarks.layout.specimens import Specimen
+from benchmarks.layout.truth import TITLES_REAL
+from benchmarks.learning.pages import (
     ANEW,
     COLOURS,
     LEARNERS,
@@ -19,7 +20,6 @@ from benchmarks.learning_pages import (
     chosen_sets,
     see,
 )
-from benchmarks.plots import draw_panels
 from models.layout_graph import Page
 from services.layout.initialization import Views
 from services.layout.learning.learners import learn_page, wrong_zones

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.plots import load_picture
+from benchmarks.common.plots import load_picture
 from services.arrays import RgbImage
 from services.geometry.homographies import denominators, transform_points
 from simulation.flat_page import Page, Points

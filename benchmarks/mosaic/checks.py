@@ -1,10 +1,9 @@
 """What a mosaic must keep to besides accuracy: any order, any base, no ghosts, bad photos, time, memory, pictures.
 
-python -m benchmarks.mosaic_checks [--only order,ghosts,newspaper,speed,bad-input] [--orders N]
+python -m benchmarks mosaic_checks [--only order,ghosts,newspaper,speed,bad-input] [--orders N]
 """
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import permutations
@@ -15,13 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.figures import plain_values, write_json
-from benchmarks.mosaic_errors import Mesh
-from benchmarks.mosaic_ghosts import MIXED_FROM, measure_mixture, mosaic_scale, shifted_photo
-from benchmarks.mosaic_subject import DEFAULTS, Attempt, assemble, assemble_fresh
-from benchmarks.places import OUTPUT, data_folder
-from benchmarks.plots import load_picture, make_strip, save_picture
-from benchmarks.workers import Progress
+from benchmarks.common.figures import plain_values, write_json
+from benchmarks.common.places import OUTPUT, data_folder
+from benchmarks.common.plots import load_picture, make_strip, save_picture
+from benchmarks.common.workers import Progress
+from benchmarks.mosaic.errors import Mesh
+from benchmarks.mosaic.ghosts import MIXED_FROM, measure_mixture, mosaic_scale, shifted_photo
+from benchmarks.mosaic.subject import DEFAULTS, Attempt, assemble, assemble_fresh
 from services.arrays import RgbImage
 from services.mosaic.results import MosaicResult
 from simulation.flat_page import Page
@@ -307,7 +306,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog=f"python -m benchmarks.{NAME}",
+        prog=f"python -m benchmarks {NAME}",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -316,7 +315,3 @@ def _parser() -> argparse.ArgumentParser:
     add("--only", default="", help="comma-separated: order, ghosts, newspaper, speed, bad-input")
     add("--orders", type=int, default=4, help="how many of the other 23 orders of four photos")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.mosaic_cases import PageMap, TrueSet
-from benchmarks.residuals import similarity_residual
+from benchmarks.common.residuals import similarity_residual
+from benchmarks.mosaic.cases import PageMap, TrueSet
 from services.geometry.homographies import transform_points
 from simulation.flat_page import Points
 

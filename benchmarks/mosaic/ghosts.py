@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from benchmarks.mosaic_errors import Mesh, mesh_at
+from benchmarks.mosaic.errors import Mesh, mesh_at
 from services.arrays import RgbImage
 from services.geometry.homographies import translation
 from services.mosaic import pipeline

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.mosaic_errors import Mesh, mesh_of_homography
-from benchmarks.stopwatch import Usage, measured
+from benchmarks.common.stopwatch import Usage, measured
+from benchmarks.mosaic.errors import Mesh, mesh_of_homography
 from services.arrays import RgbImage
 
 _MATCHING_PX = 700

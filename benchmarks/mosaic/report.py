@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks.baseline import Metric
-from benchmarks.figures import NAN, Score, plain_values
-from benchmarks.stopwatch import Usage
+from benchmarks.common.baseline import Metric
+from benchmarks.common.figures import NAN, Score, plain_values
+from benchmarks.common.stopwatch import Usage
 
 WANTED_RMS_MEDIAN_PX, WANTED_RMS_MAX_PX = 0.3, 1.5
 WANTED_CHARACTER_LOSS = 1.0

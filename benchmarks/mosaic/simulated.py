@@ -1,6 +1,6 @@
 """Mosaics of simulated photos with the truth of each, peers on the same photos.
 
-python -m benchmarks.mosaic_simulated [--sets shared|own|curved|turned|all] [--limit N] [--peers] [--no-reading]
+python -m benchmarks mosaic_simulated [--sets shared|own|curved|turned|all] [--limit N] [--peers] [--no-reading]
 """
 
 import argparse
@@ -11,10 +11,15 @@ from pathlib import Path
 
 import cv2
 
-from benchmarks.baseline import judge
-from benchmarks.figures import Score, plain_values, write_json
-from benchmarks.memory import Memory
-from benchmarks.mosaic_cases import (
+from benchmarks.common.baseline import judge
+from benchmarks.common.figures import Score, plain_values, write_json
+from benchmarks.common.memory import Memory
+from benchmarks.common.options import make_parser
+from benchmarks.common.places import BASELINE, MEMORY, OUTPUT, data_folder
+from benchmarks.common.plots import contact_sheet, draw_distributions, load_picture, make_strip, save_picture
+from benchmarks.common.reading import Reader, character_score, make_reader, word_rate
+from benchmarks.common.workers import Progress, run_in_workers
+from benchmarks.mosaic.cases import (
     MosaicCase,
     TrueSet,
     further_cases,
@@ -23,15 +28,10 @@ from benchmarks.mosaic_cases import (
     own_cases,
     shared_cases,
 )
-from benchmarks.mosaic_errors import measure_placement
-from benchmarks.mosaic_peers import PEERS
-from benchmarks.mosaic_report import METRICS, READING_METRICS, PeerFigures, SetFigures, figures_by_set, report
-from benchmarks.mosaic_subject import assemble_fresh
-from benchmarks.options import make_parser
-from benchmarks.places import BASELINE, MEMORY, OUTPUT, data_folder
-from benchmarks.plots import contact_sheet, draw_distributions, load_picture, make_strip, save_picture
-from benchmarks.reading import Reader, character_score, make_reader, word_rate
-from benchmarks.workers import Progress, run_in_workers
+from benchmarks.mosaic.errors import measure_placement
+from benchmarks.mosaic.peers import PEERS
+from benchmarks.mosaic.report import METRICS, READING_METRICS, PeerFigures, SetFigures, figures_by_set, report
+from benchmarks.mosaic.subject import assemble_fresh
 from services.arrays import RgbImage
 
 NAME = "mosaic_simulated"
@@ -235,7 +235,3 @@ def _parser() -> argparse.ArgumentParser:
     add("--peers", action="store_true", help="OpenCV's Stitcher and a SIFT + MAGSAC chain too")
     add("--no-reading", action="store_true", help="no OCR scores: much faster")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

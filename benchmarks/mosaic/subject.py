@@ -7,7 +7,7 @@ from multiprocessing import get_context
 
 import cv2
 
-from benchmarks.stopwatch import Usage, measured
+from benchmarks.common.stopwatch import Usage, measured
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.mosaic.parameters import MosaicParameters

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from benchmarks.experiments import Experiment
-from benchmarks.sheet_experiments import SHEET_EXPERIMENTS
+from benchmarks.rectify.experiments import Experiment
+from benchmarks.rectify.sheet_experiments import SHEET_EXPERIMENTS
 from simulation.cropping import crop_photo
 from simulation.degradation import PHONE
 from simulation.flat_page import Page

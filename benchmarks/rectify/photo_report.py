@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks.baseline import Figures, Metric
-from benchmarks.figures import NAN
-from benchmarks.real_photos import KINDS
-from benchmarks.scan_distances import ScanDistances
-from benchmarks.stopwatch import Usage
+from benchmarks.common.baseline import Figures, Metric
+from benchmarks.common.figures import NAN
+from benchmarks.common.scan_distances import ScanDistances
+from benchmarks.common.stopwatch import Usage
+from benchmarks.rectify.real_photos import KINDS
 
 METHODS = ("photo", "rectified", "page-dewarp", "UVDoc")
 """Images in the order of the tables; "rectified" is ours."""

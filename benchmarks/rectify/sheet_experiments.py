@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.experiments import Experiment
+from benchmarks.rectify.experiments import Experiment
 from simulation.creased import Crossed, Crumpled
 from simulation.cropping import Cut
 from simulation.folded import Folded, folded_in_thirds

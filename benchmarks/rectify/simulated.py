@@ -1,6 +1,6 @@
 """The dissertation's experiments on simulated photos, its figures beside ours.
 
-python -m benchmarks.rectify_simulated [--experiment planar|curved|...|folded|...|all] [--degraded|--both]
+python -m benchmarks rectify_simulated [--experiment planar|curved|...|folded|...|all] [--degraded|--both]
                                        [--limit N] [--peers] [--reader tesseract|rapidocr] [--fresh]
 """
 
@@ -15,23 +15,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.baseline import judge
-from benchmarks.cases import (
-    CHOSEN_PAGES,
-    EXPERIMENTS,
-    Case,
-    all_cases,
-    load_own_pages,
-    load_pages,
-    photograph_case,
-)
-from benchmarks.figures import NAN, CaseFigures, Score, StripErrors, score_of
-from benchmarks.memory import Memory
-from benchmarks.options import make_parser
-from benchmarks.peers import find_page_dewarp
-from benchmarks.places import BASELINE, MEMORY, OUTPUT, data_folder
-from benchmarks.reading import Reader, character_score, make_reader, word_rate
-from benchmarks.residuals import (
+from benchmarks.common.baseline import judge
+from benchmarks.common.figures import NAN, CaseFigures, Score, StripErrors, score_of
+from benchmarks.common.memory import Memory
+from benchmarks.common.options import make_parser
+from benchmarks.common.peers import find_page_dewarp
+from benchmarks.common.places import BASELINE, MEMORY, OUTPUT, data_folder
+from benchmarks.common.reading import Reader, character_score, make_reader, word_rate
+from benchmarks.common.residuals import (
     RulingErrors,
     field_of_view_error_deg,
     is_upright,
@@ -41,13 +32,22 @@ from benchmarks.residuals import (
     normals_at,
     ruling_errors,
 )
-from benchmarks.sheet_errors import measure_sheet
-from benchmarks.simulated_pictures import save_case, save_run
-from benchmarks.simulated_report import METRICS, OCR_METRICS, figures_by_case, report, summary
-from benchmarks.stopwatch import Usage, measured
-from benchmarks.subject import FlowErrors, measure_steps, rectify_photo, rectify_spread
-from benchmarks.true_map import flatten_by_truth, flatten_in_frame
-from benchmarks.workers import Progress, run_in_workers
+from benchmarks.common.sheet_errors import measure_sheet
+from benchmarks.common.stopwatch import Usage, measured
+from benchmarks.common.workers import Progress, run_in_workers
+from benchmarks.rectify.cases import (
+    CHOSEN_PAGES,
+    EXPERIMENTS,
+    Case,
+    all_cases,
+    load_own_pages,
+    load_pages,
+    photograph_case,
+)
+from benchmarks.rectify.simulated_pictures import save_case, save_run
+from benchmarks.rectify.simulated_report import METRICS, OCR_METRICS, figures_by_case, report, summary
+from benchmarks.rectify.subject import FlowErrors, measure_steps, rectify_photo, rectify_spread
+from benchmarks.rectify.true_map import flatten_by_truth, flatten_in_frame
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.operations import ocr_engine
@@ -301,7 +301,3 @@ def _parser() -> argparse.ArgumentParser:
     add("--peer-limit", type=int, default=None, help="page-dewarp on the first N photos of each only")
     add("--no-reading", action="store_true", help="no OCR scores: much faster")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

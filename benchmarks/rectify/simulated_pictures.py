@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.experiments import Experiment
-from benchmarks.figures import CaseFigures, Pick, groups, score_of, to_json, write_json
-from benchmarks.places import OUTPUT
-from benchmarks.plots import (
+from benchmarks.common.figures import CaseFigures, Pick, groups, score_of, to_json, write_json
+from benchmarks.common.places import OUTPUT
+from benchmarks.common.plots import (
     contact_sheet,
     draw_distributions,
     draw_series,
@@ -16,7 +15,8 @@ from benchmarks.plots import (
     make_strip,
     save_picture,
 )
-from benchmarks.simulated_report import (
+from benchmarks.rectify.experiments import Experiment
+from benchmarks.rectify.simulated_report import (
     FLOW_COLUMNS,
     GROUPED_BY,
     RULING_COLUMNS,

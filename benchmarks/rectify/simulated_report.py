@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks import dissertation
-from benchmarks.baseline import Figures, Metric
-from benchmarks.dissertation import Row
-from benchmarks.figures import GROUPS, CaseFigures, Pick, mean_std, score_of
-from benchmarks.tables import format_table, format_usage
+from benchmarks.common.baseline import Figures, Metric
+from benchmarks.common.figures import GROUPS, CaseFigures, Pick, mean_std, score_of
+from benchmarks.rectify import dissertation
+from benchmarks.rectify.dissertation import Row
+from benchmarks.rectify.tables import format_table, format_usage
 
 FLOW_COLUMNS: dict[str, Pick] = {
     "major flow": lambda case: case.major_deg,

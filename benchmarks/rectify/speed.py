@@ -2,7 +2,7 @@
 
 A curved photo of 12 megapixels is added, page-dewarp beside it on the same JPEG.
 
-python -m benchmarks.rectify_speed [--megapixels 3,6,12,24] [--degraded] [--page-dewarp COMMAND | --no-peers]
+python -m benchmarks rectify_speed [--megapixels 3,6,12,24] [--degraded] [--page-dewarp COMMAND | --no-peers]
 """
 
 import argparse
@@ -15,11 +15,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.figures import plain_values, write_json
-from benchmarks.peers import find_page_dewarp, run_page_dewarp, start_of_page_dewarp
-from benchmarks.places import OUTPUT
-from benchmarks.stopwatch import Usage, measured
-from benchmarks.subject import rectify_bytes
+from benchmarks.common.figures import plain_values, write_json
+from benchmarks.common.peers import find_page_dewarp, run_page_dewarp, start_of_page_dewarp
+from benchmarks.common.places import OUTPUT
+from benchmarks.common.stopwatch import Usage, measured
+from benchmarks.rectify.subject import rectify_bytes
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, PAGE_SIZE, PHOTO_SIZE, PLANE, POSES, photograph
@@ -174,7 +174,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.rectify_speed",
+        prog="python -m benchmarks rectify_speed",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -184,7 +184,3 @@ def _parser() -> argparse.ArgumentParser:
     add("--page-dewarp", default=None, help="page-dewarp's command (default: PAGE_DEWARP, else the PATH)")
     add("--no-peers", action="store_true", help="ours alone")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.figures import StripErrors
-from benchmarks.residuals import (
+from benchmarks.common.figures import StripErrors
+from benchmarks.common.residuals import (
     direction_error_deg,
     field_of_view_error_deg,
     normal_error_deg,

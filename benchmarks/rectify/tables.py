@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from benchmarks.dissertation import Row
-from benchmarks.figures import GROUPS, CaseFigures, Pick, groups, mean_std
+from benchmarks.common.figures import GROUPS, CaseFigures, Pick, groups, mean_std
+from benchmarks.rectify.dissertation import Row
 
 _WIDTH = 15
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.residuals import fit_similarity, mesh_on_page
+from benchmarks.common.residuals import fit_similarity, mesh_on_page
 from services.arrays import RgbImage
 from services.rectify.results import RectifyResult
 from simulation.truth import Lattice, Truth

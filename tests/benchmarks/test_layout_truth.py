@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from benchmarks.layout_truth import load_page, load_set
+from benchmarks.layout.truth import load_page, load_set
 from models.layout_graph import Page, Zone
 
 TOLD = {

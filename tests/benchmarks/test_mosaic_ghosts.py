@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.mosaic_errors import mesh_of_homography
-from benchmarks.mosaic_ghosts import measure_mixture, mixed_share, mosaic_scale, shifted_photo
+from benchmarks.mosaic.errors import mesh_of_homography
+from benchmarks.mosaic.ghosts import measure_mixture, mixed_share, mosaic_scale, shifted_photo
 from services.geometry.homographies import scaling, translation
 from services.mosaic import pipeline
 from services.mosaic.placing.placement import Placement

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.segmentation_matching import match_zones
+from benchmarks.layout.segmentation_matching import match_zones
 from models.layout_graph import Kind, Page, Zone
 
 Box = tuple[float, float, float, float]
