@@ -16,7 +16,7 @@ Alignment = Literal["left", "right", "centre", "justified"]
 Learner = Literal["passive-aggressive", "counting", "error-correction"]
 """How a model learns from a verified page; what each does is told by `services.layout.learning.learners`."""
 DEFAULT_LEARNER: Final[Learner] = "passive-aggressive"
-"""Of models whose settings name none: fewest errors on streams of verified pages (docs/decisions.md, 2026-11-22)."""
+"""Of models whose settings name none: fewest errors on streams of verified pages (docs/decisions/learning.md)."""
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 ALIGNMENTS: tuple[Alignment, ...] = get_args(Alignment)
