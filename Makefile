@@ -1,5 +1,5 @@
 # make serve   sets everything up and serves on HOST:PORT
-# make test    sets everything up and runs the tests
+# make test    sets everything up and runs the tests; make test-fast runs the fast ones
 # make help    the other targets
 
 HOST ?= 127.0.0.1
@@ -41,13 +41,14 @@ BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
 BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
-.PHONY: help serve test lint format check lock bench-rectify bench-photos bench-speed bench-mosaic bench-layout bench-learning \
-	system-packages python venv venv-dev venv-bench data-folder clean
+.PHONY: help serve test test-fast lint format check lock bench-rectify bench-photos bench-speed bench-mosaic bench-layout bench-learning \
+	system-packages postgresql python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
 help:
 	@echo 'make serve            set up, then serve on HOST:PORT (now $(HOST):$(PORT))'
-	@echo 'make test             set up, then run the tests'
+	@echo 'make test             set up, then run all tests (TEST_PROCESSES=2, TEST_OPTIONS=...)'
+	@echo 'make test-fast        the tests of single steps: no service, no whole photo'
 	@echo 'make lint             formatting, lint and types'
 	@echo 'make check            lint and test'
 	@echo 'make format           format the code'
@@ -65,8 +66,14 @@ help:
 serve: venv
 	@exec $(BIN)/python -m app
 
-test: venv-dev
-	@$(BIN)/python -m pytest $(TEST_OPTIONS)
+# Each process of the tests has one core; numerical libraries with threads of their own would only compete.
+TEST_PROCESSES := 2
+PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_PROCESSES) --dist worksteal
+test: venv-dev postgresql
+	@$(PYTEST) $(TEST_OPTIONS)
+
+test-fast: venv-dev
+	@$(PYTEST) -m fast $(TEST_OPTIONS)
 
 lint: venv-dev
 	$(BIN)/ruff format --check .
@@ -80,32 +87,48 @@ format: venv-dev
 check: lint test
 
 bench-rectify: venv-dev venv-bench
-	@$(BIN)/python -m benchmarks.rectify_simulated --experiment all --both --peers $(PEERS) $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks rectify_simulated --experiment all --both --peers $(PEERS) $(BENCH_OPTIONS)
 
 bench-photos: venv-dev venv-bench
-	@$(BIN)/python -m benchmarks.rectify_photos $(PEERS) --uvdoc-python $(BENCH_VENV)/bin/python $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks rectify_photos $(PEERS) --uvdoc-python $(BENCH_VENV)/bin/python $(BENCH_OPTIONS)
 
 bench-speed: venv-dev venv-bench
-	@$(BIN)/python -m benchmarks.rectify_speed --page-dewarp $(BENCH_VENV)/bin/page-dewarp $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks rectify_speed --page-dewarp $(BENCH_VENV)/bin/page-dewarp $(BENCH_OPTIONS)
 
 bench-mosaic: venv-dev
-	@$(BIN)/python -m benchmarks.mosaic_simulated --peers $(BENCH_OPTIONS)
-	@$(BIN)/python -m benchmarks.mosaic_checks
+	@$(BIN)/python -m benchmarks mosaic_simulated --peers $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks mosaic_checks
 
 bench-layout: venv-dev
-	@$(BIN)/python -m benchmarks.layout_recognition $(BENCH_OPTIONS)
-	@$(BIN)/python -m benchmarks.layout_segmentation
-	@$(BIN)/python -m benchmarks.layout_matching --two-steps
+	@$(BIN)/python -m benchmarks layout_recognition $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks layout_segmentation
+	@$(BIN)/python -m benchmarks layout_matching --two-steps
 
 bench-learning: venv-dev
-	@$(BIN)/python -m benchmarks.learning $(BENCH_OPTIONS)
-	@$(BIN)/python -m benchmarks.learning_store
-	@$(BIN)/python -m benchmarks.layout_documents
-	@$(BIN)/python -m benchmarks.layout_hierarchy
-	@$(BIN)/python -m benchmarks.layout_discovery
+	@$(BIN)/python -m benchmarks learning $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks learning_store
+	@$(BIN)/python -m benchmarks layout_documents
+	@$(BIN)/python -m benchmarks layout_hierarchy
+	@$(BIN)/python -m benchmarks layout_discovery
 
-# Debian's packages: Tesseract's language data, and python3-venv where this Python cannot make environments
-# without it. Whoever may not install them is told, and gets a service without OCR.
+# `$(call install_packages,NAMES,CONSEQUENCE)` installs Debian's packages, as root or by sudo without a password. Where
+# it may not, it says so with the consequence, and succeeds.
+define install_packages
+	if ! command -v apt-get >/dev/null; then \
+		echo "Please install what Debian calls$(1). $(2)" >&2; exit 0; \
+	fi; \
+	if [ "$$(id -u)" = 0 ]; then root=''; \
+	elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then root='sudo -n'; \
+	else echo "Not root: please run  sudo apt-get install$(1). $(2)" >&2; exit 0; \
+	fi; \
+	echo "Installing$(1)"; \
+	export DEBIAN_FRONTEND=noninteractive; \
+	install="$$root apt-get install --quiet=2 --yes --no-install-recommends -o Dpkg::Use-Pty=0$(1)"; \
+	$$install >/dev/null 2>&1 || { $$root apt-get update --quiet=2 && $$install >/dev/null; } || \
+		echo "These could not be installed:$(1). $(2)" >&2
+endef
+
+# Tesseract's language data, and python3-venv where this Python cannot make environments without it.
 system-packages:
 	@missing=''; \
 	for package in tesseract-ocr-eng tesseract-ocr-osd; do \
@@ -120,20 +143,13 @@ system-packages:
 	if [ -z '$(PYTHON)' ]; then missing="$$missing python3 python3-venv"; \
 	elif ! '$(PYTHON)' -c 'import ensurepip, venv' 2>/dev/null; then missing="$$missing python3-venv"; fi; \
 	[ -z "$$missing" ] && exit 0; \
-	if ! command -v apt-get >/dev/null; then \
-		echo "Please install what Debian calls$$missing. Without the tesseract packages there is no OCR." >&2; exit 0; \
-	fi; \
-	if [ "$$(id -u)" = 0 ]; then root=''; \
-	elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then root='sudo -n'; \
-	else \
-		echo "Not root: please run  sudo apt-get install$$missing" >&2; \
-		echo 'Going on; without the tesseract packages the service works without OCR.' >&2; exit 0; \
-	fi; \
-	echo "Installing$$missing"; \
-	export DEBIAN_FRONTEND=noninteractive; \
-	install="$$root apt-get install --quiet=2 --yes --no-install-recommends -o Dpkg::Use-Pty=0 $$missing"; \
-	$$install >/dev/null 2>&1 || { $$root apt-get update --quiet=2 && $$install >/dev/null; } || \
-		echo "These could not be installed:$$missing. Without the tesseract packages there is no OCR." >&2
+	$(call install_packages,$$missing,Without the tesseract packages the service works without OCR.)
+
+# The tests start a server of their own from these programs. It needs no cluster of Debian's.
+postgresql:
+	@command -v initdb >/dev/null && exit 0; \
+	for program in /usr/lib/postgresql/*/bin/initdb; do [ -x "$$program" ] && exit 0; done; \
+	$(call install_packages, postgresql,The tests of the store run on SQLite only.)
 
 python: system-packages
 	@if [ -z '$(PYTHON)' ] && ! command -v python3 >/dev/null; then \

@@ -6,7 +6,6 @@ import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 
+from app import __version__
 from app.authentication import HEADER as API_KEY_HEADER
 from app.authentication import OPEN_PATHS, ApiKeys
 from app.engine.local import LocalEngine, PoolLimits
@@ -151,7 +151,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     app = FastAPI(
         title="Document rectification",
         summary="Photos of documents in; flat pages, their classes and the labels of their parts out.",
-        version=_version(),
+        version=__version__,
         lifespan=lifespan,
         redoc_url=None,
         swagger_ui_oauth2_redirect_url=None,
@@ -219,13 +219,6 @@ def _check_content_features(path: Path | None) -> None:
     except InvalidContentSettings as error:
         log.error("the content features (CONTENT_FEATURES) cannot be used: %s", error)
         raise error.with_traceback(None) from None  # the server writes the rest down, and it is long
-
-
-def _version() -> str:
-    try:
-        return version("document-rectification")
-    except PackageNotFoundError:  # run from a checkout
-        return "0.1.0"
 
 
 def _describe(app: FastAPI, keys: bool) -> None:

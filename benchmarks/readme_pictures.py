@@ -1,17 +1,16 @@
 """The pictures of the README and of docs/, made from a simulated photo of a page that the project sets itself.
 
-python -m benchmarks.readme_pictures [FOLDER]
+python -m benchmarks readme_pictures [FOLDER]
 """
 
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from benchmarks.mosaic_ghosts import shifted_photo
-from benchmarks.plots import make_strip, save_picture
+from benchmarks.common.plots import make_strip, save_picture
+from benchmarks.mosaic.ghosts import shifted_photo
 from services.arrays import RgbImage
 from services.contract.mosaic import Composition, MosaicParameters
 from services.contract.rectify import RectifyParameters
@@ -166,9 +165,9 @@ def labelled_pages() -> RgbImage:
     return make_strip(drawn, [f"POST /layout: a {name}" for name in seen], height=1000)
 
 
-def main() -> int:
+def main(arguments: Sequence[str] = ()) -> int:
     """Write the pictures into the folder that is named, else docs/pictures."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent.parent / "docs" / "pictures"
+    folder = Path(arguments[0]) if arguments else Path(__file__).parent.parent / "docs" / "pictures"
     page = own_pages()[2]
     photo = photograph(page, POSES[3], 0.0, dirt=PHONE, rng=np.random.default_rng(SEED)).image
     bent = photograph(own_pages()[0], POSES[1], 0.0, BOOK, dirt=PHONE, rng=np.random.default_rng(SEED)).image
@@ -186,7 +185,3 @@ def main() -> int:
         save_picture(folder / f"{name}.jpg", picture)
         print(folder / f"{name}.jpg")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -10,6 +10,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -113,7 +114,7 @@ def test_serve_listens_where_it_is_told() -> None:
 def test_help_names_every_target_that_a_person_calls() -> None:
     told = set(re.findall(r"^make (\S+)", run_make("help"), re.MULTILINE))
     assert told <= make_targets()
-    assert make_targets() - told <= {"help", "python", "venv-dev", "venv-bench", "data-folder"}
+    assert make_targets() - told <= {"help", "python", "venv-dev", "venv-bench", "postgresql", "data-folder"}
 
 
 def test_an_environment_is_made_anew_for_another_lock_python_or_place(tmp_path: Path) -> None:
@@ -150,6 +151,22 @@ def test_the_checks_of_a_change() -> None:
     script = ROOT / ".ci" / "run"
     assert os.access(script, os.X_OK)
     assert re.findall(r"^make (\w+)$", script.read_text(), re.MULTILINE) == ["lint", "test"]
+
+
+def test_before_a_commit_runs_what_lint_runs() -> None:
+    (source,) = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+    assert [hook["entry"] for hook in source["hooks"]] == ["make lint"]
+
+
+def test_what_is_built_is_what_the_container_runs() -> None:
+    built = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    packages = {name.removesuffix("*") for name in built["packages"]["find"]["include"]}
+    words = {word for line in arguments_of("COPY") for word in line.split() if not word.startswith("./")}
+    assert packages == {word for word in words if (ROOT / word / "__init__.py").exists()}
+    kept = {"*.py", *(name.rpartition("/")[2] for names in built["package-data"].values() for name in names)}
+    files = [path for name in packages for path in (ROOT / name).rglob("*") if path.is_file()]
+    assert [path for path in files if path.suffix != ".pyc" and not any(map(path.match, kept))] == []
+    assert built["dynamic"]["version"] == {"attr": "app.__version__"}
 
 
 @pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)

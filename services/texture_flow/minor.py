@@ -4,7 +4,7 @@ The directional filter is the derivative across a stroke's edge. A straight stro
 at one direction, a round one spreads them thinly; so the strength curve over the direction, gathered in a
 window, has a narrow peak at the strokes' direction. Strokes along the major flow are removed first, and the
 peak is found by a third-order fit, as in the text. Measured against the text's line filters on the same
-windows this is five times more precise, for a tenth of the time (docs/decisions.md).
+windows this is five times more precise, for a tenth of the time (docs/decisions/flows.md).
 """
 
 from dataclasses import dataclass

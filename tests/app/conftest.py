@@ -1,11 +1,12 @@
-"""One service for all tests that only talk to it."""
+"""Services for the tests that only talk to them: one for all, and one a module that is emptied before each test."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx
 import pytest
 
-from tests.app.serving import serving
+from tests.app.serving import forget_everything, serving
 
 
 @pytest.fixture(scope="session")
@@ -13,3 +14,23 @@ def client() -> Iterator[httpx.Client]:
     """A client of a service whose operations follow the script in the upload."""
     with serving(workers=2) as client:
         yield client
+
+
+@pytest.fixture(scope="module")
+def data_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the service of this module keeps what it remembers."""
+    return tmp_path_factory.mktemp("data")
+
+
+@pytest.fixture(scope="module")
+def service_of_module(data_dir: Path) -> Iterator[httpx.Client]:
+    """A service of this module's own; it has room for all that a test sends at once."""
+    with serving(workers=2, queue_length=40, data_dir=data_dir) as client:
+        yield client
+
+
+@pytest.fixture
+def empty_service(service_of_module: httpx.Client, data_dir: Path) -> httpx.Client:
+    """The service of this module, which remembers nothing yet."""
+    forget_everything(service_of_module, data_dir)
+    return service_of_module

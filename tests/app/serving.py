@@ -1,17 +1,22 @@
 """The app behind a real server in this process."""
 
+import json
+import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import httpx
 import uvicorn
 
+from app.layout_store import DATABASE
 from app.main import create_app
 from app.settings import Settings
+from models.tables import Table
 from services.contract.operations import Operations
-from tests.app.scripted import OPERATIONS
+from tests.app.scripted import OPERATIONS, PAGE
 
 SETTINGS = {
     "workers": 1,
@@ -30,6 +35,21 @@ def serving(operations: Operations = OPERATIONS, **settings: object) -> Iterator
     """
     with TemporaryDirectory() as folder, _serving(operations, {"data_dir": folder, **settings}) as client:
         yield client
+
+
+def forget_everything(client: httpx.Client, data_dir: Path) -> None:
+    """Take all rows out of the database of a running service, as if it were new."""
+    state = "store_state"
+    with closing(sqlite3.connect(data_dir / DATABASE)) as database, database:
+        for name in sorted(set(Table.metadata.tables) - {state}):
+            database.execute(f"DELETE FROM {name}")
+        database.execute(f"UPDATE {state} SET revision = revision + 1")
+    # The service reads its models again when the revision has changed. Here it reads that there are none, so that
+    # it cannot take a later model for an earlier one of the same name and version.
+    client.post("/layout", data={"zones": json.dumps(PAGE)}).raise_for_status()
+    with closing(sqlite3.connect(data_dir / DATABASE)) as database, database:
+        for name in ("layout_results", "layout_unknown_pages"):
+            database.execute(f"DELETE FROM {name}")
 
 
 @contextmanager

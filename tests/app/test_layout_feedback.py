@@ -24,11 +24,10 @@ DEFAULT = "passive-aggressive"
 
 
 @pytest.fixture
-def client(tmp_path: Path) -> Iterator[httpx.Client]:
-    """A service that knows letters."""
-    with serving(data_dir=tmp_path) as client:
-        assert client.put("/layout/models/letter", json=LETTER).status_code == 201
-        yield client
+def client(empty_service: httpx.Client) -> httpx.Client:
+    """A service that knows letters; it keeps what it learns in `data_dir`."""
+    assert empty_service.put("/layout/models/letter", json=LETTER).status_code == 201
+    return empty_service
 
 
 def recognize(client: httpx.Client, models: str | None = None) -> str:
@@ -121,10 +120,10 @@ def test_the_same_key_and_the_same_body_count_once(client: httpx.Client) -> None
     assert version(client) == 3
 
 
-def test_a_repeated_feedback_outlives_its_result(client: httpx.Client, tmp_path: Path) -> None:
+def test_a_repeated_feedback_outlives_its_result(client: httpx.Client, data_dir: Path) -> None:
     result = recognize(client)
     told = answer(give(client, result, {"class": "letter"}))
-    with Store.open(tmp_path / DATABASE) as store:
+    with Store.open(data_dir / DATABASE) as store:
         store.purge_results(keep_newest=0)
     assert answer(give(client, result, {"class": "letter"})) == {**told, "created": False}
     assert_problem(give(client, result, {"labels": {}}), 404, "not-found")
@@ -167,7 +166,7 @@ def test_a_class_with_samples_and_no_model_gets_its_first(client: httpx.Client) 
 
 
 def test_a_page_of_no_class_is_refused_by_the_model_and_remembered(
-    client: httpx.Client, tmp_path: Path
+    client: httpx.Client, data_dir: Path
 ) -> None:
     result = recognize(client)
     told = answer(give(client, result, {"class": None}))
@@ -175,33 +174,33 @@ def test_a_page_of_no_class_is_refused_by_the_model_and_remembered(
     assert [(m["name"], m["new_version"]) for m in told["models"]] == [("letter", 2)]
     assert told["sample"] is None
     assert answer(give(client, result, {"class": None}))["created"] is False
-    assert unknown_pages(tmp_path) == [result]
+    assert unknown_pages(data_dir) == [result]
     answer(give(client, result, {"class": "letter"}))  # after all
-    assert unknown_pages(tmp_path) == []
+    assert unknown_pages(data_dir) == []
 
 
-def test_a_page_without_zones_is_nothing_to_remember(client: httpx.Client, tmp_path: Path) -> None:
+def test_a_page_without_zones_is_nothing_to_remember(client: httpx.Client, data_dir: Path) -> None:
     add_samples(client, labelled("title"), name="fax")
     [sample] = client.get("/layout/models/fax/samples").json()["samples"]
     client.delete(f"/layout/models/fax/samples/{sample['id']}")  # a class that nothing can be made of
-    with Store.open(tmp_path / DATABASE) as store:
+    with Store.open(data_dir / DATABASE) as store:
         empty = {"page": {**PAGE, "zones": []}, "result": {"class": None, "zones": []}}
         result = store.add_result(empty, ttl_s=60.0)
     told = answer(give(client, result, {"class": None}))
-    assert (told["zones"], unknown_pages(tmp_path)) == (0, [])
+    assert (told["zones"], unknown_pages(data_dir)) == (0, [])
     told = answer(give(client, result, {"class": "fax"}))
     assert (told["class"]["verified"], told["models"], told["sample"]) == ("fax", [], None)
     assert client.get("/layout/models/fax/samples").json()["samples"] == []
 
 
-def test_a_result_without_a_class(client: httpx.Client, tmp_path: Path) -> None:
+def test_a_result_without_a_class(client: httpx.Client, data_dir: Path) -> None:
     client.delete("/layout/models/letter")
     result = recognize(client)
     problem = assert_problem(give(client, result, {"labels": {"z1": "date"}}), 422, "invalid-option")
     assert problem["field"] == "class"
     told = answer(give(client, result, {"class": None}))
     assert (told["class"], told["models"]) == ({"found": None, "verified": None}, [])
-    assert unknown_pages(tmp_path) == [result]
+    assert unknown_pages(data_dir) == [result]
     client.put("/layout/models/letter", json=LETTER)
     told = answer(give(client, result, {"class": "letter", "labels": {"z1": "date"}}))
     assert [(m["name"], m["old_version"], m["new_version"]) for m in told["models"]] == [("letter", 2, 3)]
@@ -263,9 +262,9 @@ def test_what_is_not_there(shared: tuple[httpx.Client, str]) -> None:
     assert version(client) == 1
 
 
-def test_a_document_of_several_pages_is_corrected_page_by_page(client: httpx.Client, tmp_path: Path) -> None:
+def test_a_document_of_several_pages_is_corrected_page_by_page(client: httpx.Client, data_dir: Path) -> None:
     pages = [recognize(client), recognize(client)]
-    with Store.open(tmp_path / DATABASE) as store:
+    with Store.open(data_dir / DATABASE) as store:
         document = store.add_result({"document": {}, "pages": pages}, 1000)
     problem = assert_problem(give(client, document, {"labels": {}}), 422, "invalid-option")
     assert problem["field"] == "id"
@@ -305,25 +304,23 @@ def test_a_deleted_class_stops_no_feedback(client: httpx.Client) -> None:
     assert told["models"] == []
 
 
-def test_of_many_feedbacks_at_once_none_is_lost() -> None:
-    with serving(workers=2, queue_length=40) as client:
-        client.put("/layout/models/letter", json=LETTER)
-        client.put("/layout/models/memo", json=MEMO)
-        results = [recognize(client, "letter") for _ in range(24)]
+def test_of_many_feedbacks_at_once_none_is_lost(client: httpx.Client) -> None:
+    client.put("/layout/models/memo", json=MEMO)
+    results = [recognize(client, "letter") for _ in range(24)]
 
-        def post(index: int) -> dict[str, Any]:
-            body = {"class": ("letter", "memo")[index % 2], "labels": {"z1": f"label {index}"}}
-            return answer(give(client, results[index], body))
+    def post(index: int) -> dict[str, Any]:
+        body = {"class": ("letter", "memo")[index % 2], "labels": {"z1": f"label {index}"}}
+        return answer(give(client, results[index], body))
 
-        with ThreadPoolExecutor(8) as threads:
-            told = list(threads.map(post, range(24)))
-        assert all(each["created"] for each in told)
-        # The one that was found learned of all of them, the other one of its own.
-        assert version(client) == 25
-        assert version(client, "memo") == 13
-        assert sorted(lesson[0] for lesson in taught(client)) == sorted(f"label {i}" for i in range(24))  # type: ignore[type-var]
-        news = sorted(m["new_version"] for each in told for m in each["models"] if m["name"] == "letter")
-        assert news == list(range(2, 26))
+    with ThreadPoolExecutor(8) as threads:
+        told = list(threads.map(post, range(24)))
+    assert all(each["created"] for each in told)
+    # The one that was found learned of all of them, the other one of its own.
+    assert version(client) == 25
+    assert version(client, "memo") == 13
+    assert sorted(lesson[0] for lesson in taught(client)) == sorted(f"label {i}" for i in range(24))  # type: ignore[type-var]
+    news = sorted(m["new_version"] for each in told for m in each["models"] if m["name"] == "letter")
+    assert news == list(range(2, 26))
 
 
 def test_another_process_may_be_faster(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,12 +20,11 @@ PATH = "/layout/models/letter"
 
 
 @pytest.fixture
-def client() -> Iterator[httpx.Client]:
+def client(empty_service: httpx.Client) -> httpx.Client:
     """A service with a model and a sample of it."""
-    with serving() as client:
-        assert client.put(PATH, json=LETTER).status_code == 201
-        add_samples(client, labelled("sender"))
-        yield client
+    assert empty_service.put(PATH, json=LETTER).status_code == 201
+    add_samples(empty_service, labelled("sender"))
+    return empty_service
 
 
 @pytest.fixture(scope="module")

@@ -20,10 +20,9 @@ LETTER = model_document("letter", "sender", "date")
 
 
 @pytest.fixture
-def client() -> Iterator[httpx.Client]:
+def client(empty_service: httpx.Client) -> httpx.Client:
     """A service that remembers nothing yet."""
-    with serving(workers=2) as client:
-        yield client
+    return empty_service
 
 
 @pytest.fixture(scope="module")
@@ -205,20 +204,19 @@ def test_if_match(client: httpx.Client) -> None:
     assert (created.status_code, created.headers["etag"]) == (201, '"5"')
 
 
-def test_of_many_writers_that_expect_one_version_one_writes() -> None:
-    with serving(workers=2, queue_length=20) as client:
-        client.put("/layout/models/letter", json=LETTER)
+def test_of_many_writers_that_expect_one_version_one_writes(client: httpx.Client) -> None:
+    client.put("/layout/models/letter", json=LETTER)
 
-        def write(_: int) -> int:
-            return client.put("/layout/models/letter", json=LETTER, headers={"If-Match": '"1"'}).status_code
+    def write(_: int) -> int:
+        return client.put("/layout/models/letter", json=LETTER, headers={"If-Match": '"1"'}).status_code
 
-        with ThreadPoolExecutor(8) as threads:
-            statuses = sorted(threads.map(write, range(8)))
-        assert statuses == [200, *[409] * 7]
-        with ThreadPoolExecutor(8) as threads:
-            path = "/layout/models/letter"
-            etags = list(threads.map(lambda _: client.put(path, json=LETTER).headers["etag"], range(8)))
-        assert sorted(int(etag.strip('"')) for etag in etags) == list(range(3, 11))
+    with ThreadPoolExecutor(8) as threads:
+        statuses = sorted(threads.map(write, range(8)))
+    assert statuses == [200, *[409] * 7]
+    with ThreadPoolExecutor(8) as threads:
+        path = "/layout/models/letter"
+        etags = list(threads.map(lambda _: client.put(path, json=LETTER).headers["etag"], range(8)))
+    assert sorted(int(etag.strip('"')) for etag in etags) == list(range(3, 11))
 
 
 def test_deleting(client: httpx.Client) -> None:

@@ -1,7 +1,6 @@
 """Pages that fitted no class, and proposals about the set of classes."""
 
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,10 +24,9 @@ RESULT = "01J9ZZZZZZZZZZZZZZZZZZZZZ{}"
 
 
 @pytest.fixture
-def client(tmp_path: Path) -> Iterator[httpx.Client]:
-    """A service that keeps what it remembers in `tmp_path`."""
-    with serving(data_dir=tmp_path) as client:
-        yield client
+def client(empty_service: httpx.Client) -> httpx.Client:
+    """A service that remembers nothing yet; it keeps what it learns in `data_dir`."""
+    return empty_service
 
 
 def keep_unknown(folder: Path, *pages: dict[str, Any]) -> list[str]:
@@ -43,17 +41,17 @@ def page_document(name: str, seed: int) -> dict[str, Any]:
     return page_to_document(labelled_page(name, seed))
 
 
-def test_unknown_pages_are_listed_newest_first(client: httpx.Client, tmp_path: Path) -> None:
+def test_unknown_pages_are_listed_newest_first(client: httpx.Client, data_dir: Path) -> None:
     assert client.get(PAGES).json() == {"pages": []}
-    ids = keep_unknown(tmp_path, labelled("a"), labelled("a", "b"))
+    ids = keep_unknown(data_dir, labelled("a"), labelled("a", "b"))
     told = client.get(PAGES).json()["pages"]
     assert [page["id"] for page in told] == ids[::-1]
     assert [page["zones"] for page in told] == [2, 1]
     assert told[0]["result"] == RESULT.format(1)
 
 
-def test_an_unknown_page_may_become_a_sample(client: httpx.Client, tmp_path: Path) -> None:
-    (page_id,) = keep_unknown(tmp_path, labelled(None, None))
+def test_an_unknown_page_may_become_a_sample(client: httpx.Client, data_dir: Path) -> None:
+    (page_id,) = keep_unknown(data_dir, labelled(None, None))
     page = client.get(f"{PAGES}/{page_id}").json()
     assert (page["id"], page["width"], len(page["zones"])) == (page_id, 10, 2)
     page["zones"][0]["label"] = "sender"
@@ -77,8 +75,8 @@ def test_proposals_of_nothing(client: httpx.Client) -> None:
     }
 
 
-def test_proposals_say_what_to_do_next(client: httpx.Client, tmp_path: Path) -> None:
-    ids = keep_unknown(tmp_path, labelled("a"), labelled("b"))
+def test_proposals_say_what_to_do_next(client: httpx.Client, data_dir: Path) -> None:
+    ids = keep_unknown(data_dir, labelled("a"), labelled("b"))
     for name in ("letter", "memo"):
         client.post(f"/layout/models/{name}/samples", json=labelled("sender"))
     told = client.post(PROPOSALS).json()
@@ -92,8 +90,8 @@ def test_proposals_say_what_to_do_next(client: httpx.Client, tmp_path: Path) -> 
     assert told["looked_at"] == {"unknown_pages": 2, "models": 2, "samples": 2}
 
 
-def test_proposals_may_come_later(client: httpx.Client, tmp_path: Path) -> None:
-    (page_id,) = keep_unknown(tmp_path, labelled("a"))
+def test_proposals_may_come_later(client: httpx.Client, data_dir: Path) -> None:
+    (page_id,) = keep_unknown(data_dir, labelled("a"))
     accepted = client.post(PROPOSALS, headers={"Prefer": "respond-async"})
     assert accepted.status_code == 202
     result = f"{accepted.headers['location']}/result"

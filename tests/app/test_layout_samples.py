@@ -16,10 +16,9 @@ PATH = "/layout/models/letter/samples"
 
 
 @pytest.fixture
-def client() -> Iterator[httpx.Client]:
+def client(empty_service: httpx.Client) -> httpx.Client:
     """A service that remembers nothing yet."""
-    with serving() as client:
-        yield client
+    return empty_service
 
 
 @pytest.fixture(scope="module")

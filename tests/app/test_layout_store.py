@@ -3,6 +3,7 @@
 import asyncio
 import json
 import threading
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -152,12 +153,11 @@ def test_more_results_than_are_kept(tmp_path: Path) -> None:
         ids = [await store.keep_result({"number": number}) for number in range(103)]
         # The first was followed by a purge, and so was the 102nd: ten were left of 102, and one came after.
         for number, result_id in enumerate(ids):
-            reading = store.call(lambda inner, result_id=result_id: inner.result(result_id))
             if number < 92:
                 with pytest.raises(ResultNotFound):
-                    await reading
+                    await store.call(methodcaller("result", result_id))
             else:
-                assert (await reading).document == {"number": number}
+                assert (await store.call(methodcaller("result", result_id))).document == {"number": number}
 
     with_store(tmp_path, work)
 

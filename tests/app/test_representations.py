@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from app.representations import (
     MEDIA_TYPES,
     MediaRange,
-    NotAcceptable,
     choose_format,
     choose_pages_formats,
     image_headers,
@@ -15,6 +14,7 @@ from app.representations import (
     sniff_format,
 )
 from services.contract.images import AnswerFormat, PagesFormat
+from services.errors import NotAcceptable
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """The benchmark of documents: it runs, and its figures are counts of what it says."""
 
-from benchmarks.layout_documents import (
+from benchmarks.layout.documents import (
     make_documents,
     make_models,
     measure_documents,

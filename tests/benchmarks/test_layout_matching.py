@@ -1,7 +1,7 @@
 import pytest
 
-from benchmarks.layout_matching import format_row, measure_pages
-from benchmarks.simulated_cost_tables import EASY
+from benchmarks.layout.matching import format_row, measure_pages
+from benchmarks.layout.simulated_cost_tables import EASY
 
 
 @pytest.mark.parametrize("two_steps", [False, True])

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import layout_recognition
-from benchmarks.layout_classes import CLASSES
-from benchmarks.layout_labelling import LETTERS, TITLES
-from benchmarks.layout_learning import LEARNING, draw_curves
-from benchmarks.layout_part import share, table
-from benchmarks.layout_peers import ForestLabels, zone_features
-from benchmarks.layout_protocols import (
+from benchmarks.layout import recognition
+from benchmarks.layout.classes import CLASSES
+from benchmarks.layout.labelling import LETTERS, TITLES
+from benchmarks.layout.learning_curve import LEARNING, draw_curves
+from benchmarks.layout.part import share, table
+from benchmarks.layout.peers import ForestLabels, zone_features
+from benchmarks.layout.protocols import (
     ComponentCounts,
     component_counts,
     confusions,
@@ -26,7 +26,7 @@ from benchmarks.layout_protocols import (
     page_labels,
     unlabelled,
 )
-from benchmarks.layout_specimens import (
+from benchmarks.layout.specimens import (
     Lesson,
     Specimen,
     area_labelled,
@@ -35,7 +35,7 @@ from benchmarks.layout_specimens import (
     lessons,
     with_ten_components,
 )
-from benchmarks.layout_speed import STEPS
+from benchmarks.layout.speed import STEPS
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
 from services.layout.graph.layout_graph import build_graph
@@ -226,5 +226,5 @@ def test_both_ways_of_matching_stand_in_one_table(specimens: list[Specimen]) -> 
 
 
 def test_without_data_nothing_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert layout_recognition.main(["--data", str(tmp_path)]) == 0
+    assert recognition.main(["--data", str(tmp_path)]) == 0
     assert "nothing is measured" in capsys.readouterr().err

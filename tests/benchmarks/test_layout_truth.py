@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from benchmarks.layout_truth import load_page, load_set
+from benchmarks.layout.truth import load_page, load_set
 from services.layout.page import Page, Zone
 
 TOLD = {

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import learning
-from benchmarks.layout_jobs import Job, KeptResults, measure_all
-from benchmarks.layout_part import Part, Result
-from benchmarks.layout_specimens import Specimen
-from benchmarks.learning_classes import FEEDBACK_CLASSES, follow
-from benchmarks.learning_once import ONCE, confused, repeated
-from benchmarks.learning_pages import NONE, begin, drop_percent, see, verdict
-from benchmarks.learning_rounds import ROUNDS, corrected, draw_rounds, practised
-from benchmarks.learning_speed import ADAPTATION_SPEED
-from benchmarks.learning_store import Storm, post_with_retries
-from benchmarks.learning_streams import METHODS, STREAMS, draw_streams, in_windows
-from benchmarks.learning_streams import follow as follow_stream
+from benchmarks.layout.jobs import Job, KeptResults, measure_all
+from benchmarks.layout.part import Part, Result
+from benchmarks.layout.specimens import Specimen
+from benchmarks.learning import adaptation
+from benchmarks.learning.classes import FEEDBACK_CLASSES, follow
+from benchmarks.learning.once import ONCE, confused, repeated
+from benchmarks.learning.pages import NONE, begin, drop_percent, see, verdict
+from benchmarks.learning.rounds import ROUNDS, corrected, draw_rounds, practised
+from benchmarks.learning.speed import ADAPTATION_SPEED
+from benchmarks.learning.store import Storm, post_with_retries
+from benchmarks.learning.streams import METHODS, STREAMS, draw_streams, in_windows
+from benchmarks.learning.streams import follow as follow_stream
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
 from services.layout.learning.learners import wrong_zones
@@ -177,5 +177,5 @@ def test_feedback_is_sent_again_under_its_key_until_a_server_has_it() -> None:
 
 
 def test_without_data_nothing_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert learning.main(["--data", str(tmp_path)]) == 0
+    assert adaptation.main(["--data", str(tmp_path)]) == 0
     assert "nothing is measured" in capsys.readouterr().err

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.memory import Memory
-from benchmarks.reading import Reading
-from benchmarks.scan_distances import ScanDistances
-from benchmarks.stopwatch import Usage
+from benchmarks.common.memory import Memory
+from benchmarks.common.reading import Reading
+from benchmarks.common.scan_distances import ScanDistances
+from benchmarks.common.stopwatch import Usage
 from services.ocr.engine import Word
 
 IMAGE = np.full((40, 30, 3), 200, np.uint8)
@@ -70,7 +70,7 @@ def test_the_peers_pages_are_kept_and_its_failures_are_not(
     peer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers = [(None, Usage(1.0, 1.0, 5.0), "exit status 1"), (IMAGE, Usage(2.0, 3.0, 4.0), "")]
-    monkeypatch.setattr(f"benchmarks.memory.run_{peer}", lambda command, photo: answers.pop(0))
+    monkeypatch.setattr(f"benchmarks.common.memory.run_{peer}", lambda command, photo: answers.pop(0))
     ask = getattr(Memory(tmp_path), peer)
     assert ask("/one/command", IMAGE)[2] == "exit status 1"
     for command in ("/one/command", "/another"):
@@ -86,7 +86,7 @@ def test_distances_are_kept_for_the_view_and_the_scan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers = [ScanDistances(0.5, 2.0, 0.1, 1.0), ScanDistances(0.7, 1.0, 0.2, 3.0)]
-    monkeypatch.setattr("benchmarks.memory.compare_with_scan", lambda view, scan: answers.pop(0))
+    monkeypatch.setattr("benchmarks.common.memory.compare_with_scan", lambda view, scan: answers.pop(0))
     memory = Memory(tmp_path)
     assert memory.distances(IMAGE, IMAGE) == memory.distances(IMAGE, IMAGE)
     assert memory.distances(IMAGE, IMAGE[::-1]).ms_ssim == 0.7

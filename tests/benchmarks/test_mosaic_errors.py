@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.mosaic_cases import COUNTS, HomographyMap, MosaicCase, TrueSet, own_cases
-from benchmarks.mosaic_errors import measure_placement, mesh_at, mesh_of_homography
-from benchmarks.mosaic_peers import chain
+from benchmarks.mosaic.cases import COUNTS, HomographyMap, MosaicCase, TrueSet, own_cases
+from benchmarks.mosaic.errors import measure_placement, mesh_at, mesh_of_homography
+from benchmarks.mosaic.peers import chain
 from services.geometry.homographies import scaling, transform_points, translation
 from simulation.letter_pages import letter_pages
 from simulation.mosaic_sets import OVERLAPS, MosaicSet, photograph_set

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.mosaic_errors import mesh_of_homography
-from benchmarks.mosaic_ghosts import measure_mixture, mixed_share, mosaic_scale, shifted_photo
+from benchmarks.mosaic.errors import mesh_of_homography
+from benchmarks.mosaic.ghosts import measure_mixture, mixed_share, mosaic_scale, shifted_photo
 from services.geometry.homographies import scaling, translation
 from services.mosaic import pipeline
 from services.mosaic.placing.placement import Placement
@@ -85,6 +85,6 @@ def test_one_photo_is_shifted_and_the_pipeline_left_as_it_was(monkeypatch: pytes
     monkeypatch.setattr(pipeline, "compose_page", compose, raising=False)
     placed = [PlacedStandIn(SimpleNamespace(index=k), Placement(np.eye(3))) for k in range(3)]
     with shifted_photo(1, SHIFT):
-        moved = pipeline.compose_page(placed)  # type: ignore[attr-defined]
+        moved = pipeline.compose_page(placed)  # type: ignore[attr-defined, call-arg]
     assert np.allclose(moved, [[0, 0], SHIFT, [0, 0]])
     assert pipeline.compose_page is compose  # type: ignore[attr-defined]

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks import peers
+from benchmarks.common import peers
 
 PHOTO = np.full((40, 30, 3), (200, 100, 50), np.uint8)
 

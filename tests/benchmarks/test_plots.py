@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.cases import EXPERIMENTS, all_cases
-from benchmarks.figures import CaseFigures
-from benchmarks.plots import contact_sheet, load_picture, make_strip
-from benchmarks.simulated_pictures import save_case, save_run
-from benchmarks.workers import Progress
+from benchmarks.common.figures import CaseFigures
+from benchmarks.common.plots import contact_sheet, load_picture, make_strip
+from benchmarks.common.workers import Progress
+from benchmarks.rectify.cases import EXPERIMENTS, all_cases
+from benchmarks.rectify.simulated_pictures import save_case, save_run
 
 PAPER = np.full((60, 40, 3), 255, np.uint8)
 
@@ -41,7 +41,7 @@ def test_strips_show_a_gap_for_what_is_missing_and_a_title() -> None:
 
 @pytest.mark.parametrize("name", ["curved", "tilt"])
 def test_a_run_saves_its_pictures(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("benchmarks.simulated_pictures.OUTPUT", tmp_path)
+    monkeypatch.setattr("benchmarks.rectify.simulated_pictures.OUTPUT", tmp_path)
     experiment = EXPERIMENTS[name]
     cases = all_cases(experiment, ("a", "b"), degraded=False)[:3]
     figures = [

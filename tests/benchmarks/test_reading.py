@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from benchmarks.reading import character_error_rate, character_score, normalise_text, word_rate
+from benchmarks.common.reading import character_error_rate, character_score, normalise_text, word_rate
 
 LINES = ("the quick brown fox", "jumps over the lazy dog")
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.real_photos import find_photos, varied
-from benchmarks.rectify_photos import choose_photos
+from benchmarks.rectify.photos import choose_photos
+from benchmarks.rectify.real_photos import find_photos, varied
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.residuals import (
+from benchmarks.common.residuals import (
     RulingErrors,
     direction_error_deg,
     field_of_view_error_deg,

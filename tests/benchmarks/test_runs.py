@@ -7,16 +7,16 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks import photo_report, rectify_photos, rectify_simulated, rectify_speed
-from benchmarks.cases import EXPERIMENTS, Case, all_cases
-from benchmarks.figures import StripErrors
-from benchmarks.reading import Reading
-from benchmarks.real_photos import RealPhoto
-from benchmarks.rectify_simulated import Bench, Options, run_case
-from benchmarks.scan_distances import ScanDistances
-from benchmarks.stopwatch import Usage
-from benchmarks.subject import FlowErrors, Flows, measure_flows, measure_steps
-from benchmarks.true_map import flatten_by_truth, flatten_in_frame
+from benchmarks.common.figures import StripErrors
+from benchmarks.common.reading import Reading
+from benchmarks.common.scan_distances import ScanDistances
+from benchmarks.common.stopwatch import Usage
+from benchmarks.rectify import photo_report, photos, simulated, speed
+from benchmarks.rectify.cases import EXPERIMENTS, Case, all_cases
+from benchmarks.rectify.real_photos import RealPhoto
+from benchmarks.rectify.simulated import Bench, Options, run_case
+from benchmarks.rectify.subject import FlowErrors, Flows, measure_flows, measure_steps
+from benchmarks.rectify.true_map import flatten_by_truth, flatten_in_frame
 from services.errors import NoText
 from services.rectify.results import (
     CameraEstimate,
@@ -63,7 +63,7 @@ def _small_photo(page: Page, shape: Shape = PLANE) -> SimulatedPhoto:
 
 def _fix_flows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        rectify_simulated,
+        simulated,
         "measure_steps",
         lambda image, truth, points, *, curved: (FlowErrors(0.1, 0.2), StripErrors(ruling_2d_deg=0.3)),
     )
@@ -108,8 +108,8 @@ def test_a_perfect_rectification_has_no_errors(
     bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photo = _small_photo(page)
-    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page, facing: photo)
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
+    monkeypatch.setattr(simulated, "photograph_case", lambda case, page, facing: photo)
+    monkeypatch.setattr(simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
     _fix_flows(monkeypatch)
     case = _case(page)
     figures = run_case(case, bench)
@@ -131,8 +131,8 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
     bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photo = _small_photo(page, BOOK)
-    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page, facing: photo)
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
+    monkeypatch.setattr(simulated, "photograph_case", lambda case, page, facing: photo)
+    monkeypatch.setattr(simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
     _fix_flows(monkeypatch)
     case = _case(page, "curved")
     figures = run_case(case, bench)
@@ -144,7 +144,7 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
     assert figures.normal_deg < 0.5
     # The best planar view of it is a poor answer, and of the wrong kind.
     flat = replace(_perfect(photo), kind="planar", surface=PlaneSurface((0.0, 0.0, 1.0)))
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", lambda image, ocr, exif: flat)
+    monkeypatch.setattr(simulated, "rectify_photo", lambda image, ocr, exif: flat)
     worse = run_case(case, bench)
     assert not worse.classified
     assert np.isnan(worse.ruling_2d_deg)
@@ -155,8 +155,8 @@ def test_a_refusal_reads_as_nothing(bench: Bench, page: Page, monkeypatch: pytes
     def refuse(image: np.ndarray, ocr: object, exif: object) -> RectifyResult:
         raise NoText("blank")
 
-    monkeypatch.setattr(rectify_simulated, "photograph_case", lambda case, page, facing: _small_photo(page))
-    monkeypatch.setattr(rectify_simulated, "rectify_photo", refuse)
+    monkeypatch.setattr(simulated, "photograph_case", lambda case, page, facing: _small_photo(page))
+    monkeypatch.setattr(simulated, "rectify_photo", refuse)
     figures = run_case(_case(page), bench)
     assert figures.failure.startswith("no-text")
     assert not figures.classified
@@ -224,20 +224,18 @@ def test_a_real_photo_is_measured_by_every_method(
     path, scan = tmp_path / "leaf.png", tmp_path / "leaf.scan.jpg"
     cv2.imwrite(str(path), photo.image)
     cv2.imwrite(str(scan), photo.image)
+    monkeypatch.setattr(photos, "rectify_file", lambda path, ocr: (photo.image, lambda: _perfect(photo)))
     monkeypatch.setattr(
-        rectify_photos, "rectify_file", lambda path, ocr: (photo.image, lambda: _perfect(photo))
-    )
-    monkeypatch.setattr(
-        "benchmarks.memory.run_page_dewarp",
+        "benchmarks.common.memory.run_page_dewarp",
         lambda command, image: (None, Usage(1.0, 1.0, 50.0), "exit status 1"),
     )
     monkeypatch.setattr(
-        "benchmarks.memory.run_uvdoc", lambda python, image: (photo.image, Usage(2.0, 2.0, 300.0), "")
+        "benchmarks.common.memory.run_uvdoc", lambda python, image: (photo.image, Usage(2.0, 2.0, 300.0), "")
     )
-    monkeypatch.setattr(rectify_photos, "make_reader", lambda name, python: Judge())
-    options = rectify_photos.Options("judge", "", "peer", "python", None, tmp_path / "pictures")
+    monkeypatch.setattr(photos, "make_reader", lambda name, python: Judge())
+    options = photos.Options("judge", "", "peer", "python", None, tmp_path / "pictures")
     given = RealPhoto(path, "folded", "Call me Ishmael. Some years ago", scan)
-    figures = rectify_photos.run_photo(given, rectify_photos.Bench(options))
+    figures = photos.run_photo(given, photos.Bench(options))
     assert figures.images["rectified"].error_rate == 0
     assert figures.images["rectified"].characters == figures.images["rectified"].words == 100
     against = figures.images["UVDoc"].scan
@@ -294,16 +292,16 @@ def test_scans_are_compared_on_photos_that_both_have() -> None:
 
 
 def test_no_data_is_said_and_is_no_failure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert rectify_photos.main(["--data", str(tmp_path)]) == 0
+    assert photos.main(["--data", str(tmp_path)]) == 0
     assert "no photos" in capsys.readouterr().err
 
 
 def test_speed_table_has_a_column_a_photo() -> None:
     figures = [
-        rectify_speed.SpeedFigures(3.0, Usage(0.6, 0.6, 300.0), {"decode": 20.0}),
-        rectify_speed.SpeedFigures(12.0, Usage(2.4, 2.4, 800.0), {"decode": 80.0}, curved=True),
+        speed.SpeedFigures(3.0, Usage(0.6, 0.6, 300.0), {"decode": 20.0}),
+        speed.SpeedFigures(12.0, Usage(2.4, 2.4, 800.0), {"decode": 80.0}, curved=True),
     ]
-    lines = rectify_speed.format_speed(figures).splitlines()
+    lines = speed.format_speed(figures).splitlines()
     assert lines[0].split() == ["megapixels", "3.0", "12.0", "curved"]
     assert lines[1].split() == ["CPU", "s", "0.600", "2.400"]
     assert lines[2].split()[-2:] == ["0.200", "0.200"]
@@ -313,7 +311,7 @@ def test_speed_table_has_a_column_a_photo() -> None:
 def test_what_is_wanted_of_time_and_memory() -> None:
     def figures(cpu_s: float, peak_mb: float, megapixels: float = 12.0, *, curved: bool) -> bool:
         usage = Usage(cpu_s, cpu_s, peak_mb)
-        return rectify_speed.SpeedFigures(megapixels, usage, curved=curved).is_wanted
+        return speed.SpeedFigures(megapixels, usage, curved=curved).is_wanted
 
     assert figures(1.1, 600.0, curved=False)
     assert not figures(1.3, 600.0, curved=False)
@@ -324,15 +322,15 @@ def test_what_is_wanted_of_time_and_memory() -> None:
 
 
 def test_the_peers_start_is_not_held_against_it() -> None:
-    peer = rectify_speed.PeerSpeed(Usage(13.0, 13.0, 200.0), Usage(1.0, 1.0, 90.0), "")
+    peer = speed.PeerSpeed(Usage(13.0, 13.0, 200.0), Usage(1.0, 1.0, 90.0), "")
     ours = Usage(2.0, 2.0, 300.0)
     assert peer.ratio(ours) == pytest.approx(6.0)
-    assert "6.0 times ours (6.5 with its start)" in rectify_speed.format_peer("Powell", peer, ours)
+    assert "6.0 times ours (6.5 with its start)" in speed.format_peer("Powell", peer, ours)
 
 
 @pytest.mark.parametrize("curved", [False, True])
 def test_uploads_have_the_asked_size(curved: bool) -> None:
-    upload = rectify_speed.make_upload(0.5, degraded=False, curved=curved)
+    upload = speed.make_upload(0.5, degraded=False, curved=curved)
     picture = cv2.imdecode(np.frombuffer(upload, np.uint8), 1)
     assert picture is not None
     assert picture.shape[0] * picture.shape[1] == pytest.approx(0.5e6, rel=0.01)
@@ -340,5 +338,5 @@ def test_uploads_have_the_asked_size(curved: bool) -> None:
 
 def test_a_run_without_reading_adopts_no_baseline(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        rectify_simulated.main(["--no-reading", "--update-baseline"])
+        simulated.main(["--no-reading", "--update-baseline"])
     assert "OCR scores" in capsys.readouterr().err

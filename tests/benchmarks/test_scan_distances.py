@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.scan_distances import (
+from benchmarks.common.scan_distances import (
     SCALE_WEIGHTS,
     aligned_distortion,
     compare_with_scan,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.segmentation_matching import match_zones
+from benchmarks.layout.segmentation_matching import match_zones
 from services.layout.page import Kind, Page, Zone
 
 Box = tuple[float, float, float, float]

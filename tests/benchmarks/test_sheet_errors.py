@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.sheet_errors import measure_sheet
+from benchmarks.common.sheet_errors import measure_sheet
 from simulation.camera import Camera, Pose
 from simulation.flat_page import Page
 from simulation.folded import folded_in_thirds

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import dissertation
-from benchmarks.baseline import Metric, compare, judge
-from benchmarks.cases import EXPERIMENTS, all_cases, load_own_pages, load_pages
-from benchmarks.figures import CaseFigures, Score, groups, mean_std, score_of, to_json, write_json
-from benchmarks.sheet_errors import SheetErrors
-from benchmarks.simulated_report import GROUPED_BY, METRICS, TABLES, figures_by_case, report, summary
-from benchmarks.stopwatch import Usage, measured
-from benchmarks.tables import format_table, format_usage
+from benchmarks.common.baseline import Metric, compare, judge
+from benchmarks.common.figures import CaseFigures, Score, groups, mean_std, score_of, to_json, write_json
+from benchmarks.common.sheet_errors import SheetErrors
+from benchmarks.common.stopwatch import Usage, measured
+from benchmarks.rectify import dissertation
+from benchmarks.rectify.cases import EXPERIMENTS, all_cases, load_own_pages, load_pages
+from benchmarks.rectify.simulated_report import GROUPED_BY, METRICS, TABLES, figures_by_case, report, summary
+from benchmarks.rectify.tables import format_table, format_usage
 
 CASES = [
     CaseFigures(

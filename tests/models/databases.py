@@ -58,7 +58,7 @@ class Cluster:
         self._made += 1
         name = f"store_{self._made}"
         with self.connect("postgres") as connection:
-            connection.execute(f"CREATE DATABASE {name}")  # type: ignore[call-overload]
+            connection.execute(f"CREATE DATABASE {name}")
         return f"postgresql://store@/{name}?host={self.folder}"
 
     def connect(self, database: str) -> psycopg.Connection[Any]:
@@ -91,9 +91,13 @@ def running_cluster(*, durable: bool = False) -> Iterator[Cluster]:
     ]
     try:
         made = subprocess.run(
-            [*initdb, "--locale=C", "--pgdata", folder / "data"], check=False, capture_output=True, **identity
+            [*initdb, "--locale=C", "--pgdata", folder / "data"],
+            check=False,
+            capture_output=True,
+            text=True,
+            **identity,
         )
-        assert made.returncode == 0, made.stderr.decode()
+        assert made.returncode == 0, made.stderr
         with (folder / "log").open("wb") as log:
             server = subprocess.Popen(start, stdout=log, stderr=log, **identity)
         try:
@@ -124,5 +128,5 @@ def empty_tables(cluster: Cluster, url: str) -> None:
     """Take all rows out of a migrated database, and begin anew."""
     tables = ", ".join(sorted(set(Table.metadata.tables) - {"store_state"}))
     with cluster.connect(url.partition("@/")[2].partition("?")[0]) as connection:
-        connection.execute(f"TRUNCATE {tables} RESTART IDENTITY")  # type: ignore[call-overload]
+        connection.execute(f"TRUNCATE {tables} RESTART IDENTITY")
         connection.execute("UPDATE store_state SET revision = 0")

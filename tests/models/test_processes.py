@@ -202,7 +202,7 @@ def check(path: Path, kept: Kept, kills: int) -> None:
         assert store.model("letter").version == len(history)
         versions = {version: store.model("letter", version).document for version in history[1:]}
         samples = {sample.id: sample.document for sample in store.samples("letter")}
-        found = {
+        found: dict[str, dict[Any, Any]] = {
             "version": versions,
             "sample": samples,
             "result": {result: store.result(result).document for result in results},

@@ -1,7 +1,7 @@
 """What the store promises about models, samples and results, on real databases."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from datetime import UTC, timedelta
 from pathlib import Path
 from typing import Any
@@ -224,6 +224,7 @@ def test_samples_can_be_taken_away(store: Store) -> None:
     assert [sample.id for sample in store.each_sample("letter")] == ids
     newest = store.each_sample("letter", newest_first=True)
     assert (next(newest).id, next(newest).document) == (ids[3], {"n": 2})
+    assert isinstance(newest, Generator)
     newest.close()
     store.delete_sample("letter", ids[1])
     assert [sample.id for sample in store.samples("letter")] == [ids[0], ids[2], ids[3]]

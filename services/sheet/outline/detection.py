@@ -46,7 +46,7 @@ class OutlineParameters:
     corners: CornerParameters = field(default_factory=CornerParameters)
     scoring: ScoringParameters = field(default_factory=ScoringParameters)
     tried: int = 7
-    """Candidates that are measured in the photo, until one is certain: edges that are measured tell more than ratings."""
+    """Candidates that are measured in the photo, until one is certain: measured edges tell more than ratings."""
     alike: float = 1e-3
     """Candidates whose ratings differ less are one curve found twice."""
     well_rated: float = 0.75

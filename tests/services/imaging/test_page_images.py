@@ -11,6 +11,7 @@ import pikepdf
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from PIL.TiffImagePlugin import TiffImageFile
 
 from services.contract.images import ImageLimits
 from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
@@ -214,6 +215,7 @@ def test_a_page_that_is_damaged_is_named() -> None:
         assert len(pages) == 3
     # The last strip lies before the last directory.
     with Image.open(io.BytesIO(file)) as picture:
+        assert isinstance(picture, TiffImageFile)
         picture.seek(2)
         (strip,) = picture.tag_v2[273]
     file[strip : strip + 20] = bytes(20)

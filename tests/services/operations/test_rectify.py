@@ -78,7 +78,7 @@ def test_a_creased_page_is_a_mesh_in_the_contracts_terms(pipeline: RectifyPipeli
 
 @pytest.mark.usefixtures("pipeline")
 def test_the_pipelines_progress_is_a_part_of_the_operations(monkeypatch: pytest.MonkeyPatch) -> None:
-    stand_in = rectify_operation.rectify
+    stand_in = rectify_operation.rectify  # type: ignore[attr-defined]
 
     def speak(*arguments: Any) -> Any:
         report_progress("text", 0.0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.simulated_cost_tables import (
+from benchmarks.layout.simulated_cost_tables import (
     EASY,
     HARD,
     HOPELESS,

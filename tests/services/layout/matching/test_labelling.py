@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.simulated_cost_tables import HARD, TYPICAL, simulated_tables, strong_tables
+from benchmarks.layout.simulated_cost_tables import HARD, TYPICAL, simulated_tables, strong_tables
 from services.layout.matching import backbone_of, conditional_costs
 from services.layout.matching.labelling import Labelling, Neighbours
 from services.layout.matching.local_search import exchange, improve, relabel_together

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.simulated_cost_tables import HARD, TYPICAL, simulated_tables, strong_tables
+from benchmarks.layout.simulated_cost_tables import HARD, TYPICAL, simulated_tables, strong_tables
 from services.layout.matching import MatchingParameters, match_directly, match_in_two_steps
 from services.layout.matching.cost_tables import CostTables
 from tests.services.layout.matching.brute_force import all_costs, all_labellings

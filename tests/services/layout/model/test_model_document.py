@@ -10,8 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.contract.layout import LONGEST_LABEL
 from services.layout.model.layout_model import (
+    LARGEST,
     MODEL_FORMAT_VERSION,
+    MOST_LABELS,
     Calibration,
     EdgeMemory,
     LayoutModel,
@@ -22,11 +25,8 @@ from services.layout.model.layout_model import (
     NumericExpectation,
 )
 from services.layout.model.model_document import (
-    LARGEST,
-    LONGEST_LABEL,
     LONGEST_NAME,
     MOST_DESCRIPTORS,
-    MOST_LABELS,
     MOST_NAMES,
     model_from_document,
     model_to_document,

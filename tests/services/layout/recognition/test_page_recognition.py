@@ -171,7 +171,7 @@ def test_a_bounded_number_of_models_is_matched_thoroughly(monkeypatch: pytest.Mo
 def test_tables_of_one_model_at_a_time_are_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a page of 500 zones and a model of 60 labels they have 300 MB."""
     edges: list[weakref.ref[Any]] = []
-    build = recognition.build_cost_tables
+    build = recognition.build_cost_tables  # type: ignore[attr-defined]
 
     def watched(*arguments: Any) -> Any:
         assert not [edge for edge in edges if edge() is not None]
@@ -189,7 +189,7 @@ def test_large_tables_are_made_smaller(monkeypatch: pytest.MonkeyPatch, bound: s
     """Zones are joined to fewer neighbours; labels suffer little, and even one neighbour is enough to answer."""
     page, models = labelled_page("letter", 51), [VersionedModel(model_of("letter", 4), 1)] * 2
     tables = []
-    build = recognition.build_cost_tables
+    build = recognition.build_cost_tables  # type: ignore[attr-defined]
     monkeypatch.setattr(recognition, "build_cost_tables", lambda *of: tables.append(build(*of)) or tables[-1])
     whole = recognize(page, models)
     entries = tables[-1].edge.size

@@ -57,7 +57,7 @@ def test_flows_of_a_cone_tell_it_from_a_cylinder(shape):
     cylinder = fit_ruling_family(evidence, FamilyParameters(apex_deviation=1e-3))
     assert family.cost < 0.5 * cylinder.cost
     # The common point of the rulings is the image of the apex.
-    apex = world.truth.sheet_to_photo(np.array([world.truth.shape.apex]))[0]
+    apex = world.truth.sheet_to_photo(np.array([world.truth.shape.apex]))[0]  # type: ignore[attr-defined]
     towards = world.to_unit(apex) - evidence.points.mean(axis=0)
     found = family.common_point[:2] - family.common_point[2] * evidence.points.mean(axis=0)
     cosine = abs(found @ towards) / np.linalg.norm(found) / np.linalg.norm(towards)

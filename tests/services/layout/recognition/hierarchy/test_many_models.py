@@ -8,6 +8,7 @@ import pytest
 
 from services.layout.pipeline import recognize
 from services.layout.recognition import page_recognition as recognition
+from services.layout.recognition.hierarchy.descent import MOST_CANDIDATES
 from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel
 from services.layout.recognition.results import Recognition
 from tests.services.layout.recognition.hierarchy.bases import base
@@ -49,7 +50,7 @@ def test_all_classes_are_told() -> None:
 def test_few_models_are_all_searched_for() -> None:
     """As many as may be candidates have the very answer that they have without a hierarchy."""
     models = base(2)
-    assert len(models) <= recognition.MOST_CANDIDATES
+    assert len(models) <= MOST_CANDIDATES
     page = labelled_page("fax", 1002)
     found, flat = recognize(page, models), recognize(page, models, FLAT)
     assert replace(found, timings_ms={}) == replace(flat, timings_ms={})
@@ -65,7 +66,7 @@ def test_a_bounded_number_is_searched_for(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(recognition, "_match", counting)
     recognize(labelled_page("memo", 1003), base(5))
-    assert calls.count(False) == recognition.MOST_CANDIDATES
+    assert calls.count(False) == MOST_CANDIDATES
     assert 1 <= calls.count(True) <= recognition.MOST_CONTENDERS
 
 

@@ -1,0 +1,38 @@
+"""One command for all benchmarks: `python -m benchmarks NAME [options]`; `NAME --help` tells its options."""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+MODULES = {
+    "rectify_simulated": "rectify.simulated",
+    "rectify_photos": "rectify.photos",
+    "rectify_speed": "rectify.speed",
+    "mosaic_simulated": "mosaic.simulated",
+    "mosaic_checks": "mosaic.checks",
+    "layout_recognition": "layout.recognition",
+    "layout_segmentation": "layout.segmentation",
+    "layout_matching": "layout.matching",
+    "layout_documents": "layout.documents",
+    "layout_hierarchy": "layout.hierarchy",
+    "layout_discovery": "layout.discovery",
+    "layout_schemas": "layout.schemas",
+    "learning": "learning.adaptation",
+    "learning_store": "learning.store",
+    "readme_pictures": "readme_pictures",
+}
+"""Module of each benchmark by its name, which is also the name of its figures and of its baseline."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the benchmark that the first argument names with the others; its exit status."""
+    if not arguments or arguments[0] not in MODULES:
+        asked = arguments and arguments[0] in {"-h", "--help"}
+        print(f"{__doc__}\n\nNames: {', '.join(MODULES)}.", file=sys.stdout if asked else sys.stderr)
+        return 0 if asked else 2
+    status: int = import_module(f"benchmarks.{MODULES[arguments[0]]}").main(arguments[1:])
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""What several benchmarks use: options, figures and baselines, measures, readers and peers."""

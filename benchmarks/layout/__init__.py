@@ -1,0 +1,1 @@
+"""Zones, labels and classes of pages; documents, many models, discovery."""

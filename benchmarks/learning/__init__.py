@@ -1,0 +1,1 @@
+"""Models that learn from samples and feedback; servers that are killed while they learn."""

@@ -1,0 +1,1 @@
+"""Mosaics of simulated photos, and what else a mosaic must hold to."""

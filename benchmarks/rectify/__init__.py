@@ -1,0 +1,1 @@
+"""Flat views of single photos: simulated ones, real ones, speed."""

@@ -1,0 +1,43 @@
+"""What kind of test each one is, by its folder, and what this machine cannot test."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from services.ocr.tesseract import find_tessdata
+from tests.models.databases import KINDS
+
+ROOT = Path(__file__).parent
+KIND_OF_FOLDER = {"app": "service", "end_to_end": "end_to_end"}
+"""Tests of all other folders are fast, but for those that say that they are of a pipeline."""
+PIPELINE_FIXTURES = {"album"}
+"""Who uses one of these simulates and analyses whole photos."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give each test the marker of its kind."""
+    for item in items:
+        kind = KIND_OF_FOLDER.get(item.path.relative_to(ROOT).parts[0])
+        if kind is None:
+            uses = PIPELINE_FIXTURES & set(getattr(item, "fixturenames", ()))
+            kind = "pipeline" if uses or item.get_closest_marker("pipeline") else "fast"
+        item.add_marker(kind)
+
+
+def untested() -> list[str]:
+    """What the tests leave out on this machine, with the reason."""
+    missing = []
+    if "postgresql" not in KINDS:
+        missing.append("The store on PostgreSQL: its programs are not installed (Debian: postgresql).")
+    if find_tessdata("eng") is None:
+        missing.append("OCR with Tesseract: its language data are not installed (Debian: tesseract-ocr-eng).")
+    return missing
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say last, and loudly, what was not tested."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        return
+    for line in untested():
+        terminalreporter.write_line(f"NOT TESTED  {line}", red=True, bold=True)
