@@ -27,7 +27,7 @@ class StraightSidesParameters:
     """Depth within which the shift fades out where text is printed up to the side."""
     max_shift: float = 0.04
     """Sides that are bent further are those of another surface: nothing is moved."""
-    max_slope: float = 0.02
+    max_slope: float = 0.035
     """Of a side against the page's axis: print that is askew on its sheet keeps its sides askew."""
 
 
