@@ -35,6 +35,11 @@ class RidgedPageParameters:
     """Schedule of a fit to the directions of the text lines, before any is traced."""
     focal_steps: tuple[float, ...] = (1.25, 0.8)
     """Factors of the walk along a focal length that was only assumed, upwards, else downwards."""
+    most_focal_steps: int = 2
+    focal_gain: float = 0.97
+    """A step is taken when it brings the cost below this share."""
+    believable_focal: float = 2.0
+    """Of the prior's deviations: on sheets that are no paper the cost falls with the focal length without end."""
     again: tuple[Stage, ...] = (Stage(24, 3.0, 1.5, 1.5), Stage(24, 1.0, 1.0, 1.0))
     """Schedule of the second fit, on lines traced in the view of the first."""
     rounds: int = 4
@@ -245,7 +250,7 @@ def estimate_ridged_page(
     if reason is not None and trace is not None and major is not None:
         # Lines that cross a sharp crease are easily linked to their neighbours; their directions are not.
         turned = fit_mesh(start, replace(seen, flow=major), replace(p.fit, schedule=p.fit_to_flow)).mesh
-        mesh, lines = _fit_to_lines(turned, trace, seen, steps, p)
+        mesh, lines = _fit_to_lines(turned, trace, seen, (), p)
         reason = _implausibility(mesh, sides, p)
     if reason is not None:
         return NoRidgedPage(reason)
@@ -295,9 +300,10 @@ def _search_focal(
     last = replace(p.fit, schedule=p.fit.schedule[-1:])
     best = fitted
     for step in steps:
-        while True:
+        for _ in range(p.most_focal_steps):
             tried = fit_mesh(best.mesh.deepened(step), observed, last)
-            if tried.cost >= best.cost:
+            off = abs(float(np.log(tried.mesh.focal)) - observed.log_focal)
+            if tried.cost > p.focal_gain * best.cost or off > p.believable_focal * observed.focal_deviation:
                 break
             best = tried
         if best is not fitted:
