@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.learning.error_correction import correct_errors
-from services.layout.learning.learners import match_page, practise
+from services.layout.learning.learners import correct_page, match_page
 from services.layout.model.compiled_model import SUREST
 from services.layout.model.cost import labelling_cost
 from services.layout.model.statistics import label_indices
@@ -71,7 +71,7 @@ def test_what_persists_is_learned_in_the_end() -> None:
     errors = [int((match_page(learned, page.graph) != truth).sum())]
     assert errors[0] > 0, "the page is chosen so that there is something to learn"
     for _ in range(60):
-        learned, changed = practise(learned, page, "error-correction")
+        learned, changed = correct_page(learned, page, "error-correction")
         errors.append(int((match_page(learned, page.graph) != truth).sum()))
         if not changed:
             break
