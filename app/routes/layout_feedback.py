@@ -5,12 +5,12 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from app.problems import documented
+from app.routes.common_responses import BODY, READING, WORK
 from app.routes.connection import while_connected
 from app.routes.feedback_learning import learn_from_feedback
 from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import IdempotencyKey
 from app.routes.state import State
-from app.routes.usual_problems import BODY, READING, WORK
 from app.schemas.layout_feedback import (
     AdaptedModel,
     CostChange,

@@ -8,13 +8,13 @@ from app.engine.base import TimeLimit
 from app.layout_store import document_of
 from app.preconditions import Precondition, entity_tag, parse_precondition
 from app.problems import documented
+from app.routes.common_responses import BODY, READING, WORK
 from app.routes.json_bodies import json_request, read_json
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.model_answers import ETAG, IfMatch
 from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import AppState, State
-from app.routes.usual_problems import BODY, READING, WORK
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_training import Round, TrainBody, TrainedModel
 from models.errors import ModelNotFound, VersionConflict

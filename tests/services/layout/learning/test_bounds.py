@@ -23,7 +23,7 @@ from services.layout.model.layout_model import (
 from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.pipeline import VersionedModel, content_features
 from services.layout.recognition.page_recognition import recognize_page
-from tests.services.layout.learning.pupils import NAMES
+from tests.services.layout.learning.learning_models import NAMES
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of
 
 Document = dict[str, Any]

@@ -9,7 +9,7 @@ from services.layout.learning.feedback import LabelsMissing, adapt_models
 from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, recognize
-from tests.services.layout.learning.pupils import NAMES
+from tests.services.layout.learning.learning_models import NAMES
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of
 
 

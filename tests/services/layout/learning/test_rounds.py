@@ -7,7 +7,7 @@ from services.layout.learning.rounds import RoundParameters, run_rounds
 from services.layout.learning.training import train_in_rounds
 from services.layout.model.learning_model import LearningModel
 from services.layout.pipeline import content_features
-from tests.services.layout.learning.pupils import known_lesson, pupil
+from tests.services.layout.learning.learning_models import known_lesson, learning_model
 from tests.services.layout.samples import labelled_page, model_of
 
 
@@ -17,7 +17,7 @@ def lessons(document_class: str, learned: LearningModel, count: int):
 
 @pytest.mark.parametrize("learner", ["passive-aggressive", "error-correction"])
 def test_errors_on_the_samples_fall(learner) -> None:
-    learned = pupil("letter", 1)
+    learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 6)
     model, training = run_rounds(lambda indices: learned, pages, 25, learner, hold_out=False)
     errors = [each.error for each in training.rounds]
@@ -31,14 +31,14 @@ def test_errors_on_the_samples_fall(learner) -> None:
 
 
 def test_counting_alone_stops_at_once() -> None:
-    learned = pupil("memo", 1)
+    learned = learning_model("memo", 1)
     model, training = run_rounds(lambda indices: learned, lessons("memo", learned, 3), 10, "counting")
     assert (training.kept_round, training.stopped, len(training.rounds)) == (0, "no-errors", 2)
     assert model is learned
 
 
 def test_held_out_pages_are_not_learned_from_and_choose_the_round() -> None:
-    learned = pupil("letter", 1)
+    learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 6)
     begun: list[set[int]] = []
 
@@ -58,7 +58,7 @@ def test_held_out_pages_are_not_learned_from_and_choose_the_round() -> None:
 
 def test_training_stops_when_held_out_errors_rise(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages whose labels contradict each other leave more and more errors on those held out."""
-    learned = pupil("letter", 1)
+    learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 4)
     held_out_errors = iter([5, 4, 6, 7, 9, 9])
 
@@ -70,7 +70,7 @@ def test_training_stops_when_held_out_errors_rise(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(
         "services.layout.learning.rounds.correct_page", lambda model, page, learner: (model, True)
     )
-    other = pupil("letter", 1)
+    other = learning_model("letter", 1)
     _, training = run_rounds(
         lambda indices: whole if len(indices) == 4 else other, pages, 50, "passive-aggressive"
     )
@@ -81,7 +81,7 @@ def test_training_stops_when_held_out_errors_rise(monkeypatch: pytest.MonkeyPatc
 
 def test_effort_is_bounded() -> None:
     """Fewer parts are held out of what takes long, and rounds end."""
-    learned = pupil("letter", 1)
+    learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 6)
     _, whole = run_rounds(lambda indices: learned, pages, 50, "passive-aggressive")
     rounds = len(whole.rounds) - 1
