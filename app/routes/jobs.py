@@ -1,4 +1,4 @@
-"""/jobs: how long work stands, its result, its end."""
+"""/jobs: state and result of long work, and its cancellation."""
 
 from collections.abc import AsyncIterator
 from typing import Annotated

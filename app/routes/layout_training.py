@@ -45,7 +45,7 @@ async def train_layout_model(
 ) -> Response:
     """Have the model go through its samples in rounds, and learn from every error that it makes (5.5, 5.6).
 
-    The error of each round is told, on the samples and on some that are held out; training stops when the latter
+    The answer has the error of each round, on the samples and on held-out samples; training stops when the latter
     rises, and the best round is kept. Of very many or very large samples the newest are taken, with 40000 zones in all.
     When feedback changes the model meanwhile, training begins again with that.
     """

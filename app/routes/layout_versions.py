@@ -65,7 +65,11 @@ async def layout_model_diff(
     ] = None,
     limit: Annotated[
         int,
-        Query(ge=0, le=MOST_CHANGES, description="So many changes are told, the largest; all are counted."),
+        Query(
+            ge=0,
+            le=MOST_CHANGES,
+            description="At most this many changes, the largest; `total` counts all.",
+        ),
     ] = 100,
 ) -> Difference:
     """What changed in a model from one version to another, what moves costs most first.

@@ -1,6 +1,6 @@
 """Content features of zones (dissertation 5.6.2, Table 5.1): how surely a text has the marks of a date, a greeting...
 
-What is looked for stands in a file of settings (`content_settings`); here is how. The texts are raw readings of a
+A file of settings says what to look for (`content_settings`); this module says how. The texts are raw readings of a
 page: key words are matched with tolerance for misread letters (`fuzzy_words`), and no text, however long or
 strange, takes more than a bounded time.
 """
