@@ -239,7 +239,12 @@ def document_of(model: StoredModel) -> ModelDocument:
     document = json.dumps(model.document, ensure_ascii=False, separators=(",", ":")).encode()
     settings = model.settings
     return ModelDocument(
-        model.name, model.version, document, genre=settings.genre, continues=settings.continues
+        model.name,
+        model.version,
+        document,
+        genre=settings.genre,
+        continues=settings.continues,
+        learner=settings.learner,
     )
 
 

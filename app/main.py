@@ -20,13 +20,13 @@ from app import __version__
 from app.authentication import HEADER as API_KEY_HEADER
 from app.authentication import OPEN_PATHS, ApiKeys
 from app.engine.local import LocalEngine, PoolLimits
+from app.interprocess_lock import InterprocessLock
 from app.jobs import JobLimits, Jobs
 from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
 from app.metrics import Metrics
 from app.model_locks import ModelLocks
 from app.problems import FrameworkErrors, ProblemBoundary, documented
-from app.process_turns import ProcessTurns
 from app.routes import (
     health,
     layout,
@@ -65,7 +65,7 @@ ROUTERS = (
     job_routes.router,
     health.router,
 )
-LEARNING_TURNS = "learning.lock"
+LEARNING_LOCK = "learning.lock"
 """File of the data folder by which services that share it take turns."""
 TAGS = {
     "rectify": "One photo of a page in, the flat page out.",
@@ -124,8 +124,8 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         ),
         database_url=settings.database_url,
     )
-    shared = None if settings.database_url else settings.data_dir / LEARNING_TURNS
-    locks = ModelLocks(ProcessTurns(shared))
+    shared = None if settings.database_url else settings.data_dir / LEARNING_LOCK
+    locks = ModelLocks(InterprocessLock(shared))
     jobs = Jobs(
         JobLimits(
             ttl_s=settings.job_ttl_s,

@@ -1,7 +1,7 @@
-"""One learner at a time for each model, so that they need not do their work twice.
+"""One task at a time that learns, for each model, so that no work is done twice.
 
-Within a process they wait for each other; processes take turns as a courtesy. What keeps a model whole is the version
-that the store expects of a writer.
+Tasks of a process wait for each other; processes for a short time only (`interprocess_lock`). What keeps a model
+consistent is the version that the store expects of a writer.
 """
 
 import asyncio
@@ -9,23 +9,23 @@ from collections.abc import AsyncIterator, Iterable
 from contextlib import AsyncExitStack, asynccontextmanager
 
 from app.engine.base import Busy
-from app.process_turns import ProcessTurns
+from app.interprocess_lock import InterprocessLock
 
 PATIENCE_S = 2.0
-"""For the turn among processes, which take some 50 ms each; then a learner goes on without it."""
+"""Seconds to wait for other processes, which need some 50 ms each; then a task goes on without their lock."""
 
 
 class ModelLocks:
     """Locks by name; there are only those that somebody holds or waits for."""
 
-    def __init__(self, turns: ProcessTurns) -> None:
-        self._turns = turns
+    def __init__(self, between_processes: InterprocessLock) -> None:
+        self._between_processes = between_processes
         self._locks: dict[str, asyncio.Lock] = {}
         self._users: dict[str, int] = {}
 
     @asynccontextmanager
     async def hold(self, names: Iterable[str], timeout_s: float, setting: str) -> AsyncIterator[None]:
-        """All of these models for the block, taken in one order by everybody.
+        """Hold the locks of all these models for the block; every caller takes them in the same order.
 
         Raises
         ------
@@ -44,12 +44,12 @@ class ModelLocks:
                     "send the request again later."
                 ) from None
             for name in wanted:
-                await held.enter_async_context(self._turns.take(name, PATIENCE_S))
+                await held.enter_async_context(self._between_processes.take(name, PATIENCE_S))
             yield
 
     def close(self) -> None:
-        """Leave no turn taken."""
-        self._turns.close()
+        """Release the locks between processes."""
+        self._between_processes.close()
 
     @asynccontextmanager
     async def _one(self, name: str) -> AsyncIterator[None]:

@@ -67,7 +67,7 @@ def _weight(parameters: list[str]) -> float | None:
 def choose_format(
     requested: AnswerFormat | None, accept: str | None, own: AnswerFormat | None
 ) -> AnswerFormat | None:
-    """AnswerFormat to send; None: the upload's own, whatever it turns out to be.
+    """Format to send; None: the upload's own format.
 
     `requested` is the form's `format` and wins over `accept`, the header; `own` is the upload's format where
     it is known (`sniff_format`). Among formats that weigh the same the upload's own comes first.

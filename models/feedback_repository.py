@@ -22,7 +22,7 @@ from models.tables import FeedbackModelRow, FeedbackRow, ModelRow, SampleRow, Un
 from models.transactions import Transactions
 
 HEALTH_WINDOW = 50
-"""Feedbacks that count as recent: of a class with an error of 5 % that share is told within 3 % (one deviation)."""
+"""Feedbacks that count as recent: an error of 5 % is then known within 3 % (one standard deviation)."""
 _MOST_ZONES = 2**31 - 1  # of the column
 Versions = dict[str, tuple[int | None, int]]
 

@@ -118,8 +118,8 @@ class ModelChange:
 class FeedbackDraft:
     """What a person said of a result, and what came of it.
 
-    `request` is the body as it was understood: the same one counts once for a result. `report` is told again when
-    it comes again; the store does not look into it. `zones` is how many zones the page has, `wrong_zones` of how
+    `request` is the body as it was understood: the same one counts once for a result. `report` is answered again
+    when it comes again; the store does not read it. `zones` is how many zones the page has, `wrong_zones` of how
     many the label was wrong. `sample`, the verified page, becomes a sample of `verified_class` where both are given.
     """
 

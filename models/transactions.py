@@ -40,7 +40,7 @@ class Transactions:
     ) -> Self:
         """Open the SQLite file `where` (made when absent) or the database of a URL, and bring it up to date.
 
-        `StoreTooNew`, `StoreDamaged` or, for all else that stands in the way, `StoreUnavailable`.
+        `StoreTooNew`, `StoreDamaged` or, for any other obstacle, `StoreUnavailable`.
         """
         return cls(where, busy_timeout_s, clock)
 

@@ -172,7 +172,7 @@ class Engine(Protocol):
         ...
 
     def status(self) -> EngineStatus:
-        """The engine as it stands."""
+        """The present state of the engine."""
         ...
 
     async def drain(self, grace_s: float) -> None:

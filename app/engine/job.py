@@ -22,7 +22,7 @@ class EngineJob:
     queued_at: float = field(default_factory=time.monotonic)
 
     def tell(self, stage: str, fraction: float) -> None:
-        """Report to whoever asked for it, as long as the answer is waited for."""
+        """Report progress to the caller, as long as it waits for the answer."""
         if self.progress is not None and not self.answer.done():
             self.progress(stage, fraction)
 

@@ -1,4 +1,4 @@
-"""/jobs: how long work stands, its result, its end."""
+"""/jobs: state and result of long work, and its cancellation."""
 
 from collections.abc import AsyncIterator
 from typing import Annotated
@@ -9,9 +9,9 @@ from starlette.types import Receive, Scope, Send
 
 from app.jobs import Job, Jobs
 from app.problems import documented
+from app.routes.common_responses import IMAGE, STORE, WORK
 from app.routes.long_work import owner_of, status_of
 from app.routes.state import State
-from app.routes.usual_problems import IMAGE, STORE, WORK
 from app.schemas.jobs import JobStatus
 from app.schemas.options import Absent
 

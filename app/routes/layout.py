@@ -14,10 +14,10 @@ from app.representations import (
     layout_headers,
     may_have_pages,
 )
+from app.routes.common_responses import FORM, IMAGE, STORE, WORK
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import State
-from app.routes.usual_problems import FORM, IMAGE, STORE, WORK
 from app.schemas.layout import (
     DocumentResult,
     LayoutForm,

@@ -5,12 +5,12 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from app.problems import documented
+from app.routes.common_responses import BODY, READING, WORK
 from app.routes.connection import while_connected
-from app.routes.feedback_learning import learn_from
+from app.routes.feedback_learning import learn_from_feedback
 from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import IdempotencyKey
 from app.routes.state import State
-from app.routes.usual_problems import BODY, READING, WORK
 from app.schemas.layout_feedback import (
     AdaptedModel,
     CostChange,
@@ -55,7 +55,7 @@ async def give_layout_feedback(
     """
     limit = state.settings.max_zones_bytes
     body = await read_json(request, FeedbackBody, most_bytes=limit, setting="MAX_ZONES_BYTES")
-    feedback = await while_connected(request, learn_from(state, id, idempotency_key, body))
+    feedback = await while_connected(request, learn_from_feedback(state, id, idempotency_key, body))
     request.state.seat.release()
     return Response(_answer(feedback).model_dump_json(by_alias=True), media_type="application/json")
 

@@ -9,6 +9,7 @@ from pydantic import Field
 from app.engine.base import TimeLimit
 from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
+from app.routes.common_responses import BODY, READING, STORE, WORK
 from app.routes.connection import while_connected
 from app.routes.labelled_pages import count_labels, layout_settings
 from app.routes.layout_settings import health_of
@@ -16,7 +17,6 @@ from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.model_answers import ETAG, LOCATION, IfMatch, IfNoneMatch
 from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import State
-from app.routes.usual_problems import BODY, READING, STORE, WORK
 from app.schemas.layout_models import (
     ImportedModel,
     InitializedModel,

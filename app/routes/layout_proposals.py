@@ -7,10 +7,10 @@ from fastapi import APIRouter, Request, Response
 
 from app.engine.base import TimeLimit
 from app.problems import documented
+from app.routes.common_responses import BODY, READING, STORE, WORK
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import State
-from app.routes.usual_problems import BODY, READING, STORE, WORK
 from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
 from models.errors import UnknownPageNotFound
 from models.repository import Store

@@ -3,11 +3,11 @@
 from fastapi import APIRouter, Request, Response
 
 from app.problems import documented
+from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
 from app.routes.connection import while_connected
 from app.routes.labelled_pages import LABELLED_PAGE_BODY, count_labels, labelled_page, layout_settings
 from app.routes.model_answers import IdempotencyKey
 from app.routes.state import State
-from app.routes.usual_problems import FORM, IMAGE, READING, STORE, WORK
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary
 from models.records import StoredSample

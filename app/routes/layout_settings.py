@@ -6,9 +6,9 @@ from fastapi import APIRouter, Request
 
 from app.preconditions import Conflict
 from app.problems import documented
+from app.routes.common_responses import BODY, READING
 from app.routes.json_bodies import json_request, read_json
 from app.routes.state import State
-from app.routes.usual_problems import BODY, READING
 from app.schemas.layout_models import Health, ModelName
 from app.schemas.layout_settings import ModelHealthReport, Settings, SettingsBody
 from models.errors import NotStorable

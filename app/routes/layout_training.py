@@ -8,13 +8,13 @@ from app.engine.base import TimeLimit
 from app.layout_store import document_of
 from app.preconditions import Precondition, entity_tag, parse_precondition
 from app.problems import documented
+from app.routes.common_responses import BODY, READING, WORK
 from app.routes.json_bodies import json_request, read_json
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.model_answers import ETAG, IfMatch
 from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import AppState, State
-from app.routes.usual_problems import BODY, READING, WORK
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_training import Round, TrainBody, TrainedModel
 from models.errors import ModelNotFound, VersionConflict
@@ -45,7 +45,7 @@ async def train_layout_model(
 ) -> Response:
     """Have the model go through its samples in rounds, and learn from every error that it makes (5.5, 5.6).
 
-    The error of each round is told, on the samples and on some that are held out; training stops when the latter
+    The answer has the error of each round, on the samples and on held-out samples; training stops when the latter
     rises, and the best round is kept. Of very many or very large samples the newest are taken, with 40000 zones in all.
     When feedback changes the model meanwhile, training begins again with that.
     """
@@ -55,31 +55,31 @@ async def train_layout_model(
     await state.store.call(lambda store: precondition.check(name, store.model_summary(name).version))
 
     async def work(progress: ProgressSink | None) -> Response:
-        response = await train(state, name, body.rounds, precondition, progress)
+        response = await _train_and_store(state, name, body.rounds, precondition, progress)
         request.state.seat.release()
         return response
 
     return await answer_now_or_later(request, state, work)
 
 
-async def train(
-    state: AppState, name: str, rounds: int, precondition: Precondition, progress: ProgressSink | None = None
+async def _train_and_store(
+    state: AppState, name: str, rounds: int, precondition: Precondition, progress: ProgressSink | None
 ) -> Response:
-    """Train the model and answer.
+    """Train the newest version; if it was changed meanwhile, train the new one, under the model's lock.
 
     Raises
     ------
     VersionConflict
-        When the model was changed twice meanwhile; the second time by another process, for those of this one waited.
+        When another process changed the model during the second training.
     """
     try:
-        return await _train_once(state, name, rounds, precondition, progress)
+        return await _train_newest_version(state, name, rounds, precondition, progress)
     except VersionConflict:
         async with state.locks.hold([name], state.settings.queue_timeout_s, "QUEUE_TIMEOUT_S"):
-            return await _train_once(state, name, rounds, precondition, progress)
+            return await _train_newest_version(state, name, rounds, precondition, progress)
 
 
-async def _train_once(
+async def _train_newest_version(
     state: AppState, name: str, rounds: int, precondition: Precondition, progress: ProgressSink | None
 ) -> Response:
     def read(store: Store) -> tuple[StoredModel, list[StoredSample]]:
@@ -95,23 +95,22 @@ async def _train_once(
         return model, samples
 
     model, samples = await state.store.call(read)
-    training = await state.engine.submit(
+    trained, report = await state.engine.submit(
         state.operations.train_model,
         document_of(model),
         [sample.document for sample in samples],
         rounds,
-        model.settings.learner,
         layout_settings(state.settings),
         time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
         progress=progress,
     )
 
     def write(store: Store) -> int | None:
-        if json.loads(json.dumps(training.document)) == model.document:
+        if json.loads(json.dumps(trained.document)) == model.document:
             return model.version
-        note = f"{training.kept_round} rounds, {len(samples)} samples"
+        note = f"{report.kept_round} rounds, {len(samples)} samples"
         return store.add_version(
-            name, training.document, "train", expected_version=model.version, note=note
+            name, trained.document, "train", expected_version=model.version, note=note
         ).version
 
     version = await state.store.call(write)
@@ -122,9 +121,16 @@ async def _train_once(
         changed=version != model.version,
         samples=len(samples),
         learner=model.settings.learner,
-        rounds=[Round(**told) for told in training.rounds],
-        kept_round=training.kept_round,
-        stopped=training.stopped,
+        rounds=[
+            Round(round=each.number, error=round(each.error, 4), held_out_error=_rounded(each.held_out_error))
+            for each in report.rounds
+        ],
+        kept_round=report.kept_round,
+        stopped=report.stopped,
     )
     headers = {"ETag": entity_tag(version)}
     return Response(answer.model_dump_json(), headers=headers, media_type="application/json")
+
+
+def _rounded(error: float | None) -> float | None:
+    return None if error is None else round(error, 4)

@@ -8,11 +8,11 @@ from pydantic import Field
 from app.layout_store import document_of, labels_of
 from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
+from app.routes.common_responses import BODY, READING, WORK
 from app.routes.connection import while_connected
 from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import ETAG, IfMatch
 from app.routes.state import State
-from app.routes.usual_problems import BODY, READING, WORK
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_versions import (
     MOST_VERSION,
@@ -65,7 +65,11 @@ async def layout_model_diff(
     ] = None,
     limit: Annotated[
         int,
-        Query(ge=0, le=MOST_CHANGES, description="So many changes are told, the largest; all are counted."),
+        Query(
+            ge=0,
+            le=MOST_CHANGES,
+            description="At most this many changes, the largest; `total` counts all.",
+        ),
     ] = 100,
 ) -> Difference:
     """What changed in a model from one version to another, what moves costs most first.

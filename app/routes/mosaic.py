@@ -16,7 +16,7 @@ from services.progress import ProgressSink
 router = APIRouter(tags=["mosaic"])
 
 MOST_FILES = 64
-"""More than a mosaic takes, so that whoever sends one too many is told of the photos and not of the form."""
+"""More than a mosaic takes, so that the error for one photo too many is about the photos and not about the form."""
 
 
 @router.post(

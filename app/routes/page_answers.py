@@ -14,8 +14,8 @@ from app.representations import (
     image_headers,
     sniff_format,
 )
+from app.routes.common_responses import FORM, IMAGE, WORK
 from app.routes.long_work import ACCEPTED
-from app.routes.usual_problems import FORM, IMAGE, WORK
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import AnswerFormat, Encoding, PageReply, PagesFormat
 

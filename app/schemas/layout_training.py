@@ -1,12 +1,12 @@
 """What POST /layout/models/{name}/train takes and answers."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.options import WHOLE
 from app.schemas.page import Answer
-from services.contract.layout_learning import Learner
+from services.contract.layout_learning import Learner, Stop
 
 MOST_ROUNDS = 100
 """Of one training; the dissertation's curves (5.6) end there."""
@@ -42,7 +42,7 @@ class TrainedModel(Answer):
     learner: Learner
     rounds: list[Round]
     kept_round: int = Field(ge=0, description="The round whose model is kept.")
-    stopped: Literal["rounds", "held-out", "no-errors", "effort"] = Field(
+    stopped: Stop = Field(
         description="All rounds were done; the error on held-out samples rose; nothing was wrong any more; or the work "
         "of one training was spent."
     )

@@ -9,9 +9,11 @@ from benchmarks.layout.part import Part, Result, Results, share, table
 from benchmarks.layout.protocols import make_model, page_labels, recognized, unlabelled
 from benchmarks.layout.specimens import OTHER_LETTERS, Specimen, by_class
 from benchmarks.learning.pages import verdict
+from services.contract.layout_learning import VerifiedPage
+from services.layout.learning.feedback import adapt_models
 from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
-from services.layout.pipeline import VerifiedPage, content_features, learn_from_feedback
+from services.layout.pipeline import content_features
 from services.layout.recognition.results import Recognition
 
 MEMOS = "real memos"
@@ -113,11 +115,11 @@ def _feed_back(name: str, page: Page, answer: Recognition, models: Models) -> di
     said = VerifiedPage(
         page=unlabelled(page),
         found_class=answer.chosen.name if answer.chosen else None,
-        found=tuple(zone.label for zone in answer.zones),
+        found_labels={each.zone.id: each.label for each in answer.zones},
         verified_class=name,
-        verified=labels if any(label is not None for label in labels.values()) else {},
+        labels=labels if any(label is not None for label in labels.values()) else {},
     )
-    _, learned = learn_from_feedback(said, models, {}, content_features())
+    _, learned = adapt_models(said, models, {}, content_features().names)
     return {each: after.model for each, after in learned.items()}
 
 

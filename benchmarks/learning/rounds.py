@@ -28,8 +28,8 @@ from benchmarks.learning.pages import (
 )
 from services.contract.layout_learning import Learner
 from services.layout.learning.initialization import Views
-from services.layout.learning.learners import learn_page, practise, wrong_zones
-from services.layout.learning.rounds import train
+from services.layout.learning.learners import correct_page, learn_page, wrong_zones
+from services.layout.learning.rounds import run_rounds
 from services.layout.model.learning_model import LearningModel, with_labels
 from services.layout.page import Page
 
@@ -135,7 +135,7 @@ def practised(learned: LearningModel, samples: Sequence[Views], learner: Learner
         for views in samples:
             for view in views:
                 ready = with_labels(learned, view.labelled.labels)
-                learned, changed = practise(ready, view.labelled, learner)
+                learned, changed = correct_page(ready, view.labelled, learner)
                 any_changed |= changed
         yield learned
         while not any_changed:
@@ -158,7 +158,7 @@ def corrected(
             if number == 1 and index not in seen:
                 learned = learn_page(learned, page, learner)
                 continue
-            learned, changed = practise(with_labels(learned, page.labels), page, learner)
+            learned, changed = correct_page(with_labels(learned, page.labels), page, learner)
             any_changed |= changed
         yield learned
         while not any_changed:
@@ -218,14 +218,14 @@ def _measure_kept(trial: _Trial, seen: Sequence[Views]) -> Result:
             return begin([samples[index] for index in indices])
 
         pages = [[view.labelled for view in views] for views in samples]
-        training = train(begin_at, pages, trial.rounds[-1], trial.learner)
-        kept.append(training.kept)
+        model, training = run_rounds(begin_at, pages, trial.rounds[-1], trial.learner)
+        kept.append(training.kept_round)
         run.append(training.rounds[-1].number)
         first = begin(samples)
         for page in (labelled(seen[index][0].page) for index in tested):
             before += wrong_zones(first, page)
             truth.append(tuple(page.labels))
-            found.append(found_labels(training.model, page))
+            found.append(found_labels(model, page))
             after += sum(a != b for a, b in zip(truth[-1], found[-1], strict=True))
     zones = sum(map(len, truth))
     counts = component_counts(truth, found)

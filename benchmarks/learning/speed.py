@@ -5,7 +5,8 @@ import json
 import pstats
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from benchmarks.layout.protocols import make_model, page_labels, unlabelled
 from benchmarks.layout.specimens import Specimen, by_class
 from benchmarks.learning.pages import LEARNERS, verdict
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
-from services.contract.layout_learning import FeedbackTask
+from services.contract.layout_learning import Learner, VerifiedPage
 from services.layout.exchange.page_json import page_to_document
 from services.layout.model.model_document import model_to_document
 from services.layout.page import Page
@@ -57,7 +58,7 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     models = {name: _stored(name, samples)}
     for other in names[1:]:
         models[other] = _stored(other, [each.true for each in classes[other] if each.true.zones])
-    learner = how if how in LEARNERS else LEARNERS[0]
+    learner = next((each for each in LEARNERS if each == how), LEARNERS[0])
     # Reads settings and fills caches, as a worker's first task does.
     _follow(taught[:1], models, names, learner)
     collect_seldom()
@@ -87,7 +88,7 @@ def _bytes(document: Mapping[str, object]) -> bytes:
 
 
 def _follow(
-    pages: Sequence[Page], models: Mapping[str, ModelDocument], names: Sequence[str], learner: str
+    pages: Sequence[Page], models: Mapping[str, ModelDocument], names: Sequence[str], learner: Learner
 ) -> list[_Spent]:
     """Each page is recognized and taught; the models go on from version to version, as they do in the service.
 
@@ -100,9 +101,9 @@ def _follow(
         start = time.process_time()
         reply = recognize_upload(None, zones, None, found, LayoutOptions(ocr=False), SETTINGS)
         recognition = time.process_time() - start
-        task = _task(reply.page, reply.document, names, page, learner)
+        task = _task(reply.page, reply.document, names, page)
         start = time.process_time()
-        adaptation = adapt_models(task, [now[name] for name in names], SETTINGS)
+        adaptation = adapt_models(task, [replace(now[name], learner=learner) for name in names], SETTINGS)
         spent.append(_Spent(1000 * recognition, 1000 * (time.process_time() - start)))
         for name, document in adaptation.documents.items():
             now[name] = ModelDocument(name, now[name].version + 1, _bytes(document))
@@ -110,16 +111,15 @@ def _follow(
 
 
 def _task(
-    kept: dict[str, object], document: dict[str, object], names: Sequence[str], page: Page, learner: str
-) -> FeedbackTask:
+    kept: dict[str, object], document: dict[str, object], names: Sequence[str], page: Page
+) -> VerifiedPage[dict[str, Any]]:
     zones = json.loads(json.dumps(document))["zones"]
-    return FeedbackTask(
+    return VerifiedPage(
         page=kept,
         found_class=names[-1],
         found_labels={zone["id"]: zone["label"] for zone in zones},
         verified_class=names[0],
         labels=dict(zip((zone.id for zone in page.zones), page_labels(page), strict=True)),
-        learners={name: learner for name in names},
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from services.contract.images import ImageLimits
+from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 LayoutFormat = Literal["json", "pagexml", "alto", "png"]
 
@@ -58,8 +59,8 @@ class LayoutSettings:
 class ModelDocument:
     """A version of a layout model; `document` is its JSON.
 
-    `genre` is the genre that the class was given, None if none; `continues` is the class whose later pages the model
-    describes.
+    The rest are settings of the class: `genre`, None if it was given none; `continues`, the class whose later pages the
+    model describes; `learner`, how the model learns.
     """
 
     name: str
@@ -67,6 +68,7 @@ class ModelDocument:
     document: bytes
     genre: str | None = None
     continues: str | None = None
+    learner: Learner = DEFAULT_LEARNER
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,44 +1,62 @@
-"""Models that learn: from what a person said of one page, and from rounds over all verified ones."""
+"""Models that learn: from the feedback on one page, and in rounds over all samples."""
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Generic, Literal, TypeVar
 
 Learner = Literal["passive-aggressive", "counting", "error-correction"]
-"""How a model learns from a verified page; what each does is told by `services.layout.learning.learners`."""
+"""How a model learns from a verified page; `services.layout.learning.learners` has each."""
 DEFAULT_LEARNER: Final[Learner] = "passive-aggressive"
 """Of models whose settings name none: fewest errors on streams of verified pages (docs/decisions.md, 2026-11-22)."""
 
+Stop = Literal["rounds", "held-out", "no-errors", "effort"]
+"""Why training ended: all rounds were done, the error on held-out pages rose, no error was left, or the work of one
+training was spent."""
+
+P = TypeVar("P")
+Q = TypeVar("Q")
+
 
 @dataclass(frozen=True, slots=True)
-class FeedbackTask:
-    """What a person said of a recognized page, beside what was found.
+class VerifiedPage(Generic[P]):
+    """A recognized page and a person's feedback on it.
 
-    `page` is the page of the kept result, `found_labels` the label of each of its zones there (of the class
-    `found_class`; of the nearest one when that is None). `verified_class` None: the page is of no class. `labels` are
-    those that were sent, maybe not of all zones: the others keep their label where the class was right, and take else
-    the one that the verified class's model finds beside the named ones. `learners` tells how each model learns.
+    Parameters
+    ----------
+    page
+        The page of the kept result: its document between processes, a `Page` inside of the worker.
+    found_class
+        The class that recognition chose; None: no class.
+    found_labels
+        The label of every zone by its id: of the model of `found_class`, or of the nearest one when that is None.
+    verified_class
+        The class that is right; None: the page is of no class.
+    labels
+        The labels that the person gave, by zone id. The other zones keep their found label where the class was right,
+        and get the one that the model of the verified class finds otherwise.
     """
 
-    page: dict[str, Any]
+    page: P
     found_class: str | None
     found_labels: dict[str, str | None]
     verified_class: str | None
     labels: dict[str, str | None]
-    learners: dict[str, str]
+
+    def with_page(self, page: Q) -> "VerifiedPage[Q]":
+        """The same feedback with the page in another form."""
+        return VerifiedPage(page, self.found_class, self.found_labels, self.verified_class, self.labels)
 
 
 @dataclass(frozen=True, slots=True)
 class Adaptation:
-    """What a feedback makes of the models that it concerns.
+    """What a verified page changes.
 
-    `documents` holds the new model of each of them by name; `verified_labels` the label of every zone, and `wrong`
-    those that were found otherwise, each `{"zone", "found", "verified"}`. `costs` are those of both labellings under
-    each model, `{"model", "found": {"before", "after"}, "verified": {"before", "after"}}`. `sample` is the verified
-    page as `measure_sample` would answer it, of `zones` zones.
+    `documents` has the new document of every model that learned, by name. `wrong` has the zones with a wrong label,
+    each `{"zone", "found", "verified"}`. `costs` has the costs of both labellings under each model,
+    `{"model", "found": {"before", "after"}, "verified": {"before", "after"}}`. `sample` is the verified page as
+    `measure_sample` answers it, `zones` the number of its zones.
     """
 
     documents: dict[str, dict[str, Any]]
-    verified_labels: dict[str, str | None]
     wrong: list[dict[str, Any]]
     costs: list[dict[str, Any]]
     sample: dict[str, Any]
@@ -46,18 +64,21 @@ class Adaptation:
 
 
 @dataclass(frozen=True, slots=True)
-class Training:
-    """What rounds of training made of a model.
+class Round:
+    """Errors after a round of training, as shares of zones; `held_out_error` None: no page was held out.
 
-    `rounds` has one `{"round", "error", "held_out_error"}` for each, from round 0 on, which is initialization from
-    the samples (or, when the model has seen more pages than there are samples, the model as it was); errors are
-    shares of zones, the second None where no page is held out. `document` is the model after round `kept_round`.
-    `stopped` says why there were no more: as many as were asked for, the error on held-out pages rose, or there was
-    none left to learn from.
+    Round 0 is initialization from the samples, or the model as it was if it has seen more pages than these.
     """
 
-    document: dict[str, Any]
-    labels: list[str]
-    rounds: list[dict[str, Any]]
+    number: int
+    error: float
+    held_out_error: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingReport:
+    """All rounds of a training from round 0 on, the round whose model is kept, and why there were no more."""
+
+    rounds: tuple[Round, ...]
     kept_round: int
-    stopped: Literal["rounds", "held-out", "no-errors", "effort"]
+    stopped: Stop

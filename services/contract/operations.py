@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 from services.contract.images import PageReply
 from services.contract.layout import DocumentReply, LayoutReply
-from services.contract.layout_learning import Adaptation, Training
+from services.contract.layout_learning import Adaptation, TrainingReport
 from services.contract.layout_models import ModelDifference, ModelDraft
 
 T = TypeVar("T")
@@ -41,7 +41,9 @@ class Operations:
     )
     import_model: Operation[ModelDraft] = Operation("services.operations.layout_models:import_model")
     adapt_models: Operation[Adaptation] = Operation("services.operations.layout_learning:adapt_models")
-    train_model: Operation[Training] = Operation("services.operations.layout_learning:train_model")
+    train_model: Operation[tuple[ModelDraft, TrainingReport]] = Operation(
+        "services.operations.layout_learning:train_model"
+    )
     compare_models: Operation[ModelDifference] = Operation("services.operations.layout_diff:compare_models")
     propose_classes: Operation[dict[str, Any]] = Operation(
         "services.operations.layout_discovery:propose_classes"

@@ -1,6 +1,6 @@
 """What changed from one version of a layout graph model to another, largest change first.
 
-A change is told with the number it concerns, and ordered by how much it can move the cost of a zone or a pair of
+Changes have the number that they concern, and are ordered by how much it can move the cost of a zone or a pair of
 zones: differences of look-up tables as they are, values in their standard deviations, variances by what they add to
 the cost (half their logarithm), expectation values by their log odds; each times the weight of its attribute. What
 costs nothing (numbers of zones and samples) comes last.
@@ -124,7 +124,7 @@ def _changes_of_expectation(
 def _edge_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
     kept = set(old.labels) & set(new.labels)
     for (upper, lower), was, became in _both(_edges(old), _edges(new)):
-        if was == became or not {upper, lower} <= kept:  # a node that came or went is told already
+        if was == became or not {upper, lower} <= kept:  # a node that came or went is listed already
             continue
         for relation, a, b in _both(was or {}, became or {}):
             names = _DESCRIPTORS.get(relation, ())

@@ -1,19 +1,20 @@
-"""Feedback and rounds of training: documents of pages and models in, those of models that have learned out."""
+"""Learning in a worker: documents of pages and models in, documents of models that have learned out."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, cast, get_args
+from typing import Any
 
 from services.contract.layout import LayoutSettings, ModelDocument
-from services.contract.layout_learning import Adaptation, FeedbackTask, Learner, Training
+from services.contract.layout_learning import Adaptation, TrainingReport, VerifiedPage
+from services.contract.layout_models import ModelDraft
 from services.errors import InvalidOption
+from services.layout.content.content_features import content_features
 from services.layout.exchange.page_json import page_from_document
-from services.layout.learning.feedback import CostChange, LabelsMissing, VerifiedPage
+from services.layout.learning import feedback
+from services.layout.learning.training import train_in_rounds
 from services.layout.model.layout_model import MOST_LABELS
 from services.layout.model.model_document import model_to_document
 from services.layout.page import InvalidLayout, Page
-from services.layout.pipeline import content_features, learn_from_feedback
-from services.layout.pipeline import train_model as train_on_samples
 from services.operations.layout_models import draft_of, read_samples, sample_document
 from services.operations.page_zones import exchange_limits
 from services.operations.replies import rounded
@@ -21,99 +22,87 @@ from services.operations.stored_models import read_model
 from services.progress import report_progress
 
 
-def adapt_models(task: FeedbackTask, models: Sequence[ModelDocument], settings: LayoutSettings) -> Adaptation:
-    """The models of the found and of the verified class after what a person said of a page.
+def adapt_models(
+    verified: VerifiedPage[dict[str, Any]], models: Sequence[ModelDocument], settings: LayoutSettings
+) -> Adaptation:
+    """The models of the found and of the verified class after they have learned from a verified page.
+
+    Parameters
+    ----------
+    verified
+        The page and the feedback on it.
+    models
+        The newest versions of both classes; a class without a version is left out.
+    settings
+        Limits, and the content features.
 
     Raises
     ------
     InvalidModel
-        When one of them cannot be read by this release.
+        When this release cannot read one of them.
     InvalidOption
-        When the page's labels and the model's own are more than a model may have, or some are not named and there is
-        no model that could tell them.
+        When the page's labels and the model's own are more than a model may have, or zones have no given label and
+        there is no model that could find it.
     """
     features = content_features(settings.content_features)
-    page = features.measure_page(_kept_page(task.page, settings))
+    read = verified.with_page(features.measure_page(_kept_page(verified.page, settings)))
     named = {stored.name: read_model(stored) for stored in models}
-    found = tuple(task.found_labels.get(zone.id) for zone in page.zones)
-    said = VerifiedPage(page, task.found_class, found, task.verified_class, task.labels)
-    learners = {name: _learner(learner) for name, learner in task.learners.items()}
-    pupil = named.get(task.verified_class or "")
-    if pupil is not None:  # before it learns: tables of hundreds of labels take gigabytes
-        kept = task.found_labels if task.found_class == task.verified_class else {}
-        given = {task.labels.get(zone.id, kept.get(zone.id)) for zone in page.zones}
-        _check_labels(pupil.name, {*pupil.labels, *given})
+    right = named.get(verified.verified_class or "")
+    if right is not None:  # before it learns: tables of hundreds of labels take gigabytes
+        kept = verified.found_labels if verified.found_class == verified.verified_class else {}
+        given = {verified.labels.get(zone.id, kept.get(zone.id)) for zone in read.page.zones}
+        _check_labels(right.name, {*right.labels, *given})
     try:
-        labels, learned = learn_from_feedback(said, named, learners, features)
-    except LabelsMissing as error:
+        labels, learned = feedback.adapt_models(
+            read, named, {stored.name: stored.learner for stored in models}, features.names
+        )
+    except feedback.LabelsMissing as error:
         raise InvalidOption(
-            f"labels.{error.zone}: {task.verified_class} has no model yet that could tell the labels which are not "
-            "named; name those of all zones.",
+            f"labels.{error.zone}: {verified.verified_class} has no model yet that could tell the labels which are "
+            "not named; name those of all zones.",
             "labels",
         ) from error
-    verified = replace(
-        page,
-        zones=tuple(replace(zone, label=label) for zone, label in zip(page.zones, labels, strict=True)),
-    )
+    zones = tuple(replace(zone, label=label) for zone, label in zip(read.page.zones, labels, strict=True))
     return Adaptation(
         documents={name: model_to_document(each.model) for name, each in learned.items()},
-        verified_labels={zone.id: zone.label for zone in verified.zones},
         wrong=[
-            {"zone": zone.id, "found": label, "verified": zone.label}
-            for zone, label in zip(verified.zones, found, strict=True)
-            if zone.label != label and task.verified_class is not None
+            {"zone": zone.id, "found": verified.found_labels.get(zone.id), "verified": zone.label}
+            for zone in zones
+            if zone.label != verified.found_labels.get(zone.id) and verified.verified_class is not None
         ],
         costs=[
-            {"model": name, "found": _told(each.found), "verified": _told(each.verified)}
+            {"model": name, "found": _costs(each.found), "verified": _costs(each.verified)}
             for name, each in learned.items()
         ],
-        sample=sample_document(verified),
-        zones=len(verified.zones),
+        sample=sample_document(replace(read.page, zones=zones)),
+        zones=len(zones),
     )
 
 
 def train_model(
-    model: ModelDocument,
-    samples: Sequence[dict[str, Any]],
-    rounds: int,
-    learner: str,
-    settings: LayoutSettings,
-) -> Training:
-    """The model after at most `rounds` rounds over its verified pages, with the errors of each round.
+    model: ModelDocument, samples: Sequence[dict[str, Any]], rounds: int, settings: LayoutSettings
+) -> tuple[ModelDraft, TrainingReport]:
+    """The model after at most `rounds` rounds over its samples, and the errors of each round.
 
     Raises
     ------
     InvalidModel
-        When it cannot be read by this release.
+        When this release cannot read the model.
     InvalidOption
         When one of the samples is no page any more, or they have too many labels.
     """
     pages, found = read_samples(samples, settings)
-    training = train_on_samples(
+    trained, report = train_in_rounds(
         read_model(model),
         pages,
         found,
         rounds,
-        _learner(learner),
+        model.learner,
         content_features(settings.content_features),
         lambda share: report_progress("training", share),
     )
-    _check_labels(training.model.name, set(training.model.labels))
-    draft = draft_of(training.model)
-    return Training(
-        document=draft.document,
-        labels=draft.labels,
-        rounds=[
-            {
-                "round": each.number,
-                "error": rounded(each.error),
-                "held_out_error": None if each.held_out_error is None else rounded(each.held_out_error),
-            }
-            for each in training.rounds
-        ],
-        kept_round=training.kept,
-        stopped=training.stopped,
-    )
+    _check_labels(trained.name, set(trained.labels))
+    return draft_of(trained), report
 
 
 def _kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:
@@ -125,12 +114,6 @@ def _kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:
         raise InvalidOption(f"page: {error.detail}", "page") from error
 
 
-def _learner(name: str) -> Learner:
-    if name not in get_args(Learner):
-        raise InvalidOption(f"learner: there are {', '.join(get_args(Learner))}.", "learner")
-    return cast(Learner, name)
-
-
 def _check_labels(name: str, labels: set[str | None]) -> None:
     count = len(labels - {None})
     if count > MOST_LABELS:
@@ -140,7 +123,7 @@ def _check_labels(name: str, labels: set[str | None]) -> None:
         )
 
 
-def _told(cost: CostChange) -> dict[str, float | None]:
+def _costs(cost: feedback.CostChange) -> dict[str, float | None]:
     return {
         "before": None if cost.before is None else rounded(cost.before),
         "after": None if cost.after is None else rounded(cost.after),

@@ -23,7 +23,7 @@ from services.contract.layout import (
     LayoutSettings,
     ModelDocument,
 )
-from services.contract.layout_learning import Adaptation, FeedbackTask, Training
+from services.contract.layout_learning import Adaptation, Round, TrainingReport, VerifiedPage
 from services.contract.layout_models import ModelDifference, ModelDraft, StoredPage
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
@@ -355,7 +355,9 @@ def import_model(name: str, document: bytes) -> ModelDraft:
     return ModelDraft({**model, "nodes": nodes}, labels)
 
 
-def adapt_models(task: FeedbackTask, models: list[ModelDocument], settings: LayoutSettings) -> Adaptation:
+def adapt_models(
+    task: VerifiedPage[dict[str, Any]], models: list[ModelDocument], settings: LayoutSettings
+) -> Adaptation:
     """Follow the scripts in the labels; then every model has written the verified labels and its learner down."""
     for label in task.labels.values():
         _follow((label or "").encode(), "labels")
@@ -366,7 +368,7 @@ def adapt_models(task: FeedbackTask, models: list[ModelDocument], settings: Layo
     documents = {}
     for model in models:
         document = json.loads(model.document)
-        lesson = [*task.labels.values(), task.learners[model.name]]
+        lesson = [*task.labels.values(), model.learner]
         documents[model.name] = {**document, "taught": [*document.get("taught", []), lesson]}
     wrong = [
         {"zone": zone, "found": task.found_labels[zone], "verified": label}
@@ -382,22 +384,21 @@ def adapt_models(task: FeedbackTask, models: list[ModelDocument], settings: Layo
         for model in models
     ]
     zones = [{**zone, "label": verified[str(zone["id"])]} for zone in task.page["zones"]]
-    return Adaptation(documents, verified, wrong, costs, {**task.page, "zones": zones}, len(zones))
+    return Adaptation(documents, wrong, costs, {**task.page, "zones": zones}, len(zones))
 
 
 def train_model(
-    model: ModelDocument, samples: list[dict[str, Any]], rounds: int, learner: str, settings: LayoutSettings
-) -> Training:
+    model: ModelDocument, samples: list[dict[str, Any]], rounds: int, settings: LayoutSettings
+) -> tuple[ModelDraft, TrainingReport]:
     """Follow the script in the first sample; a round is better than the one before unless the script says `learned`."""
     document = json.loads(model.document)
     script = str(samples[0]["zones"][0].get("text") or "")
     verb = _follow(script.encode(), "samples")
     kept = 0 if verb == b"learned" else rounds
-    errors = [
-        {"round": index, "error": 1 / (index + 2), "held_out_error": None} for index in range(rounds + 1)
-    ]
-    trained = document if kept == 0 else {**document, "trained": [rounds, learner]}
-    return Training(trained, _labels(model.document), errors, kept, "held-out" if kept == 0 else "rounds")
+    errors = tuple(Round(index, 1 / (index + 2), None) for index in range(rounds + 1))
+    trained = document if kept == 0 else {**document, "trained": [rounds, model.learner]}
+    draft = ModelDraft(trained, _labels(model.document))
+    return draft, TrainingReport(errors, kept, "held-out" if kept == 0 else "rounds")
 
 
 def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDifference:

@@ -50,7 +50,9 @@ def test_training_makes_a_version(client: httpx.Client) -> None:
         "changed": True,
         "samples": 1,
         "learner": "passive-aggressive",
-        "rounds": [{"round": index, "error": 1 / (index + 2), "held_out_error": None} for index in range(4)],
+        "rounds": [
+            {"round": index, "error": round(1 / (index + 2), 4), "held_out_error": None} for index in range(4)
+        ],
         "kept_round": 3,
         "stopped": "rounds",
     }

@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from app.engine.base import Busy
+from app.interprocess_lock import InterprocessLock
 from app.model_locks import ModelLocks
-from app.process_turns import ProcessTurns
 
 
 def test_models_are_held_one_at_a_time_whatever_the_order_of_their_names() -> None:
@@ -22,7 +22,7 @@ def test_models_are_held_one_at_a_time_whatever_the_order_of_their_names() -> No
                 held.remove(name)
 
     async def run() -> ModelLocks:
-        locks = ModelLocks(ProcessTurns(None))
+        locks = ModelLocks(InterprocessLock(None))
         wanted = [["a", "b"], ["b", "a"], ["a"], ["b", "c"], ["c", "a"]] * 5
         await asyncio.gather(*(learn(locks, names) for names in wanted))
         return locks
@@ -34,7 +34,7 @@ def test_models_are_held_one_at_a_time_whatever_the_order_of_their_names() -> No
 
 def test_different_models_do_not_wait_for_each_other() -> None:
     async def run() -> None:
-        locks = ModelLocks(ProcessTurns(None))
+        locks = ModelLocks(InterprocessLock(None))
         async with locks.hold(["a"], 10, "SETTING"), locks.hold(["b"], 0, "SETTING"):
             pass
 
@@ -43,7 +43,7 @@ def test_different_models_do_not_wait_for_each_other() -> None:
 
 def test_who_waits_too_long_is_sent_away_and_leaves_nothing_behind() -> None:
     async def run() -> None:
-        locks = ModelLocks(ProcessTurns(None))
+        locks = ModelLocks(InterprocessLock(None))
         async with locks.hold(["b"], 10, "SETTING"):
             with pytest.raises(Busy, match=r"a or b for longer than 0.01 s \(SETTING\)"):
                 async with locks.hold(["b", "a"], 0.01, "SETTING"):

@@ -1,6 +1,6 @@
 """Content features of zones (dissertation 5.6.2, Table 5.1): how surely a text has the marks of a date, a greeting...
 
-What is looked for stands in a file of settings (`content_settings`); here is how. The texts are raw readings of a
+A file of settings says what to look for (`content_settings`); this module says how. The texts are raw readings of a
 page: key words are matched with tolerance for misread letters (`fuzzy_words`), and no text, however long or
 strange, takes more than a bounded time.
 """
@@ -9,6 +9,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 
@@ -277,3 +278,15 @@ def _covered(text: str, spans: Iterable[tuple[int, int]]) -> int:
             count += end - begin - text.count(" ", begin, end)
             reached = end
     return count
+
+
+@lru_cache(maxsize=4)
+def content_features(settings: Path | None = None) -> ContentFeatures:
+    """The content features of a settings file (None: those that come along), read once.
+
+    Raises
+    ------
+    ValueError
+        When the file is no such settings file; the message names the key.
+    """
+    return ContentFeatures.load(settings)

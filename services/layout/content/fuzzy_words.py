@@ -95,7 +95,7 @@ def _shortened(word: str, count: int) -> set[str]:
 
 
 def _edits(first: str, second: str, most: int) -> bool:
-    """Whether at most so many letters must be replaced, left out or put in, or neighbours swapped."""
+    """Whether the edit distance (with swaps of neighbours) is at most the given number."""
     if first == second:
         return True
     if abs(len(first) - len(second)) > most:

@@ -103,7 +103,7 @@ class SampleCost:
 
 
 def match_sample(views: Sequence[LabelledGraph], model: CompiledModel) -> SampleCost:
-    """What a sample costs by a model, whatever its labels are."""
+    """Least cost of a sample under a model; its own labels play no part."""
     found = [match_directly(build_cost_tables(view.graph, model), _QUICK).labels for view in views]
     costs = [
         comparable_cost(view.graph, model, labels) / view.graph.zones

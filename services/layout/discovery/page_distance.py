@@ -2,7 +2,7 @@
 
 Of two zones it is told how much likelier they are as zones of one logical component than as two zones of any pages;
 all of it comes from what is usual of each attribute (5.6.1), so no class need be known. Relations of zones add nothing
-to it: where each zone stands on the page is among its own attributes already.
+to it: the place of each zone on the page is among its own attributes already.
 """
 
 from collections.abc import Sequence
@@ -84,7 +84,7 @@ def _content_evidence(one: LayoutGraph, other: LayoutGraph) -> NDArray[np.float6
 
 
 def compare_pages(one: LayoutGraph, other: LayoutGraph) -> PageComparison:
-    """Distance of two pages, and which of their zones stand for each other; symmetric, whatever the zones' order.
+    """Distance of two pages, and which of their zones correspond; symmetric, and independent of the order of zones.
 
     The pairing is the one-to-one assignment with the most evidence; zones may be left alone. Of pages with more
     than `MOST_ZONES` zones only the largest are compared.

@@ -1,4 +1,4 @@
-"""What PAGE-XML and ALTO ask of whoever writes them: names that are ids, text that XML can hold, whole documents."""
+"""Writing PAGE-XML and ALTO: names that are ids, text that XML can hold, whole documents."""
 
 import re
 from xml.etree.ElementTree import Element, indent, tostring

@@ -1,4 +1,4 @@
-"""A file of zones, whatever it is of: PAGE-XML, ALTO or the contract's JSON."""
+"""Files of zones in any of three formats: PAGE-XML, ALTO, or the JSON of the HTTP contract."""
 
 import codecs
 import json

@@ -60,7 +60,7 @@ def pair_zones(measures: ZoneMeasures, most_neighbours: int) -> NDArray[np.intp]
         distance = gap_x**2 + gap_y**2
         np.fill_diagonal(distance, np.inf)
         near = np.zeros((zones, zones), dtype=bool)
-        # Of zones that are equally near the upper ones are nearest, whatever the order in which they are told.
+        # Of zones that are equally near the upper ones are nearest, in any order of the zones.
         from_top = np.argsort(place)
         nearest = from_top[np.argsort(distance[:, from_top], axis=1, kind="stable")[:, :most_neighbours]]
         np.put_along_axis(near, nearest, True, axis=1)

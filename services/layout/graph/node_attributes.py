@@ -110,7 +110,7 @@ class NumericAttribute:
 
 
 def _gaps(measures: ZoneMeasures) -> tuple[Values, Values]:
-    """White space above and below each zone up to the next zone that stands over or under it, 1 where none does."""
+    """White space above and below each zone up to the next zone over or under it, 1 where none does."""
     x0, y0, x1, y1 = measures.boxes.T
     over = np.minimum(x1[:, None], x1) - np.maximum(x0[:, None], x0) > 0
     np.fill_diagonal(over, False)

@@ -1,9 +1,9 @@
-"""What a person's correction of one page makes of the models that it concerns (5.2, 5.5)."""
+"""Learning from a verified page: the models of the right and of the wrong class adapt (5.2, 5.5)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from services.contract.layout_learning import DEFAULT_LEARNER, Learner
+from services.contract.layout_learning import DEFAULT_LEARNER, Learner, VerifiedPage
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.learning.class_decisions import accept_page, count_cost, prefer_class, refuse_page
 from services.layout.learning.learners import learn_page
@@ -25,26 +25,11 @@ _FORBIDDEN = 1e6
 
 
 class LabelsMissing(ValueError):
-    """A zone of which nobody can tell the label."""
+    """A zone has no given label, and no model can find it."""
 
     def __init__(self, zone: str) -> None:
         super().__init__(zone)
         self.zone = zone
-
-
-@dataclass(frozen=True, slots=True)
-class VerifiedPage:
-    """A recognized page and what a person said of it.
-
-    `found` are the labels of its zones by the class `found_class` (None: by the nearest one, the page being of none).
-    `verified_class` None says that it is of no class. `verified` holds the labels that the person gave, by zone's id.
-    """
-
-    page: Page
-    found_class: str | None
-    found: Labels
-    verified_class: str | None
-    verified: Mapping[str, str | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,69 +52,86 @@ class LearnedModel:
     verified: CostChange
 
 
-def learn_from_feedback(
-    said: VerifiedPage,
+def adapt_models(
+    verified: VerifiedPage[Page],
     models: Mapping[str, LayoutModel],
     learners: Mapping[str, Learner],
     content_names: tuple[str, ...],
 ) -> tuple[Labels, dict[str, LearnedModel]]:
-    """Labels of all zones as they are taken to be right, and the models that have learned, by name.
+    """The right labels of all zones, and the models that have learned from the page, by name.
 
-    The verified class's model learns the page. Where another class was chosen, or none, or one for a page of none,
-    the calibrations of the models concerned learn the decision. `models` has them in their newest versions; a class
-    that has no version yet is left out. The zones carry their content features. A page without zones teaches nothing,
-    as in initialization.
+    The model of the verified class learns the page. If another class was chosen, or none, or one for a page of none,
+    the calibrations of the models concerned learn the decision (`class_decisions`). A page without zones teaches
+    nothing, as in initialization.
+
+    Parameters
+    ----------
+    verified
+        The page, whose zones carry their content features, and the feedback on it.
+    models
+        The newest versions of the found and the verified class by name; a class without a version is left out.
+    learners
+        How each of them learns; `DEFAULT_LEARNER` where it is left out.
+    content_names
+        Names of the content features.
 
     Raises
     ------
     LabelsMissing
-        When zones are not named and there is no model that could tell their labels.
+        When zones have no given label and no model can find it.
     """
-    if not said.page.zones:
+    if not verified.page.zones:
         return (), {}
-    graph = build_graph(said.page, content_names)
-    wrong_class = None if said.found_class == said.verified_class else said.found_class
-    chosen = models.get(wrong_class) if wrong_class is not None else None
-    taught = models.get(said.verified_class) if said.verified_class is not None else None
-    pupil = None if taught is None else begin_learning(taught, graph.content_names)
-    labels = _all_labels(said, graph, pupil)
-    right = None if pupil is None else _Judge(pupil.model, pupil.calibration)
-    wrong = None if chosen is None else _Judge(compile_model(chosen, graph.content_names), chosen.calibration)
-    accepting, refusing = _decide(graph, right, wrong, said.found_class)
+    graph = build_graph(verified.page, content_names)
+    found = tuple(verified.found_labels.get(zone.id) for zone in verified.page.zones)
+    right_class = models.get(verified.verified_class or "")
+    is_right = verified.found_class == verified.verified_class
+    wrong_class = None if is_right else models.get(verified.found_class or "")
+    learning = None if right_class is None else begin_learning(right_class, graph.content_names)
+    labels = _all_labels(verified, found, graph, learning)
+    right = None if learning is None else _CalibratedModel(learning.model, learning.calibration)
+    wrong = None
+    if wrong_class is not None:
+        compiled = compile_model(wrong_class, graph.content_names)
+        wrong = _CalibratedModel(compiled, wrong_class.calibration)
+    accepting, refusing = _decide(graph, right, wrong, verified.found_class)
     learned: dict[str, LearnedModel] = {}
-    if pupil is not None and right is not None and accepting is not None:
-        learner = learners.get(pupil.name, DEFAULT_LEARNER)
-        after = learn_page(replace(pupil, calibration=accepting), LabelledGraph(graph, labels), learner)
-        learned[pupil.name] = LearnedModel(
+    if learning is not None and right is not None and accepting is not None:
+        learner = learners.get(learning.name, DEFAULT_LEARNER)
+        after = learn_page(replace(learning, calibration=accepting), LabelledGraph(graph, labels), learner)
+        learned[learning.name] = LearnedModel(
             end_learning(after),
-            *_changes(graph, right, _Judge(after.model, accepting), said.found, labels),
+            *_changes(graph, right, _CalibratedModel(after.model, accepting), found, labels),
         )
-    if chosen is not None and wrong is not None and refusing is not None:
-        learned[chosen.name] = LearnedModel(
-            replace(chosen, calibration=refusing),
-            *_changes(graph, wrong, replace(wrong, calibration=refusing), said.found, labels),
+    if wrong_class is not None and wrong is not None and refusing is not None:
+        learned[wrong_class.name] = LearnedModel(
+            replace(wrong_class, calibration=refusing),
+            *_changes(graph, wrong, replace(wrong, calibration=refusing), found, labels),
         )
     return labels, learned
 
 
-def _all_labels(said: VerifiedPage, graph: LayoutGraph, right: LearningModel | None) -> Labels:
+def _all_labels(
+    verified: VerifiedPage[Page], found: Labels, graph: LayoutGraph, right: LearningModel | None
+) -> Labels:
     """Labels that were given, and those of the other zones: as found where the class was right, else as matched."""
-    ids = [zone.id for zone in said.page.zones]
-    if said.verified_class is None:
-        return tuple(said.verified.get(zone) for zone in ids)
-    if said.found_class == said.verified_class:
-        return tuple(said.verified.get(zone, label) for zone, label in zip(ids, said.found, strict=True))
+    ids = [zone.id for zone in verified.page.zones]
+    given = verified.labels
+    if verified.verified_class is None:
+        return tuple(given.get(zone) for zone in ids)
+    if verified.found_class == verified.verified_class:
+        return tuple(given.get(zone, label) for zone, label in zip(ids, found, strict=True))
     if right is None:
-        missing = [zone for zone in ids if zone not in said.verified]
+        missing = [zone for zone in ids if zone not in given]
         if missing:
             raise LabelsMissing(missing[0])
-        return tuple(said.verified[zone] for zone in ids)
-    state = with_labels(right, tuple(said.verified.values()))
+        return tuple(given[zone] for zone in ids)
+    state = with_labels(right, tuple(given.values()))
     tables = build_cost_tables(graph, state.model)
     node = tables.node.copy()
     for row, zone in enumerate(ids):
-        if zone in said.verified:
-            allowed = state.labels.index(said.verified[zone])
+        if zone in given:
+            allowed = state.labels.index(given[zone])
             node[row] += _FORBIDDEN
             node[row, allowed] -= _FORBIDDEN
     matching = match_directly(replace(tables, node=node), MatchingParameters())
@@ -137,21 +139,24 @@ def _all_labels(said: VerifiedPage, graph: LayoutGraph, right: LearningModel | N
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Judge:
-    """What tells the cost of a page of a class."""
+class _CalibratedModel:
+    """A compiled model and its calibration: together they give the cost of a page of the class."""
 
     model: CompiledModel
     calibration: Calibration
 
 
 def _decide(
-    graph: LayoutGraph, right: _Judge | None, wrong: _Judge | None, found_class: str | None
+    graph: LayoutGraph,
+    right: _CalibratedModel | None,
+    wrong: _CalibratedModel | None,
+    found_class: str | None,
 ) -> tuple[Calibration | None, Calibration | None]:
     """Calibrations of the right and of the wrong model after the decision on the class; None where there is no model.
 
     The page's cost under the right model is counted as that of a page which it has not seen.
     """
-    taught_right, taught_wrong = (None if judge is None else judge.calibration for judge in (right, wrong))
+    taught_right, taught_wrong = (None if model is None else model.calibration for model in (right, wrong))
     cost = 0.0 if right is None else _least_cost(graph, right.model, MatchingParameters())
     other = 0.0 if wrong is None else _least_cost(graph, wrong.model, _QUICK)
     if taught_right is not None and taught_wrong is not None:
@@ -164,7 +169,7 @@ def _decide(
 
 
 def _changes(
-    graph: LayoutGraph, before: _Judge, after: _Judge, found: Labels, verified: Labels
+    graph: LayoutGraph, before: _CalibratedModel, after: _CalibratedModel, found: Labels, verified: Labels
 ) -> tuple[CostChange, CostChange]:
     """Of the cost of the found and of the verified labelling."""
     of_found, of_verified = (
@@ -173,12 +178,12 @@ def _changes(
     return of_found, of_verified
 
 
-def _cost(graph: LayoutGraph, judge: _Judge, labels: Labels) -> float | None:
-    model = judge.model
-    if not set(labels) <= set(model.labels):
+def _cost(graph: LayoutGraph, model: _CalibratedModel, labels: Labels) -> float | None:
+    compiled = model.model
+    if not set(labels) <= set(compiled.labels):
         return None
-    cost = sum(labelling_cost(graph, model, label_indices(labels, model.labels), model.scales))
-    return cost + judge.calibration.bias * graph.zones
+    cost = sum(labelling_cost(graph, compiled, label_indices(labels, compiled.labels), compiled.scales))
+    return cost + model.calibration.bias * graph.zones
 
 
 def _least_cost(graph: LayoutGraph, model: CompiledModel, parameters: MatchingParameters) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.layout.content.content_features import ContentFeatures
+from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.graph.layout_graph import build_graph
 from services.layout.learning.over_segmentation import over_segment
 from services.layout.model.estimation import estimate_model
@@ -42,25 +42,36 @@ Views = Sequence[View]
 def initialize_model(
     name: str,
     samples: Sequence[Page],
-    found: Sequence[Page | None],
-    content: ContentFeatures,
+    content: ContentFeatures | None = None,
+    found: Sequence[Page | None] | None = None,
 ) -> LayoutModel:
-    """Layout graph model of the class `name` from verified pages, whose zones carry labels and content features.
+    """Layout graph model of a class from verified pages.
 
     Typical values are means, weights inverse variances, relations look-up tables of frequencies, expectations of
-    content frequencies, all drawn to what is usual so that one sample is enough to begin. From two samples on,
+    content frequencies. All are drawn to usual values, so that one sample is enough to begin. From two samples on,
     the attributes' weights are fitted, and the cost of a page of the class is measured, on pages that were held
     out.
 
-    Every sample is seen in two views, which count as one page: as it was verified, and as segmentation finds it,
-    or may find it. `found` has that view for each sample, or None: then one is made up (`over_segmentation`).
+    Every sample has two views, which count as one page: as it was verified, and as segmentation finds it.
+
+    Parameters
+    ----------
+    name
+        Of the class.
+    samples
+        Verified pages, whose zones carry labels.
+    content
+        The content features; None: those that come with the code.
+    found
+        For each sample its page in the zones that segmentation finds (`pipeline.complete_sample`), or None: then
+        `over_segmentation` makes such a page from the sample.
 
     Raises
     ------
     ValueError
         When there is no sample with a zone.
     """
-    seen = see_samples(samples, found, content)
+    seen = see_samples(samples, found or [None] * len(samples), content or content_features())
     if not seen:
         raise ValueError("a model needs at least one page with zones")
     begun = begin_model(name, seen)
@@ -70,7 +81,7 @@ def initialize_model(
 def see_samples(
     samples: Sequence[Page], found: Sequence[Page | None], content: ContentFeatures
 ) -> list[Views]:
-    """Both views of every sample that has zones."""
+    """Both views, with their content features, of every sample that has zones."""
     return [
         _see(sample, other, content) for sample, other in zip(samples, found, strict=True) if sample.zones
     ]
@@ -127,11 +138,11 @@ def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
     if found is None or not found.zones:
         # Of the page alone, so that neither the order of samples nor the day changes the model.
         seed = zlib.crc32(repr([zone.box for zone in sample.zones]).encode())
-        found = content.measure_page(over_segment(sample, np.random.default_rng(seed)))
+        found = over_segment(content.measure_page(sample), np.random.default_rng(seed))
     return [
         View(
             page,
             LabelledGraph(build_graph(page, content.names), tuple(zone.label for zone in page.zones)),
         )
-        for page in (sample, found)
+        for page in map(content.measure_page, (sample, found))
     ]

@@ -21,18 +21,18 @@ from services.layout.model.statistics import LabelledGraph, label_indices
 
 
 def learn_page(learned: LearningModel, page: LabelledGraph, learner: Learner) -> LearningModel:
-    """The model after a page that it has not seen; labels that it had not become nodes."""
+    """The model after a page that is new to it; new labels become nodes."""
     if learner != "error-correction":
         learned = update_statistics(learned, page)
     learned = with_labels(learned, page.labels)
-    learned, _ = practise(learned, page, learner)
+    learned, _ = correct_page(learned, page, learner)
     return learned
 
 
-def practise(learned: LearningModel, page: LabelledGraph, learner: Learner) -> tuple[LearningModel, bool]:
-    """The model after a page of which it has seen the values before, and whether it changed: one step of a round.
+def correct_page(learned: LearningModel, page: LabelledGraph, learner: Learner) -> tuple[LearningModel, bool]:
+    """The model after its errors on a page were corrected, and whether it changed: one step of a round.
 
-    Every label of the page is one of the model's.
+    The page is in the statistics already, and the model has all its labels.
     """
     truth = label_indices(page.labels, learned.labels)
     if not len(truth) or learner == "counting":

@@ -67,7 +67,7 @@ def _cut(zone: Zone, rng: np.random.Generator, parameters: OverSegmentationParam
 
 
 def _lines_of(text: str, first: int, last: int, lines: int) -> str:
-    """The text of lines `first` .. `last` - 1 of so many; by the number of words where line ends are not known."""
+    """The text of lines `first` .. `last` - 1; by the number of words where line ends are not known."""
     known = text.split("\n")
     if len(known) == lines:
         return "\n".join(known[first:last])

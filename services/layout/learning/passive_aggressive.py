@@ -33,7 +33,7 @@ class MarginParameters:
     matching: MatchingParameters = field(
         default_factory=lambda: MatchingParameters(max_nodes=0, max_sweeps=0)
     )
-    """Local search alone: a labelling that breaks the margin is worth a step, be it the worst one or not."""
+    """Local search alone: any labelling that breaks the margin is worth a step, not only the worst one."""
 
 
 def learn_by_margin(

@@ -2,14 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
-from services.contract.layout_learning import Learner
-from services.layout.learning.learners import practise, wrong_zones
+from services.contract.layout_learning import Learner, Round, Stop, TrainingReport
+from services.layout.learning.learners import correct_page, wrong_zones
 from services.layout.model.learning_model import LearningModel, with_labels
 from services.layout.model.statistics import LabelledGraph
 
-Stop = Literal["rounds", "held-out", "no-errors", "effort"]
 BeginModel = Callable[[Sequence[int]], LearningModel]
 """(indices of samples) -> the model at round 0 that has seen these samples alone."""
 
@@ -31,29 +29,10 @@ class RoundParameters:
 FEWEST_ROUNDS = 3
 """As many as the dissertation's title pages needed (5.6.1)."""
 LEAST_EFFORT = 2e5
-"""Of a page, be it ever so small."""
+"""Of a page, however small."""
 
 
-@dataclass(frozen=True, slots=True)
-class Round:
-    """Errors after a round: shares of zones, of the samples and of pages that were held out (None: none were)."""
-
-    number: int
-    error: float
-    held_out_error: float | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Training:
-    """The model after round `kept`, all `rounds` from 0 on, and why there were no more."""
-
-    model: LearningModel
-    rounds: tuple[Round, ...]
-    kept: int
-    stopped: Stop
-
-
-def train(
+def run_rounds(
     begin: BeginModel,
     pages: Sequence[Sequence[LabelledGraph]],
     rounds: int,
@@ -62,25 +41,25 @@ def train(
     report: Callable[[float], None] = lambda share: None,
     *,
     hold_out: bool = True,
-) -> Training:
-    """The model of all pages after the round that leaves fewest errors on pages held out.
+) -> tuple[LearningModel, TrainingReport]:
+    """The model of all pages after the round with fewest errors on held-out pages, and the report of all rounds.
 
-    Of equals it is the one with fewest errors on the samples, whose like may come again, and of these the earliest.
+    Of equal rounds it is the one with fewest errors on the samples, and of these the earliest.
 
-    `pages[i]` are the views of sample i, the first of which is the one that was verified: errors are counted on it,
-    every view is learned from. Training ends after `rounds`, when the held-out error has risen and stays so for
-    `patience` rounds, when a round has changed nothing, or when `most_effort` is spent. `report` hears how far it is.
+    `pages[i]` are the views of sample i, the verified one first: errors are counted on it, every view is learned from.
+    Training ends after `rounds`, when the held-out error has risen for `patience` rounds, when a round has changed
+    nothing, or when `most_effort` is spent. `report` is called with the share of the work that is done.
     """
     every = range(len(pages))
     folds = min(parameters.folds, len(pages)) if hold_out and len(pages) > 1 else 0
     effort = [sum(_effort(view) for view in views) for views in pages]
     room = parameters.most_effort / FEWEST_ROUNDS / max(sum(effort), LEAST_EFFORT) - 1
     in_turn = folds if room >= folds else max(min(folds, 1), int(room))
-    held_out = [[index for index in every if index % folds == fold] for fold in range(in_turn)]
-    trainees = [
-        _Trainee(begin([index for index in every if index not in set(part)]), part) for part in held_out
+    held_out = [[index for index in every if index % folds == part] for part in range(in_turn)]
+    fold_models = [
+        _Fold(begin([index for index in every if index not in set(part)]), part) for part in held_out
     ]
-    whole = _Trainee(begin(every), [])
+    whole = _Fold(begin(every), [])
     zones = max(1, sum(len(views[0].labels) for views in pages))
     held_zones = max(1, sum(len(pages[index][0].labels) for part in held_out for index in part))
     of_round = sum(effort) + sum(sum(effort) - sum(effort[index] for index in part) for part in held_out)
@@ -91,13 +70,15 @@ def train(
     for number in range(rounds + 1):
         changed = False
         if number:
-            for trainee in trainees:
-                trainee.practise(pages, learner)
-            changed = whole.practise(pages, learner)
+            for fold in fold_models:
+                fold.learn_round(pages, learner)
+            changed = whole.learn_round(pages, learner)
         wrong = sum(wrong_zones(whole.model, views[0]) for views in pages)
-        held = sum(wrong_zones(each.model, pages[index][0]) for each in trainees for index in each.held_out)
+        held = sum(
+            wrong_zones(each.model, pages[index][0]) for each in fold_models for index in each.held_out
+        )
         errors.append((held, wrong))
-        history.append(Round(number, wrong / zones, held / held_zones if trainees else None))
+        history.append(Round(number, wrong / zones, held / held_zones if fold_models else None))
         if errors[-1] < min(errors[:-1], default=(held_zones + 1, 0)):
             kept, kept_model = number, whole.model
         report(number / max(1, rounds))
@@ -110,7 +91,7 @@ def train(
         if number and (number + 1) * of_round > parameters.most_effort and number < rounds:
             stopped = "effort"
             break
-    return Training(kept_model, tuple(history), kept, stopped)
+    return kept_model, TrainingReport(tuple(history), kept, stopped)
 
 
 def _effort(view: LabelledGraph) -> float:
@@ -119,19 +100,19 @@ def _effort(view: LabelledGraph) -> float:
     return LEAST_EFFORT + len(view.graph.pairs) * float(labels**2)
 
 
-class _Trainee:
-    """A model that practises on all samples but those that are held out."""
+class _Fold:
+    """A model of cross-validation: it learns from all samples but those that are held out."""
 
     def __init__(self, model: LearningModel, held_out: Sequence[int]) -> None:
         self.model, self.held_out = model, held_out
 
-    def practise(self, pages: Sequence[Sequence[LabelledGraph]], learner: Learner) -> bool:
-        """One round; whether anything changed."""
+    def learn_round(self, pages: Sequence[Sequence[LabelledGraph]], learner: Learner) -> bool:
+        """Learn in one round from all its samples; whether the model changed."""
         skipped, any_changed = set(self.held_out), False
         for index, views in enumerate(pages):
             if index in skipped:
                 continue
             for view in views:
-                self.model, changed = practise(with_labels(self.model, view.labels), view, learner)
+                self.model, changed = correct_page(with_labels(self.model, view.labels), view, learner)
                 any_changed |= changed
         return any_changed

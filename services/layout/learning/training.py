@@ -1,42 +1,49 @@
-"""Rounds of training for a model from its verified pages, which initialization has seen as well."""
+"""Training of a model in rounds over all its samples (5.6.1)."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from services.contract.layout_learning import Learner
+from services.contract.layout_learning import Learner, TrainingReport
 from services.layout.content.content_features import ContentFeatures
 from services.layout.graph.layout_graph import KIND_FEATURES
 from services.layout.learning.initialization import begin_model, calibrate_model, labels_of, see_samples
-from services.layout.learning.rounds import Round, Stop, train
+from services.layout.learning.rounds import run_rounds
 from services.layout.model.layout_model import LayoutModel
 from services.layout.model.learning_model import LearningModel, begin_learning, end_learning
 from services.layout.page import Page
 
 
-@dataclass(frozen=True, slots=True)
-class TrainedModel:
-    """The model after round `kept` of `rounds`, and why there were no more."""
-
-    model: LayoutModel
-    rounds: tuple[Round, ...]
-    kept: int
-    stopped: Stop
-
-
-def train_on_samples(
+def train_in_rounds(
     model: LayoutModel,
     samples: Sequence[Page],
     found: Sequence[Page | None],
     rounds: int,
     learner: Learner,
     content: ContentFeatures,
-    report: Callable[[float], None],
-) -> TrainedModel:
-    """The model after at most `rounds` rounds; its pages carry labels and content features.
+    report: Callable[[float], None] = lambda share: None,
+) -> tuple[LayoutModel, TrainingReport]:
+    """The model after the best of at most `rounds` rounds, and the errors of all rounds.
 
-    Round 0 is initialization from the samples (5.6.1), when they are at least as many pages as the model has seen:
-    then parts of them can be held out. A model that has seen more, as one that was imported, goes on from where it
-    stands, and the errors on its samples decide.
+    Round 0 is initialization from the samples (5.6.1), if these are at least as many pages as the model has seen:
+    then parts of them can be held out. A model that has seen more pages, for example an imported one, is trained as
+    it is, and the errors on its samples decide.
+
+    Parameters
+    ----------
+    model
+        The model to train.
+    samples
+        Verified pages, whose zones carry labels.
+    found
+        For each sample its page in the zones that segmentation finds, or None (`initialization.initialize_model`).
+    rounds
+        Number of rounds at most.
+    learner
+        How the model learns from a page.
+    content
+        The content features.
+    report
+        Called with the share of the work that is done, 0 to 1.
 
     Raises
     ------
@@ -56,13 +63,8 @@ def train_on_samples(
         return begin_learning(model, (*content.names, *KIND_FEATURES))
 
     pages = [[view.labelled for view in views] for views in seen]
-    trained = train(begin, pages, rounds, learner, report=report, hold_out=has_all)
+    trained, training = run_rounds(begin, pages, rounds, learner, report=report, hold_out=has_all)
     calibration = model.calibration
     if has_all:
         calibration = replace(calibrate_model(begin(range(len(seen))), seen), bias=calibration.bias)
-    return TrainedModel(
-        end_learning(replace(trained.model, calibration=calibration)),
-        trained.rounds,
-        trained.kept,
-        trained.stopped,
-    )
+    return end_learning(replace(trained, calibration=calibration)), training

@@ -9,9 +9,9 @@ from services.layout.matching.bounded_problem import BoundedProblem
 from services.layout.matching.labelling import Floats, Labels
 
 _MOST_COUPLINGS = 4_000_000
-"""Of (zone, label) with (zone, label), 32 MB; larger problems are not searched, and their gap is told."""
+"""Of (zone, label) with (zone, label), 32 MB; larger problems are not searched, and their gap is reported."""
 _USUAL_ZONES = 30
-"""Up to so many zones a step of the search takes about the same time, that of calls and not of numbers."""
+"""Up to this many zones a step of the search takes about the same time: calls cost more than numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

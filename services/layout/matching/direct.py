@@ -94,7 +94,7 @@ class _Found:
 def _raise_bound(
     problem: BoundedProblem, found: _Found, second: Labels, max_sweeps: int, stop_at: float
 ) -> BoundedProblem:
-    """Passes to and fro until the bound meets the cost, stands still or the budget ends; what is left."""
+    """Forward and backward passes until the bound meets the cost, stops rising, or the budget ends; the rest of it."""
     if max_sweeps == 0:
         return problem
     ascent = DualAscent(problem)

@@ -12,7 +12,7 @@ Labels = NDArray[np.intp]
 class Neighbours:
     """The pairs of the tables by zone.
 
-    `edge` (E, L, L) and `low`, `high` (E,): the pairs in the order of their zones, whatever the tables' was.
+    `edge` (E, L, L) and `low`, `high` (E,): the pairs in the order of their zones, in any order of the tables.
     `as_low[z]` is the slice of the pairs in which z comes first, `as_high[z]` the indices of those in which it
     comes second; both in the order of the other zone.
     """
@@ -99,7 +99,7 @@ def conditional_costs(tables: CostTables, labels: Labels) -> Floats:
 
 
 def backbone_of(tables: CostTables, labels: Labels) -> dict[int, int]:
-    """Of each label in use, null left out, the zone that stands for it: the surest one.
+    """Of each label in use, null left out, its representative zone: the surest one.
 
     Surest is the zone whose own part of the cost (its node, and its pairs with all others) is least.
     """

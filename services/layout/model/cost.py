@@ -16,7 +16,7 @@ USUAL_CONTENT = 0.1
 """How much of a content feature a zone of any page has; costs are relative to it."""
 
 MOST_EXPLAINED = 1000
-"""Terms of a cost that are told; a page of 500 zones has 200 000."""
+"""Terms of a cost in an explanation; a page of 500 zones has 200 000."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ CONTENT_COST: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.fl
 
 
 def relation_weight(zones: int) -> float:
-    """Share with which each of a zone's edges counts on a page of so many zones.
+    """Share with which each of a zone's edges counts on a page of `zones` zones.
 
     Edges are N - 1 for each node and tell the same thing over again; their sum grows as that of as many
     independent errors would.

@@ -26,7 +26,7 @@ from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
 
 @dataclass(frozen=True, slots=True)
 class EstimationParameters:
-    """How much is believed before samples tell; weights count as so many zones or pages."""
+    """Prior values of the estimates; a weight is the number of zones or pages that the prior counts as."""
 
     spread_weight: float = 2.0
     """Of an attribute's usual spread within a component, against the variance seen."""

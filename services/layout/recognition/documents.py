@@ -5,7 +5,7 @@ the class, pages are independent; so the evidence for a class is the sum of its 
 first page by its own model, that of each later one by the best of its continuation models.
 
 A later page may also be none of the class's: an enclosure, a fax that was sent along. So its likelihood is a mixture
-with that of a page of any kind, for which the best model of all stands, be it whose it may. That bounds what one stray
+with that of a page of any kind, approximated by the best of all models, of any class. That bounds what one stray
 page costs a class; and a class whose later pages nobody has taught gets most of its likelihood from there, so that it
 has neither an advantage over the others by them nor a disadvantage.
 """
@@ -105,7 +105,7 @@ def recognize_document(
     """Class of a document and labels of the zones of its pages, which carry their content features.
 
     The first page is the first one that has zones: the sheet before it may be blank. Continuation models never stand
-    for it, unless there are no others. `on_page` is told of every page that was matched.
+    for it, unless there are no others. `on_page` is called after every page that was matched.
     """
     classes = _gather(models)
     first = next((index for index, page in enumerate(pages) if page.zones), None)

@@ -3,11 +3,12 @@
 import json
 import time
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from services.contract.layout import LayoutSettings, ModelDocument
-from services.contract.layout_learning import FeedbackTask
+from services.contract.layout_learning import VerifiedPage
 from services.errors import InvalidOption
 from services.layout.exchange.page_json import page_to_document
 from services.layout.model.layout_model import MOST_LABELS
@@ -17,13 +18,12 @@ from services.operations.layout_learning import adapt_models
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of, page_of
 
 LETTER = ModelDocument("letter", 1, json.dumps(model_to_document(model_of("letter", 2))).encode())
-LEARNERS = {"letter": "passive-aggressive"}
 
 
-def task(page: Page, found_class: str | None, labels: dict[str, str | None]) -> FeedbackTask:
+def task(page: Page, found_class: str | None, labels: dict[str, str | None]) -> VerifiedPage[dict[str, Any]]:
     """What a person said of a page of letters, whose zones were found to have the labels that they carry."""
     found = {zone.id: zone.label for zone in page.zones}
-    return FeedbackTask(page_to_document(page), found_class, found, "letter", labels, LEARNERS)
+    return VerifiedPage(page_to_document(page), found_class, found, "letter", labels)
 
 
 def test_a_page_teaches_the_model_of_its_class() -> None:

@@ -52,7 +52,7 @@ class ModelRanking:
 
 
 _Key = tuple[ReferenceType[LayoutModel], ...]
-"""Models as they are told apart without being kept alive."""
+"""Identities of models, by weak references."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

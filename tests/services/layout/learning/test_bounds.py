@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.contract.layout_learning import Learner
-from services.layout.learning.feedback import VerifiedPage, learn_from_feedback
-from services.layout.learning.training import train_on_samples
+from services.contract.layout_learning import Learner, VerifiedPage
+from services.layout.learning.feedback import adapt_models
+from services.layout.learning.training import train_in_rounds
 from services.layout.model.layout_model import (
     LARGEST,
     LARGEST_SUM,
@@ -23,7 +23,7 @@ from services.layout.model.layout_model import (
 from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.pipeline import VersionedModel, content_features
 from services.layout.recognition.page_recognition import recognize_page
-from tests.services.layout.learning.pupils import NAMES
+from tests.services.layout.learning.learning_models import NAMES
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of
 
 Document = dict[str, Any]
@@ -119,11 +119,11 @@ def test_a_model_that_learned_can_be_read_again(
 ) -> None:
     models = {"letter": odd_model(chosen, seed), "memo": model_of("memo", 3)}
     page = labelled_page("letter", FIRST_UNSEEN)
-    found = tuple(models["letter"].labels[-1] for _ in page.zones)
+    found = {zone.id: models["letter"].labels[-1] for zone in page.zones}
     labels = {zone.id: zone.label for zone in page.zones[::2]}
     for verified in ("letter", "letter" if is_right else "memo", None):
         said = VerifiedPage(page, "letter", found, verified, labels if verified == "letter" else {})
-        _, learned = learn_from_feedback(said, models, {"letter": learner, "memo": learner}, NAMES)
+        _, learned = adapt_models(said, models, {"letter": learner, "memo": learner}, NAMES)
         assert learned.keys() == {"letter", verified} - {None}
         models |= {name: stored(each.model) for name, each in learned.items()}
     recognition = recognize_page(page, [VersionedModel(model, 1) for model in models.values()], NAMES)
@@ -139,10 +139,8 @@ def test_a_model_that_was_trained_can_be_read_again(
 ) -> None:
     model = odd_model(chosen, seed)
     samples = [labelled_page("letter", FIRST_UNSEEN + number) for number in range(2)]
-    trained = train_on_samples(
-        model, samples, [None, None], 2, learner, content_features(), lambda share: None
-    )
-    assert stored(trained.model).labels[0] is None
+    trained, _ = train_in_rounds(model, samples, [None, None], 2, learner, content_features())
+    assert stored(trained).labels[0] is None
 
 
 @pytest.mark.parametrize("learner", LEARNERS)
@@ -152,8 +150,8 @@ def test_contradictions_over_and_over_leave_a_model_that_recognizes(learner: Lea
     labels = [label for label in models["memo"].labels if label is not None]
     for turn in range(40):
         said = {zone.id: labels[(turn + place) % 2] for place, zone in enumerate(page.zones)}
-        found = tuple(labels[(turn + place + 1) % 2] for place, _ in enumerate(page.zones))
-        _, learned = learn_from_feedback(
+        found = {zone.id: labels[(turn + place + 1) % 2] for place, zone in enumerate(page.zones)}
+        _, learned = adapt_models(
             VerifiedPage(page, "memo", found, "memo", said), models, {"memo": learner}, NAMES
         )
         models["memo"] = learned["memo"].model

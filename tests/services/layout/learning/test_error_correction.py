@@ -8,18 +8,24 @@ from hypothesis import strategies as st
 
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.learning.error_correction import correct_errors
-from services.layout.learning.learners import match_page, practise
+from services.layout.learning.learners import correct_page, match_page
 from services.layout.model.compiled_model import SUREST
 from services.layout.model.cost import labelling_cost
 from services.layout.model.statistics import label_indices
-from tests.services.layout.learning.pupils import classes, known_lesson, mislabelled, pupil, seeds
+from tests.services.layout.learning.learning_models import (
+    classes,
+    known_lesson,
+    learning_model,
+    mislabelled,
+    seeds,
+)
 
 
 @settings(max_examples=60, deadline=None)
 @given(classes, seeds, st.floats(0.0, 0.6))
 def test_the_difference_of_costs_falls(document_class: str, seed: int, share: float) -> None:
     """C'(h*) - C'(h) < C(h*) - C(h), for any wrong h (5.5)."""
-    learned = pupil(document_class)
+    learned = learning_model(document_class)
     page = known_lesson(learned, document_class, seed)
     truth = label_indices(page.labels, learned.labels)
     found = mislabelled(learned, page, seed, share)
@@ -39,14 +45,14 @@ def test_the_difference_of_costs_falls(document_class: str, seed: int, share: fl
 
 
 def test_a_right_labelling_changes_nothing() -> None:
-    learned = pupil("letter")
+    learned = learning_model("letter")
     page = known_lesson(learned, "letter", 0)
     truth = label_indices(page.labels, learned.labels)
     assert correct_errors(learned.model, page.graph, truth, truth) is learned.model
 
 
 def test_values_move_towards_the_right_zone_and_weights_fall_where_they_misled() -> None:
-    learned = pupil("letter")
+    learned = learning_model("letter")
     page = known_lesson(learned, "letter", 3)
     truth = label_indices(page.labels, learned.labels)
     zone = int(np.flatnonzero(truth > 0)[0])
@@ -65,13 +71,13 @@ def test_values_move_towards_the_right_zone_and_weights_fall_where_they_misled()
 
 def test_what_persists_is_learned_in_the_end() -> None:
     """If the problem repeats itself, eventually C(h) > C(h*)."""
-    learned = pupil("letter", 1)
+    learned = learning_model("letter", 1)
     page = known_lesson(learned, "letter", 3)
     truth = label_indices(page.labels, learned.labels)
     errors = [int((match_page(learned, page.graph) != truth).sum())]
     assert errors[0] > 0, "the page is chosen so that there is something to learn"
     for _ in range(60):
-        learned, changed = practise(learned, page, "error-correction")
+        learned, changed = correct_page(learned, page, "error-correction")
         errors.append(int((match_page(learned, page.graph) != truth).sum()))
         if not changed:
             break

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from services.layout.learning.feedback import LabelsMissing, VerifiedPage, learn_from_feedback
+from services.contract.layout_learning import VerifiedPage
+from services.layout.learning.feedback import LabelsMissing, adapt_models
 from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, recognize
-from tests.services.layout.learning.pupils import NAMES
+from tests.services.layout.learning.learning_models import NAMES
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of
 
 
@@ -28,11 +29,11 @@ def recognized(page: Page, *models: LayoutModel):
     return recognize(unlabelled(page), [VersionedModel(model, 1) for model in models])
 
 
-def said(page: Page, found, verified_class: str | None, labels=None) -> VerifiedPage:
+def said(page: Page, found, verified_class: str | None, labels=None) -> VerifiedPage[Page]:
     return VerifiedPage(
         unlabelled(page),
         None if found.chosen is None else found.chosen.name,
-        tuple(zone.label for zone in found.zones),
+        {each.zone.id: each.label for each in found.zones},
         verified_class,
         truth_of(page) if labels is None else labels,
     )
@@ -48,7 +49,7 @@ def test_the_verified_class_learns_the_page() -> None:
     found = recognized(page, model)
     before = errors(page, model)
     assert before > 0
-    labels, learned = learn_from_feedback(said(page, found, "letter"), {"letter": model}, {}, NAMES)
+    labels, learned = adapt_models(said(page, found, "letter"), {"letter": model}, {}, NAMES)
     assert labels == tuple(truth_of(page).values())
     assert list(learned) == ["letter"]
     taught = learned["letter"]
@@ -64,9 +65,7 @@ def test_zones_that_are_not_named_keep_what_was_found() -> None:
     model, page = model_of("memo", 3), unseen("memo", 1)
     found = recognized(page, model)
     corrected = page.zones[0].id
-    labels, _ = learn_from_feedback(
-        said(page, found, "memo", {corrected: "note"}), {"memo": model}, {}, NAMES
-    )
+    labels, _ = adapt_models(said(page, found, "memo", {corrected: "note"}), {"memo": model}, {}, NAMES)
     assert labels == ("note", *(zone.label for zone in found.zones[1:]))
 
 
@@ -77,7 +76,7 @@ def test_a_wrong_class_teaches_both() -> None:
     assert found.chosen is not None
     assert found.chosen.name == "letter"
     models = {"memo": right, "letter": pushed}
-    _, learned = learn_from_feedback(said(page, found, "memo"), models, {}, NAMES)
+    _, learned = adapt_models(said(page, found, "memo"), models, {}, NAMES)
     assert set(learned) == {"memo", "letter"}
     assert learned["memo"].model.calibration.bias < 0
     assert learned["letter"].model.calibration.bias > pushed.calibration.bias
@@ -95,7 +94,7 @@ def test_labels_that_are_not_named_follow_the_verified_class() -> None:
     right, wrong, page = model_of("memo", 3), model_of("letter", 3), unseen("memo", 4)
     found = recognized(page, wrong)
     named = {page.zones[0].id: "a-new-label"}
-    labels, learned = learn_from_feedback(
+    labels, learned = adapt_models(
         replace(said(page, found, "memo", named), found_class="letter"),
         {"memo": right, "letter": wrong},
         {},
@@ -112,7 +111,7 @@ def test_a_page_of_no_class_is_refused() -> None:
     model, page = model_of("letter", 3), unseen("letter", 5)
     found = recognized(page, model)
     assert found.chosen is not None
-    _, learned = learn_from_feedback(said(page, found, None, {}), {"letter": model}, {}, NAMES)
+    _, learned = adapt_models(said(page, found, None, {}), {"letter": model}, {}, NAMES)
     taught = learned["letter"].model
     assert taught.calibration.bias > 0
     assert taught.nodes == model.nodes
@@ -124,7 +123,7 @@ def test_a_page_taken_for_none_is_accepted() -> None:
     strict = replace(model, calibration=replace(model.calibration, bias=6.0))
     found = recognized(page, strict)
     assert found.chosen is None
-    _, learned = learn_from_feedback(said(page, found, "letter"), {"letter": strict}, {}, NAMES)
+    _, learned = adapt_models(said(page, found, "letter"), {"letter": strict}, {}, NAMES)
     assert learned["letter"].model.calibration.bias < strict.calibration.bias
 
 
@@ -132,7 +131,7 @@ def test_a_page_taken_for_none_is_accepted() -> None:
 def test_without_models_only_labels_are_told(verified_class: str | None) -> None:
     page = unseen("memo", 1)
     found = recognized(page)
-    labels, learned = learn_from_feedback(said(page, found, verified_class), {}, {}, NAMES)
+    labels, learned = adapt_models(said(page, found, verified_class), {}, {}, NAMES)
     assert labels == tuple(truth_of(page).values())
     assert learned == {}
 
@@ -140,7 +139,7 @@ def test_without_models_only_labels_are_told(verified_class: str | None) -> None
 def test_labels_that_nobody_can_tell_are_asked_for() -> None:
     page = unseen("memo", 1)
     with pytest.raises(LabelsMissing) as caught:
-        learn_from_feedback(said(page, recognized(page), "memo", {page.zones[0].id: "to"}), {}, {}, NAMES)
+        adapt_models(said(page, recognized(page), "memo", {page.zones[0].id: "to"}), {}, {}, NAMES)
     assert caught.value.zone == page.zones[1].id
 
 
@@ -149,7 +148,7 @@ def test_the_learner_is_chosen_by_model() -> None:
     found = recognized(page, model)
     told = said(page, found, "letter")
     by = {
-        learner: learn_from_feedback(told, {"letter": model}, {"letter": learner}, NAMES)[1]["letter"].model
+        learner: adapt_models(told, {"letter": model}, {"letter": learner}, NAMES)[1]["letter"].model
         for learner in ("passive-aggressive", "counting", "error-correction")
     }
     assert by["error-correction"].samples == model.samples

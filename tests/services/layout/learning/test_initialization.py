@@ -19,7 +19,7 @@ NAMES = content_features().names
 
 
 def initialize(name: str, pages: Sequence[Page]) -> LayoutModel:
-    return initialize_model(name, pages, [None] * len(pages), content_features())
+    return initialize_model(name, pages)
 
 
 @pytest.mark.parametrize("name", MAKERS)

@@ -10,7 +10,13 @@ from services.layout.learning.slopes import SlopeRates, cost_slopes, step_along
 from services.layout.matching import match_directly
 from services.layout.model.cost import build_cost_tables, labelling_cost
 from services.layout.model.statistics import label_indices
-from tests.services.layout.learning.pupils import classes, known_lesson, mislabelled, pupil, seeds
+from tests.services.layout.learning.learning_models import (
+    classes,
+    known_lesson,
+    learning_model,
+    mislabelled,
+    seeds,
+)
 
 
 def cost(graph, model, labels) -> float:
@@ -21,7 +27,7 @@ def cost(graph, model, labels) -> float:
 @given(classes, seeds)
 def test_the_cost_is_linear_along_its_slopes(document_class: str, seed: int) -> None:
     """A step of size t lowers the cost by t times the squared length of the slopes."""
-    learned = pupil(document_class)
+    learned = learning_model(document_class)
     page = known_lesson(learned, document_class, seed)
     labels = mislabelled(learned, page, seed, 0.3)
     slopes, rates = cost_slopes(page.graph, learned.model, labels), SlopeRates()
@@ -34,7 +40,7 @@ def test_the_cost_is_linear_along_its_slopes(document_class: str, seed: int) -> 
 @settings(max_examples=25, deadline=None)
 @given(classes, seeds)
 def test_an_unbounded_step_gives_the_margin_to_what_broke_it(document_class: str, seed: int) -> None:
-    learned = pupil(document_class)
+    learned = learning_model(document_class)
     page = known_lesson(learned, document_class, seed)
     truth = label_indices(page.labels, learned.labels)
     # Without weights, which end at zero, the cost is linear for any step.
@@ -52,7 +58,7 @@ def test_an_unbounded_step_gives_the_margin_to_what_broke_it(document_class: str
 @settings(max_examples=25, deadline=None)
 @given(classes, seeds)
 def test_a_bounded_step_is_no_longer_than_allowed(document_class: str, seed: int) -> None:
-    learned = pupil(document_class, 1)
+    learned = learning_model(document_class, 1)
     page = known_lesson(learned, document_class, seed)
     truth = label_indices(page.labels, learned.labels)
     parameters = MarginParameters(aggressiveness=0.01)
@@ -64,7 +70,7 @@ def test_a_bounded_step_is_no_longer_than_allowed(document_class: str, seed: int
 
 
 def test_a_page_with_its_margin_teaches_nothing_more() -> None:
-    learned = pupil("memo")
+    learned = learning_model("memo")
     page = known_lesson(learned, "memo", 1)
     truth = label_indices(page.labels, learned.labels)
     model = learned.model
@@ -78,7 +84,7 @@ def test_a_page_with_its_margin_teaches_nothing_more() -> None:
 
 
 def test_the_margin_is_taken_from_every_label_but_the_true_one() -> None:
-    learned = pupil("memo")
+    learned = learning_model("memo")
     page = known_lesson(learned, "memo", 1)
     truth = label_indices(page.labels, learned.labels)
     tables = build_cost_tables(page.graph, replace(learned.model))

@@ -3,11 +3,11 @@
 import pytest
 
 from services.layout.learning.learners import wrong_zones
-from services.layout.learning.rounds import RoundParameters, train
-from services.layout.learning.training import train_on_samples
+from services.layout.learning.rounds import RoundParameters, run_rounds
+from services.layout.learning.training import train_in_rounds
 from services.layout.model.learning_model import LearningModel
 from services.layout.pipeline import content_features
-from tests.services.layout.learning.pupils import known_lesson, pupil
+from tests.services.layout.learning.learning_models import known_lesson, learning_model
 from tests.services.layout.samples import labelled_page, model_of
 
 
@@ -17,28 +17,28 @@ def lessons(document_class: str, learned: LearningModel, count: int):
 
 @pytest.mark.parametrize("learner", ["passive-aggressive", "error-correction"])
 def test_errors_on_the_samples_fall(learner) -> None:
-    learned = pupil("letter", 1)
+    learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 6)
-    training = train(lambda indices: learned, pages, 25, learner, hold_out=False)
+    model, training = run_rounds(lambda indices: learned, pages, 25, learner, hold_out=False)
     errors = [each.error for each in training.rounds]
     assert errors[0] > 0.02
-    assert errors[training.kept] <= 0.5 * errors[0]
-    assert errors[training.kept] == min(errors)
+    assert errors[training.kept_round] <= 0.5 * errors[0]
+    assert errors[training.kept_round] == min(errors)
     assert all(each.held_out_error is None for each in training.rounds)
     zones = sum(len(views[0].labels) for views in pages)
-    left = sum(wrong_zones(training.model, views[0]) for views in pages) / zones
-    assert left == pytest.approx(errors[training.kept])
+    left = sum(wrong_zones(model, views[0]) for views in pages) / zones
+    assert left == pytest.approx(errors[training.kept_round])
 
 
 def test_counting_alone_stops_at_once() -> None:
-    learned = pupil("memo", 1)
-    training = train(lambda indices: learned, lessons("memo", learned, 3), 10, "counting")
-    assert (training.kept, training.stopped, len(training.rounds)) == (0, "no-errors", 2)
-    assert training.model is learned
+    learned = learning_model("memo", 1)
+    model, training = run_rounds(lambda indices: learned, lessons("memo", learned, 3), 10, "counting")
+    assert (training.kept_round, training.stopped, len(training.rounds)) == (0, "no-errors", 2)
+    assert model is learned
 
 
-def test_held_out_pages_are_not_practised_and_choose_the_round() -> None:
-    learned = pupil("letter", 1)
+def test_held_out_pages_are_not_learned_from_and_choose_the_round() -> None:
+    learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 6)
     begun: list[set[int]] = []
 
@@ -46,19 +46,19 @@ def test_held_out_pages_are_not_practised_and_choose_the_round() -> None:
         begun.append(set(indices))
         return learned
 
-    training = train(begin, pages, 6, "passive-aggressive", RoundParameters(folds=3, patience=1))
+    _, training = run_rounds(begin, pages, 6, "passive-aggressive", RoundParameters(folds=3, patience=1))
     assert begun[-1] == set(range(6))
     held_out = [set(range(6)) - each for each in begun[:-1]]
     assert sorted(index for part in held_out for index in part) == list(range(6))
     errors = [each.held_out_error for each in training.rounds]
-    assert errors[training.kept] == min(errors)
+    assert errors[training.kept_round] == min(errors)
     best = min(training.rounds, key=lambda each: (each.held_out_error, each.error))
-    assert training.kept == best.number
+    assert training.kept_round == best.number
 
 
 def test_training_stops_when_held_out_errors_rise(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages whose labels contradict each other leave more and more errors on those held out."""
-    learned = pupil("letter", 1)
+    learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 4)
     held_out_errors = iter([5, 4, 6, 7, 9, 9])
 
@@ -68,20 +68,22 @@ def test_training_stops_when_held_out_errors_rise(monkeypatch: pytest.MonkeyPatc
     whole = learned
     monkeypatch.setattr("services.layout.learning.rounds.wrong_zones", scripted)
     monkeypatch.setattr(
-        "services.layout.learning.rounds.practise", lambda model, page, learner: (model, True)
+        "services.layout.learning.rounds.correct_page", lambda model, page, learner: (model, True)
     )
-    other = pupil("letter", 1)
-    training = train(lambda indices: whole if len(indices) == 4 else other, pages, 50, "passive-aggressive")
+    other = learning_model("letter", 1)
+    _, training = run_rounds(
+        lambda indices: whole if len(indices) == 4 else other, pages, 50, "passive-aggressive"
+    )
     assert training.stopped == "held-out"
-    assert training.kept == 1
+    assert training.kept_round == 1
     assert len(training.rounds) == 4, "two rounds worse than the best one"
 
 
 def test_effort_is_bounded() -> None:
     """Fewer parts are held out of what takes long, and rounds end."""
-    learned = pupil("letter", 1)
+    learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 6)
-    whole = train(lambda indices: learned, pages, 50, "passive-aggressive")
+    _, whole = run_rounds(lambda indices: learned, pages, 50, "passive-aggressive")
     rounds = len(whole.rounds) - 1
     begun: list[int] = []
 
@@ -90,7 +92,7 @@ def test_effort_is_bounded() -> None:
         return learned
 
     little = RoundParameters(most_effort=1.0, patience=100)
-    training = train(begin, pages, 50, "passive-aggressive", little)
+    _, training = run_rounds(begin, pages, 50, "passive-aggressive", little)
     assert begun == [4, 6], "one part is held out still, and all are learned from"
     assert (training.stopped, len(training.rounds)) == ("effort", 2), "one round there is in any case"
     assert rounds > 1
@@ -99,14 +101,14 @@ def test_effort_is_bounded() -> None:
 def test_a_model_is_trained_from_its_samples() -> None:
     samples = [labelled_page("letter", seed) for seed in range(6)]
     heard: list[float] = []
-    trained = train_on_samples(
+    trained, report = train_in_rounds(
         model_of("letter", 3), samples, [None] * 6, 3, "passive-aggressive", content_features(), heard.append
     )
-    assert trained.rounds[0].held_out_error is not None
-    assert trained.model.samples == 6
-    assert trained.model.statistics is not None
-    assert trained.model.statistics.pages == 6
-    assert trained.model.calibration.pages == 12
+    assert report.rounds[0].held_out_error is not None
+    assert trained.samples == 6
+    assert trained.statistics is not None
+    assert trained.statistics.pages == 6
+    assert trained.calibration.pages == 12
     assert heard == sorted(heard)
     assert heard[-1] <= 1.0
 
@@ -114,15 +116,15 @@ def test_a_model_is_trained_from_its_samples() -> None:
 def test_a_model_that_has_seen_more_than_its_samples_goes_on_from_where_it_stands() -> None:
     experienced = model_of("letter", 5)
     samples = [labelled_page("letter", 1000 + seed) for seed in range(2)]
-    trained = train_on_samples(
-        experienced, samples, [None] * 2, 2, "passive-aggressive", content_features(), lambda share: None
+    trained, report = train_in_rounds(
+        experienced, samples, [None] * 2, 2, "passive-aggressive", content_features()
     )
-    assert trained.model.samples == experienced.samples
-    assert trained.model.statistics is not None
-    assert trained.model.statistics.pages == 5, "its pages are not counted again"
-    assert all(each.held_out_error is None for each in trained.rounds)
+    assert trained.samples == experienced.samples
+    assert trained.statistics is not None
+    assert trained.statistics.pages == 5, "its pages are not counted again"
+    assert all(each.held_out_error is None for each in report.rounds)
 
 
 def test_nothing_to_learn_from_is_an_error() -> None:
     with pytest.raises(ValueError, match="at least one page"):
-        train_on_samples(model_of("memo", 1), [], [], 1, "counting", content_features(), lambda share: None)
+        train_in_rounds(model_of("memo", 1), [], [], 1, "counting", content_features())

@@ -12,7 +12,7 @@ from services.layout.learning.statistics_update import StatisticsUpdateParameter
 from services.layout.model.estimation import estimate_model
 from services.layout.model.learning_model import begin_learning, end_learning, with_labels
 from services.layout.model.statistics import gather_statistics, total_statistics
-from tests.services.layout.learning.pupils import ALL_NAMES, classes, lesson, pupil, seeds
+from tests.services.layout.learning.learning_models import ALL_NAMES, classes, learning_model, lesson, seeds
 
 STILL = StatisticsUpdateParameters(scale_rate=0.0)
 """With the scales as they are."""
@@ -26,7 +26,7 @@ def assert_same(one, other, tolerance: float = 2e-3) -> None:
 @settings(max_examples=15, deadline=None)
 @given(classes, st.lists(seeds, min_size=1, max_size=4, unique=True))
 def test_counting_is_initialization_of_all_pages(document_class: str, chosen: list[int]) -> None:
-    learned = pupil(document_class)
+    learned = learning_model(document_class)
     pages = [lesson(document_class, seed) for seed in chosen]
     counted = learned
     for page in pages:
@@ -42,7 +42,7 @@ def test_counting_is_initialization_of_all_pages(document_class: str, chosen: li
 @settings(max_examples=10, deadline=None)
 @given(classes, seeds)
 def test_what_was_learned_from_errors_stays(document_class: str, seed: int) -> None:
-    learned = pupil(document_class)
+    learned = learning_model(document_class)
     page = lesson(document_class, seed)
     learned = with_labels(learned, page.labels)
     bent = learned.with_model(replace(learned.model, label_costs=learned.model.label_costs + 0.7))
@@ -52,14 +52,14 @@ def test_what_was_learned_from_errors_stays(document_class: str, seed: int) -> N
 
 
 def test_moving_to_the_same_estimate_moves_nothing() -> None:
-    learned = pupil("fax")
+    learned = learning_model("fax")
     estimate = estimate_model(learned.statistics, learned.labels, learned.model.scales)
     assert_same(moved(learned.model, estimate, estimate), learned.model, 1e-9)
 
 
 @pytest.mark.parametrize("learner", ["counting", "passive-aggressive", "error-correction"])
 def test_a_label_that_the_model_had_not_becomes_a_node(learner) -> None:
-    learned = pupil("memo")
+    learned = learning_model("memo")
     page = lesson("memo", 2)
     page = replace(page, labels=("never-seen", *page.labels[1:]))
     taught = learn_page(learned, page, learner)
@@ -73,7 +73,7 @@ def test_a_label_that_the_model_had_not_becomes_a_node(learner) -> None:
 
 def test_scales_follow_what_tells_labels_apart() -> None:
     """A weight that was lost comes back by the pages that need it."""
-    learned = pupil("letter", 5)
+    learned = learning_model("letter", 5)
     column = ALL_NAMES.index("date") + learned.model.values.shape[1]
     scales = learned.model.scales.copy()
     scales[column] = 0.0
@@ -89,7 +89,7 @@ def test_scales_follow_what_tells_labels_apart() -> None:
 def test_old_pages_fade() -> None:
     """After a change of the class its new look is what is expected."""
     few = StatisticsUpdateParameters(scale_rate=0.0, most_pages=4.0)
-    learned = pupil("letter", 5)
+    learned = learning_model("letter", 5)
     page = lesson("letter", 1)
     for _ in range(30):
         learned = update_statistics(learned, page, few)
@@ -101,7 +101,7 @@ def test_old_pages_fade() -> None:
 
 
 def test_counting_an_empty_page_counts_no_zone() -> None:
-    learned = pupil("memo")
+    learned = learning_model("memo")
     page = lesson("memo", 0)
     graph = replace(
         page.graph,

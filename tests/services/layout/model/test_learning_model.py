@@ -11,7 +11,7 @@ from services.layout.model.compiled_model import compile_model
 from services.layout.model.learning_model import begin_learning, end_learning, with_labels
 from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.model.statistics import MOST_COUNTED
-from tests.services.layout.learning.pupils import ALL_NAMES, classes, lesson, pupil, seeds
+from tests.services.layout.learning.learning_models import ALL_NAMES, classes, learning_model, lesson, seeds
 from tests.services.layout.samples import model_of
 
 ARRAYS = ("values", "variances", "content", "weights", "label_costs", "relations", "counts", "scales")
@@ -20,7 +20,7 @@ ARRAYS = ("values", "variances", "content", "weights", "label_costs", "relations
 @settings(max_examples=15, deadline=None)
 @given(classes, seeds)
 def test_what_was_learned_is_stored(document_class: str, seed: int) -> None:
-    learned = learn_page(pupil(document_class), lesson(document_class, seed), "passive-aggressive")
+    learned = learn_page(learning_model(document_class), lesson(document_class, seed), "passive-aggressive")
     stored = model_from_document(model_to_document(end_learning(learned)))
     again = begin_learning(stored, ALL_NAMES)
     assert again.labels == learned.labels
@@ -56,7 +56,7 @@ def test_a_model_without_statistics_learns_from_what_it_presumes(document_class:
 
 
 def test_nodes_that_are_added_cost_what_is_usual_and_leave_the_others_alone() -> None:
-    learned = pupil("fax")
+    learned = learning_model("fax")
     grown = with_labels(learned, ("new", None, learned.labels[1]))
     old = len(learned.labels)
     assert grown.labels == (*learned.labels, "new")

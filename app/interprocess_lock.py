@@ -1,7 +1,8 @@
-"""Turns that processes of one machine take over one folder, as a courtesy: nothing depends on them.
+"""Advisory locks by name among the processes of one machine that share a folder.
 
-Who learns without its turn may have worked for nothing, because another was faster (`VersionConflict`); four processes
-that teach one model all the time throw most of their work away so. A kill ends a turn as its process ends.
+Correctness does not depend on them. A process that learns without the lock may work in vain, because another one wrote
+a version first (`VersionConflict`): four processes that teach one model all the time lose most of their work so. The
+operating system releases the locks of a process that is killed.
 """
 
 import asyncio
@@ -15,28 +16,28 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 SHORTEST_PAUSE_S, LONGEST_PAUSE_S = 0.002, 0.02
-"""Between two looks whether the turn is free; a turn takes some 50 ms."""
+"""Between two attempts to lock; a lock is held for some 50 ms."""
 
 
-class ProcessTurns:
-    """Turns by name: one byte of one file is locked for each, so that names leave nothing behind.
+class InterprocessLock:
+    """Locks by name: one byte of one file for each name, so that names leave nothing behind.
 
     Tasks of one process do not exclude each other.
     """
 
     def __init__(self, file: Path | None) -> None:
-        """None: nobody shares anything, and every turn is free at once."""
+        """Without a `file` there is nothing to share, and no lock is taken."""
         self._file = file
         self._open: int | None = None
         self._held: set[int] = set()
 
     def holds(self, name: str) -> bool:
-        """Whether somebody of this process has the turn now."""
+        """Whether this process has the lock now."""
         return _place(name) in self._held
 
     @asynccontextmanager
     async def take(self, name: str, patience_s: float) -> AsyncIterator[None]:
-        """The turn of `name` for the block, which begins without it when it does not come within `patience_s`."""
+        """Hold the lock of `name` for the block; after `patience_s` seconds of waiting the block begins without it."""
         place = _place(name)
         is_taken = await self._try(place, time.monotonic() + patience_s)
         try:
@@ -65,7 +66,7 @@ class ProcessTurns:
             return False
 
     def close(self) -> None:
-        """Give all turns back."""
+        """Release all locks."""
         if self._open is not None:
             os.close(self._open)
             self._open = None

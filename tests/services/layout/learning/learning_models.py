@@ -15,7 +15,7 @@ NAMES = content_features().names
 ALL_NAMES = (*NAMES, *KIND_FEATURES)
 
 
-def pupil(document_class: str, samples: int = 2) -> LearningModel:
+def learning_model(document_class: str, samples: int = 2) -> LearningModel:
     return begin_learning(model_of(document_class, samples), ALL_NAMES)
 
 

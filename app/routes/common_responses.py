@@ -1,14 +1,14 @@
-"""Codes of the problems that routes of one kind have in common, for their documentation."""
+"""Codes of problems that routes have in common, for their documentation."""
 
 BODY = ("too-large", "request-timeout")
-"""Of whatever has a body."""
+"""Of requests with a body."""
 FORM = ("bad-request", *BODY)
-"""Of a form."""
+"""Of requests with a form."""
 IMAGE = ("unsupported-media-type", "undecodable-image", "invalid-option")
-"""Of whatever takes an image, or zones."""
+"""Of requests with an image or zones."""
 STORE = ("internal", "store-unavailable")
-"""Of whatever is remembered."""
+"""Of requests that use the store."""
 READING = ("not-found", "invalid-option", *STORE)
-"""Of whatever is asked of a model."""
+"""Of requests about a model."""
 WORK = ("out-of-memory", "worker-died", "busy", "shutting-down", "timed-out")
-"""Of whatever is done by a worker."""
+"""Of requests that a worker does."""

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from app.process_turns import ProcessTurns
+from app.interprocess_lock import InterprocessLock
 
 
 def hold(file: Path, name: str, said: Connection) -> None:
     """Take the turn, say so, and keep it until a word comes."""
 
     async def run() -> None:
-        async with ProcessTurns(file).take(name, 60.0):
+        async with InterprocessLock(file).take(name, 60.0):
             said.send("taken")
             said.recv()
 
@@ -34,7 +34,7 @@ def other(tmp_path: Path):
     process.join()
 
 
-async def is_free(turns: ProcessTurns, name: str) -> bool:
+async def is_free(turns: InterprocessLock, name: str) -> bool:
     """Whether the turn comes at once."""
     async with turns.take(name, 0.0):
         return turns.holds(name)
@@ -42,7 +42,7 @@ async def is_free(turns: ProcessTurns, name: str) -> bool:
 
 def test_a_turn_is_one_processs_until_it_gives_it_back(tmp_path: Path, other) -> None:
     process, pipe = other
-    turns = ProcessTurns(tmp_path / "turns")
+    turns = InterprocessLock(tmp_path / "turns")
     assert not asyncio.run(is_free(turns, "letter"))
     assert asyncio.run(is_free(turns, "memo"))
     pipe.send("go on")
@@ -55,14 +55,14 @@ def test_a_kill_ends_a_turn(tmp_path: Path, other) -> None:
     process, _ = other
     process.kill()
     process.join()
-    turns = ProcessTurns(tmp_path / "turns")
+    turns = InterprocessLock(tmp_path / "turns")
     assert asyncio.run(is_free(turns, "letter"))
     turns.close()
 
 
 @pytest.mark.parametrize("file", [None, Path("/proc/no-such-folder/turns")])
 def test_where_there_are_no_turns_nobody_waits(file: Path | None) -> None:
-    turns = ProcessTurns(file)
+    turns = InterprocessLock(file)
 
     async def run() -> str:
         async with turns.take("letter", 60.0):
