@@ -93,6 +93,9 @@ def count_samples() -> ColumnElement[int]:
 
 
 def require_version(name: str, current: int | None, expected: ExpectedVersion) -> None:
+    if callable(expected):
+        expected(current)
+        return
     if isinstance(expected, AnyVersion) or expected == current:
         return
     has = "no version" if current is None else f"version {current}"

@@ -1,6 +1,6 @@
 """What the store answers with: plain values, with times that are aware and in UTC."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from enum import Enum
@@ -23,8 +23,9 @@ class AnyVersion(Enum):
 
 ANY: Final = AnyVersion.ANY
 """The writer does not mind which version the model has."""
-ExpectedVersion = int | None | AnyVersion
-"""None: the class has no version yet."""
+ExpectedVersion = int | None | AnyVersion | Callable[[int | None], None]
+"""None: the class has no version yet. A function gets the version that the class has when it is written, and raises
+an error if it must not be written."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -128,6 +128,25 @@ def test_a_writer_may_say_what_it_expects(store: Store) -> None:
     assert [summary.name for summary in store.models()] == ["letter"]
 
 
+def test_a_writer_may_judge_the_version_that_is_written_over(store: Store) -> None:
+    judged: list[int | None] = []
+    store.add_version("letter", {"n": 1}, "import", expected_version=judged.append)
+    store.add_version("letter", {"n": 2}, "train", expected_version=judged.append)
+
+    def refuse(current: int | None) -> None:
+        raise LookupError(current)
+
+    for write in (
+        lambda: store.add_version("letter", {"n": 3}, "train", expected_version=refuse),
+        lambda: store.rollback("letter", 1, refuse),
+        lambda: store.delete_model("letter", expected_version=refuse),
+    ):
+        with pytest.raises(LookupError, match="2"):
+            write()
+    assert judged == [None, 1]
+    assert store.model("letter").document == {"n": 2}
+
+
 def test_only_an_import_makes_a_class(store: Store) -> None:
     with pytest.raises(ModelNotFound):
         store.add_version("letter", {}, "initialize")
