@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from anyio import CapacityLimiter, to_thread
 
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
-from models.records import StoredModel
+from models.records import StoredModel, UnknownPageDraft
 from models.repository import Store
 from services.contract.layout import ModelDocument
 from services.errors import InvalidOption
@@ -184,23 +184,19 @@ class LayoutStore:
         if is_due:
             self._last_purge_s, self._results_since_purge = now, 0
 
+        unknown = self.unknown_page(document["page"]) if _is_unknown(document) else None
+
         def keep(store: Store) -> str:
-            result_id = store.add_result(document, self._results.ttl_s)
-            if _is_unknown(document):
-                self._keep_unknown_page(store, document["page"], result_id)
+            result_id = store.add_result(document, self._results.ttl_s, unknown)
             if is_due:
                 store.purge_results(keep_newest=self._results.max_results)
             return result_id
 
         return await self.call(keep)
 
-    async def keep_unknown_page(self, page: dict[str, Any], result_id: str) -> None:
-        """Keep the page of a result among those that are of no class, once."""
-        await self.call(lambda store: self._keep_unknown_page(store, page, result_id))
-
-    def _keep_unknown_page(self, store: Store, page: dict[str, Any], result_id: str) -> None:
-        limits = self._results
-        store.keep_unknown_page(page, result_id, limits.max_unknown_pages, limits.unknown_ttl_s)
+    def unknown_page(self, page: dict[str, Any]) -> UnknownPageDraft:
+        """A page that fits no class, as the store keeps it within the limits."""
+        return UnknownPageDraft(page, self._results.max_unknown_pages, self._results.unknown_ttl_s)
 
 
 def _is_unknown(document: Mapping[str, Any]) -> bool:

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session, defer
 from models.documents import Document, decode_document, digest_document, encode_document
 from models.errors import KeyReused, NotStorable
 from models.queries import (
+    add_unknown_page,
     append_version,
     count_samples,
     find_model,
@@ -91,7 +92,10 @@ class KeptFeedback(Transactions):
                 )
                 links[row.id].new_version = row.version
             sample_id = self._keep_sample(session, draft, sample, max_samples, now)
-            if draft.verified_class is not None:
+            if draft.unknown_page is not None:
+                page_id = self._ulids.make(now)
+                add_unknown_page(session, page_id, draft.result_id, draft.unknown_page, now)
+            elif draft.verified_class is not None:
                 known = UnknownPageRow.result_id == draft.result_id
                 session.execute(delete(UnknownPageRow).where(known))
             feedback = FeedbackRow(

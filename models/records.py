@@ -107,6 +107,15 @@ class StoredResult:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class UnknownPageDraft:
+    """A page that fits no class, to be kept for `ttl_s` seconds; of more than `bound` such pages the oldest go."""
+
+    page: Document
+    bound: int
+    ttl_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ModelChange:
     """A new document of a class, made from its version `expected_version` (None: it has samples, but no version)."""
 
@@ -122,6 +131,7 @@ class FeedbackDraft:
     `request` is the body as it was understood: the same one counts once for a result. `report` is told again when
     it comes again; the store does not look into it. `zones` is how many zones the page has, `wrong_zones` of how
     many the label was wrong. `sample`, the verified page, becomes a sample of `verified_class` where both are given.
+    `unknown_page` is kept beside the feedback, in the same transaction; once for each result.
     """
 
     result_id: str
@@ -134,6 +144,7 @@ class FeedbackDraft:
     wrong_zones: int
     class_wrong: bool
     sample: Document | None
+    unknown_page: UnknownPageDraft | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,30 +8,29 @@ from sqlalchemy import ColumnElement, CursorResult, delete, select
 
 from models.documents import Document, decode_document, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
-from models.queries import READ_AT_ONCE, require_result_id
-from models.records import StoredResult, UnknownPage
+from models.queries import READ_AT_ONCE, add_unknown_page
+from models.records import StoredResult, UnknownPage, UnknownPageDraft
 from models.tables import ResultRow, UnknownPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
-
-UNKNOWN_TTL_S = 30 * 86400.0
-"""Seconds: new kinds of documents show themselves in weeks, and a page that nobody asked for shall not stay longer."""
 
 
 class KeptResults(Transactions):
     """Results, which expire, and a ring of unknown pages."""
 
-    def add_result(self, document: Document, ttl_s: float) -> str:
-        """Keep the answer to a recognition for `ttl_s` seconds; its id is handed out."""
-        packed, now = encode_document(document), self._clock()
+    def add_result(self, document: Document, ttl_s: float, unknown: UnknownPageDraft | None = None) -> str:
+        """Keep the answer to a recognition for `ttl_s` seconds, with its page if it fits no class; its id."""
+        now = self._clock()
         row = ResultRow(
             id=self._ulids.make(now),
             created_at=now,
             expires_at=now + timedelta(seconds=ttl_s),
-            document=packed,
+            document=encode_document(document),
         )
-        with self._writing() as session:
+        with self._changing() as (session, _):
             session.add(row)
+            if unknown is not None:
+                add_unknown_page(session, self._ulids.make(now), row.id, unknown, now)
         return row.id
 
     def result(self, result_id: str) -> StoredResult:
@@ -57,35 +56,6 @@ class KeptResults(Transactions):
                 if last is not None:
                     gone |= ResultRow.id <= last
             return cast(CursorResult[None], session.execute(delete(ResultRow).where(gone))).rowcount
-
-    def keep_unknown_page(
-        self, page: Document, result_id: str, bound: int, ttl_s: float = UNKNOWN_TTL_S
-    ) -> UnknownPage:
-        """Keep a page that fitted no class for `ttl_s` seconds; of more than `bound` the oldest go.
-
-        A page counts once for its result: the answer is then the one that is there.
-        """
-        require_result_id(result_id)
-        packed, now = encode_document(page), self._clock()
-        with self._changing() as (session, _):
-            session.execute(delete(UnknownPageRow).where(UnknownPageRow.expires_at <= now))
-            of_result = select(UnknownPageRow).where(UnknownPageRow.result_id == result_id)
-            row = session.execute(of_result).scalar_one_or_none()
-            if row is None:
-                row = UnknownPageRow(
-                    id=self._ulids.make(now),
-                    result_id=result_id,
-                    created_at=now,
-                    expires_at=now + timedelta(seconds=ttl_s),
-                    document=packed,
-                )
-                session.add(row)
-                session.flush()
-            newest = select(UnknownPageRow.id).order_by(UnknownPageRow.id.desc()).offset(bound).limit(1)
-            last = session.execute(newest).scalar_one_or_none()
-            if last is not None:
-                session.execute(delete(UnknownPageRow).where(UnknownPageRow.id <= last))
-        return _unknown_page(row)
 
     def each_unknown_page(self) -> Iterator[UnknownPage]:
         """Pages that fitted no class and are still kept, oldest first; never all are in memory."""

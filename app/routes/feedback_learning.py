@@ -3,7 +3,7 @@
 import asyncio
 import random
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from app.engine.base import Busy, TimeLimit
@@ -92,8 +92,6 @@ async def learn_from(state: AppState, result_id: str, key: str | None, body: Fee
                     raise
         else:
             raise Busy(f"Others teach {' and '.join(names)} all the time; send the feedback again later.")
-    if feedback.created and verdict.verified_class is None and found.found_labels:
-        await state.store.keep_unknown_page(found.page, result_id)
     return feedback
 
 
@@ -165,7 +163,9 @@ async def _learn_once(
             time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
         )
         changes.append(ModelChange(verdict.verified_class, first.document, None))
-    draft = _draft(result_id, key, found, verdict, adaptation)
+    is_unknown = verdict.verified_class is None and bool(found.found_labels)
+    unknown_page = state.store.unknown_page(found.page) if is_unknown else None
+    draft = replace(_draft(result_id, key, found, verdict, adaptation), unknown_page=unknown_page)
     return await state.store.call(
         lambda store: store.add_feedback(draft, changes, max_samples=state.settings.max_samples_per_model)
     )
