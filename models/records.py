@@ -96,14 +96,15 @@ class StoredSample:
     result_id: str | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class StoredResult:
-    """The answer to a recognition, kept until `expires_at`."""
+    """The answer to a recognition, kept until `expires_at`; `pages` are the answers about the pages of a document."""
 
     id: str
     document: dict[str, Any]
     created_at: datetime
     expires_at: datetime
+    pages: "tuple[StoredResult, ...]" = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,6 +114,14 @@ class UnknownPageDraft:
     page: Document
     bound: int
     ttl_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResultDraft:
+    """The answer to a recognition; `unknown` is its page, where it fits no class."""
+
+    document: Document
+    unknown: UnknownPageDraft | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

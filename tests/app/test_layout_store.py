@@ -161,6 +161,19 @@ def test_more_results_than_are_kept(tmp_path: Path) -> None:
     with_store(tmp_path, work)
 
 
+def test_what_cannot_be_purged_stops_no_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> int:
+        raise StoreUnavailable("the database is locked")
+
+    async def work(store: LayoutStore) -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(Store, "purge_results", fail)
+            result_id = await store.keep_result({"number": 1})  # the first one is followed by a purge
+        assert (await store.call(lambda inner: inner.result(result_id))).document == {"number": 1}
+
+    with_store(tmp_path, work)
+
+
 def test_few_threads_wait_for_the_database(tmp_path: Path) -> None:
     running, most, lock = 0, 0, threading.Lock()
     full = threading.Event()
