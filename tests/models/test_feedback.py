@@ -130,15 +130,37 @@ def test_the_first_feedback_may_make_the_first_version(letters: Store, result: s
 )
 def test_the_same_counts_once(letters: Store, result: str, first: str | None, again: str | None) -> None:
     kept = letters.add_feedback(draft(result, key=first), [change("letter")])
-    before = everything(letters)
     said = draft(result, key=again)
+    before = everything(letters) if first is not None or again is None else None
     found = letters.find_feedback(result, again, said.request)
     assert found is not None
     # It comes again with the version that the first one saw, as a client's retry does.
     for repeated in (found, letters.add_feedback(said, [change("letter")])):
         assert not repeated.created
         assert as_stored(repeated) == as_stored(kept)
+        before = before or everything(
+            letters
+        )  # the key is bound to the body that came without one, nothing else
     assert everything(letters) == before
+
+
+@pytest.mark.parametrize("call", ["find", "add"])
+def test_a_key_that_comes_later_is_bound_to_the_body(letters: Store, result: str, call: str) -> None:
+    kept, said = letters.add_feedback(draft(result), []), draft(result, key="key")
+    again = (
+        letters.add_feedback(said, [])
+        if call == "add"
+        else letters.find_feedback(result, "key", said.request)
+    )
+    assert again is not None
+    assert as_stored(again) == as_stored(kept)
+    with pytest.raises(KeyReused):
+        letters.add_feedback(draft(result, "date", key="key"), [])
+    other = draft(result, key="other key")  # of two keys of one body the first one is its own
+    assert as_stored(letters.add_feedback(other, [])) == as_stored(kept)
+    found = letters.find_feedback(result, "key", said.request)
+    assert found is not None
+    assert as_stored(found) == as_stored(kept)
 
 
 def test_keys_are_of_one_body_and_one_result(letters: Store, result: str) -> None:

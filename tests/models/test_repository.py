@@ -241,6 +241,14 @@ def test_a_sample_counts_once(store: Store) -> None:
     assert store.add_sample("letter", {"a": 3}).created
 
 
+def test_a_key_that_comes_later_is_bound_to_the_sample(store: Store) -> None:
+    first = store.add_sample("letter", {"a": 1})
+    assert store.add_sample("letter", {"a": 1}, key="key").id == first.id
+    with pytest.raises(KeyReused):
+        store.add_sample("letter", {"a": 2}, key="key")
+    assert store.sample_count("letter") == 1
+
+
 def test_samples_can_be_taken_away(store: Store) -> None:
     ids = [store.add_sample("letter", {"n": n}).id for n in range(4)]
     assert [sample.id for sample in store.samples("letter")] == ids
