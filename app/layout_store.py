@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from anyio import CapacityLimiter, to_thread
 
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
-from models.records import StoredModel
+from models.records import ResultDraft, StoredModel, UnknownPageDraft
 from models.repository import Store
 from services.contract.layout import ModelDocument
 from services.errors import InvalidOption
@@ -178,29 +178,38 @@ class LayoutStore:
 
     async def keep_result(self, document: dict[str, Any]) -> str:
         """Keep what a recognition found, and its page also among the unknown ones if it fits no class; its id."""
+        draft, ttl_s = self._draft(document), self._results.ttl_s
+        result_id = await self.call(lambda store: store.add_result(draft.document, ttl_s, draft.unknown))
+        await self._purge_when_due(1)
+        return result_id
+
+    async def keep_document(
+        self, document: dict[str, Any], pages: Sequence[dict[str, Any]]
+    ) -> tuple[str, list[str]]:
+        """Keep what was found of a document and of each of its pages, all or nothing; its id, and theirs."""
+        drafts = [self._draft(page) for page in pages]
+        ids = await self.call(lambda store: store.add_document(document, drafts, self._results.ttl_s))
+        await self._purge_when_due(1 + len(pages))
+        return ids
+
+    def _draft(self, document: dict[str, Any]) -> ResultDraft:
+        return ResultDraft(document, self.unknown_page(document["page"]) if _is_unknown(document) else None)
+
+    async def _purge_when_due(self, new: int) -> None:
+        """Delete what is no longer kept, from time to time. When that fails, what was kept is there all the same."""
         now = time.monotonic()
-        self._results_since_purge += 1
-        is_due = now - self._last_purge_s > PURGE_EVERY_S or self._results_since_purge > PURGE_EVERY_RESULTS
-        if is_due:
-            self._last_purge_s, self._results_since_purge = now, 0
+        self._results_since_purge += new
+        if now - self._last_purge_s <= PURGE_EVERY_S and self._results_since_purge <= PURGE_EVERY_RESULTS:
+            return
+        self._last_purge_s, self._results_since_purge = now, 0
+        try:
+            await self.call(lambda store: store.purge_results(keep_newest=self._results.max_results))
+        except StoreError as error:
+            log.error("results that are no longer kept could not be deleted: %s", error.detail)
 
-        def keep(store: Store) -> str:
-            result_id = store.add_result(document, self._results.ttl_s)
-            if _is_unknown(document):
-                self._keep_unknown_page(store, document["page"], result_id)
-            if is_due:
-                store.purge_results(keep_newest=self._results.max_results)
-            return result_id
-
-        return await self.call(keep)
-
-    async def keep_unknown_page(self, page: dict[str, Any], result_id: str) -> None:
-        """Keep the page of a result among those that are of no class, once."""
-        await self.call(lambda store: self._keep_unknown_page(store, page, result_id))
-
-    def _keep_unknown_page(self, store: Store, page: dict[str, Any], result_id: str) -> None:
-        limits = self._results
-        store.keep_unknown_page(page, result_id, limits.max_unknown_pages, limits.unknown_ttl_s)
+    def unknown_page(self, page: dict[str, Any]) -> UnknownPageDraft:
+        """A page that fits no class, as the store keeps it within the limits."""
+        return UnknownPageDraft(page, self._results.max_unknown_pages, self._results.unknown_ttl_s)
 
 
 def _is_unknown(document: Mapping[str, Any]) -> bool:

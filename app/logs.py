@@ -3,9 +3,11 @@
 import json
 import logging
 import re
+import sys
 import time
 import uuid
 from datetime import UTC, datetime
+from io import TextIOWrapper
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -35,8 +37,13 @@ class JsonFormatter(logging.Formatter):
 
 
 def configure_logs(level: str) -> None:
-    """Send all logs of this process, the server's own included, to stderr as JSON lines."""
-    handler = logging.StreamHandler()
+    """Send all logs of this process, the server's own included, to standard output as JSON lines.
+
+    They are UTF-8 in any locale; half of a surrogate pair, which has no UTF-8, becomes an escape of JSON.
+    """
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(encoding="utf-8", errors="backslashreplace")
+    handler = logging.StreamHandler(sys.stdout)
     handler.setFormatter(JsonFormatter())
     logging.basicConfig(level=level, handlers=[handler], force=True)
 

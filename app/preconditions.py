@@ -3,7 +3,6 @@
 import re
 from dataclasses import dataclass
 
-from models.records import ANY, ExpectedVersion
 from services.errors import DocumentError, InvalidOption
 
 _TAG = re.compile(r'(W/)?"([^"]*)"')
@@ -14,6 +13,10 @@ class Conflict(DocumentError):
     """The model is not what the writer takes it for."""
 
     code = "conflict"
+
+
+class PreconditionFailed(Conflict):
+    """The model is not what the headers of the request say; the status is then another."""
 
 
 def entity_tag(version: int) -> str:
@@ -33,22 +36,23 @@ class Precondition:
     exists: bool = False
     is_new: bool = False
 
-    def check(self, name: str, current: int | None) -> ExpectedVersion:
-        """What the store shall expect when it writes; `current` is the model's version now, None: it has none.
+    def check(self, name: str, current: int | None) -> None:
+        """Judge the version that the model has, None: it has none.
 
         Raises
         ------
-        Conflict
-            When it is not met already.
+        PreconditionFailed
+            When the precondition is not met.
         """
         now = "no version" if current is None else f"version {current}"
         if self.is_new and current is not None:
-            raise Conflict(f"Model {name} exists already, with {now} (If-None-Match).")
+            raise PreconditionFailed(f"Model {name} exists already, with {now} (If-None-Match).")
         if self.exists and current is None:
-            raise Conflict(f"Model {name} has no version yet (If-Match).")
+            raise PreconditionFailed(f"Model {name} has no version yet (If-Match).")
         if self.versions is not None and current not in self.versions:
-            raise Conflict(f"Model {name} has {now} now, which is none of those in If-Match; read it again.")
-        return ANY if self == Precondition() else current
+            raise PreconditionFailed(
+                f"Model {name} has {now} now, which is none of those in If-Match; read it again."
+            )
 
 
 def parse_precondition(if_match: str | None, if_none_match: str | None) -> Precondition:

@@ -14,6 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.engine.base import Busy, JobFailed
 from app.paths import PathTemplates
+from app.preconditions import PreconditionFailed
 from app.schemas.options import WRONG_NUMBER_OF_FILES
 from app.schemas.problem import Problem
 from models.errors import StoreError, StoreUnavailable
@@ -64,7 +65,7 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "method-not-allowed": "The resource does not know this method; `Allow` lists what it knows.",
     "not-acceptable": "No representation fits `Accept`.",
     "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S.",
-    "conflict": "The model changed under the writer (`If-Match`), or an Idempotency-Key came with another body.",
+    "conflict": "The model changed under the writer, or an Idempotency-Key came with another body.",
     "not-finished": "The job has no result yet.",
     "cancelled": "The job was cancelled; it has no result and will have none.",
     "store-full": "As many models or samples as MAX_MODELS or MAX_SAMPLES_PER_MODEL allow.",
@@ -101,16 +102,18 @@ class Refusal:
     detail: str
     field: str | None = None
     headers: tuple[tuple[str, str], ...] = ()
+    is_precondition: bool = False
 
     @property
     def status(self) -> int:
-        return STATUS_OF_CODE[self.code]
+        return 412 if self.is_precondition else STATUS_OF_CODE[self.code]
 
 
 def refusal_of(error: BaseException) -> Refusal:
     """What a client is told of `error`; nothing of an unforeseen one but that it happened."""
     if isinstance(error, DocumentError) and error.code in MEANING_OF_CODE and error.code != "internal":
-        return Refusal(error.code, error.detail, error.field, _headers_of(error))
+        is_precondition = isinstance(error, PreconditionFailed)
+        return Refusal(error.code, error.detail, error.field, _headers_of(error), is_precondition)
     if isinstance(error, StoreError) and error.code in MEANING_OF_CODE and error.code != "internal":
         return Refusal(error.code, _sentence(error.detail))
     if isinstance(error, RequestValidationError):
@@ -213,13 +216,18 @@ def response_for(refusal: Refusal, request_id: str) -> Response:
     )
 
 
-def documented(*codes: str) -> dict[int | str, dict[str, object]]:
-    """OpenAPI responses for these codes, with the problem media type."""
+def documented(*codes: str, conditional: bool = False) -> dict[int | str, dict[str, object]]:
+    """OpenAPI responses for these codes, with the problem media type; `conditional`: it takes If-Match."""
+    meanings = {
+        status: [f"`{code}`: {MEANING_OF_CODE[code]}" for code in codes if STATUS_OF_CODE[code] == status]
+        for status in sorted({STATUS_OF_CODE[code] for code in codes})
+    }
+    if conditional:
+        meanings[412] = ["`conflict`: The model is not the one that If-Match or If-None-Match names."]
     responses: dict[int | str, dict[str, object]] = {}
-    for status in sorted({STATUS_OF_CODE[code] for code in codes}):
-        here = [code for code in codes if STATUS_OF_CODE[code] == status]
+    for status, meaning in meanings.items():
         responses[status] = {
-            "description": " ".join(f"`{code}`: {MEANING_OF_CODE[code]}" for code in here),
+            "description": " ".join(meaning),
             "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
         }
         if status == 503:

@@ -1,20 +1,15 @@
 """Everything that an operator may set, from the environment; units are in the names."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, FilePath, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from app.processors import usable_processors
 from services.contract.images import ImageLimits
 
 MIB = 1024 * 1024
-
-
-def usable_processors() -> int:
-    """Processors that this process may run on."""
-    return len(os.sched_getaffinity(0))
 
 
 class Settings(BaseSettings):
@@ -94,7 +89,7 @@ class Settings(BaseSettings):
         default_factory=usable_processors,
         ge=1,
         le=256,
-        description="Worker processes; default: the processors.",
+        description="Worker processes; default: the processors that the service may use, by its CPU quota too.",
     )
     queue_length: int = Field(
         default=16,

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session, defer
 from models.documents import Document, decode_document, digest_document, encode_document
 from models.errors import KeyReused, NotStorable
 from models.queries import (
+    add_unknown_page,
     append_version,
     count_samples,
     find_model,
@@ -40,6 +41,10 @@ class KeptFeedback(Transactions):
         digest = digest_document(request)
         with self._reading() as session:
             row = _look_up_feedback(session, result_id, key, digest)
+            if row is None or row.key is not None or key is None:
+                return None if row is None else _stored_feedback(session, row, created=False)
+        with self._changing() as (session, _):
+            row = _look_up_feedback(session, result_id, key, digest, bind=True)
             return None if row is None else _stored_feedback(session, row, created=False)
 
     def add_feedback(
@@ -72,7 +77,7 @@ class KeptFeedback(Transactions):
             None if draft.sample is None else (encode_document(draft.sample), digest_document(draft.sample))
         )
         with self._changing() as (session, state):
-            earlier = _look_up_feedback(session, draft.result_id, draft.key, digest)
+            earlier = _look_up_feedback(session, draft.result_id, draft.key, digest, bind=True)
             if earlier is not None:
                 return _stored_feedback(session, earlier, created=False)
             now = self._clock()
@@ -91,7 +96,10 @@ class KeptFeedback(Transactions):
                 )
                 links[row.id].new_version = row.version
             sample_id = self._keep_sample(session, draft, sample, max_samples, now)
-            if draft.verified_class is not None:
+            if draft.unknown_page is not None:
+                page_id = self._ulids.make(now)
+                add_unknown_page(session, page_id, draft.result_id, draft.unknown_page, now)
+            elif draft.verified_class is not None:
                 known = UnknownPageRow.result_id == draft.result_id
                 session.execute(delete(UnknownPageRow).where(known))
             feedback = FeedbackRow(
@@ -224,7 +232,10 @@ def _models_told(session: Session, draft: FeedbackDraft) -> list[ModelRow]:
     return told
 
 
-def _look_up_feedback(session: Session, result_id: str, key: str | None, digest: str) -> FeedbackRow | None:
+def _look_up_feedback(
+    session: Session, result_id: str, key: str | None, digest: str, *, bind: bool = False
+) -> FeedbackRow | None:
+    """The feedback with this key, or with this body on this result; `bind` gives it the key if it came without one."""
     if key is not None:
         row = session.execute(select(FeedbackRow).where(FeedbackRow.key == key)).scalar_one_or_none()
         if row is not None:
@@ -232,7 +243,10 @@ def _look_up_feedback(session: Session, result_id: str, key: str | None, digest:
                 raise KeyReused(f"the idempotency key {key!r} came before, with another feedback")
             return row
     same = select(FeedbackRow).where(FeedbackRow.result_id == result_id, FeedbackRow.digest == digest)
-    return session.execute(same).scalar_one_or_none()
+    row = session.execute(same).scalar_one_or_none()
+    if bind and row is not None and row.key is None:
+        row.key = key
+    return row
 
 
 def _stored_feedback(session: Session, row: FeedbackRow, *, created: bool) -> StoredFeedback:

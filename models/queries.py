@@ -1,12 +1,12 @@
 """Steps that the calls of the repository share: finding rows, judging what may be stored, rows as plain values."""
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import cast, get_args
 
-from sqlalchemy import ColumnElement, func, select
+from sqlalchemy import ColumnElement, delete, func, select
 from sqlalchemy.orm import Session
 
-from models.documents import decode_document
+from models.documents import decode_document, encode_document
 from models.errors import ModelNotFound, NotStorable, SampleNotFound, StoreFull, VersionConflict
 from models.records import (
     AnyVersion,
@@ -17,8 +17,9 @@ from models.records import (
     SampleOrigin,
     StoredModel,
     StoredSample,
+    UnknownPageDraft,
 )
-from models.tables import MAX_NAME, ModelRow, SampleRow, StateRow, VersionRow
+from models.tables import MAX_NAME, ModelRow, SampleRow, StateRow, UnknownPageRow, VersionRow
 from models.ulid import is_ulid
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
@@ -86,6 +87,32 @@ def append_version(
     return version
 
 
+def add_unknown_page(
+    session: Session, page_id: str, result_id: str, draft: UnknownPageDraft, now: datetime
+) -> None:
+    """Keep a page that fits no class, once for its result; the oldest make room for it."""
+    of_result = select(UnknownPageRow.id).where(
+        UnknownPageRow.result_id == result_id, UnknownPageRow.expires_at > now
+    )
+    if session.execute(of_result).first() is not None:
+        return
+    expired = (UnknownPageRow.expires_at <= now) | (UnknownPageRow.result_id == result_id)
+    session.execute(delete(UnknownPageRow).where(expired))
+    row = UnknownPageRow(
+        id=page_id,
+        result_id=result_id,
+        created_at=now,
+        expires_at=now + timedelta(seconds=draft.ttl_s),
+        document=encode_document(draft.page),
+    )
+    session.add(row)
+    session.flush()
+    newest = select(UnknownPageRow.id).order_by(UnknownPageRow.id.desc()).offset(draft.bound).limit(1)
+    last = session.execute(newest).scalar_one_or_none()
+    if last is not None:
+        session.execute(delete(UnknownPageRow).where(UnknownPageRow.id <= last))
+
+
 def count_samples() -> ColumnElement[int]:
     """The number of samples of the class that a query is about."""
     count = select(func.count()).where(SampleRow.model_id == ModelRow.id).correlate(ModelRow)
@@ -93,6 +120,9 @@ def count_samples() -> ColumnElement[int]:
 
 
 def require_version(name: str, current: int | None, expected: ExpectedVersion) -> None:
+    if callable(expected):
+        expected(current)
+        return
     if isinstance(expected, AnyVersion) or expected == current:
         return
     has = "no version" if current is None else f"version {current}"

@@ -1,6 +1,6 @@
 """What the store answers with: plain values, with times that are aware and in UTC."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from enum import Enum
@@ -23,8 +23,9 @@ class AnyVersion(Enum):
 
 ANY: Final = AnyVersion.ANY
 """The writer does not mind which version the model has."""
-ExpectedVersion = int | None | AnyVersion
-"""None: the class has no version yet."""
+ExpectedVersion = int | None | AnyVersion | Callable[[int | None], None]
+"""None: the class has no version yet. A function gets the version that the class has when it is written, and raises
+an error if it must not be written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,14 +96,32 @@ class StoredSample:
     result_id: str | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class StoredResult:
-    """The answer to a recognition, kept until `expires_at`."""
+    """The answer to a recognition, kept until `expires_at`; `pages` are the answers about the pages of a document."""
 
     id: str
     document: dict[str, Any]
     created_at: datetime
     expires_at: datetime
+    pages: "tuple[StoredResult, ...]" = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnknownPageDraft:
+    """A page that fits no class, to be kept for `ttl_s` seconds; of more than `bound` such pages the oldest go."""
+
+    page: Document
+    bound: int
+    ttl_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResultDraft:
+    """The answer to a recognition; `unknown` is its page, where it fits no class."""
+
+    document: Document
+    unknown: UnknownPageDraft | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +140,7 @@ class FeedbackDraft:
     `request` is the body as it was understood: the same one counts once for a result. `report` is answered again
     when it comes again; the store does not read it. `zones` is how many zones the page has, `wrong_zones` of how
     many the label was wrong. `sample`, the verified page, becomes a sample of `verified_class` where both are given.
+    `unknown_page` is kept beside the feedback, in the same transaction; once for each result.
     """
 
     result_id: str
@@ -133,6 +153,7 @@ class FeedbackDraft:
     wrong_zones: int
     class_wrong: bool
     sample: Document | None
+    unknown_page: UnknownPageDraft | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,7 @@
 """The store's calls about what is kept for a while: results of recognition, and pages that fitted no class."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import cast
 
@@ -8,39 +9,63 @@ from sqlalchemy import ColumnElement, CursorResult, delete, select
 
 from models.documents import Document, decode_document, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
-from models.queries import READ_AT_ONCE, require_result_id
-from models.records import StoredResult, UnknownPage
+from models.queries import READ_AT_ONCE, add_unknown_page
+from models.records import ResultDraft, StoredResult, UnknownPage, UnknownPageDraft
 from models.tables import ResultRow, UnknownPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
-
-UNKNOWN_TTL_S = 30 * 86400.0
-"""Seconds: new kinds of documents show themselves in weeks, and a page that nobody asked for shall not stay longer."""
 
 
 class KeptResults(Transactions):
     """Results, which expire, and a ring of unknown pages."""
 
-    def add_result(self, document: Document, ttl_s: float) -> str:
-        """Keep the answer to a recognition for `ttl_s` seconds; its id is handed out."""
-        packed, now = encode_document(document), self._clock()
-        row = ResultRow(
-            id=self._ulids.make(now),
-            created_at=now,
-            expires_at=now + timedelta(seconds=ttl_s),
-            document=packed,
-        )
-        with self._writing() as session:
-            session.add(row)
-        return row.id
+    def add_result(self, document: Document, ttl_s: float, unknown: UnknownPageDraft | None = None) -> str:
+        """Keep the answer to a recognition for `ttl_s` seconds, with its page if it fits no class; its id."""
+        now = self._clock()
+        result_id = self._ulids.make(now)
+        self._keep([result_id], [ResultDraft(document, unknown)], now, ttl_s)
+        return result_id
+
+    def add_document(
+        self, document: Document, pages: Sequence[ResultDraft], ttl_s: float
+    ) -> tuple[str, list[str]]:
+        """Keep the answers about a document and about each of its pages, all or none; its id, and theirs.
+
+        What is kept of the document has the ids of its pages under `pages`. Its own id is older than theirs: whatever
+        is purged, the document goes before its first page.
+        """
+        now = self._clock()
+        document_id, *page_ids = (self._ulids.make(now) for _ in range(1 + len(pages)))
+        whole = ResultDraft({**document, "pages": page_ids})
+        self._keep([document_id, *page_ids], [whole, *pages], now, ttl_s)
+        return document_id, page_ids
+
+    def _keep(self, ids: Sequence[str], drafts: Sequence[ResultDraft], now: datetime, ttl_s: float) -> None:
+        expires_at = now + timedelta(seconds=ttl_s)
+        rows = [
+            ResultRow(id=id, created_at=now, expires_at=expires_at, document=encode_document(draft.document))
+            for id, draft in zip(ids, drafts, strict=True)
+        ]
+        with self._changing() as (session, _):
+            session.add_all(rows)
+            for row, draft in zip(rows, drafts, strict=True):
+                if draft.unknown is not None:
+                    add_unknown_page(session, self._ulids.make(now), row.id, draft.unknown, now)
 
     def result(self, result_id: str) -> StoredResult:
-        """An answer that is still kept; `ResultNotFound`."""
+        """An answer that is still kept; that about a document comes with those about its pages. `ResultNotFound`."""
+        now = self._clock()
         with self._reading() as session:
             row = session.get(ResultRow, result_id) if is_ulid(result_id) else None
-        if row is None or row.expires_at <= self._clock():
+            result = None if row is None or row.expires_at <= now else _stored_result(row)
+            rows = (
+                []
+                if result is None
+                else [session.get(ResultRow, id) for id in result.document.get("pages", ())]
+            )
+        if result is None or None in rows:
             raise ResultNotFound(f"there is no result {result_id!r}, or no longer", result_id)
-        return StoredResult(row.id, decode_document(row.document), row.created_at, row.expires_at)
+        return replace(result, pages=tuple(_stored_result(page) for page in rows if page is not None))
 
     def purge_results(self, now: datetime | None = None, keep_newest: int | None = None) -> int:
         """Delete what has expired by `now` (aware) and all but the newest; how many results went.
@@ -57,35 +82,6 @@ class KeptResults(Transactions):
                 if last is not None:
                     gone |= ResultRow.id <= last
             return cast(CursorResult[None], session.execute(delete(ResultRow).where(gone))).rowcount
-
-    def keep_unknown_page(
-        self, page: Document, result_id: str, bound: int, ttl_s: float = UNKNOWN_TTL_S
-    ) -> UnknownPage:
-        """Keep a page that fitted no class for `ttl_s` seconds; of more than `bound` the oldest go.
-
-        A page counts once for its result: the answer is then the one that is there.
-        """
-        require_result_id(result_id)
-        packed, now = encode_document(page), self._clock()
-        with self._changing() as (session, _):
-            session.execute(delete(UnknownPageRow).where(UnknownPageRow.expires_at <= now))
-            of_result = select(UnknownPageRow).where(UnknownPageRow.result_id == result_id)
-            row = session.execute(of_result).scalar_one_or_none()
-            if row is None:
-                row = UnknownPageRow(
-                    id=self._ulids.make(now),
-                    result_id=result_id,
-                    created_at=now,
-                    expires_at=now + timedelta(seconds=ttl_s),
-                    document=packed,
-                )
-                session.add(row)
-                session.flush()
-            newest = select(UnknownPageRow.id).order_by(UnknownPageRow.id.desc()).offset(bound).limit(1)
-            last = session.execute(newest).scalar_one_or_none()
-            if last is not None:
-                session.execute(delete(UnknownPageRow).where(UnknownPageRow.id <= last))
-        return _unknown_page(row)
 
     def each_unknown_page(self) -> Iterator[UnknownPage]:
         """Pages that fitted no class and are still kept, oldest first; never all are in memory."""
@@ -110,6 +106,10 @@ class KeptResults(Transactions):
         with self._changing() as (session, _):
             gone = session.execute(delete(UnknownPageRow).where(UnknownPageRow.id.in_(ids)))
             return cast(CursorResult[None], gone).rowcount
+
+
+def _stored_result(row: ResultRow) -> StoredResult:
+    return StoredResult(row.id, decode_document(row.document), row.created_at, row.expires_at)
 
 
 def _unknown_page(row: UnknownPageRow) -> UnknownPage:

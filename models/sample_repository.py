@@ -56,6 +56,7 @@ class KeptSamples(Transactions):
             same = session.execute(of_model.where(SampleRow.digest == digest)).scalar_one_or_none()
             if same is not None:
                 same.origin = "posted"  # from now on it stays, whatever feedback says
+                same.key = same.key or key
                 return stored_sample(same, created=False)
             count = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
             if max_samples is not None and count >= max_samples:

@@ -44,9 +44,16 @@ class NotAcceptable(DocumentError):
 
 
 class InvalidOption(DocumentError):
-    """An option is out of its range; the detail names the field."""
+    """The option `field` is unknown, malformed or out of its range; the detail names it too."""
 
     code = "invalid-option"
+
+    def __init__(self, detail: str, field: str) -> None:
+        super().__init__(detail, field)
+        self.args = (detail, field)
+
+    def __str__(self) -> str:
+        return self.detail
 
 
 class NoText(DocumentError):

@@ -13,6 +13,7 @@
 import asyncio
 import random
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from app.engine.base import Busy, TimeLimit
@@ -73,8 +74,6 @@ async def learn_from_feedback(
                     raise
         else:
             raise Busy(f"Others teach {' and '.join(names)} all the time; send the feedback again later.")
-    if feedback.created and verified.verified_class is None and verified.found_labels:
-        await state.store.keep_unknown_page(verified.page, result_id)
     return feedback
 
 
@@ -140,7 +139,9 @@ async def _learn_once(
             time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
         )
         changes.append(ModelChange(verified.verified_class, first.document, None))
-    draft = _draft(result_id, key, verified, request, adaptation)
+    is_unknown = verified.verified_class is None and bool(verified.found_labels)
+    unknown_page = state.store.unknown_page(verified.page) if is_unknown else None
+    draft = replace(_draft(result_id, key, verified, request, adaptation), unknown_page=unknown_page)
     return await state.store.call(
         lambda store: store.add_feedback(draft, changes, max_samples=state.settings.max_samples_per_model)
     )

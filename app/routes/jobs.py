@@ -77,6 +77,7 @@ async def job_events(
             *IMAGE,
             *STORE,
             *WORK,
+            conditional=True,
         ),
     },
 )

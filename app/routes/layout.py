@@ -1,7 +1,6 @@
 """POST /layout: a page or its zones -> document class and labels; and what became of it."""
 
 from dataclasses import replace
-from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Form, Request, Response, UploadFile
@@ -27,7 +26,6 @@ from app.schemas.layout import (
     result_of,
 )
 from app.settings import Settings
-from models.repository import Store
 from services.contract.layout import DocumentReply, LayoutFormat, LayoutOptions, LayoutSettings
 from services.errors import InvalidOption, TooLarge
 from services.progress import ProgressSink
@@ -140,7 +138,7 @@ async def layout_result(state: State, id: str) -> Response:
     kept = await state.store.call(lambda store: store.result(id))
     result: LayoutResult | DocumentResult
     if "pages" in kept.document:
-        pages = [await state.store.call(partial(_read_page, id=page)) for page in kept.document["pages"]]
+        pages = [result_of(page.document["result"], page.id) for page in kept.pages]
         result = document_of(kept.document["document"], kept.id, pages)
     else:
         result = result_of(kept.document["result"], kept.id)
@@ -148,27 +146,17 @@ async def layout_result(state: State, id: str) -> Response:
 
 
 async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFormat) -> Response:
-    """The pages are kept before the document, which tells where they are."""
-    for page in reply.pages:
-        result_of(page.document, "held to the contract before it is kept")
-    document_of(reply.document, "so is this", [])
-    pages = [
-        result_of(page.document, await state.store.keep_result({"result": page.document, "page": page.page}))
-        for page in reply.pages
-    ]
-    result_id = await state.store.keep_result(
-        {"document": reply.document, "pages": [page.id for page in pages]}
+    before = "held to the contract before it is kept"
+    document_of(reply.document, before, [result_of(page.document, before) for page in reply.pages])
+    result_id, page_ids = await state.store.keep_document(
+        {"document": reply.document}, [{"result": page.document, "page": page.page} for page in reply.pages]
     )
+    pages = [result_of(page.document, page_id) for page, page_id in zip(reply.pages, page_ids, strict=True)]
     headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
     if chosen != "json":
         return Response(reply.body, media_type=reply.media_type, headers=headers)
     body = document_of(reply.document, result_id, pages).model_dump_json(by_alias=True)
     return Response(body, media_type="application/json", headers=headers)
-
-
-def _read_page(store: Store, id: str) -> LayoutResult:
-    kept = store.result(id)
-    return result_of(kept.document["result"], kept.id)
 
 
 async def _time_limit(images: list[UploadFile], settings: Settings) -> TimeLimit | None:

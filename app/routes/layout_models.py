@@ -1,6 +1,7 @@
 """/layout/models: what recognition knows of document classes, and the pages that it was learned from."""
 
 import json
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
@@ -106,7 +107,7 @@ async def layout_model(
             "model": ImportedModel,
             "headers": {**ETAG, **LOCATION},
         },
-        **documented("conflict", "store-full", "invalid-model", *READING, *BODY, *WORK),
+        **documented("store-full", "invalid-model", *READING, *BODY, *WORK, conditional=True),
     },
     openapi_extra={
         "requestBody": {"required": True, "content": {"application/json": {"schema": _MODEL}}},
@@ -129,40 +130,38 @@ async def import_layout_model(
     draft: ModelDraft = await while_connected(request, work)
     request.state.seat.release()
 
-    def write(store: Store) -> tuple[StoredModel, bool]:
-        current = _current_version(store, name)
-        return store.add_version(
-            name,
-            draft.document,
-            "import",
-            expected_version=precondition.check(name, current),
-            max_models=state.settings.max_models,
-        ), current is None
+    before: int | None = None
 
-    model, is_new = await state.store.call(write)
+    def check(current: int | None) -> None:
+        nonlocal before
+        before = current
+        precondition.check(name, current)
+
+    most = state.settings.max_models
+    model = await state.store.call(
+        lambda store: store.add_version(
+            name, draft.document, "import", expected_version=check, max_models=most
+        )
+    )
     assert model.version is not None
     answer = ImportedModel(name=name, version=model.version, labels=draft.labels)
     headers = {"ETag": entity_tag(model.version)}
-    if is_new:
+    if before is None:
         headers["Location"] = f"/layout/models/{name}"
-    return Response(answer.model_dump_json(), 201 if is_new else 200, headers, "application/json")
+    status = 201 if before is None else 200
+    return Response(answer.model_dump_json(), status, headers, "application/json")
 
 
 @router.delete(
     "/{name}",
     operation_id="delete_layout_model",
     status_code=204,
-    responses=documented("conflict", *READING),
+    responses=documented(*READING, conditional=True),
 )
 async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch = None) -> None:
     """Delete a model with its samples. A model that is made under this name again goes on counting versions."""
-    precondition = parse_precondition(if_match, None)
-
-    def write(store: Store) -> None:
-        current = store.model_summary(name).version
-        store.delete_model(name, expected_version=precondition.check(name, current))
-
-    await state.store.call(write)
+    expected = partial(parse_precondition(if_match, None).check, name)
+    await state.store.call(lambda store: store.delete_model(name, expected_version=expected))
 
 
 @router.post(
@@ -172,7 +171,7 @@ async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch =
     responses={
         200: {"description": "The new version.", "model": InitializedModel, "headers": ETAG},
         **ACCEPTED,
-        **documented("conflict", "no-samples", *READING, *BODY, *WORK),
+        **documented("no-samples", *READING, *BODY, *WORK, conditional=True),
     },
     openapi_extra=PREFER,
 )
@@ -202,12 +201,13 @@ async def initialize_layout_model(
         )
         request.state.seat.release()
 
-        def write(store: Store) -> StoredModel:
-            expected = precondition.check(name, store.model_summary(name).version)
-            note = f"{len(samples)} samples"
-            return store.add_version(name, draft.document, "initialize", expected_version=expected, note=note)
-
-        return _initialized(await state.store.call(write), samples, draft)
+        expected, note = partial(precondition.check, name), f"{len(samples)} samples"
+        model = await state.store.call(
+            lambda store: store.add_version(
+                name, draft.document, "initialize", expected_version=expected, note=note
+            )
+        )
+        return _initialized(model, samples, draft)
 
     return await answer_now_or_later(request, state, work)
 
@@ -224,11 +224,3 @@ def _initialized(model: StoredModel, samples: list[StoredSample], draft: ModelDr
     return Response(
         answer.model_dump_json(), headers={"ETag": entity_tag(model.version)}, media_type="application/json"
     )
-
-
-def _current_version(store: Store, name: str) -> int | None:
-    """The model's newest version, None where there is none or no model."""
-    try:
-        return store.model_summary(name).version
-    except ModelNotFound:
-        return None

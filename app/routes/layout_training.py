@@ -36,7 +36,7 @@ router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
             "headers": ETAG,
         },
         **ACCEPTED,
-        **documented("conflict", "no-samples", "invalid-model", *READING, *BODY, *WORK),
+        **documented("conflict", "no-samples", "invalid-model", *READING, *BODY, *WORK, conditional=True),
     },
     openapi_extra={**json_request(TrainBody, required=False), **PREFER},
 )

@@ -1,5 +1,6 @@
 """/layout/models/{name}/versions: the history of a model, what changed in it, and the way back."""
 
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
@@ -25,7 +26,6 @@ from app.schemas.layout_versions import (
 )
 from app.schemas.options import Absent
 from models.errors import ModelNotFound
-from models.records import StoredModel
 from models.repository import Store
 from services.contract.layout import ModelDocument
 
@@ -104,7 +104,7 @@ async def layout_model_diff(
     response_class=Response,
     responses={
         200: {"description": "The new version.", "model": RestoredModel, "headers": ETAG},
-        **documented("conflict", *READING, *BODY),
+        **documented(*READING, *BODY, conditional=True),
     },
     openapi_extra=json_request(RollbackBody),
 )
@@ -112,14 +112,9 @@ async def roll_layout_model_back(
     request: Request, state: State, name: ModelName, if_match: IfMatch = None
 ) -> Response:
     """Make what an earlier version holds the newest version; the versions in between are kept."""
-    precondition = parse_precondition(if_match, None)
+    expected = partial(parse_precondition(if_match, None).check, name)
     body = await read_json(request, RollbackBody)
-
-    def write(store: Store) -> StoredModel:
-        expected = precondition.check(name, store.model_summary(name).version)
-        return store.rollback(name, body.version, expected)
-
-    model = await state.store.call(write)
+    model = await state.store.call(lambda store: store.rollback(name, body.version, expected))
     assert model.version is not None
     assert model.document is not None
     answer = RestoredModel(

@@ -8,12 +8,12 @@ from pydantic import Field
 from app.schemas.options import Absent
 
 IfMatch = Annotated[
-    str | Absent, Header(description="The model's ETag: write only if it still has that version; else 409.")
+    str | Absent, Header(description="The model's ETag: write only if it still has that version; else 412.")
 ]
 IfNoneMatch = Annotated[
     str | Absent,
     Header(
-        description="*: write only if there is no such model yet; else 409.",
+        description="*: write only if there is no such model yet; else 412.",
         json_schema_extra={"enum": ["*"]},
     ),
 ]

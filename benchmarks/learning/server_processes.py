@@ -39,7 +39,8 @@ class Server:
             [sys.executable, "-m", "app"],
             cwd=REPOSITORY,
             env={**os.environ, **self._settings},
-            stderr=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
             text=True,
         )
         self._process = process
@@ -47,13 +48,13 @@ class Server:
         ports: list[str] = []
 
         def read() -> None:
-            assert process.stderr is not None
-            for line in process.stderr:
+            assert process.stdout is not None
+            for line in process.stdout:
                 if not ports and "running on http" in line:
                     with suppress(ValueError):
                         ports.append(json.loads(line)["message"].split("127.0.0.1:")[1].split()[0])
                 lines[:] = [*lines[-20:], line]
-            process.stderr.close()
+            process.stdout.close()
 
         Thread(target=read, daemon=True).start()
         deadline = time.monotonic() + MOST_SECONDS

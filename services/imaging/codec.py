@@ -317,13 +317,14 @@ def encode_image(
         When `quality` is out of its range, or the picture is too large for the format.
     """
     if quality is not None and not 1 <= quality <= 100:
-        raise InvalidOption(f"quality must be from 1 to 100, not {quality}.")
+        raise InvalidOption(f"quality must be from 1 to 100, not {quality}.", "quality")
     height, width = pixels.shape[:2]
     longest = _LONGEST_SIDE_PX[output_format]
     if max(width, height) > longest:
         raise InvalidOption(
             f"format: {output_format} holds at most {longest} pixels a side, and the result has "
-            f"{width} x {height}; choose png or tiff."
+            f"{width} x {height}; choose png or tiff.",
+            "format",
         )
     picture = Image.fromarray(pixels)
     quality, dpi = quality or DEFAULT_QUALITY, dpi or DEFAULT_DPI

@@ -102,13 +102,18 @@ def check_parameters(count: int, parameters: MosaicParameters) -> None:
     """The number of photos, and the base among them."""
     if count < FEWEST_PHOTOS:
         raise InvalidOption(
-            f"images: expected {FEWEST_PHOTOS} to {MOST_PHOTOS} photos, got {count}; a single photo is for /rectify."
+            f"images: expected {FEWEST_PHOTOS} to {MOST_PHOTOS} photos, got {count}; a single photo is for "
+            "/rectify.",
+            "images",
         )
     if count > MOST_PHOTOS:
-        raise InvalidOption(f"images: expected {FEWEST_PHOTOS} to {MOST_PHOTOS} photos, got {count}.")
+        raise InvalidOption(
+            f"images: expected {FEWEST_PHOTOS} to {MOST_PHOTOS} photos, got {count}.", "images"
+        )
     if parameters.base is not None and not 0 <= parameters.base < count:
         raise InvalidOption(
-            f"base: there is no photo {parameters.base}; expected auto or an index from 0 to {count - 1}."
+            f"base: there is no photo {parameters.base}; expected auto or an index from 0 to {count - 1}.",
+            "base",
         )
 
 

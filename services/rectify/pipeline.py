@@ -175,13 +175,14 @@ def check_parameters(photo: RgbImage, parameters: RectifyParameters) -> None:
     if parameters.focal_length_px is not None and not 0.15 < parameters.focal_length_px / diagonal < 15.0:
         raise InvalidOption(
             f"focal_length_px: {parameters.focal_length_px:g} is not believable for a photo of {width} x {height} "
-            f"pixels; expected {0.15 * diagonal:.0f} to {15 * diagonal:.0f}."
+            f"pixels; expected {0.15 * diagonal:.0f} to {15 * diagonal:.0f}.",
+            "focal_length_px",
         )
     if parameters.region is not None:
         corners = np.array(parameters.region)
         beside = (corners.max(axis=0) < 0).any() or (corners.min(axis=0) > [width - 1, height - 1]).any()
         if beside:
-            raise InvalidOption("region: the polygon lies outside of the photo.")
+            raise InvalidOption("region: the polygon lies outside of the photo.", "region")
 
 
 def find_page(

@@ -1,5 +1,7 @@
 """API keys, where they are configured."""
 
+import os
+
 import httpx
 import pytest
 
@@ -27,6 +29,21 @@ def test_keys_guard_the_work_and_leave_the_probes_open() -> None:
         assert_problem(client.get("/nowhere"), 401, "unauthorized")
         assert rectify(client, "first").status_code == rectify(client, "second").status_code == 200
         assert {client.get(path).status_code for path in OPEN_PATHS} == {200}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+def test_a_key_may_have_any_characters(encoding: str) -> None:
+    """curl sends the bytes of the terminal, other clients send Latin-1."""
+    with serving(api_keys="first, schlüssel") as client:
+        assert rectify(client, "schlüssel".encode(encoding)).status_code == 200
+        assert_problem(rectify(client, "schlussel".encode(encoding)), 403, "forbidden")
+        assert_problem(rectify(client, "schlüsseln".encode(encoding)), 403, "forbidden")
+
+
+def test_a_key_of_a_foreign_locale_is_its_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(os.environb, b"API_KEYS", b"schl\x99ssel")
+    with serving(api_keys=Settings().api_keys) as client:
+        assert rectify(client, b"schl\x99ssel").status_code == 200
 
 
 @pytest.mark.parametrize("keys", ["", " , "])

@@ -94,7 +94,7 @@ def test_models_are_made_and_trained_later(client: httpx.Client) -> None:
         assert (result.status_code, result.json()["version"]) == (200, version)
         assert result.headers["etag"] == f'"{version}"'
     stale = client.post(f"{path}/train", headers={**LATER, "If-Match": '"1"'})
-    assert_problem(stale, 409, "conflict")
+    assert_problem(stale, 412, "conflict")
 
 
 def test_a_job_says_how_far_it_is(client: httpx.Client, tmp_path: Path) -> None:

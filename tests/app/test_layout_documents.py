@@ -2,11 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import httpx
 import pytest
 
+from app.layout_store import DATABASE
 from app.schemas.layout import DocumentResult
+from models.repository import Store
 from services.contract.layout import DocumentReply, LayoutReply
 from tests.app.pools import named
 from tests.app.scripted import OPERATIONS, PAGE, layout_document, model_document, upload
@@ -55,6 +58,18 @@ def test_the_document_and_its_pages_are_kept(client: httpx.Client) -> None:
     assert client.get(f"/layout/results/{answer['id']}").json() == answer
     for page in answer["pages"]:
         assert client.get(f"/layout/results/{page['id']}").json() == page
+
+
+def test_a_document_gives_way_before_its_pages(tmp_path: Path) -> None:
+    with serving(data_dir=tmp_path) as client:
+        answer = post(client, upload("pages-3")).json()
+        document, *pages = (f"/layout/results/{part['id']}" for part in (answer, *answer["pages"]))
+        with Store.open(tmp_path / DATABASE) as store:
+            assert store.purge_results(keep_newest=4) == 0
+            assert client.get(document).json() == answer
+            assert store.purge_results(keep_newest=3) == 1
+        assert_problem(client.get(document), 404, "not-found")
+        assert [client.get(page).json() for page in pages] == answer["pages"]
 
 
 def test_feedback_is_given_on_pages(client: httpx.Client) -> None:

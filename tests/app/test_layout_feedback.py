@@ -12,6 +12,7 @@ import pytest
 from app.layout_store import DATABASE
 from app.routes import feedback_learning
 from models.errors import VersionConflict
+from models.records import ResultDraft
 from models.repository import Store
 from tests.app.scripted import PAGE, model_document
 from tests.app.serving import serving
@@ -263,9 +264,9 @@ def test_what_is_not_there(shared: tuple[httpx.Client, str]) -> None:
 
 
 def test_a_document_of_several_pages_is_corrected_page_by_page(client: httpx.Client, data_dir: Path) -> None:
-    pages = [recognize(client), recognize(client)]
     with Store.open(data_dir / DATABASE) as store:
-        document = store.add_result({"document": {}, "pages": pages}, 1000)
+        found = [store.result(recognize(client)).document for _ in range(2)]
+        document, pages = store.add_document({"document": {}}, list(map(ResultDraft, found)), 1000)
     problem = assert_problem(give(client, document, {"labels": {}}), 422, "invalid-option")
     assert problem["field"] == "id"
     assert ", ".join(pages) in str(problem["detail"])

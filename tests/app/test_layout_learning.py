@@ -117,7 +117,7 @@ def test_training_has_the_time_limit_of_models() -> None:
 def test_who_writes_may_say_what_they_saw(client: httpx.Client) -> None:
     for path, body in (("train", {"rounds": 1}), ("rollback", {"version": 1})):
         url = f"{PATH}/{path}"
-        assert_problem(client.post(url, json=body, headers={"If-Match": '"9"'}), 409, "conflict")
+        assert_problem(client.post(url, json=body, headers={"If-Match": '"9"'}), 412, "conflict")
     assert client.post(f"{PATH}/train", headers={"If-Match": '"1"'}).headers["etag"] == '"2"'
     response = client.post(f"{PATH}/rollback", json={"version": 1}, headers={"If-Match": '"2"'})
     assert response.headers["etag"] == '"3"'
@@ -138,7 +138,7 @@ def test_training_overwrites_no_feedback(client: httpx.Client, monkeypatch: pyte
     assert client.get(PATH).json() == {**LETTER, "news": "news", "trained": [3, "passive-aggressive"]}
     news.append("stale")
     response = client.post(f"{PATH}/train", json={"rounds": 2}, headers={"If-Match": '"3"'})
-    assert "version 4" in str(assert_problem(response, 409, "conflict")["detail"])
+    assert "version 4" in str(assert_problem(response, 412, "conflict")["detail"])
 
     def never(self: Store, *arguments: Any, **options: Any) -> Any:
         raise VersionConflict("scripted", 5)

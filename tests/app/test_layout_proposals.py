@@ -10,6 +10,7 @@ import pytest
 
 from app.layout_store import DATABASE
 from app.routes.layout_proposals import MOST_SAMPLES
+from models.records import UnknownPageDraft
 from models.repository import Store
 from services.contract.operations import Operations
 from services.layout.exchange.page_json import page_to_document
@@ -32,9 +33,9 @@ def client(empty_service: httpx.Client) -> httpx.Client:
 def keep_unknown(folder: Path, *pages: dict[str, Any]) -> list[str]:
     """Have the store keep pages that fitted no class, as recognition does; their ids."""
     with Store.open(folder / DATABASE) as store:
-        return [
-            store.keep_unknown_page(page, RESULT.format(number), 100).id for number, page in enumerate(pages)
-        ]
+        for page in pages:
+            store.add_result({}, 1000, UnknownPageDraft(page, bound=100, ttl_s=1000))
+        return [page.id for page in store.each_unknown_page()]
 
 
 def page_document(name: str, seed: int) -> dict[str, Any]:
@@ -47,7 +48,9 @@ def test_unknown_pages_are_listed_newest_first(client: httpx.Client, data_dir: P
     told = client.get(PAGES).json()["pages"]
     assert [page["id"] for page in told] == ids[::-1]
     assert [page["zones"] for page in told] == [2, 1]
-    assert told[0]["result"] == RESULT.format(1)
+    with Store.open(data_dir / DATABASE) as store:
+        results = [page.result_id for page in store.each_unknown_page()]
+    assert [page["result"] for page in told] == results[::-1]
 
 
 def test_an_unknown_page_may_become_a_sample(client: httpx.Client, data_dir: Path) -> None:

@@ -49,7 +49,6 @@ def test_pages_of_no_class_are_kept_among_the_unknown_ones(tmp_path: Path) -> No
             await store.keep_result(document)
         assert await store.call(lambda inner: list(inner.each_unknown_page())) == []
         kept = [await store.keep_result(recognized(None)) for _ in range(3)]
-        await store.keep_unknown_page({"zones": []}, kept[2])  # it is there already
         pages = await store.call(lambda inner: list(inner.each_unknown_page()))
         assert [page.result_id for page in pages] == kept[1:]
         assert all(page.page == recognized(None)["page"] for page in pages)
@@ -158,6 +157,19 @@ def test_more_results_than_are_kept(tmp_path: Path) -> None:
                     await store.call(methodcaller("result", result_id))
             else:
                 assert (await store.call(methodcaller("result", result_id))).document == {"number": number}
+
+    with_store(tmp_path, work)
+
+
+def test_what_cannot_be_purged_stops_no_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> int:
+        raise StoreUnavailable("the database is locked")
+
+    async def work(store: LayoutStore) -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(Store, "purge_results", fail)
+            result_id = await store.keep_result({"number": 1})  # the first one is followed by a purge
+        assert (await store.call(lambda inner: inner.result(result_id))).document == {"number": 1}
 
     with_store(tmp_path, work)
 

@@ -2,6 +2,8 @@
 
 import json
 import logging
+import subprocess
+import sys
 
 import httpx
 import pytest
@@ -68,3 +70,16 @@ def test_a_record_with_an_exception_is_one_line() -> None:
     assert "\n" not in line
     assert json.loads(line)["message"] == "fehlt ä"
     assert "ValueError: line one" in json.loads(line)["traceback"]
+
+
+def test_the_log_is_standard_output() -> None:
+    """In a locale that is not UTF-8 and with a half of a surrogate pair, which no encoding can write."""
+    code = "import logging; from app.logs import configure_logs; configure_logs('INFO'); logging.info('ä \\udc80')"
+    ended = subprocess.run(
+        [sys.executable, "-c", code],
+        env={"PYTHONIOENCODING": "ascii", "PYTHONPATH": ":".join(sys.path)},
+        capture_output=True,
+        check=True,
+    )
+    assert json.loads(ended.stdout)["message"] == "ä \udc80"
+    assert ended.stderr == b""

@@ -10,9 +10,10 @@ from starlette.exceptions import HTTPException
 
 import app
 import services
+from app.preconditions import PreconditionFailed
 from app.problems import MEANING_OF_CODE, STATUS_OF_CODE, documented, refusal_of
 from models.errors import NotFound, StoreError, VersionConflict
-from services.errors import DocumentError
+from services.errors import DocumentError, InvalidOption
 from tests.app.pools import named
 from tests.app.scripted import upload
 from tests.app.serving import serving
@@ -142,10 +143,10 @@ def test_every_error_of_the_product_has_a_status_and_a_meaning() -> None:
     errors = all_errors()
     assert len(errors) > 10
     for error in errors:
-        what = ("what",) if issubclass(error, NotFound | VersionConflict) else ()
+        what = ("what",) if issubclass(error, InvalidOption | NotFound | VersionConflict) else ()
         refusal = refusal_of(error("what happened", *what))
         assert refusal.code == error.code
-        assert refusal.status == STATUS_OF_CODE[error.code]
+        assert refusal.status == (412 if error is PreconditionFailed else STATUS_OF_CODE[error.code])
     assert STATUS_OF_CODE.keys() == MEANING_OF_CODE.keys()
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from app.settings import Settings, usable_processors
+from app.processors import usable_processors
+from app.settings import Settings
 
 
 def test_defaults() -> None:

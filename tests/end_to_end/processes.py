@@ -36,8 +36,8 @@ class Service:
 
     def read(self) -> None:
         """Collect the log until the process ends."""
-        assert self.process.stderr is not None
-        for line in self.process.stderr:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
             try:
                 self.lines.append(json.loads(line))
             except json.JSONDecodeError:
@@ -80,7 +80,8 @@ def _running(module: str, settings: dict[str, object]) -> Iterator[Service]:
         [sys.executable, "-m", module],
         cwd=ROOT,
         env={**os.environ, "HOST": "127.0.0.1", "PORT": "0", **environment},
-        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
         text=True,
     )
     service = Service(process)
@@ -100,5 +101,5 @@ def _running(module: str, settings: dict[str, object]) -> Iterator[Service]:
             raise
         finally:
             reader.join(10)
-            assert process.stderr is not None
-            process.stderr.close()
+            assert process.stdout is not None
+            process.stdout.close()

@@ -33,6 +33,6 @@ def test_the_entry_is_named(tmp_path: Path, text: str, reason: str) -> None:
         check=False,
     )
     assert ended.returncode != 0
-    (line,) = [line for line in map(json.loads, ended.stderr.splitlines()) if line["logger"] == "app.main"]
+    (line,) = [line for line in map(json.loads, ended.stdout.splitlines()) if line["logger"] == "app.main"]
     assert line["level"] == "error"
     assert f"(CONTENT_FEATURES) cannot be used: {path}: {reason}" in line["message"]

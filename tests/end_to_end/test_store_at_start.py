@@ -29,7 +29,7 @@ def start(data_dir: Path, database_url: str = "") -> tuple[int, list[dict[str, A
         timeout=60,
         check=False,
     )
-    return ended.returncode, [json.loads(line) for line in ended.stderr.splitlines()]
+    return ended.returncode, [json.loads(line) for line in ended.stdout.splitlines()]
 
 
 @pytest.mark.parametrize("what", ["no folder", "no database"])

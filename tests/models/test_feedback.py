@@ -17,6 +17,8 @@ from models.records import (
     ModelHealth,
     ModelSettings,
     StoredFeedback,
+    UnknownPage,
+    UnknownPageDraft,
 )
 from models.repository import Store
 from models.ulid import is_ulid
@@ -35,6 +37,7 @@ def draft(
     zones: int = 10,
     wrong: int = 1,
     sample: Any = "the page",
+    unknown: Any = None,
 ) -> FeedbackDraft:
     """A feedback that says `request`."""
     return FeedbackDraft(
@@ -48,6 +51,7 @@ def draft(
         wrong_zones=wrong,
         class_wrong=found != verified,
         sample=None if sample is None else {"page": sample, "label": request},
+        unknown_page=None if unknown is None else UnknownPageDraft({"n": unknown}, bound=3, ttl_s=1000),
     )
 
 
@@ -126,15 +130,37 @@ def test_the_first_feedback_may_make_the_first_version(letters: Store, result: s
 )
 def test_the_same_counts_once(letters: Store, result: str, first: str | None, again: str | None) -> None:
     kept = letters.add_feedback(draft(result, key=first), [change("letter")])
-    before = everything(letters)
     said = draft(result, key=again)
+    before = everything(letters) if first is not None or again is None else None
     found = letters.find_feedback(result, again, said.request)
     assert found is not None
     # It comes again with the version that the first one saw, as a client's retry does.
     for repeated in (found, letters.add_feedback(said, [change("letter")])):
         assert not repeated.created
         assert as_stored(repeated) == as_stored(kept)
+        before = before or everything(
+            letters
+        )  # the key is bound to the body that came without one, nothing else
     assert everything(letters) == before
+
+
+@pytest.mark.parametrize("call", ["find", "add"])
+def test_a_key_that_comes_later_is_bound_to_the_body(letters: Store, result: str, call: str) -> None:
+    kept, said = letters.add_feedback(draft(result), []), draft(result, key="key")
+    again = (
+        letters.add_feedback(said, [])
+        if call == "add"
+        else letters.find_feedback(result, "key", said.request)
+    )
+    assert again is not None
+    assert as_stored(again) == as_stored(kept)
+    with pytest.raises(KeyReused):
+        letters.add_feedback(draft(result, "date", key="key"), [])
+    other = draft(result, key="other key")  # of two keys of one body the first one is its own
+    assert as_stored(letters.add_feedback(other, [])) == as_stored(kept)
+    found = letters.find_feedback(result, "key", said.request)
+    assert found is not None
+    assert as_stored(found) == as_stored(kept)
 
 
 def test_keys_are_of_one_body_and_one_result(letters: Store, result: str) -> None:
@@ -192,7 +218,7 @@ def test_what_fails_in_the_middle_leaves_no_trace(
 ) -> None:
     """The disk fails after the first, second, ... thing that is written."""
     letters.add_feedback(draft(result, "earlier"), [])
-    letters.keep_unknown_page({"page": 1}, result, bound=3)
+    letters.add_result({}, 1000, UnknownPageDraft({"page": 1}, bound=3, ttl_s=1000))
     before, flush, flushes = everything(letters), Session.flush, itertools.count(1)
 
     def flush_and_fail(session: Session, objects: Any = None) -> None:
@@ -395,29 +421,54 @@ def test_settings_that_cannot_be(letters: Store) -> None:
 
 
 def test_unknown_pages_are_a_ring(letters: Store, clock: Clock) -> None:
-    results = [letters.add_result({}, ttl_s=1000) for _ in range(5)]
-    kept = [letters.keep_unknown_page({"n": n}, result, bound=3) for n, result in enumerate(results)]
-    pages = list(letters.each_unknown_page())
-    assert [(page.id, page.result_id, page.page) for page in pages] == [
-        (kept[n].id, results[n], {"n": n}) for n in (2, 3, 4)
+    results = [
+        letters.add_result({}, 1000, UnknownPageDraft({"n": n}, bound=3, ttl_s=1000)) for n in range(5)
     ]
-    again = letters.keep_unknown_page({"n": "again"}, results[4], bound=3)
-    assert (again.id, again.page) == (kept[4].id, {"n": 4})
-    assert letters.forget_unknown_pages([kept[3].id, kept[0].id, "no id"]) == 1
+    pages = list(letters.each_unknown_page())
+    assert [(page.result_id, page.page) for page in pages] == [(results[n], {"n": n}) for n in (2, 3, 4)]
+    letters.add_feedback(draft(results[4], found=None, verified=None, unknown="again"), [])
+    assert list(map(as_told, letters.each_unknown_page())) == list(map(as_told, pages))
+    assert letters.forget_unknown_pages([pages[1].id, results[0], "no id"]) == 1
     assert letters.forget_unknown_pages([]) == 0
-    letters.keep_unknown_page({"short": True}, results[0], bound=3, ttl_s=10)
+    letters.add_result({}, 1000, UnknownPageDraft({"short": True}, bound=3, ttl_s=10))
     clock.now += timedelta(seconds=20)
     assert [page.page for page in letters.each_unknown_page()] == [{"n": 2}, {"n": 4}]
     assert len(everything(letters)["layout_unknown_pages"]) == 3
     letters.purge_results()
     assert len(everything(letters)["layout_unknown_pages"]) == 2
-    with pytest.raises(NotStorable):
-        letters.keep_unknown_page({}, "no id", bound=3)
+
+
+def as_told(page: UnknownPage) -> tuple[str, str, dict[str, Any]]:
+    return page.id, page.result_id, page.page
+
+
+def test_a_page_of_no_class_is_kept_with_its_feedback_or_not_at_all(
+    letters: Store, result: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = draft(result, verified=None, unknown="page")
+    before = everything(letters)
+
+    def fail(*_: object) -> Any:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("models.feedback_repository.add_unknown_page", fail)
+        with pytest.raises(StoreUnavailable):
+            letters.add_feedback(said, [change("letter")])
+    assert everything(letters) == before
+    assert letters.add_feedback(said, [change("letter")]).created  # the retry
+    assert [page.page for page in letters.each_unknown_page()] == [{"n": "page"}]
+
+
+def test_an_unknown_page_that_expired_may_come_again(letters: Store, clock: Clock) -> None:
+    result = letters.add_result({}, 1e6, UnknownPageDraft({"n": 1}, bound=3, ttl_s=10))
+    clock.now += timedelta(seconds=20)
+    letters.add_feedback(draft(result, verified=None, unknown=2), [])
+    assert [page.page for page in letters.each_unknown_page()] == [{"n": 2}]
 
 
 def test_a_page_that_found_its_class_is_unknown_no_longer(letters: Store, result: str) -> None:
-    letters.keep_unknown_page({"n": 1}, result, bound=3)
-    letters.add_feedback(draft(result, found=None, verified=None), [])
+    letters.add_feedback(draft(result, found=None, verified=None, unknown=1), [])
     assert len(list(letters.each_unknown_page())) == 1
     letters.add_feedback(draft(result, "more", found=None), [])
     assert list(letters.each_unknown_page()) == []

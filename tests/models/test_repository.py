@@ -1,5 +1,7 @@
 """What the store promises about models, samples and results, on real databases."""
 
+import contextlib
+import itertools
 import json
 from collections.abc import Callable, Generator
 from datetime import UTC, timedelta
@@ -9,6 +11,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sqlalchemy.orm import Session
 
 from models.errors import (
     KeyReused,
@@ -22,9 +25,11 @@ from models.errors import (
     StoreUnavailable,
     VersionConflict,
 )
+from models.records import ResultDraft, UnknownPageDraft
 from models.repository import Store
 from tests.models.conftest import Clock
 from tests.models.databases import KINDS
+from tests.models.whole_database import everything
 
 ANY_TEXT = st.text(st.characters(), max_size=20)  # all of Unicode, halves of surrogate pairs too
 LEAVES = (
@@ -128,6 +133,25 @@ def test_a_writer_may_say_what_it_expects(store: Store) -> None:
     assert [summary.name for summary in store.models()] == ["letter"]
 
 
+def test_a_writer_may_judge_the_version_that_is_written_over(store: Store) -> None:
+    judged: list[int | None] = []
+    store.add_version("letter", {"n": 1}, "import", expected_version=judged.append)
+    store.add_version("letter", {"n": 2}, "train", expected_version=judged.append)
+
+    def refuse(current: int | None) -> None:
+        raise LookupError(current)
+
+    for write in (
+        lambda: store.add_version("letter", {"n": 3}, "train", expected_version=refuse),
+        lambda: store.rollback("letter", 1, refuse),
+        lambda: store.delete_model("letter", expected_version=refuse),
+    ):
+        with pytest.raises(LookupError, match="2"):
+            write()
+    assert judged == [None, 1]
+    assert store.model("letter").document == {"n": 2}
+
+
 def test_only_an_import_makes_a_class(store: Store) -> None:
     with pytest.raises(ModelNotFound):
         store.add_version("letter", {}, "initialize")
@@ -217,6 +241,14 @@ def test_a_sample_counts_once(store: Store) -> None:
     assert store.add_sample("letter", {"a": 3}).created
 
 
+def test_a_key_that_comes_later_is_bound_to_the_sample(store: Store) -> None:
+    first = store.add_sample("letter", {"a": 1})
+    assert store.add_sample("letter", {"a": 1}, key="key").id == first.id
+    with pytest.raises(KeyReused):
+        store.add_sample("letter", {"a": 2}, key="key")
+    assert store.sample_count("letter") == 1
+
+
 def test_samples_can_be_taken_away(store: Store) -> None:
     ids = [store.add_sample("letter", {"n": n}).id for n in range(4)]
     assert [sample.id for sample in store.samples("letter")] == ids
@@ -264,6 +296,67 @@ def test_results_expire(store: Store, clock: Clock) -> None:
     assert store.purge_results(now=clock.now + timedelta(days=1)) == 1
     with pytest.raises(ResultNotFound):
         store.result(long)
+
+
+def page_drafts(count: int) -> list[ResultDraft]:
+    return [ResultDraft({"page": n}, UnknownPageDraft({"n": n}, bound=9, ttl_s=10)) for n in range(count)]
+
+
+def test_a_document_and_its_pages_are_kept_together(store: Store, clock: Clock) -> None:
+    document_id, page_ids = store.add_document({"class": "letter"}, page_drafts(3), ttl_s=1000)
+    kept = store.result(document_id)
+    assert kept.document == {"class": "letter", "pages": page_ids}
+    assert [(page.id, page.document) for page in kept.pages] == [
+        (page_id, {"page": n}) for n, page_id in enumerate(page_ids)
+    ]
+    assert kept.pages == tuple(map(store.result, page_ids))
+    assert {page.expires_at for page in kept.pages} == {kept.expires_at}
+    assert [page.result_id for page in store.each_unknown_page()] == page_ids
+    clock.now = kept.expires_at - timedelta(seconds=1.5)
+    assert len(store.result(document_id).pages) == 3  # a moment before all of it expires
+    clock.now = kept.expires_at
+    for result_id in (document_id, *page_ids):
+        with pytest.raises(ResultNotFound):
+            store.result(result_id)
+
+
+@pytest.mark.parametrize("stage", range(1, 5))
+def test_a_document_that_cannot_be_kept_leaves_no_page(
+    store: Store, stage: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flush, flushes, before = Session.flush, itertools.count(1), everything(store)
+
+    def flush_and_fail(session: Session, objects: Any = None) -> None:
+        flush(session, objects)
+        if next(flushes) == stage:
+            raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Session, "flush", flush_and_fail)
+        with pytest.raises(StoreUnavailable):
+            store.add_document({}, page_drafts(3), ttl_s=1000)
+    assert everything(store) == before
+
+
+@pytest.mark.parametrize("keep", range(8))
+def test_a_purge_leaves_no_document_without_its_pages(store: Store, keep: int) -> None:
+    documents = [store.add_document({"n": n}, page_drafts(3), ttl_s=1000)[0] for n in range(2)]
+    store.purge_results(keep_newest=keep)
+    there = 0
+    for document_id in documents:
+        with contextlib.suppress(ResultNotFound):
+            assert len(store.result(document_id).pages) == 3
+            there += 1
+    assert there == keep // 4
+
+
+def test_a_document_of_an_earlier_release_without_all_its_pages_is_not_there(store: Store) -> None:
+    page = store.add_result({}, ttl_s=1000)
+    document = store.add_result({"document": {}, "pages": [page]}, ttl_s=1000)
+    assert [kept.id for kept in store.result(document).pages] == [page]
+    store.purge_results(keep_newest=1)
+    with pytest.raises(ResultNotFound, match=document):
+        store.result(document)
 
 
 def test_only_the_newest_results_are_kept(store: Store) -> None:

@@ -115,12 +115,14 @@ def test_encoding_is_repeatable(page: NDArray[np.uint8]) -> None:
 
 @pytest.mark.parametrize("quality", [0, 101, -5])
 def test_quality_out_of_range(page: NDArray[np.uint8], quality: int) -> None:
-    with pytest.raises(InvalidOption, match="quality"):
+    with pytest.raises(InvalidOption, match="quality") as caught:
         encode_image(page, "jpeg", quality)
+    assert caught.value.field == "quality"
 
 
 def test_a_result_that_the_format_cannot_hold() -> None:
     strip = np.zeros((1, 16_384, 3), np.uint8)
-    with pytest.raises(InvalidOption, match="format"):
+    with pytest.raises(InvalidOption, match="format") as caught:
         encode_image(strip, "webp")
+    assert caught.value.field == "format"
     assert open_page(encode_image(strip, "png")).size == (16_384, 1)

@@ -217,10 +217,12 @@ def test_blank_photos_are_named() -> None:
 
 @pytest.mark.parametrize("count", [1, 17])
 def test_too_few_and_too_many_photos(count: int) -> None:
-    with pytest.raises(InvalidOption, match="images: expected 2 to 16"):
+    with pytest.raises(InvalidOption, match="images: expected 2 to 16") as caught:
         mosaic([np.zeros((8, 8, 3), np.uint8)] * count, AS_LAID)
+    assert caught.value.field == "images"
 
 
 def test_a_base_that_does_not_exist() -> None:
-    with pytest.raises(InvalidOption, match="base"):
+    with pytest.raises(InvalidOption, match="base") as caught:
         mosaic(photos(), MosaicParameters(base=3))
+    assert caught.value.field == "base"

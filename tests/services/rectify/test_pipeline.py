@@ -191,8 +191,9 @@ def test_a_region_guides(photo: SimulatedPhoto) -> None:
     [{"focal_length_px": 1.0}, {"focal_length_px": 1e9}, {"region": ((-9.0, -9.0), (-5, -9), (-5, -5))}],
 )
 def test_options_that_the_photo_cannot_have_are_refused(wrong: dict, photo: SimulatedPhoto) -> None:
-    with pytest.raises(InvalidOption, match=next(iter(wrong))):
+    with pytest.raises(InvalidOption, match=next(iter(wrong))) as caught:
         rectify(photo.image, replace(AS_IT_LIES, **wrong))
+    assert caught.value.field == next(iter(wrong))
 
 
 def blanks() -> list[np.ndarray]:
