@@ -91,7 +91,7 @@ def observe(
     focal_deviation: float = 0.05,
     directions: bool = False,
 ) -> SheetObservations:
-    """What a photo of `sheet` shows: lines in paragraphs of eight, strokes, and four sides; on request the lines' directions."""
+    """What a photo of `sheet` shows: lines in paragraphs of eight, strokes, four sides; perhaps directions of lines."""
 
     def off(points: Points) -> Points:
         return np.asarray(points + rng.normal(0, noise, points.shape)) if noise > 0 else points
