@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 
 from anyio import CapacityLimiter, to_thread
 
-from app.operations import ModelDocument
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
 from models.records import StoredModel
 from models.repository import Store
+from services.contract.layout import ModelDocument
 from services.errors import InvalidOption
 
 T = TypeVar("T")

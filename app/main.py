@@ -6,7 +6,6 @@ import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,6 @@ from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
 from app.metrics import Metrics
 from app.model_locks import ModelLocks
-from app.operations import Operations
 from app.problems import FrameworkErrors, ProblemBoundary, documented
 from app.process_turns import ProcessTurns
 from app.routes import (
@@ -48,7 +46,8 @@ from app.schemas.layout_samples import PageBody
 from app.schemas.problem import Problem
 from app.settings import Settings
 from app.uploads import Admission, BodyGuard, BodyLimits
-from services.layout.content_settings import InvalidContentSettings, read_settings
+from services.contract.operations import Operations
+from services.layout.content.content_settings import InvalidContentSettings, read_settings
 
 log = logging.getLogger(__name__)
 
@@ -112,8 +111,9 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             worker_memory_bytes=settings.worker_memory_bytes,
             jobs_per_worker=settings.jobs_per_worker,
         ),
-        warm_up=partial(operations.warm_up, settings.content_features),
-        preload=operations.preloaded,
+        warm_up=operations.warm_up,
+        warm_up_arguments=(settings.content_features,),
+        preload=operations.modules,
         observe=metrics.observe_job,
     )
     metrics.watch(engine.status)

@@ -2,47 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TypeVar, get_args
 
-from app.operations import Format, LayoutFormat, PagesFormat, SeveralFormat
+from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
+from services.contract.images import AnswerFormat, PagesFormat, SeveralFormat
+from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
+from services.contract.layout import LayoutFormat
 from services.errors import NotAcceptable
 
-MEDIA_TYPES: Mapping[Format, str] = {
-    "jpeg": "image/jpeg",
-    "png": "image/png",
-    "webp": "image/webp",
-    "tiff": "image/tiff",
-    "pdf": "application/pdf",
-    "json": "application/json",
-}
+MEDIA_TYPES: Mapping[AnswerFormat, str] = {name: PAGES_MEDIA_TYPES[name] for name in get_args(AnswerFormat)}
 """In the order of preference among what a client likes equally well."""
 
-PAGES_MEDIA_TYPES: Mapping[PagesFormat, str] = {
-    "jpeg": "image/jpeg",
-    "png": "image/png",
-    "webp": "image/webp",
-    "tiff": "image/tiff",
-    "pdf": "application/pdf",
-    "json": "application/json",
-    "zip": "application/zip",
-}
-"""The same where an answer may have several pages."""
-
 SEVERAL_MEDIA_TYPES: Mapping[SeveralFormat, str] = {
-    "pdf": "application/pdf",
-    "tiff": "image/tiff",
-    "zip": "application/zip",
-    "json": "application/json",
+    name: PAGES_MEDIA_TYPES[name] for name in get_args(SeveralFormat)
 }
-"""Those of them that hold several pages, in the order of preference."""
-
-LAYOUT_MEDIA_TYPES: Mapping[LayoutFormat, str] = {
-    "json": "application/json",
-    "pagexml": "application/xml",
-    "alto": "application/xml",
-    "png": "image/png",
-}
-"""The same for /layout; ALTO has the type of PAGE-XML, so only `format` chooses it."""
+"""Of formats that hold several pages, in the order of preference."""
 
 SNIFFED_BYTES = 32
 Name = TypeVar("Name", bound=str)
@@ -90,8 +64,10 @@ def _weight(parameters: list[str]) -> float | None:
     return 1.0
 
 
-def choose_format(requested: Format | None, accept: str | None, own: Format | None) -> Format | None:
-    """Format to send; None: the upload's own, whatever it turns out to be.
+def choose_format(
+    requested: AnswerFormat | None, accept: str | None, own: AnswerFormat | None
+) -> AnswerFormat | None:
+    """AnswerFormat to send; None: the upload's own, whatever it turns out to be.
 
     `requested` is the form's `format` and wins over `accept`, the header; `own` is the upload's format where
     it is known (`sniff_format`). Among formats that weigh the same the upload's own comes first.
@@ -105,7 +81,7 @@ def choose_format(requested: Format | None, accept: str | None, own: Format | No
 
 
 def choose_pages_formats(
-    requested: PagesFormat | None, accept: str | None, own: Format | None
+    requested: PagesFormat | None, accept: str | None, own: AnswerFormat | None
 ) -> tuple[PagesFormat | None, SeveralFormat | None]:
     """Formats to send where the answer may have several pages: of a single page, as by `choose_format`, and of several.
 
@@ -150,7 +126,7 @@ def _choose(
 
 
 def choose_layout_format(requested: LayoutFormat | None, accept: str | None) -> LayoutFormat:
-    """Format of an answer of /layout: `requested`, the form's `format`, else by `accept`, the header, else JSON.
+    """AnswerFormat of an answer of /layout: `requested`, the form's `format`, else by `accept`, the header, else JSON.
 
     Raises
     ------
@@ -182,8 +158,8 @@ def _weight_of(media_type: str, ranges: tuple[MediaRange, ...]) -> float:
     return weight if precision else 0.0
 
 
-def sniff_format(head: bytes) -> Format | None:
-    """Format to answer in, by the first bytes of an upload; HEIC, which is not sent, becomes JPEG.
+def sniff_format(head: bytes) -> AnswerFormat | None:
+    """AnswerFormat to answer in, by the first bytes of an upload; HEIC, which is not sent, becomes JPEG.
 
     Only the choice of the representation hangs on it: what the upload really is, the decoder decides.
     """

@@ -7,6 +7,8 @@ from typing import Annotated
 from pydantic import Field, FilePath, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from services.contract.images import ImageLimits
+
 MIB = 1024 * 1024
 
 
@@ -174,6 +176,15 @@ class Settings(BaseSettings):
         ge=1,
         description="They are kept for so long: new kinds of documents show in weeks.",
     )
+
+    @property
+    def image_limits(self) -> ImageLimits:
+        """Limits of one uploaded image."""
+        return ImageLimits(
+            max_megapixels=self.max_megapixels,
+            max_exif_bytes=self.max_exif_bytes,
+            max_bytes=self.max_upload_bytes,
+        )
 
     @field_validator("api_keys", mode="before")
     @classmethod

@@ -12,16 +12,16 @@ import numpy as np
 from benchmarks.common.plots import make_strip, save_picture
 from benchmarks.mosaic.ghosts import shifted_photo
 from services.arrays import RgbImage
+from services.contract.mosaic import Composition, MosaicParameters
+from services.contract.rectify import RectifyParameters
 from services.geometry.vanishing_points import estimate_vanishing_point
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
-from services.layout.overlay import draw_overlay
 from services.layout.pipeline import VersionedModel, complete_sample, initialize_model, read_page, recognize
-from services.mosaic.parameters import Composition, MosaicParameters
+from services.layout.rendering.overlay import draw_overlay
 from services.mosaic.pipeline import mosaic
-from services.operations import ocr_engine
+from services.operations.reader import ocr_engine
 from services.rectify.analysis import analyse_photo
-from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import MeshSurface, StripsSurface
 from services.texture_flow.field import FlowSamples

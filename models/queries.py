@@ -8,7 +8,6 @@ from sqlalchemy.orm import Session
 
 from models.documents import decode_document
 from models.errors import ModelNotFound, NotStorable, SampleNotFound, StoreFull, VersionConflict
-from models.layout_graph import DEFAULT_LEARNER, Learner
 from models.records import (
     AnyVersion,
     ExpectedVersion,
@@ -21,6 +20,7 @@ from models.records import (
 )
 from models.tables import MAX_NAME, ModelRow, SampleRow, StateRow, VersionRow
 from models.ulid import is_ulid
+from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 READ_AT_ONCE = 8
 """Rows of documents, each of some MB at most."""

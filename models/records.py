@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Any, Final, Literal
 
 from models.documents import Document
-from models.layout_graph import DEFAULT_LEARNER, Learner
+from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 Origin = Literal["initialize", "import", "feedback", "train", "rollback"]
 """What made a version of a model."""

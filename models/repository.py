@@ -11,10 +11,10 @@ and may be cached by it.
 **Feedback** is kept with the versions and the sample that it made, or not at all.
 """
 
-from models.kept_feedback import KeptFeedback
-from models.kept_models import KeptModels
-from models.kept_results import KeptResults
-from models.kept_samples import KeptSamples
+from models.feedback_repository import KeptFeedback
+from models.model_repository import KeptModels
+from models.result_repository import KeptResults
+from models.sample_repository import KeptSamples
 from models.transactions import utc_now
 
 __all__ = ["Store", "utc_now"]

@@ -1,7 +1,10 @@
 """The import rules of the house, held against the code's own imports."""
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -11,53 +14,56 @@ ARRAYS = ("numpy", "cv2", "PIL", "scipy", "pillow_heif", "img2pdf", "pypdfium2")
 HTTP = ("fastapi", "starlette", "uvicorn", "httpx", "pydantic", "pydantic_settings", "prometheus_client")
 SQL = ("sqlalchemy", "alembic", "sqlite3")
 ESTIMATORS = ("services.rectify", "services.mosaic", "services.layout")
-SURFACES = ("services.developable", "services.strips", "services.rulings", "services.sheet")
+SHEET = ("services.sheet",)
 
 RULES = [
     # (who, may not import, but may)
     ("app", ("simulation", "benchmarks", "tests", *ARRAYS), ()),
+    # Of what workers run the server knows the contract: plain data, and names of operations.
+    (
+        "app",
+        ("services",),
+        (
+            "services.contract",
+            "services.errors",
+            "services.progress",
+            "services.layout.content.content_settings",
+        ),
+    ),
+    ("services/contract", ("services", "models", *ARRAYS, *HTTP, *SQL), ("services.contract",)),
     # The store's door is its repository; no table and no session comes through it.
     (
         "app",
         ("models", *SQL),
-        ("models.repository", "models.records", "models.errors", "models.layout_graph"),
+        ("models.repository", "models.records", "models.errors"),
     ),
     ("app/engine", (*HTTP, "app"), ("app.engine",)),
-    ("app/schemas", ("app.routes", "app.engine", "app.main", "services"), ()),
     (
-        "services",
-        ("app", "simulation", "benchmarks", "tests", "models", *HTTP, *SQL),
-        ("models.layout_graph", "models.model_document"),
+        "app/schemas",
+        ("app.routes", "app.engine", "app.main", "services"),
+        ("services.contract", "services.errors"),
     ),
+    ("services", ("app", "simulation", "benchmarks", "tests", "models", *HTTP, *SQL), ()),
     (
         "services/geometry",
-        (*ESTIMATORS, *SURFACES, "services.imaging", "services.texture_flow", "services.ocr"),
+        (*ESTIMATORS, *SHEET, "services.imaging", "services.texture_flow", "services.ocr"),
         (),
     ),
-    ("services/imaging", (*ESTIMATORS, *SURFACES, "services.texture_flow", "services.ocr"), ()),
-    ("services/texture_flow", (*ESTIMATORS, *SURFACES, "services.ocr"), ()),
-    ("services/ocr", (*ESTIMATORS, *SURFACES, "services.texture_flow"), ()),
-    (
-        "services/rulings",
-        (*ESTIMATORS, "services.developable", "services.strips", "services.sheet", "services.ocr"),
-        (),
-    ),
-    ("services/strips", (*ESTIMATORS, "services.developable", "services.sheet", "services.ocr"), ()),
-    (
-        "services/developable",
-        (*ESTIMATORS, "services.strips", "services.rulings", "services.sheet", "services.ocr"),
-        (),
-    ),
+    ("services/imaging", (*ESTIMATORS, *SHEET, "services.texture_flow", "services.ocr"), ()),
+    ("services/texture_flow", (*ESTIMATORS, *SHEET, "services.ocr"), ()),
+    ("services/ocr", (*ESTIMATORS, *SHEET, "services.texture_flow"), ()),
+    ("services/sheet", (*ESTIMATORS, "services.ocr", "services.operations"), ()),
+    ("services/sheet/outline", SHEET, ("services.sheet.outline",)),
+    ("services/sheet/rulings", SHEET, ("services.sheet.rulings",)),
+    ("services/sheet/strips", SHEET, ("services.sheet.strips", "services.sheet.rulings")),
+    ("services/sheet/developable", SHEET, ("services.sheet.developable",)),
+    ("services/sheet/tracing", SHEET, ("services.sheet.tracing", "services.sheet.developable.observations")),
     # A creased sheet explains the same observations as a smooth one.
-    (
-        "services/sheet",
-        (*ESTIMATORS, *SURFACES, "services.ocr", "services.operations"),
-        ("services.sheet", "services.developable.observations"),
-    ),
+    ("services/sheet/ridged", SHEET, ("services.sheet.ridged", "services.sheet.developable.observations")),
     ("services/rectify", ("services.mosaic", "services.layout", "services.operations"), ()),
     ("services/mosaic", ("services.layout", "services.operations"), ()),
     ("services/layout", ("services.rectify", "services.mosaic", "services.operations"), ()),
-    ("models", ("app", "services", "simulation", "benchmarks", "tests"), ()),
+    ("models", ("app", "services", "simulation", "benchmarks", "tests"), ("services.contract",)),
     ("simulation", ("app", "services", "models", "benchmarks", "tests"), ()),
 ]
 ONLY_IN = [
@@ -88,7 +94,9 @@ def within(name: str, packages: tuple[str, ...]) -> bool:
     return any(name == package or name.startswith(package + ".") for package in packages)
 
 
-@pytest.mark.parametrize(("who", "forbidden", "allowed"), RULES, ids=[rule[0] for rule in RULES])
+@pytest.mark.parametrize(
+    ("who", "forbidden", "allowed"), RULES, ids=[f"{rule[0]}-{rule[1][0]}" for rule in RULES]
+)
 def test_imports_run_one_way(who: str, forbidden: tuple[str, ...], allowed: tuple[str, ...]) -> None:
     wrong = [
         f"{path.relative_to(ROOT)} imports {name}"
@@ -97,6 +105,35 @@ def test_imports_run_one_way(who: str, forbidden: tuple[str, ...], allowed: tupl
         if within(name, forbidden) and not within(name, allowed)
     ]
     assert wrong == []
+
+
+def test_the_server_loads_no_arrays() -> None:
+    """Neither directly nor through what it imports: that is for the workers."""
+    loaded = subprocess.run(
+        [sys.executable, "-c", "import sys, app.main; print(*sys.modules)"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert {name.partition(".")[0] for name in loaded.stdout.split()}.isdisjoint(ARRAYS)
+
+
+def test_rooms_of_layout_import_each_other_one_way() -> None:
+    """`graphlib` refuses a cycle, and names it."""
+    layout = ROOT / "services" / "layout"
+    rooms = {folder.name for folder in layout.iterdir() if (folder / "__init__.py").exists()}
+    needs = {
+        room: {
+            name.split(".")[2]
+            for path in sources(f"services/layout/{room}")
+            for name in imports(path)
+            if name.startswith("services.layout.")
+        }
+        & (rooms - {room})
+        for room in rooms
+    }
+    assert set(TopologicalSorter(needs).static_order()) == rooms
 
 
 @pytest.mark.parametrize(("module", "places"), ONLY_IN, ids=[rule[0] for rule in ONLY_IN])

@@ -1,9 +1,9 @@
 """The seam behind which work runs, and what can befall a job there."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
+from services.contract.operations import Operation
 from services.errors import DocumentError
 from services.progress import ProgressSink
 
@@ -128,7 +128,7 @@ class JobRecord:
 
 
 class Engine(Protocol):
-    """Runs functions of `services` away from the event loop."""
+    """Runs operations, by their names, away from the event loop."""
 
     async def start(self) -> None:
         """Return when workers are warm.
@@ -152,15 +152,15 @@ class Engine(Protocol):
 
     async def submit(
         self,
-        operation: Callable[..., T],
+        operation: Operation[T],
         *arguments: object,
         time_limit: TimeLimit | None = None,
         progress: ProgressSink | None = None,
     ) -> T:
         """Answer of `operation(*arguments)`, run in a worker within `time_limit` (None: the engine's own).
 
-        `operation` is a function of a module, its arguments and answer pickle. A `Spooled` argument arrives
-        as its bytes, which are read only when a worker is free, and a list of them as a list of theirs.
+        The worker imports the function that `operation` names; arguments and answer pickle. A `Spooled` argument
+        arrives as its bytes, which are read only when a worker is free, and a list of them as a list of theirs.
         Cancelling the caller stops the work. `progress` is called in the event loop: with `STARTED` when a worker
         takes the job, then with what the operation reports, never after the answer.
 

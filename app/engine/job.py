@@ -2,7 +2,6 @@
 
 import asyncio
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +13,7 @@ from services.progress import ProgressSink
 class EngineJob:
     """A call that waits for a worker or has one; `answer` is what its caller waits for."""
 
-    operation: Callable[..., Any]
+    operation: str
     arguments: tuple[object, ...]
     time_limit: TimeLimit
     progress: ProgressSink | None

@@ -34,6 +34,7 @@ from app.engine.base import (
 )
 from app.engine.job import EngineJob
 from app.engine.process import WorkerGone, WorkerProcess
+from services.contract.operations import Operation
 from services.errors import DocumentError
 from services.progress import ProgressSink
 
@@ -79,13 +80,14 @@ class LocalEngine:
     def __init__(
         self,
         limits: PoolLimits,
-        warm_up: Callable[[], dict[str, object]] | None = None,
+        warm_up: Operation[dict[str, object]] | None = None,
+        warm_up_arguments: Sequence[object] = (),
         preload: Sequence[str] = (),
         observe: Callable[[JobRecord], None] = lambda record: None,
     ) -> None:
-        """`warm_up` runs in every new worker; modules of `preload` are imported once, for all of them."""
+        """`warm_up(*warm_up_arguments)` runs in every new worker; modules of `preload` are imported once, for all."""
         self._limits = limits
-        self._warm_up = warm_up
+        self._warm_up = None if warm_up is None else (str(warm_up), tuple(warm_up_arguments))
         self._preload = list(preload)
         self._observe = observe
         self._jobs: deque[EngineJob] = deque()
@@ -133,7 +135,7 @@ class LocalEngine:
 
     async def submit(
         self,
-        operation: Callable[..., T],
+        operation: Operation[T],
         *arguments: object,
         time_limit: TimeLimit | None = None,
         progress: ProgressSink | None = None,
@@ -142,7 +144,7 @@ class LocalEngine:
             raise ShuttingDown("The service is shutting down; send the request again.", 1)
         loop = asyncio.get_running_loop()
         job = EngineJob(
-            operation,
+            str(operation),
             arguments,
             time_limit or TimeLimit(self._limits.job_timeout_s, "JOB_TIMEOUT_S"),
             progress,

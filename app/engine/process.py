@@ -10,7 +10,6 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable
 from contextlib import suppress
 from typing import cast
 
@@ -27,7 +26,7 @@ class WorkerProcess:
 
     _starting = threading.Lock()
 
-    def __init__(self, memory_bytes: int, warm_up: Callable[[], dict[str, object]] | None) -> None:
+    def __init__(self, memory_bytes: int, warm_up: inside.NamedCall | None) -> None:
         context = multiprocessing.get_context("forkserver")
         self._connection, far_end = context.Pipe()
         self._far_end = far_end
@@ -49,7 +48,7 @@ class WorkerProcess:
         return cast(dict[str, object], facts)
 
     def call(
-        self, operation: Callable[..., object], arguments: list[object], listen: ProgressSink | None = None
+        self, operation: str, arguments: list[object], listen: ProgressSink | None = None
     ) -> inside.Outcome:
         """What became of `operation(*arguments)`; leaves `arguments` empty.
 

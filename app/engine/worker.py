@@ -12,8 +12,8 @@ import select
 import signal
 import time
 import traceback
-from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Literal
@@ -25,6 +25,9 @@ READY, DONE, REFUSED, FAILED, OUT_OF_MEMORY = "ready", "done", "refused", "faile
 PROGRESS = "progress"
 Outcome = tuple[Literal["ready", "done", "refused", "failed", "out-of-memory", "progress"], object]
 """What a worker says: one word when it is warm, one for each call, and before that any number of `PROGRESS`."""
+
+NamedCall = tuple[str, tuple[object, ...]]
+"""A function as "module:function", and its arguments."""
 
 REPORT_EVERY_S = 0.1
 """Reports within one stage are no closer than this; nobody reads faster."""
@@ -47,14 +50,20 @@ OPENCV_NO_MEMORY = -4
 """cv::Error::StsNoMem: OpenCV's own word for a failed allocation."""
 
 
-def serve(connection: Connection, memory_bytes: int, warm_up: Callable[[], dict[str, object]] | None) -> None:
+def serve(connection: Connection, memory_bytes: int, warm_up: NamedCall | None) -> None:
     """Say that this worker is warm, then answer calls until the engine hangs up."""
     _settle(memory_bytes)
-    facts = warm_up() if warm_up is not None else {}
+    facts = run(*warm_up) if warm_up is not None else {}
     collect_seldom()
     connection.send_bytes(pickle.dumps((READY, facts)))
     while (answer := _answer_next(connection)) is not None:
         connection.send_bytes(answer)
+
+
+def run(operation: str, arguments: tuple[object, ...]) -> object:
+    """Answer of the function that `operation` names as "module:function"."""
+    module, _, function = operation.partition(":")
+    return getattr(import_module(module), function)(*arguments)
 
 
 def collect_seldom() -> None:
@@ -95,7 +104,7 @@ def _answer_next(connection: Connection) -> bytes | None:
         operation, arguments, listens = pickle.loads(call)
         del call  # uploads are large; while the operation runs they are here once
         with progress_to(ProgressReports(connection).send if listens else None):
-            return pickle.dumps((DONE, operation(*arguments)))
+            return pickle.dumps((DONE, run(operation, arguments)))
     except DocumentError as error:
         return pickle.dumps((REFUSED, error))
     except BaseException as error:

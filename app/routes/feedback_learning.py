@@ -8,7 +8,6 @@ from typing import Any
 
 from app.engine.base import Busy, TimeLimit
 from app.layout_store import document_of
-from app.operations import Adaptation, FeedbackTask, ModelDocument, ModelDraft
 from app.routes.labelled_pages import layout_settings
 from app.routes.model_samples import newest_samples
 from app.routes.state import AppState
@@ -16,6 +15,8 @@ from app.schemas.layout_feedback import FeedbackBody
 from models.errors import ModelNotFound, VersionConflict
 from models.records import FeedbackDraft, ModelChange, StoredFeedback, StoredSample
 from models.repository import Store
+from services.contract.layout import ModelDocument
+from services.contract.layout_learning import Adaptation, FeedbackTask
 from services.errors import InvalidOption
 
 MOST_TRIES = 32
@@ -152,13 +153,11 @@ async def _learn_once(
         verdict.labels,
         pupils.learners,
     )
-    adaptation: Adaptation = await state.engine.submit(
-        state.operations.adapt_models, task, pupils.models, settings
-    )
+    adaptation = await state.engine.submit(state.operations.adapt_models, task, pupils.models, settings)
     versions = {model.name: model.version for model in pupils.models}
     changes = [ModelChange(name, document, versions[name]) for name, document in adaptation.documents.items()]
     if pupils.samples is not None and verdict.verified_class is not None and adaptation.zones:
-        first: ModelDraft = await state.engine.submit(
+        first = await state.engine.submit(
             state.operations.initialize_model,
             verdict.verified_class,
             [*(sample.document for sample in pupils.samples), adaptation.sample],

@@ -9,8 +9,8 @@ from typing import Any
 from fastapi import Request
 from starlette.datastructures import FormData, UploadFile
 
-from app.operations import LayoutSettings, UploadLimits
 from app.settings import Settings
+from services.contract.layout import LayoutSettings
 from services.errors import DocumentError, InvalidOption, TooLarge
 
 LABELLED_PAGE_BODY: dict[str, Any] = {
@@ -59,12 +59,12 @@ class LabelledPageUpload:
 def layout_settings(settings: Settings) -> LayoutSettings:
     """What a page may cost, and how it is read."""
     return LayoutSettings(
-        UploadLimits(settings.max_upload_bytes, settings.max_megapixels, settings.max_exif_bytes),
-        settings.max_zones,
-        settings.max_zones_file_bytes,
-        settings.content_features,
-        settings.max_pages,
-        settings.max_document_megapixels,
+        image=settings.image_limits,
+        max_zones=settings.max_zones,
+        max_zones_file_bytes=settings.max_zones_file_bytes,
+        content_features=settings.content_features,
+        max_pages=settings.max_pages,
+        max_document_megapixels=settings.max_document_megapixels,
     )
 
 

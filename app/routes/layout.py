@@ -7,10 +7,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Form, Request, Response, UploadFile
 
 from app.engine.base import TimeLimit
-from app.operations import DocumentReply, LayoutFormat, LayoutOptions, LayoutReply, LayoutSettings
 from app.problems import documented
 from app.representations import (
-    LAYOUT_MEDIA_TYPES,
     SNIFFED_BYTES,
     choose_layout_format,
     layout_headers,
@@ -30,6 +28,7 @@ from app.schemas.layout import (
 )
 from app.settings import Settings
 from models.repository import Store
+from services.contract.layout import DocumentReply, LayoutFormat, LayoutOptions, LayoutSettings
 from services.errors import InvalidOption, TooLarge
 from services.progress import ProgressSink
 
@@ -93,21 +92,21 @@ async def layout(
     time_limit = await _time_limit(images, settings)
 
     async def work(progress: ProgressSink | None) -> Response:
-        reply: LayoutReply | DocumentReply = await state.engine.submit(
+        reply = await state.engine.submit(
             state.operations.recognize_layout,
             images,
             zones,
             zones_file,
             models,
             LayoutOptions(
-                form.rectify,
-                form.ocr == "auto",
-                chosen,
-                form.explain,
-                _image_name(images[:1]),
-                tuple(_image_name([image]) for image in images),
-                form.page,
-                form.format is not None,
+                rectify=form.rectify,
+                ocr=form.ocr == "auto",
+                format=chosen,
+                explain=form.explain,
+                image_name=_image_name(images[:1]),
+                image_names=tuple(_image_name([image]) for image in images),
+                page=form.page,
+                format_named=form.format is not None,
             ),
             _limits(settings),
             time_limit=time_limit,
@@ -122,7 +121,7 @@ async def layout(
         if chosen != "json":
             return Response(reply.body, media_type=reply.media_type, headers=headers)
         body = result_of(reply.document, result_id).model_dump_json(by_alias=True)
-        return Response(body, media_type=LAYOUT_MEDIA_TYPES["json"], headers=headers)
+        return Response(body, media_type="application/json", headers=headers)
 
     return await answer_now_or_later(request, state, work)
 
@@ -145,7 +144,7 @@ async def layout_result(state: State, id: str) -> Response:
         result = document_of(kept.document["document"], kept.id, pages)
     else:
         result = result_of(kept.document["result"], kept.id)
-    return Response(result.model_dump_json(by_alias=True), media_type=LAYOUT_MEDIA_TYPES["json"])
+    return Response(result.model_dump_json(by_alias=True), media_type="application/json")
 
 
 async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFormat) -> Response:
@@ -164,7 +163,7 @@ async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFor
     if chosen != "json":
         return Response(reply.body, media_type=reply.media_type, headers=headers)
     body = document_of(reply.document, result_id, pages).model_dump_json(by_alias=True)
-    return Response(body, media_type=LAYOUT_MEDIA_TYPES["json"], headers=headers)
+    return Response(body, media_type="application/json", headers=headers)
 
 
 def _read_page(store: Store, id: str) -> LayoutResult:

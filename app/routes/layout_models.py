@@ -7,7 +7,6 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
 from app.engine.base import TimeLimit
-from app.operations import ModelDraft
 from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
 from app.routes.connection import while_connected
@@ -29,6 +28,7 @@ from app.schemas.options import Absent
 from models.errors import ModelNotFound
 from models.records import StoredModel, StoredSample
 from models.repository import Store
+from services.contract.layout_models import ModelDraft
 from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout/models", tags=["layout models"])
@@ -192,7 +192,7 @@ async def initialize_layout_model(
     samples = await state.store.call(read)
 
     async def work(progress: ProgressSink | None) -> Response:
-        draft: ModelDraft = await state.engine.submit(
+        draft = await state.engine.submit(
             state.operations.initialize_model,
             name,
             [sample.document for sample in samples],

@@ -6,7 +6,6 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from app.engine.base import TimeLimit
-from app.operations import StoredPage
 from app.problems import documented
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
@@ -15,6 +14,7 @@ from app.routes.usual_problems import BODY, READING, STORE, WORK
 from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
 from models.errors import UnknownPageNotFound
 from models.repository import Store
+from services.contract.layout_models import StoredPage
 from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout", tags=["layout proposals"])
@@ -91,7 +91,7 @@ async def propose_layout_classes(request: Request, state: State) -> Response:
 
     async def work(progress: ProgressSink | None) -> Response:
         unknown, classes = await state.store.call(_read_all)
-        found: dict[str, Any] = await state.engine.submit(
+        found = await state.engine.submit(
             state.operations.propose_classes,
             unknown,
             classes,

@@ -6,7 +6,6 @@ from fastapi import APIRouter, Request, Response
 
 from app.engine.base import TimeLimit
 from app.layout_store import document_of
-from app.operations import Training
 from app.preconditions import Precondition, entity_tag, parse_precondition
 from app.problems import documented
 from app.routes.json_bodies import json_request, read_json
@@ -96,7 +95,7 @@ async def _train_once(
         return model, samples
 
     model, samples = await state.store.call(read)
-    training: Training = await state.engine.submit(
+    training = await state.engine.submit(
         state.operations.train_model,
         document_of(model),
         [sample.document for sample in samples],

@@ -6,7 +6,6 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from pydantic import Field
 
 from app.layout_store import document_of, labels_of
-from app.operations import ModelDifference, ModelDocument
 from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
 from app.routes.connection import while_connected
@@ -28,6 +27,7 @@ from app.schemas.options import Absent
 from models.errors import ModelNotFound
 from models.records import StoredModel
 from models.repository import Store
+from services.contract.layout import ModelDocument
 
 router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
 
@@ -84,7 +84,7 @@ async def layout_model_diff(
 
     old, new = await state.store.call(read)
     work = state.engine.submit(state.operations.compare_models, old, new, limit)
-    difference: ModelDifference = await while_connected(request, work)
+    difference = await while_connected(request, work)
     return Difference(
         name=name,
         version=new.version,

@@ -1,17 +1,16 @@
 """POST /mosaic: several overlapping photos of one page -> the whole page."""
 
+from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request, Response
 
 from app.engine.base import TimeLimit
-from app.operations import MosaicLimits, UploadLimits
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import answer_page, choose_encoding, documented_page
 from app.routes.state import State
 from app.schemas.mosaic import MosaicForm, MosaicResult
-from services.errors import InvalidOption
-from services.mosaic.parameters import MosaicParameters
+from services.contract.mosaic import MosaicLimits
 from services.progress import ProgressSink
 
 router = APIRouter(tags=["mosaic"])
@@ -41,12 +40,10 @@ async def mosaic(
     What comes back follows `Accept`, or the field `format`; with neither, an image in the first photo's own
     format (HEIC: JPEG). A photo that could not be placed is named.
     """
-    parameters = parameters_of(form)
+    parameters = form.parameters()
     encoding = await choose_encoding(request, form, form.images[0])
     settings = state.settings
-    photo_limits = UploadLimits(
-        settings.max_mosaic_upload_bytes, settings.max_megapixels, settings.max_exif_bytes
-    )
+    photo_limits = replace(settings.image_limits, max_bytes=settings.max_mosaic_upload_bytes)
 
     async def work(progress: ProgressSink | None) -> Response:
         reply = await state.engine.submit(
@@ -62,25 +59,3 @@ async def mosaic(
         return answer_page(reply, MosaicResult)
 
     return await answer_now_or_later(request, state, work)
-
-
-def parameters_of(form: MosaicForm) -> MosaicParameters:
-    """The form's options.
-
-    Raises
-    ------
-    InvalidOption
-        When the base is none of the photos.
-    """
-    base = None if form.base == "auto" else form.base
-    if base is not None and base >= len(form.images):
-        raise InvalidOption(
-            f"base: there is no photo {base}; {len(form.images)} were sent, counted from 0.", "base"
-        )
-    return MosaicParameters(
-        rectify=form.rectify,
-        base=base,
-        composition=form.composition,
-        illumination=form.illumination,
-        upright=form.upright,
-    )

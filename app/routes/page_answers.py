@@ -5,11 +5,9 @@ from typing import Any, Protocol
 from fastapi import Request, Response, UploadFile
 from pydantic import BaseModel
 
-from app.operations import Encoding, Format, PagesFormat, Reply
 from app.problems import documented
 from app.representations import (
     MEDIA_TYPES,
-    PAGES_MEDIA_TYPES,
     SNIFFED_BYTES,
     choose_format,
     choose_pages_formats,
@@ -18,6 +16,8 @@ from app.representations import (
 )
 from app.routes.long_work import ACCEPTED
 from app.routes.usual_problems import FORM, IMAGE, WORK
+from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
+from services.contract.images import AnswerFormat, Encoding, PageReply, PagesFormat
 
 Documentation = dict[int | str, dict[str, Any]]
 
@@ -47,7 +47,7 @@ _PROBLEMS = ("not-acceptable", "no-text", "internal", *FORM, *IMAGE, *WORK)
 class AskedEncoding(Protocol):
     """The fields of a form that say how the answer is wanted."""
 
-    format: Format | None
+    format: AnswerFormat | None
     quality: int | None
     embed: bool
 
@@ -117,7 +117,7 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
     return Encoding(format=single, quality=asked.quality, embed=asked.embed, pages_format=several)
 
 
-def answer_page(reply: Reply, model: type[BaseModel]) -> Response:
+def answer_page(reply: PageReply, model: type[BaseModel]) -> Response:
     """The picture with its headers, or its description, held to `model`."""
     if reply.media_type == JSON:
         body = model.model_validate(reply.document).model_dump_json()

@@ -4,13 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Form, Request, Response
 
-from app.operations import UploadLimits
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
 from app.routes.state import State
-from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult, parse_region
+from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult
 from services.progress import ProgressSink
-from services.rectify.parameters import RectifyParameters
 
 router = APIRouter(tags=["rectify"])
 
@@ -40,22 +38,15 @@ async def rectify(
     and `webp` hold one page: they are refused (`not-acceptable`) when two are found.
     """
     encoding = await choose_pages_encoding(request, form, form.image)
-    parameters = RectifyParameters(
-        kind=form.kind,
-        upright=form.upright,
-        focal_length_px=form.focal_length_px,
-        region=None if form.region is None else parse_region(form.region),
-        illumination=form.illumination,
-        crop=form.crop,
-        pages=form.pages,
-    )
-    limits = UploadLimits(
-        state.settings.max_upload_bytes, state.settings.max_megapixels, state.settings.max_exif_bytes
-    )
 
     async def work(progress: ProgressSink | None) -> Response:
         reply = await state.engine.submit(
-            state.operations.rectify, form.image, parameters, encoding, limits, progress=progress
+            state.operations.rectify,
+            form.image,
+            form.parameters(),
+            encoding,
+            state.settings.image_limits,
+            progress=progress,
         )
         request.state.seat.release()
         return answer_page(reply, RectifyResult if form.pages == "main" else PagesResult)

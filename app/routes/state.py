@@ -10,8 +10,8 @@ from app.jobs import Jobs
 from app.layout_store import LayoutStore
 from app.metrics import Metrics
 from app.model_locks import ModelLocks
-from app.operations import Operations
 from app.settings import Settings
+from services.contract.operations import Operations
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.operations import LayoutFormat
 from app.schemas.options import Absent, Switch
 from app.schemas.page import Answer, Warning
+from services.contract.layout import LayoutFormat
 
 MODEL_NAME_PATTERN = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,59}$"
 MOST_NAMES = 200

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from app.schemas.layout_models import NameInBody
 from app.schemas.page import Answer
-from models.layout_graph import LONGEST_LABEL
+from services.contract.layout import LONGEST_LABEL
 
 Label = Annotated[str, Field(min_length=1, max_length=LONGEST_LABEL), AfterValidator(str.strip)]
 

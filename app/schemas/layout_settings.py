@@ -4,7 +4,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.layout_models import Health, NameInBody
 from app.schemas.page import Answer
-from models.layout_graph import Learner
+from services.contract.layout_learning import Learner
 
 
 class Settings(Answer):

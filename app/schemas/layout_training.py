@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.options import WHOLE
 from app.schemas.page import Answer
-from models.layout_graph import Learner
+from services.contract.layout_learning import Learner
 
 MOST_ROUNDS = 100
 """Of one training; the dissertation's curves (5.6) end there."""

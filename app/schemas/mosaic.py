@@ -17,8 +17,9 @@ from app.schemas.options import (
     Upright,
 )
 from app.schemas.page import Answer, Orientation, Point, Warning
+from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, Composition, MosaicParameters
+from services.errors import InvalidOption
 
-FEWEST_PHOTOS, MOST_PHOTOS = 2, 16
 _INDEX = re.compile("[0-9]|1[0-5]")
 
 
@@ -63,7 +64,7 @@ class MosaicForm(BaseModel):
         description="Photo, counted from 0, whose part of the page is shown when the photos fall into parts "
         "that do not connect; auto: the largest part.",
     )
-    composition: Literal["selective", "average"] = Field(
+    composition: Composition = Field(
         default="selective",
         description="Every word from the photo that shows it sharpest, or a feathered average (to compare).",
     )
@@ -72,6 +73,27 @@ class MosaicForm(BaseModel):
     format: AskedFormat = None
     quality: Quality = None
     embed: Embed = False
+
+    def parameters(self) -> MosaicParameters:
+        """The options of the mosaic itself, without those of the answer's format.
+
+        Raises
+        ------
+        InvalidOption
+            When the base is none of the photos.
+        """
+        base = None if self.base == "auto" else self.base
+        if base is not None and base >= len(self.images):
+            raise InvalidOption(
+                f"base: there is no photo {base}; {len(self.images)} were sent, counted from 0.", "base"
+            )
+        return MosaicParameters(
+            rectify=self.rectify,
+            base=base,
+            composition=self.composition,
+            illumination=self.illumination,
+            upright=self.upright,
+        )
 
 
 class PatchMesh(Answer):

@@ -1,11 +1,12 @@
 """Options that requests share, and how a form says true, false and nothing, and JSON a whole number."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from app.operations import Format, PagesFormat
+from services.contract import rectify
+from services.contract.images import AnswerFormat, PagesFormat
 
 WRONG_NUMBER_OF_FILES = "wrong_number_of_files"
 """Type of the validation error of a field that holds too few or too many files."""
@@ -38,11 +39,11 @@ Upright = Annotated[
     ),
 ]
 Illumination = Annotated[
-    Literal["keep", "normalize"],
+    rectify.Illumination,
     Field(description="Even out light and shadow to dark ink on white paper."),
 ]
 AskedFormat = Annotated[
-    Format | Absent,
+    AnswerFormat | Absent,
     Field(
         description="What comes back; overrides `Accept`. Neither: an image in the (first) photo's own format."
     ),

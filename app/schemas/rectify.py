@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.schemas.options import Absent, AskedPagesFormat, Embed, Illumination, Quality, Upright
 from app.schemas.page import Answer, Orientation, Point, Warning
+from services.contract.rectify import Crop, PageKind, Pages, RectifyParameters
 
 REGION_POINTS = (3, 200)
 REGION_LIMIT_PX = 1e6
@@ -62,9 +63,7 @@ class RectifyForm(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     image: UploadFile = Field(description="The photo: JPEG, PNG, WebP, TIFF (first page) or HEIC/HEIF.")
-    kind: Literal["auto", "planar", "curved"] = Field(
-        default="auto", description="Skip the planar/curved decision."
-    )
+    kind: PageKind = Field(default="auto", description="Skip the planar/curved decision.")
     upright: Upright = True
     focal_length_px: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] | Absent = Field(
         default=None, description="Known focal length; else EXIF where present, else estimated."
@@ -76,12 +75,12 @@ class RectifyForm(BaseModel):
         json_schema_extra={"contentMediaType": "application/json", "pattern": REGION_PATTERN},
     )
     illumination: Illumination = "keep"
-    crop: Literal["sheet", "text", "photo"] = Field(
+    crop: Crop = Field(
         default="sheet",
         description="What the view shows: the sheet cut at its edges, the text with margins, or all of the photo that "
         "lies near the text.",
     )
-    pages: Literal["main", "both"] = Field(
+    pages: Pages = Field(
         default="main",
         description="Of an opened book: the page that the photo is about, or both, left before right; the answer is "
         "then a list of pages, even if there is only one.",
@@ -89,6 +88,18 @@ class RectifyForm(BaseModel):
     format: AskedPagesFormat = None
     quality: Quality = None
     embed: Embed = False
+
+    def parameters(self) -> RectifyParameters:
+        """The options of the rectification itself, without those of the answer's format."""
+        return RectifyParameters(
+            kind=self.kind,
+            upright=self.upright,
+            focal_length_px=self.focal_length_px,
+            region=None if self.region is None else parse_region(self.region),
+            illumination=self.illumination,
+            crop=self.crop,
+            pages=self.pages,
+        )
 
 
 Direction = tuple[float, float, float]

@@ -18,7 +18,8 @@ from benchmarks.layout.specimens import (
     lessons,
     of_sources,
 )
-from models.layout_graph import LayoutModel, Page
+from services.layout.model.layout_model import LayoutModel
+from services.layout.page import Page
 
 FEW = (3, 5)
 """Samples of a model besides all."""

@@ -1,6 +1,6 @@
 """New classes among unknown pages, classes to merge and classes to split: what is found, and what is proposed wrongly.
 
-    python -m benchmarks layout_discovery [--no-reading] [--limit N]
+    python -m benchmarks.layout_discovery [--no-reading] [--limit N]
 
 Each of the eleven classes is withheld in turn; two models are made of halves of one class; one model of two classes.
 """
@@ -23,12 +23,12 @@ from benchmarks.layout.protocols import make_model, recognized
 from benchmarks.layout.recognition import ReadingOptions, segment_all
 from benchmarks.layout.specimens import ZONES, Specimen, Zones, by_class, lessons, load_specimens
 from benchmarks.layout.truth import layout_folder
-from models.layout_graph import Page
 from services.layout.discovery.class_samples import ClassSamples, gather_samples, held_out_costs
 from services.layout.discovery.groups import PageGroup, group_pages
 from services.layout.discovery.merging import MergeProposal, cannot_be_told_apart, compare_classes
 from services.layout.discovery.splitting import compare_parts, propose_split
-from services.layout.graph import LayoutGraph, build_graph
+from services.layout.graph.layout_graph import LayoutGraph, build_graph
+from services.layout.page import Page
 from services.layout.pipeline import content_features
 
 PAGES = (2, 3, 5, 10, 20)

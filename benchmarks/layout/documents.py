@@ -1,6 +1,6 @@
 """Documents of several pages: their class by all pages beside that of every page alone, and labels of later pages.
 
-python -m benchmarks layout_documents [--documents 12] [--samples 2 3 5 8]
+python -m benchmarks.layout_documents [--documents 12] [--samples 2 3 5 8]
 
 Simulated letters, memos and papers of two publications, of 1 to 4 pages; models of so many simulated documents each,
 none of which is tested. Zones are the true ones.
@@ -14,10 +14,10 @@ from typing import get_args
 import numpy as np
 
 from benchmarks.layout.part import share, table
-from models.layout_graph import Page, Zone
-from services.layout.documents import class_of, recognize_document
+from services.layout.page import Page, Zone
 from services.layout.pipeline import VersionedModel, content_features, initialize_model, recognize
-from services.layout.results import Recognition
+from services.layout.recognition.documents import class_of, recognize_document
+from services.layout.recognition.results import Recognition
 from simulation.labelled_pages import DocumentKind, LabelledPage, document_pages
 
 KINDS: tuple[DocumentKind, ...] = get_args(DocumentKind)

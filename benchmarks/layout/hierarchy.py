@@ -1,6 +1,6 @@
 """Many models: class decisions and time with the hierarchy and without, against the number of models.
 
-python -m benchmarks layout_hierarchy [--pages N] [--data FOLDER]
+python -m benchmarks.layout_hierarchy [--pages N] [--data FOLDER]
 
 Publications are the classes of the shared pages, those of simulated ones, and restyled copies of both
 (`restyled_pages`); without the shared pages they are of simulated ones only.
@@ -27,12 +27,12 @@ from benchmarks.layout.protocols import folds, make_model, unlabelled
 from benchmarks.layout.restyled_pages import restyled
 from benchmarks.layout.specimens import by_class, load_specimens
 from benchmarks.layout.truth import layout_folder
-from models.layout_graph import Page, Zone
-from services.layout import recognition
-from services.layout.graph import build_graph
+from services.layout.graph.layout_graph import build_graph
+from services.layout.page import Page, Zone
 from services.layout.pipeline import VersionedModel, content_features, initialize_model
-from services.layout.recognition import RecognitionParameters, recognize_page
-from services.layout.results import Recognition
+from services.layout.recognition import page_recognition as recognition
+from services.layout.recognition.page_recognition import RecognitionParameters, recognize_page
+from services.layout.recognition.results import Recognition
 from simulation.labelled_pages import LabelledPage, fax_page, letter_page, memo_page, title_page
 
 NAME = "layout_hierarchy"

@@ -14,7 +14,12 @@ from benchmarks.common.workers import Progress, run_in_workers
 from benchmarks.layout.part import Part, Result, Results
 from benchmarks.layout.specimens import Specimen
 
-_SOURCES = ("services/layout/**/*.py", "services/operations/*.py", "models/*.py", "benchmarks/layout_*.py")
+_SOURCES = (
+    "services/layout/**/*.py",
+    "services/contract/*.py",
+    "services/operations/*.py",
+    "benchmarks/layout_*.py",
+)
 """The code that a layout benchmark measures and is made of, beside the module of the part."""
 
 

@@ -23,7 +23,7 @@ from benchmarks.layout.specimens import (
     with_ten_components,
 )
 from benchmarks.layout.truth import TITLES_MADE, TITLES_REAL
-from models.layout_graph import Page
+from services.layout.page import Page
 
 UNIFIED = {
     "title page, real": TITLES_REAL,

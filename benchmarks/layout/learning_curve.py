@@ -20,7 +20,7 @@ from benchmarks.layout.protocols import (
 )
 from benchmarks.layout.specimens import Lesson, Specimen, of_sources, with_ten_components
 from benchmarks.layout.truth import TITLES_MADE, TITLES_REAL
-from models.layout_graph import Page
+from services.layout.page import Page
 
 SIZES = (1, 2, 3, 5, 10, 20)
 COMPARED = ("1", "3", "5", "10", "all")

@@ -1,6 +1,6 @@
 """Time, proofs and gaps of matching on simulated cost tables of pages, against the number of zones and labels.
 
-python -m benchmarks layout_matching [--pages 20] [--two-steps]
+python -m benchmarks.layout_matching [--pages 20] [--two-steps]
 """
 
 import argparse
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.layout.simulated_cost_tables import EASY, HARD, HOPELESS, TYPICAL, Hardness, simulated_tables
-from services.layout.cost_tables import CostTables, Matching
 from services.layout.matching import MatchingParameters, match_directly, match_in_two_steps
+from services.layout.matching.cost_tables import CostTables, Matching
 
 WANTED_MS = {(15, 10): 2.0, (60, 15): 50.0}
 """Median CPU time of a direct matching of a typical page, by zones and labels."""

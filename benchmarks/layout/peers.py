@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestClassifier
 
-from models.layout_graph import Page
-from services.layout.graph import build_graph
+from services.layout.graph.layout_graph import build_graph
+from services.layout.page import Page
 from services.layout.pipeline import content_features
 
 TREES = 300

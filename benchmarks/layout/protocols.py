@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.layout.specimens import Lesson
-from models.layout_graph import LayoutModel, Page
+from services.layout.model.layout_model import LayoutModel
+from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, initialize_model, recognize
-from services.layout.recognition import RecognitionParameters
-from services.layout.results import Recognition
+from services.layout.recognition.page_recognition import RecognitionParameters
+from services.layout.recognition.results import Recognition
 
 Labels = tuple[str | None, ...]
 Labeller = Callable[[Sequence[Lesson], Sequence[Page]], list[Labels]]

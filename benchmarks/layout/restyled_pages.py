@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.layout_graph import Box, Page, Zone
+from services.layout.page import Box, Page, Zone
 from services.layout.pipeline import content_features
 
 KNOTS = (0.0, 0.15, 0.3, 0.5, 0.75, 1.0)

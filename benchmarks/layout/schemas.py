@@ -1,6 +1,6 @@
 """Whether what recognition writes as PAGE-XML and ALTO is valid by the schemas themselves.
 
-python -m benchmarks layout_schemas --page pagecontent.xsd --alto alto-4-4.xsd
+python -m benchmarks.layout_schemas --page pagecontent.xsd --alto alto-4-4.xsd
 
 The schemas are not ours to bring along: PAGE's is in github.com/PRImA-Research-Lab/PAGE-XML (2019-07-15), ALTO's
 in github.com/altoxml/schema (v4/alto-4-4.xsd; its import of xlink.xsd must lead to a file).
@@ -13,11 +13,11 @@ from datetime import UTC, datetime
 from lxml import etree
 
 from benchmarks.layout.truth import SETS, load_set
-from models.layout_graph import ALIGNMENTS, KINDS, Page, Zone
 from services.layout.exchange.alto import read_alto, write_alto
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_xml import read_page_xml, write_page_xml
-from services.layout.results import ClassMatch, LabelledZone, Recognition
+from services.layout.page import ALIGNMENTS, KINDS, Page, Zone
+from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 
 _AWKWARD_NAMES = ("z1", "1", "z-1", "page", "reading-order", "a b", "ß;}{:,\\", "<&\"'>", "😀")
 _AWKWARD_TEXT = ("", "a\r\nb\tc", "\x00\x1f]]>&lt;", "\ufffe", "  ", "один 二")

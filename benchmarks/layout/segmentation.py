@@ -1,8 +1,8 @@
 """Our page segmentation against the true zones of the labelled pages, with the engine's words and without.
 
-python -m benchmarks layout_segmentation [--sets titles/real/jose,letters/made] [--labels] [--sheets] [--limit N]
+python -m benchmarks.layout_segmentation [--sets titles/real/jose,letters/made] [--labels] [--sheets] [--limit N]
 
-Shares of true zones, each counted once, by the areas of boxes (benchmarks/layout/segmentation_matching.py):
+Shares of true zones, each counted once, by the areas of boxes (benchmarks/segmentation_matching.py):
 
 whole    one found zone has an IoU of 0.75 with it, or of 0.5 where each is the other's only partner
 merged   a found zone covers half of it and half of another true zone
@@ -31,8 +31,8 @@ from benchmarks.common.workers import MOST_WORKERS, Progress, run_in_workers
 from benchmarks.layout.segmentation_matching import FATES, match_zones
 from benchmarks.layout.truth import SETS, LabelledPage, layout_folder, load_set
 from benchmarks.layout.words import PageWords
-from models.layout_graph import Page
 from services.arrays import GrayImage, RgbImage
+from services.layout.page import Page
 from services.layout.segmentation import segment_page
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine

@@ -6,8 +6,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from models.layout_graph import Page
-from services.layout.label_transfer import box_areas, shared_areas
+from services.layout.learning.label_transfer import box_areas, shared_areas
+from services.layout.page import Page
 
 Fate = Literal["whole", "merged", "split", "missed", "off"]
 FATES: tuple[Fate, ...] = get_args(Fate)

@@ -11,10 +11,10 @@ from benchmarks.common.plots import contact_sheet, load_picture, make_strip, sav
 from benchmarks.layout.part import Part, Result, Results, table
 from benchmarks.layout.protocols import Labels, make_model, page_labels, recognized
 from benchmarks.layout.specimens import Specimen, by_class, lessons
-from models.layout_graph import Page
 from services.arrays import RgbImage
-from services.layout.overlay import draw_overlay
-from services.layout.results import Recognition
+from services.layout.page import Page
+from services.layout.recognition.results import Recognition
+from services.layout.rendering.overlay import draw_overlay
 
 SHEET = OUTPUT / "layout_overlays.png"
 _HEIGHT_PX = 1000

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.cost_tables import CostTables
+from services.layout.matching.cost_tables import CostTables
 
 _SAMPLES = 10
 """Pages from which the frequencies of relations are taken."""

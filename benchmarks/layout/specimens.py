@@ -10,16 +10,10 @@ import numpy as np
 
 from benchmarks.common.memory import Memory
 from benchmarks.common.plots import load_picture
-from benchmarks.layout.truth import (
-    SETS,
-    TITLES_MADE,
-    TITLES_REAL,
-    LabelledPage,
-    load_set,
-)
-from models.layout_graph import Page
+from benchmarks.layout.truth import SETS, TITLES_MADE, TITLES_REAL, LabelledPage, load_set
 from services.arrays import GrayImage
-from services.layout.label_transfer import shared_areas, transfer_labels
+from services.layout.learning.label_transfer import shared_areas, transfer_labels
+from services.layout.page import Page
 from services.layout.pipeline import content_features
 from services.layout.segmentation import segment_page
 from services.ocr.engine import OcrEngine

@@ -14,10 +14,10 @@ from benchmarks.layout.part import Part, Result, Results, share, table
 from benchmarks.layout.protocols import error_percent, folds, page_labels, recognized
 from benchmarks.layout.specimens import ZONES, Specimen, by_class, of_sources
 from benchmarks.layout.truth import TITLES_REAL
-from models.layout_graph import Page
 from services.arrays import RgbImage
+from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, initialize_model, read_page, recognize
-from services.layout.recognition import RecognitionParameters
+from services.layout.recognition.page_recognition import RecognitionParameters
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.common.places import data_folder
-from models.layout_graph import Page, Zone
+from services.layout.page import Page, Zone
 
 TITLES_REAL = tuple(f"titles/real/{name}" for name in ("jose", "juliacon", "rescience"))
 TITLES_MADE = tuple(f"titles/made/{name}" for name in ("acm", "elsevier", "ieee", "llncs", "revtex"))

@@ -9,9 +9,10 @@ from benchmarks.layout.part import Part, Result, Results, share, table
 from benchmarks.layout.protocols import make_model, page_labels, recognized, unlabelled
 from benchmarks.layout.specimens import OTHER_LETTERS, Specimen, by_class
 from benchmarks.learning.pages import verdict
-from models.layout_graph import LayoutModel, Page
+from services.layout.model.layout_model import LayoutModel
+from services.layout.page import Page
 from services.layout.pipeline import VerifiedPage, content_features, learn_from_feedback
-from services.layout.results import Recognition
+from services.layout.recognition.results import Recognition
 
 MEMOS = "real memos"
 MEMO_ORDERS = 3

@@ -5,13 +5,15 @@ from typing import get_args
 
 from benchmarks.layout.learning_curve import labelled_sets
 from benchmarks.layout.specimens import Specimen
-from models.layout_graph import LayoutModel, Learner, Page
-from services.layout.graph import KIND_FEATURES, build_graph
-from services.layout.initialization import Views, begin_model, see_samples
+from services.contract.layout_learning import Learner
+from services.layout.graph.layout_graph import KIND_FEATURES, build_graph
+from services.layout.learning.initialization import Views, begin_model, see_samples
 from services.layout.learning.learners import match_page
-from services.layout.learning.state import LearningModel, begin_learning
+from services.layout.model.layout_model import LayoutModel
+from services.layout.model.learning_model import LearningModel, begin_learning
+from services.layout.model.statistics import LabelledGraph
+from services.layout.page import Page
 from services.layout.pipeline import content_features
-from services.layout.statistics import LabelledGraph
 
 LEARNERS: tuple[Learner, ...] = get_args(Learner)
 NONE, ANEW = "no learning", "initialized anew"

@@ -26,11 +26,12 @@ from benchmarks.learning.pages import (
     see,
     verdict,
 )
-from models.layout_graph import Learner, Page
-from services.layout.initialization import Views
+from services.contract.layout_learning import Learner
+from services.layout.learning.initialization import Views
 from services.layout.learning.learners import learn_page, practise, wrong_zones
 from services.layout.learning.rounds import train
-from services.layout.learning.state import LearningModel, with_labels
+from services.layout.model.learning_model import LearningModel, with_labels
+from services.layout.page import Page
 
 TITLE_SETS = (*tuple(name for name in UNIFIED if name != "title page, made"), *TITLES_REAL)
 LETTER_SETS = ("letters/real", "letters/real" + TEN, "letters/made")

@@ -15,13 +15,13 @@ from benchmarks.layout.part import Part, Result, Results, table
 from benchmarks.layout.protocols import make_model, page_labels, unlabelled
 from benchmarks.layout.specimens import Specimen, by_class
 from benchmarks.learning.pages import LEARNERS, verdict
-from models.layout_graph import Page
-from models.model_document import model_to_document
+from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
+from services.contract.layout_learning import FeedbackTask
 from services.layout.exchange.page_json import page_to_document
-from services.operations.layout import LayoutOptions, recognize_upload
-from services.operations.layout_learning import FeedbackTask, adapt_models
-from services.operations.page_zones import LayoutSettings
-from services.operations.stored_models import StoredModel
+from services.layout.model.model_document import model_to_document
+from services.layout.page import Page
+from services.operations.layout import recognize_upload
+from services.operations.layout_learning import adapt_models
 
 MOST_MS = 50.0
 MOST_PAGES = 12
@@ -76,9 +76,9 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     }
 
 
-def _stored(name: str, samples: Sequence[Page]) -> StoredModel:
+def _stored(name: str, samples: Sequence[Page]) -> ModelDocument:
     document = model_to_document(make_model(name, [(page, None) for page in samples]))
-    return StoredModel(name, 1, _bytes(document))
+    return ModelDocument(name, 1, _bytes(document))
 
 
 def _bytes(document: Mapping[str, object]) -> bytes:
@@ -87,7 +87,7 @@ def _bytes(document: Mapping[str, object]) -> bytes:
 
 
 def _follow(
-    pages: Sequence[Page], models: Mapping[str, StoredModel], names: Sequence[str], learner: str
+    pages: Sequence[Page], models: Mapping[str, ModelDocument], names: Sequence[str], learner: str
 ) -> list[_Spent]:
     """Each page is recognized and taught; the models go on from version to version, as they do in the service.
 
@@ -105,7 +105,7 @@ def _follow(
         adaptation = adapt_models(task, [now[name] for name in names], SETTINGS)
         spent.append(_Spent(1000 * recognition, 1000 * (time.process_time() - start)))
         for name, document in adaptation.documents.items():
-            now[name] = StoredModel(name, now[name].version + 1, _bytes(document))
+            now[name] = ModelDocument(name, now[name].version + 1, _bytes(document))
     return spent
 
 

@@ -1,6 +1,6 @@
 """Feedback on one class to several servers over one database, while servers are killed: nothing is lost or half.
 
-python -m benchmarks learning_store [--servers 4] [--posts 250] [--kill-every 5]
+python -m benchmarks.learning_store [--servers 4] [--posts 250] [--kill-every 5]
 
 Needs no data: the pages are letters that the project sets itself.
 """
@@ -28,8 +28,8 @@ from benchmarks.common.places import OUTPUT
 from benchmarks.layout.part import table
 from benchmarks.learning.pages import verdict
 from benchmarks.learning.server_processes import Server
-from models.model_document import model_from_document
 from models.repository import Store
+from services.layout.model.model_document import model_from_document
 from simulation.labelled_pages import letter_page
 
 CLASS = "letter"

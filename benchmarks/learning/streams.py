@@ -11,19 +11,11 @@ from benchmarks.layout.learning_curve import TEN
 from benchmarks.layout.part import Part, Result, Results, share, table
 from benchmarks.layout.specimens import Specimen
 from benchmarks.layout.truth import TITLES_REAL
-from benchmarks.learning.pages import (
-    ANEW,
-    COLOURS,
-    LEARNERS,
-    NONE,
-    begin,
-    chosen_sets,
-    see,
-)
-from models.layout_graph import Page
-from services.layout.initialization import Views
+from benchmarks.learning.pages import ANEW, COLOURS, LEARNERS, NONE, begin, chosen_sets, see
+from services.layout.learning.initialization import Views
 from services.layout.learning.learners import learn_page, wrong_zones
-from services.layout.learning.state import LearningModel
+from services.layout.model.learning_model import LearningModel
+from services.layout.page import Page
 
 SETS = (
     *TITLES_REAL,

@@ -9,8 +9,8 @@ import cv2
 
 from benchmarks.common.stopwatch import Usage, measured
 from services.arrays import RgbImage
+from services.contract.mosaic import MosaicParameters
 from services.errors import DocumentError
-from services.mosaic.parameters import MosaicParameters
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult
 from services.operations.reader import ocr_engine

@@ -48,7 +48,7 @@ from benchmarks.rectify.real_photos import KINDS, RealPhoto, find_photos, varied
 from benchmarks.rectify.subject import rectify_file
 from services.arrays import RgbImage
 from services.errors import DocumentError
-from services.operations import ocr_engine
+from services.operations.reader import ocr_engine
 
 _SHEET_STRIP_HEIGHT_PX = 360
 _SHOWN = ("photo", "rectified", "UVDoc", "page-dewarp")

@@ -50,7 +50,7 @@ from benchmarks.rectify.subject import FlowErrors, measure_steps, rectify_photo,
 from benchmarks.rectify.true_map import flatten_by_truth, flatten_in_frame
 from services.arrays import RgbImage
 from services.errors import DocumentError
-from services.operations import ocr_engine
+from services.operations.reader import ocr_engine
 from services.rectify.results import RectifyResult, StripsSurface
 from simulation.flat_page import Points
 from simulation.photo import SimulatedPhoto

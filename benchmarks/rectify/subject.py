@@ -15,17 +15,18 @@ from benchmarks.common.residuals import (
     strip_of,
 )
 from services.arrays import RgbImage, Vector
-from services.imaging.codec import ImageLimits, decode_image
+from services.contract.images import Encoding, ImageLimits
+from services.contract.rectify import RectifyParameters
+from services.imaging.codec import decode_image
 from services.ocr.engine import OcrEngine
-from services.operations import EncodingOptions, rectify_upload
+from services.operations.rectify import rectify_upload
 from services.rectify import spread
 from services.rectify.analysis import PageAnalysis, analyse_photo
-from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.planar import PhotoFrame, typical_focal_prior
 from services.rectify.results import RectifyResult
 from services.rectify.strip_page import find_strips
-from services.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
+from services.sheet.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
 from services.texture_flow.regression import regress_flow
 from simulation.flat_page import Points
 from simulation.truth import Truth
@@ -65,7 +66,7 @@ def rectify_file(path: Path, ocr: OcrEngine | None) -> tuple[RgbImage, Callable[
 
 def rectify_bytes(upload: bytes) -> dict[str, float]:
     """All that a worker does with an upload: decode, rectify, encode. Returns the stages' milliseconds."""
-    reply = rectify_upload(upload, RectifyParameters(), EncodingOptions(), ImageLimits())
+    reply = rectify_upload(upload, RectifyParameters(), Encoding(), ImageLimits())
     timings = reply.document["timings_ms"]
     assert isinstance(timings, dict)
     return {str(stage): float(spent) for stage, spent in timings.items()}

@@ -40,6 +40,7 @@ from PIL import (
 )
 
 from services.arrays import RgbImage
+from services.contract.images import ImageLimits
 from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging import containers
 from services.imaging.exif import read_camera_facts
@@ -73,24 +74,6 @@ _LONGEST_SIDE_PX = {"jpeg": 65_500, "webp": 16_383, "png": 2**31 - 1, "tiff": 2*
 Image.MAX_IMAGE_PIXELS = None
 # One thread: the engine gives every core a worker of its own. Only the primary image is of interest.
 pillow_heif.register_heif_opener(thumbnails=False, depth_images=False, aux_images=False, decode_threads=1)
-
-
-@dataclass(frozen=True, slots=True)
-class ImageLimits:
-    """What an upload may cost; crossing any of them is `TooLarge`, judged before pixels are decoded."""
-
-    max_megapixels: float = 64.0
-    """Width times height / 10^6; phones of "50 MP" give 50.1."""
-    max_exif_bytes: int = 262_144
-    """Cameras write 64 KiB at most (one JPEG segment)."""
-    max_bytes: int = 64 * 2**20
-    max_side_px: int = 30_000
-    """OpenCV's remap addresses 32,767 pixels a side."""
-
-    @property
-    def max_pixels(self) -> int:
-        """`max_megapixels` in pixels."""
-        return int(self.max_megapixels * 1e6)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,9 +10,10 @@ import numpy as np
 import pypdfium2
 
 from services.arrays import RgbImage
+from services.contract.images import ImageLimits
 from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging import containers
-from services.imaging.codec import ImageLimits, count_pixels, decode_image, detect_format
+from services.imaging.codec import count_pixels, decode_image, detect_format
 
 RENDER_DPI = 200.0
 """Of a PDF's pages: print of 8 pt is 22 px high, and a page of A4 has 3.9 megapixels."""

@@ -9,19 +9,21 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from models.layout_graph import LayoutModel, Learner, Page
 from services.arrays import GrayImage, RgbImage
+from services.contract.layout_learning import Learner
 from services.imaging.illumination import flatten_illumination
-from services.layout.content_features import ContentFeatures
-from services.layout.initialization import initialize_model as initialize_from_samples
-from services.layout.label_transfer import transfer_labels
+from services.layout.content.content_features import ContentFeatures
+from services.layout.content.zone_texts import fill_texts
 from services.layout.learning.feedback import LearnedModel, VerifiedPage
 from services.layout.learning.feedback import learn_from_feedback as learn
+from services.layout.learning.initialization import initialize_model as initialize_from_samples
+from services.layout.learning.label_transfer import transfer_labels
 from services.layout.learning.training import TrainedModel, train_on_samples
-from services.layout.recognition import RecognitionParameters, VersionedModel, recognize_page
-from services.layout.results import Recognition
+from services.layout.model.layout_model import LayoutModel
+from services.layout.page import Page
+from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel, recognize_page
+from services.layout.recognition.results import Recognition
 from services.layout.segmentation import measure_zones, segment_page
-from services.layout.zone_texts import fill_texts
 from services.ocr.engine import OcrEngine, Word
 
 __all__ = [

@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage, RgbImage
+from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, MosaicParameters
+from services.contract.rectify import Illumination
 from services.errors import DocumentError, InvalidOption, NoText, NotOverlapping
 from services.geometry.homographies import translation
 from services.imaging.illumination import flatten_illumination
@@ -16,7 +18,6 @@ from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import flatten_photo, take_as_flat
 from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.page_cropping import crop_page, find_page_crop, see_sheet
-from services.mosaic.parameters import FEWEST_PHOTOS, MOST_PHOTOS, MosaicParameters
 from services.mosaic.placed_photo import PlacedPhoto
 from services.mosaic.placing.placed_part import PlacedPart, place_photos
 from services.mosaic.registration.photo_pairs import register_photos
@@ -24,7 +25,6 @@ from services.mosaic.results import MosaicResult
 from services.ocr.engine import OcrEngine
 from services.progress import report_progress
 from services.rectify.framing import turning
-from services.rectify.parameters import Illumination
 from services.rectify.pipeline import tell_orientation
 from services.rectify.results import Orientation
 from services.rectify.stage_clock import StageClock

@@ -5,79 +5,41 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
-from models.layout_graph import Page
 from services.arrays import RgbImage
+from services.contract.layout import MEDIA_TYPES, LayoutOptions, LayoutReply, LayoutSettings, ModelDocument
+from services.contract.rectify import RectifyParameters
 from services.errors import TooLarge
 from services.imaging.codec import decode_image, encode_image
 from services.imaging.page_images import PagePicture
-from services.layout.documents import PageInDocument, place_page
 from services.layout.exchange.alto import write_alto
 from services.layout.exchange.page_json import page_to_document
 from services.layout.exchange.page_xml import write_page_xml
-from services.layout.overlay import draw_overlay
+from services.layout.page import Page
 from services.layout.pipeline import (
     complete_page,
     content_features,
     read_page,
     recognize,
 )
-from services.layout.recognition import RecognitionParameters
-from services.layout.results import Recognition
+from services.layout.recognition.documents import PageInDocument, place_page
+from services.layout.recognition.page_recognition import RecognitionParameters
+from services.layout.recognition.results import Recognition
+from services.layout.rendering.overlay import draw_overlay
 from services.ocr.engine import OcrEngine
 from services.operations.layout_result import describe_recognition
-from services.operations.page_zones import LayoutSettings, check_frame, read_file, read_zones
+from services.operations.page_zones import check_frame, read_file, read_zones
 from services.operations.reader import ocr_engine
 from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
-from services.operations.stored_models import StoredModel, open_models
+from services.operations.stored_models import open_models
 from services.progress import progress_within, report_progress
-from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import Notice
 
-MEDIA_TYPES = {
-    "json": "application/json",
-    "pagexml": "application/xml",
-    "alto": "application/xml",
-    "png": "image/png",
-}
 FLATTENED, MATCHING_BEGINS = 0.6, 0.8
 """Shares of the work that are done, as a rule, when a photo is flat and when its zones are read."""
-
-
-@dataclass(frozen=True, slots=True)
-class LayoutOptions:
-    """How a page is recognized, and how the answer is wanted."""
-
-    rectify: bool = False
-    ocr: bool = True
-    format: Literal["json", "pagexml", "alto", "png"] = "json"
-    explain: bool = False
-    image_name: str = "page"
-    """Of the first upload; PAGE-XML and ALTO name the image that they are of."""
-    image_names: tuple[str, ...] = ()
-    """Of all uploads, where there are several."""
-    page: int | None = None
-    """The only one of several pages that is wanted, counted from 1."""
-    asked: bool = True
-    """Whether `format` was asked for by name; else it follows from what the client accepts."""
-
-
-@dataclass(frozen=True, slots=True)
-class LayoutReply:
-    """What leaves the worker.
-
-    `body` is the file that was asked for (empty for JSON), of type `media_type`; `document` the contract's
-    result, but for its id; `page` the recognized page, with all that was measured.
-    """
-
-    body: bytes
-    media_type: str
-    document: dict[str, object]
-    page: dict[str, object]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +55,7 @@ def recognize_upload(
     image: bytes | None,
     zones: bytes | None,
     zones_file: bytes | None,
-    models: Sequence[StoredModel],
+    models: Sequence[ModelDocument],
     options: LayoutOptions,
     settings: LayoutSettings,
 ) -> LayoutReply:
@@ -121,7 +83,7 @@ def recognize_picture(
     decode: Callable[[], PagePicture] | None,
     zones: bytes | None,
     zones_file: bytes | None,
-    models: Sequence[StoredModel],
+    models: Sequence[ModelDocument],
     options: LayoutOptions,
     settings: LayoutSettings,
 ) -> LayoutReply:

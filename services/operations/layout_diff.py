@@ -11,10 +11,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
-from models.layout_graph import LayoutModel, ModelEdge, ModelNode, NumericExpectation
-from services.layout.compiled_model import COUNT, LABEL, SUREST, content_scale_name
-from services.layout.edge_attributes import RELATIONS
-from services.operations.stored_models import StoredModel, read_model
+from services.contract.layout import ModelDocument
+from services.contract.layout_models import ModelDifference
+from services.layout.graph.edge_attributes import RELATIONS
+from services.layout.model.compiled_model import COUNT, LABEL, SUREST, content_scale_name
+from services.layout.model.layout_model import LayoutModel, ModelEdge, ModelNode, NumericExpectation
+from services.operations.stored_models import read_model
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -38,15 +40,7 @@ class Change:
     size: float
 
 
-@dataclass(frozen=True, slots=True)
-class ModelDifference:
-    """`total` changes, and the largest of them as JSON: `{"part", "labels", "attribute", "old", "new"}`."""
-
-    total: int
-    changes: list[dict[str, object]]
-
-
-def compare_models(old: StoredModel, new: StoredModel, most: int) -> ModelDifference:
+def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDifference:
     """The `most` largest changes from `old` to `new`, versions of one model, and how many there are.
 
     Raises

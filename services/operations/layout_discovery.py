@@ -4,30 +4,24 @@ The app reads them from the store and tells a person what was found; nothing cha
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-from models.layout_graph import InvalidLayout, Page
-from services.layout.content_features import ContentFeatures
+from services.contract.layout import LayoutSettings
+from services.contract.layout_models import StoredPage
+from services.layout.content.content_features import ContentFeatures
 from services.layout.discovery.class_samples import ClassSamples, gather_samples
 from services.layout.discovery.groups import GroupingParameters, PageGroup, choose_pages, group_pages
 from services.layout.discovery.merging import propose_merges
 from services.layout.discovery.splitting import propose_split
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
-from services.layout.graph import build_graph
+from services.layout.graph.layout_graph import build_graph
+from services.layout.page import InvalidLayout, Page
 from services.layout.pipeline import content_features
 from services.operations.layout_models import FOUND
-from services.operations.page_zones import LayoutSettings, exchange_limits
+from services.operations.page_zones import exchange_limits
 from services.progress import report_progress
-
-
-@dataclass(frozen=True, slots=True)
-class StoredPage:
-    """A page as the app keeps it: an unknown one, or a sample of a class."""
-
-    id: str
-    document: Mapping[str, Any]
 
 
 def propose_classes(

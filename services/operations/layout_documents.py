@@ -3,18 +3,23 @@
 import io
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from services.errors import DocumentError, InvalidOption, NotAcceptable
-from services.imaging.page_images import PageLimits, PageSource, open_pages
-from services.layout.documents import DocumentParameters, DocumentRecognition, recognize_document
-from services.layout.exchange.page_json import page_to_document
-from services.layout.pipeline import content_features
-from services.layout.recognition import RecognitionParameters
-from services.operations.layout import (
-    MATCHING_BEGINS,
+from services.contract.layout import (
+    DocumentPage,
+    DocumentReply,
     LayoutOptions,
     LayoutReply,
+    LayoutSettings,
+    ModelDocument,
+)
+from services.errors import DocumentError, InvalidOption, NotAcceptable
+from services.imaging.page_images import PageLimits, PageSource, open_pages
+from services.layout.exchange.page_json import page_to_document
+from services.layout.pipeline import content_features
+from services.layout.recognition.documents import DocumentParameters, DocumentRecognition, recognize_document
+from services.layout.recognition.page_recognition import RecognitionParameters
+from services.operations.layout import (
+    MATCHING_BEGINS,
     Sight,
     describe_page,
     recognize_picture,
@@ -23,43 +28,20 @@ from services.operations.layout import (
     write_xml,
 )
 from services.operations.layout_result import describe_classes
-from services.operations.page_zones import LayoutSettings
 from services.operations.reader import ocr_engine
 from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
-from services.operations.stored_models import StoredModel, open_models
+from services.operations.stored_models import open_models
 from services.progress import progress_within, report_progress
 from services.rectify.results import Notice
 
 ARCHIVE = "application/zip"
 
 
-@dataclass(frozen=True, slots=True)
-class PageReply:
-    """A page's result but for its id, and the recognized page, with all that was measured."""
-
-    document: dict[str, object]
-    page: dict[str, object]
-
-
-@dataclass(frozen=True, slots=True)
-class DocumentReply:
-    """What leaves the worker of several pages.
-
-    `body` is an archive with a file for each page (empty for JSON); `document` the contract's `DocumentResult` but
-    for its id and its pages, which `pages` has.
-    """
-
-    body: bytes
-    media_type: str
-    document: dict[str, object]
-    pages: list[PageReply]
-
-
 def recognize_uploads(
     images: Sequence[bytes],
     zones: bytes | None,
     zones_file: bytes | None,
-    models: Sequence[StoredModel],
+    models: Sequence[ModelDocument],
     options: LayoutOptions,
     settings: LayoutSettings,
 ) -> LayoutReply | DocumentReply:
@@ -91,10 +73,10 @@ def recognize_uploads(
 
 def _check_format(options: LayoutOptions, pages: int) -> None:
     """Refuse several pages in a format of one, before they are read."""
-    if options.format == "json" or (options.asked and options.format != "png"):
+    if options.format == "json" or (options.format_named and options.format != "png"):
         return
     several = f"this document has {pages} pages"
-    if options.asked:
+    if options.format_named:
         raise InvalidOption(
             f"format: png shows one page, and {several}; name one as `page`, or ask for json.", "format"
         )
@@ -106,7 +88,7 @@ def _check_format(options: LayoutOptions, pages: int) -> None:
 
 def _recognize_pages(
     sources: Sequence[PageSource],
-    models: Sequence[StoredModel],
+    models: Sequence[ModelDocument],
     options: LayoutOptions,
     settings: LayoutSettings,
 ) -> DocumentReply:
@@ -137,7 +119,7 @@ def _recognize_pages(
     document["warnings"] = describe_warnings(_notices(recognition))
     document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
     pages = [
-        PageReply(
+        DocumentPage(
             describe_page(placed, sight.notices, timings, explain=options.explain),
             to_json_ready(page_to_document(sight.page)),
         )

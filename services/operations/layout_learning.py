@@ -1,59 +1,27 @@
 """Feedback and rounds of training: documents of pages and models in, those of models that have learned out."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, cast, get_args
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, cast, get_args
 
-from models.layout_graph import MOST_LABELS, InvalidLayout, Learner, Page
-from models.model_document import model_to_document
+from services.contract.layout import LayoutSettings, ModelDocument
+from services.contract.layout_learning import Adaptation, FeedbackTask, Learner, Training
 from services.errors import InvalidOption
 from services.layout.exchange.page_json import page_from_document
 from services.layout.learning.feedback import CostChange, LabelsMissing, VerifiedPage
+from services.layout.model.layout_model import MOST_LABELS
+from services.layout.model.model_document import model_to_document
+from services.layout.page import InvalidLayout, Page
 from services.layout.pipeline import content_features, learn_from_feedback
 from services.layout.pipeline import train_model as train_on_samples
 from services.operations.layout_models import draft_of, read_samples, sample_document
-from services.operations.page_zones import LayoutSettings, exchange_limits
+from services.operations.page_zones import exchange_limits
 from services.operations.replies import rounded
-from services.operations.stored_models import StoredModel, read_model
+from services.operations.stored_models import read_model
 from services.progress import report_progress
 
 
-@dataclass(frozen=True, slots=True)
-class FeedbackTask:
-    """What a person said of a recognized page, beside what was found; `app.operations` tells the fields."""
-
-    page: dict[str, Any]
-    found_class: str | None
-    found_labels: Mapping[str, str | None]
-    verified_class: str | None
-    labels: Mapping[str, str | None]
-    learners: Mapping[str, str]
-
-
-@dataclass(frozen=True, slots=True)
-class Adaptation:
-    """What a feedback makes of the models that it concerns; `app.operations` tells the fields."""
-
-    documents: dict[str, dict[str, Any]]
-    verified_labels: dict[str, str | None]
-    wrong: list[dict[str, Any]]
-    costs: list[dict[str, Any]]
-    sample: dict[str, Any]
-    zones: int
-
-
-@dataclass(frozen=True, slots=True)
-class TrainingReply:
-    """What rounds of training made of a model; `app.operations` tells the fields."""
-
-    document: dict[str, Any]
-    labels: list[str]
-    rounds: list[dict[str, Any]]
-    kept_round: int
-    stopped: Literal["rounds", "held-out", "no-errors", "effort"]
-
-
-def adapt_models(task: FeedbackTask, models: Sequence[StoredModel], settings: LayoutSettings) -> Adaptation:
+def adapt_models(task: FeedbackTask, models: Sequence[ModelDocument], settings: LayoutSettings) -> Adaptation:
     """The models of the found and of the verified class after what a person said of a page.
 
     Raises
@@ -105,12 +73,12 @@ def adapt_models(task: FeedbackTask, models: Sequence[StoredModel], settings: La
 
 
 def train_model(
-    model: StoredModel,
+    model: ModelDocument,
     samples: Sequence[dict[str, Any]],
     rounds: int,
     learner: str,
     settings: LayoutSettings,
-) -> TrainingReply:
+) -> Training:
     """The model after at most `rounds` rounds over its verified pages, with the errors of each round.
 
     Raises
@@ -132,7 +100,7 @@ def train_model(
     )
     _check_labels(training.model.name, set(training.model.labels))
     draft = draft_of(training.model)
-    return TrainingReply(
+    return Training(
         document=draft.document,
         labels=draft.labels,
         rounds=[

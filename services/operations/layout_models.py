@@ -5,29 +5,24 @@ The app keeps samples and models; here they come in as its documents, and leave 
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-from models.layout_graph import MOST_LABELS, InvalidLayout, LayoutModel, Page
-from models.model_document import model_from_document, model_to_document
+from services.contract.layout import LayoutSettings
+from services.contract.layout_models import ModelDraft
 from services.errors import InvalidModel, InvalidOption
 from services.imaging.codec import decode_image
 from services.layout.exchange.page_json import page_from_document, page_to_document
+from services.layout.model.layout_model import MOST_LABELS, LayoutModel
+from services.layout.model.model_document import model_from_document, model_to_document
+from services.layout.page import InvalidLayout, Page
 from services.layout.pipeline import complete_sample, content_features, initialize_model
-from services.operations.page_zones import LayoutSettings, check_frame, exchange_limits, read_zones
+from services.operations.page_zones import check_frame, exchange_limits, read_zones
 from services.operations.reader import ocr_engine
 from services.operations.replies import to_json_ready
 
 FOUND = "found"
 """Key of a sample's second page: the zones that segmentation finds in its image, with the verified labels."""
-
-
-@dataclass(frozen=True, slots=True)
-class ModelDraft:
-    """A layout model that is no version yet, and its labels."""
-
-    document: dict[str, object]
-    labels: list[str]
 
 
 def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from services.layout.cost import MOST_EXPLAINED
 from services.layout.exchange.page_json import plain_number
-from services.layout.font_sizes import measure_font_classes
-from services.layout.results import ClassMatch, MatchReport, Recognition
+from services.layout.graph.font_sizes import measure_font_classes
+from services.layout.model.cost import MOST_EXPLAINED
+from services.layout.recognition.results import ClassMatch, MatchReport, Recognition
 from services.operations.replies import rounded
 
 

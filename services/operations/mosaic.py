@@ -2,20 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 
+from services.contract.images import Encoding, PageReply
+from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.errors import DocumentError, TooLarge
-from services.imaging.codec import DecodedImage, ImageLimits, count_pixels, decode_image
-from services.mosaic.parameters import MosaicParameters
+from services.imaging.codec import DecodedImage, count_pixels, decode_image
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Pair, Patch
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
     ENCODING_BEGINS,
-    EncodingOptions,
-    PageReply,
     SourceFacts,
     describe_orientation,
     describe_warnings,
@@ -26,19 +24,11 @@ from services.operations.replies import (
 from services.progress import progress_within
 
 
-@dataclass(frozen=True, slots=True)
-class MosaicImageLimits:
-    """What each photo may cost, and all of them together, which are in memory at once."""
-
-    photo: ImageLimits
-    max_megapixels: float
-
-
 def mosaic_uploads(
     uploads: Sequence[bytes],
     parameters: MosaicParameters,
-    encoding: EncodingOptions,
-    limits: MosaicImageLimits,
+    encoding: Encoding,
+    limits: MosaicLimits,
 ) -> PageReply:
     """The one page that uploaded photos show parts of.
 
@@ -65,7 +55,7 @@ def mosaic_uploads(
     return make_reply(result.image, describe_mosaic(result), source, encoding, timings_ms)
 
 
-def _decode_photos(uploads: Sequence[bytes], limits: MosaicImageLimits) -> list[DecodedImage]:
+def _decode_photos(uploads: Sequence[bytes], limits: MosaicLimits) -> list[DecodedImage]:
     pixels = 0
     for index, upload in enumerate(uploads):
         with _naming(index):

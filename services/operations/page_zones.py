@@ -1,31 +1,14 @@
 """What may be asked of a page, and its zones as they come from outside: checked, and in the pixels of its image."""
 
 import json
-from dataclasses import dataclass, field
-from pathlib import Path
 
-from models.layout_graph import InvalidLayout, Page
 from services.arrays import RgbImage
+from services.contract.layout import LayoutSettings
 from services.errors import InvalidOption
-from services.imaging.codec import ImageLimits
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
 from services.layout.exchange.zones_file import read_zones_file
-
-
-@dataclass(frozen=True, slots=True)
-class LayoutSettings:
-    """What a page may cost (its image, the number of its zones, a file of them), what a document, and how it is read.
-
-    `content_features` is the operator's settings file of content features (None: those that come along).
-    """
-
-    image: ImageLimits = field(default_factory=ImageLimits)
-    max_zones: int = 500
-    max_zones_file_bytes: int = 8 * 2**20
-    content_features: Path | None = None
-    max_pages: int = 20
-    max_document_megapixels: float = 200.0
+from services.layout.page import InvalidLayout, Page
 
 
 def read_zones(zones: bytes, settings: LayoutSettings) -> Page:

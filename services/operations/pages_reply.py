@@ -5,14 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from services.arrays import RgbImage
+from services.contract.images import MEDIA_TYPES, Encoding, PageReply
 from services.errors import NotAcceptable
 from services.imaging.codec import encode_image
 from services.imaging.page_files import encode_pages
 from services.operations.replies import (
     ENCODING_BEGINS,
-    MEDIA_TYPES,
-    EncodingOptions,
-    PageReply,
     SourceFacts,
     describe_warnings,
     image_format_of,
@@ -33,7 +31,7 @@ class DescribedPage:
 def make_pages_reply(
     pages: Sequence[DescribedPage],
     source: SourceFacts,
-    encoding: EncodingOptions,
+    encoding: Encoding,
     timings_ms: dict[str, float],
     notices: tuple[Notice, ...] = (),
 ) -> PageReply:

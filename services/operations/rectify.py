@@ -5,13 +5,13 @@ import math
 import numpy as np
 
 from services.arrays import Vector
-from services.imaging.codec import ImageLimits, decode_image
+from services.contract.images import Encoding, ImageLimits, PageReply
+from services.contract.rectify import RectifyParameters
+from services.imaging.codec import decode_image
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
     ENCODING_BEGINS,
-    EncodingOptions,
-    PageReply,
     SourceFacts,
     describe_orientation,
     describe_warnings,
@@ -19,14 +19,13 @@ from services.operations.replies import (
     timed,
 )
 from services.progress import progress_within
-from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import MeshSurface, PlaneSurface, RectifyResult, StripsSurface
 from services.rectify.spread import page_timings, rectify_spread
 
 
 def rectify_upload(
-    upload: bytes, parameters: RectifyParameters, encoding: EncodingOptions, limits: ImageLimits
+    upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: ImageLimits
 ) -> PageReply:
     """Frontal flat view of the page in an uploaded photo, or of both pages of an opened book.
 

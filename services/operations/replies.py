@@ -9,61 +9,19 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from services.arrays import RgbImage
+from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat
 from services.imaging.codec import OutputFormat, UploadFormat, encode_image
 from services.imaging.page_files import SUFFIXES, archive_files
 from services.progress import report_progress
 from services.rectify.results import Notice, Orientation
 
-MEDIA_TYPES = {
-    "jpeg": "image/jpeg",
-    "png": "image/png",
-    "webp": "image/webp",
-    "tiff": "image/tiff",
-    "pdf": "application/pdf",
-    "json": "application/json",
-    "zip": "application/zip",
-}
-
-
-AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip"]
-PagesAnswerFormat = Literal["pdf", "tiff", "zip", "json"]
-"""Of these, the ones that hold several pages."""
-
 ENCODING_BEGINS = 0.95
 """The share of the work that is done when the page is encoded, as a rule."""
-
-
-@dataclass(frozen=True, slots=True)
-class EncodingOptions:
-    """How the answer is wanted.
-
-    `format` None means the upload's own (JPEG for HEIC); `quality` 1-100 is for lossy formats; `embed`
-    puts the image into the JSON, in base64. `pages_format` is that of an answer of several pages; None: the client
-    takes no format that holds them.
-    """
-
-    format: AnswerFormat | None = None
-    quality: int | None = None
-    embed: bool = False
-    pages_format: PagesAnswerFormat | None = "pdf"
-
-
-@dataclass(frozen=True, slots=True)
-class PageReply:
-    """What leaves the worker.
-
-    `body` is the image file (empty when JSON was asked for), of type `media_type`; `document` is the
-    contract's result.
-    """
-
-    body: bytes
-    media_type: str
-    document: dict[str, object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +37,7 @@ def make_reply(
     page: RgbImage,
     document: dict[str, object],
     source: SourceFacts,
-    encoding: EncodingOptions,
+    encoding: Encoding,
     timings_ms: dict[str, float],
 ) -> PageReply:
     """The page as it was asked for.
@@ -107,7 +65,7 @@ def make_reply(
     return PageReply(body, MEDIA_TYPES[encoding.format or image_format], ready)
 
 
-def image_format_of(source: SourceFacts, asked: AnswerFormat | None) -> OutputFormat:
+def image_format_of(source: SourceFacts, asked: PagesFormat | None) -> OutputFormat:
     """Format of a page's image: the one that was `asked` for, else the upload's own (HEIC: JPEG)."""
     if asked is None or asked == "json" or asked == "zip":  # noqa: PLR1714 (mypy narrows by these alone)
         return "jpeg" if source.format == "heic" else source.format

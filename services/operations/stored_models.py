@@ -3,30 +3,17 @@
 import json
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from models.layout_graph import InvalidLayout, LayoutModel
-from models.model_document import model_from_document
+from services.contract.layout import ModelDocument
 from services.errors import InvalidModel
+from services.layout.model.layout_model import LayoutModel
+from services.layout.model.model_document import model_from_document
+from services.layout.page import InvalidLayout
 from services.layout.pipeline import VersionedModel
 
 MOST_BYTES = 80 * 2**20
 """Of the documents of the models that a process keeps ready; as objects they have five times as many. 200 models of
 15 labels have 40 MB, one of 60 labels has 2.5 MB."""
-
-
-@dataclass(frozen=True, slots=True)
-class StoredModel:
-    """A version of a layout model; `document` is its JSON.
-
-    `genre` is the one that its class was given, if it was; `continues` the class whose later pages it describes.
-    """
-
-    name: str
-    version: int
-    document: bytes
-    genre: str | None = None
-    continues: str | None = None
 
 
 class ReadyModels:
@@ -67,7 +54,7 @@ class ReadyModels:
 _READY = ReadyModels()
 
 
-def open_models(models: Sequence[StoredModel], ready: ReadyModels = _READY) -> list[VersionedModel]:
+def open_models(models: Sequence[ModelDocument], ready: ReadyModels = _READY) -> list[VersionedModel]:
     """Models that were checked before they were stored, maybe by another release.
 
     Raises
@@ -80,7 +67,7 @@ def open_models(models: Sequence[StoredModel], ready: ReadyModels = _READY) -> l
     ]
 
 
-def read_model(stored: StoredModel) -> LayoutModel:
+def read_model(stored: ModelDocument) -> LayoutModel:
     """One model that is not kept ready: one that learns, or is compared, is soon another.
 
     Raises
@@ -91,7 +78,7 @@ def read_model(stored: StoredModel) -> LayoutModel:
     return _read(stored, ReadyModels())
 
 
-def _read(stored: StoredModel, ready: ReadyModels) -> LayoutModel:
+def _read(stored: ModelDocument, ready: ReadyModels) -> LayoutModel:
     try:
         return ready.read(stored.name, stored.document)
     except InvalidLayout as error:

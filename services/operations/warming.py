@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from services.arrays import RgbImage
+from services.contract.images import Encoding, ImageLimits
+from services.contract.layout import LayoutOptions, LayoutSettings
+from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
-from services.imaging.codec import ImageLimits, encode_image
-from services.operations.layout import LayoutOptions, recognize_upload
-from services.operations.page_zones import LayoutSettings
+from services.imaging.codec import encode_image
+from services.operations.layout import recognize_upload
 from services.operations.reader import ocr_engine
 from services.operations.rectify import rectify_upload
-from services.operations.replies import EncodingOptions
-from services.rectify.parameters import RectifyParameters
 
 
 def warm_up(content_features: Path | None = None) -> dict[str, object]:
@@ -30,7 +30,7 @@ def warm_up(content_features: Path | None = None) -> dict[str, object]:
     engine = ocr_engine()
     sheet = encode_image(_draw_sheet(), "jpeg")
     with suppress(DocumentError):  # if this is no text to the pipeline, the road to that answer is warm now
-        rectify_upload(sheet, RectifyParameters(), EncodingOptions("jpeg"), ImageLimits())
+        rectify_upload(sheet, RectifyParameters(), Encoding("jpeg"), ImageLimits())
     recognize_upload(
         sheet, None, None, [], LayoutOptions(), LayoutSettings(content_features=content_features)
     )

@@ -5,14 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import Points, Vector
-from services.developable.fitting import FittedSurface, SurfaceStart, fit_surface, widen
-from services.developable.observations import NO_LINES, LineObservations, PageObservations
-from services.developable.residuals import BENDS, FittingParameters
-from services.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.geometry.homographies import resizing
 from services.geometry.page_map import PageMap
 from services.rectify.analysis import PageAnalysis
-from services.rectify.line_tracing import flatten_ink, line_deviation, trace_lines
 from services.rectify.planar import (
     MAX_FOCAL,
     MIN_FOCAL,
@@ -25,9 +20,14 @@ from services.rectify.planar import (
 )
 from services.rectify.pose import EXIF_CONTRADICTED, trimmed_deviation
 from services.rectify.results import Notice, StripsSurface
-from services.rectify.smooth_residual import morph_to_lines
 from services.rectify.strip_page import BentSheet, StripPage, bend_of_strips, find_strips
-from services.rulings.reference_points import text_hull
+from services.sheet.developable.fitting import FittedSurface, SurfaceStart, fit_surface, widen
+from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations
+from services.sheet.developable.residuals import BENDS, FittingParameters
+from services.sheet.developable.smooth_residual import morph_to_lines
+from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
+from services.sheet.rulings.reference_points import text_hull
+from services.sheet.tracing.line_tracing import flatten_ink, line_deviation, trace_lines
 from services.texture_flow.field import FlowSamples
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from services.arrays import GrayImage, Points, RgbImage
+from services.contract.rectify import Crop, RectifyParameters
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
 from services.imaging.illumination import normalize_illumination
@@ -20,7 +21,6 @@ from services.rectify.edge_cropping import crop_to_gutter, within_gutter
 from services.rectify.framing import TEXT_FRAMING, FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.orientation import estimate_orientation
 from services.rectify.outline_plane import read_sides
-from services.rectify.parameters import Crop, RectifyParameters
 from services.rectify.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.planar import (
     FlowVanishingPoints,

@@ -17,7 +17,6 @@ from services.geometry.homographies import (
     translation,
 )
 from services.rectify.analysis import PageAnalysis
-from services.rectify.baselines import detect_baselines
 from services.rectify.outline_plane import OutlinePlane, SheetSides
 from services.rectify.planar import (
     FlowVanishingPoints,
@@ -38,6 +37,7 @@ from services.rectify.refinement import (
 )
 from services.rectify.results import Notice, ShapeSource
 from services.rectify.straight_lines import StraightLines, along_axes, side_directions
+from services.sheet.tracing.baselines import detect_baselines
 from services.texture_flow.field import FlowSamples, angle_difference
 
 EXIF_CONTRADICTED = Notice(

@@ -17,11 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.developable.fitting import SurfaceStart, fit_surface, free_gain, widen
-from services.developable.observations import PageObservations
-from services.developable.residuals import FittingParameters
 from services.geometry.camera import PrincipalPointPrior
-from services.rectify.baselines import detect_baselines
 from services.rectify.curved import CurvedPage, PageEvidence, page_hull
 from services.rectify.photo_border import find_cut_borders
 from services.rectify.planar import (
@@ -44,6 +40,10 @@ from services.rectify.pose import (
 from services.rectify.refinement import for_text, observe_lines, refine_plane
 from services.rectify.refinement import widen as widen_lines
 from services.rectify.results import Notice
+from services.sheet.developable.fitting import SurfaceStart, fit_surface, free_gain, widen
+from services.sheet.developable.observations import PageObservations
+from services.sheet.developable.residuals import FittingParameters
+from services.sheet.tracing.baselines import detect_baselines
 from services.texture_flow.field import FlowSamples
 
 Offset = tuple[float, float]

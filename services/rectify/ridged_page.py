@@ -6,20 +6,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from services.arrays import Points, Vector
-from services.developable.observations import NO_LINES, LineObservations
 from services.geometry.homographies import resizing
 from services.geometry.page_map import PageMap
 from services.rectify.analysis import PageAnalysis
-from services.rectify.line_tracing import line_deviation
 from services.rectify.planar import FocalLengthSource, FocalPrior, PhotoFrame
-from services.rectify.profile_tracing import flatten_darkness, trace_profiles
 from services.rectify.results import MeshSurface, Notice
+from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.outline.results import SheetOutline
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.start import mesh_between_sides
+from services.sheet.tracing.line_tracing import line_deviation
+from services.sheet.tracing.profile_tracing import flatten_darkness, trace_profiles
 from services.texture_flow.field import FlowSamples
 
 

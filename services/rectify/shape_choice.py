@@ -4,11 +4,10 @@ from typing import Literal
 
 import numpy as np
 
+from services.contract.rectify import PageKind
 from services.geometry.page_map import PlaneMap
 from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_curved_page, trace_page
-from services.rectify.line_tracing import line_deviation
 from services.rectify.outline_plane import SheetSides
-from services.rectify.parameters import PageKind
 from services.rectify.planar import FocalPrior, PhotoFrame
 from services.rectify.pose import PagePose, choose_pose
 from services.rectify.results import Notice
@@ -22,6 +21,7 @@ from services.rectify.ridged_page import (
 )
 from services.rectify.surface_test import discriminate_surface
 from services.sheet.outline.results import SheetOutline
+from services.sheet.tracing.line_tracing import line_deviation
 
 FEW_LINES = 10
 """Fewer lines than this tell little of a page's shape."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import RgbImage, Vector
+from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.ocr.engine import OcrEngine
 from services.progress import progress_within
 from services.rectify.analysis import analyse_spread
-from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import (
     FACING_PAGE,
     STAGE_BEGINS,

@@ -9,13 +9,13 @@ from services.geometry.page_map import PageMap
 from services.rectify.analysis import PageAnalysis
 from services.rectify.planar import FocalPrior, PhotoFrame
 from services.rectify.results import StripsSurface
-from services.rulings.line_profiles import InkImage
-from services.rulings.page_rulings import PageRulings, find_page_rulings
-from services.strips.evidence import gather_evidence
-from services.strips.initial import FocalKnowledge
-from services.strips.results import StripShape
-from services.strips.shape import estimate_strip_shape
-from services.strips.view import unroll_strips
+from services.sheet.rulings.line_profiles import InkImage
+from services.sheet.rulings.page_rulings import PageRulings, find_page_rulings
+from services.sheet.strips.evidence import gather_evidence
+from services.sheet.strips.initial import FocalKnowledge
+from services.sheet.strips.results import StripShape
+from services.sheet.strips.shape import estimate_strip_shape
+from services.sheet.strips.view import unroll_strips
 from services.texture_flow.field import FlowSamples
 
 

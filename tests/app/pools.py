@@ -2,18 +2,26 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from typing import TypeVar
 
 from app.engine.base import (
     JobRecord,
 )
 from app.engine.local import LocalEngine, PoolLimits
+from services.contract.operations import Operation
 from tests.app.jobs import (
     say_warm,
 )
 
+T = TypeVar("T")
 MEMORY_BYTES = 1 << 30
+
+
+def named(function: Callable[..., T]) -> Operation[T]:
+    """The name of a function, as workers find it."""
+    return Operation(f"{function.__module__}:{function.__qualname__}")
 
 
 @asynccontextmanager
@@ -24,7 +32,7 @@ async def engine(
     settings = {"worker_memory_bytes": MEMORY_BYTES, "job_timeout_s": 20.0, "queue_timeout_s": 20.0, **limits}
     pool = LocalEngine(
         PoolLimits(workers=workers, **settings),  # type: ignore[arg-type]
-        warm_up=say_warm,
+        warm_up=named(say_warm),
         preload=("tests.app.jobs",),
         observe=observed.append,
     )

@@ -7,31 +7,27 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from app.operations import (
-    Adaptation,
+from app.schemas.layout_samples import PageBody
+from services.contract.images import MEDIA_TYPES, Encoding, ImageLimits, PageReply
+from services.contract.layout import (
+    DocumentPage,
     DocumentReply,
-    Encoding,
-    FeedbackTask,
     LayoutOptions,
     LayoutReply,
     LayoutSettings,
-    ModelDifference,
     ModelDocument,
-    ModelDraft,
-    MosaicLimits,
-    Operations,
-    PageReply,
-    Reply,
-    StoredPage,
-    Training,
-    UploadLimits,
 )
-from app.schemas.layout_samples import PageBody
+from services.contract.layout_learning import Adaptation, FeedbackTask, Training
+from services.contract.layout_models import ModelDifference, ModelDraft, StoredPage
+from services.contract.mosaic import MosaicLimits, MosaicParameters
+from services.contract.operations import Operation, Operations
+from services.contract.rectify import RectifyParameters
 from services.errors import (
     DocumentError,
     InvalidModel,
@@ -43,21 +39,10 @@ from services.errors import (
     UndecodableImage,
     UnsupportedMediaType,
 )
-from services.mosaic.parameters import MosaicParameters
 from services.progress import report_progress
-from services.rectify.parameters import RectifyParameters
 
 JPEG = b"\xff\xd8\xff\xe0" + b"\0" * 28
 """What only looks like a JPEG; the scripted operation reads what follows it."""
-MEDIA_TYPES = {
-    "jpeg": "image/jpeg",
-    "png": "image/png",
-    "webp": "image/webp",
-    "tiff": "image/tiff",
-    "pdf": "application/pdf",
-    "json": "application/json",
-    "zip": "application/zip",
-}
 REFUSALS: dict[bytes, type[DocumentError]] = {
     error.code.encode(): error
     for error in (NoText, NotOverlapping, TooLarge, UndecodableImage, UnsupportedMediaType)
@@ -77,21 +62,23 @@ def upload(script: str) -> bytes:
     return JPEG + b"do:" + script.encode()
 
 
-def rectify(upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: UploadLimits) -> Reply:
+def rectify(
+    upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: ImageLimits
+) -> PageReply:
     """Follow the script in the upload, then answer with a document that tells what was asked.
 
     Of both pages there is one, unless the script says `pages-N`; `creased` answers a mesh.
     """
     verb = _follow(upload, "image")
     if verb == b"unpicklable":
-        return Reply(lambda: None, "image/jpeg", {})  # type: ignore[arg-type]
+        return PageReply(lambda: None, "image/jpeg", {})  # type: ignore[arg-type]
     if parameters.pages == "both":
         return _reply_of_pages(verb, parameters, encoding)
     creased = {"kind": "curved", "surface": CREASED_SHEET} if verb == b"creased" else {}
     return _reply(encoding, lambda image: document(parameters, encoding, image) | creased)
 
 
-def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encoding) -> Reply:
+def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encoding) -> PageReply:
     count = int(verb.removeprefix(b"pages-")) if verb.startswith(b"pages-") else 1
     chosen = encoding.format if count == 1 else encoding.pages_format
     if count > 1 and chosen is None:
@@ -103,12 +90,12 @@ def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encodi
         "timings_ms": {"decode": 1.25},
     }
     body = b"" if chosen == "json" else f"{count} as {chosen}".encode()
-    return Reply(body, MEDIA_TYPES[chosen or "jpeg"], whole)
+    return PageReply(body, MEDIA_TYPES[chosen or "jpeg"], whole)
 
 
 def mosaic(
     uploads: list[bytes], parameters: MosaicParameters, encoding: Encoding, limits: MosaicLimits
-) -> Reply:
+) -> PageReply:
     """Follow the script in every upload, then answer with a document that tells what was asked."""
     for index, upload in enumerate(uploads):
         _follow(upload, f"images[{index}]")
@@ -116,10 +103,10 @@ def mosaic(
     return _reply(encoding, lambda image: mosaic_document(len(uploads), asked, image))
 
 
-def _reply(encoding: Encoding, describe: Callable[[str | None], dict[str, object]]) -> Reply:
+def _reply(encoding: Encoding, describe: Callable[[str | None], dict[str, object]]) -> PageReply:
     embedded = base64.b64encode(b"flat").decode() if encoding.embed and encoding.format == "json" else None
     body = b"" if encoding.format == "json" else f"flat as {encoding.format}".encode()
-    return Reply(body, MEDIA_TYPES[encoding.format or "jpeg"], describe(embedded))
+    return PageReply(body, MEDIA_TYPES[encoding.format or "jpeg"], describe(embedded))
 
 
 def _follow(upload: bytes, field: str) -> bytes:
@@ -257,7 +244,7 @@ def recognize_layout(
         name: document[name] for name in ("class", "classes", "unknown_probability", "warnings", "timings_ms")
     }
     media_type = "application/json" if options.format == "json" else "application/zip"
-    return DocumentReply(body, media_type, whole, [PageReply(document, page)] * count)
+    return DocumentReply(body, media_type, whole, [DocumentPage(document, page)] * count)
 
 
 def layout_document(
@@ -455,17 +442,4 @@ def warm_up(content_features: Path | None) -> dict[str, object]:
     return {"ocr": "scripted"}
 
 
-OPERATIONS = Operations(
-    rectify=rectify,
-    mosaic=mosaic,
-    recognize_layout=recognize_layout,
-    measure_sample=measure_sample,
-    initialize_model=initialize_model,
-    import_model=import_model,
-    adapt_models=adapt_models,
-    train_model=train_model,
-    compare_models=compare_models,
-    propose_classes=propose_classes,
-    warm_up=warm_up,
-    preloaded=("tests.app.scripted",),
-)
+OPERATIONS = Operations(**{field.name: Operation(f"{__name__}:{field.name}") for field in fields(Operations)})

@@ -13,9 +13,9 @@ import uvicorn
 
 from app.layout_store import DATABASE
 from app.main import create_app
-from app.operations import Operations
 from app.settings import Settings
 from models.tables import Table
+from services.contract.operations import Operations
 from tests.app.scripted import OPERATIONS, PAGE
 
 SETTINGS = {

@@ -18,6 +18,7 @@ from app.engine.base import (
     WorkerDied,
 )
 from app.engine.local import LocalEngine, PoolLimits
+from services.contract.operations import Operation
 from services.errors import NoText
 from tests.app.jobs import (
     announce_and_wait,
@@ -37,7 +38,7 @@ from tests.app.jobs import (
     threads_and_limits,
     worker_pid,
 )
-from tests.app.pools import MEMORY_BYTES, engine, until
+from tests.app.pools import MEMORY_BYTES, engine, named, until
 
 
 def is_gone(process: psutil.Process) -> bool:
@@ -53,9 +54,9 @@ def test_it_answers_from_a_warm_process_of_its_own() -> None:
         async with engine() as pool:
             assert pool.status().ready
             assert pool.status().facts["ocr"] == "none"
-            assert await pool.submit(worker_pid) == pool.status().facts["pid"] != os.getpid()
-            assert await pool.submit(size_of, b"x" * 30_000_000) == 30_000_000
-            assert len(await pool.submit(payload_of, 30_000_000)) == 30_000_000
+            assert await pool.submit(named(worker_pid)) == pool.status().facts["pid"] != os.getpid()
+            assert await pool.submit(named(size_of), b"x" * 30_000_000) == 30_000_000
+            assert len(await pool.submit(named(payload_of), 30_000_000)) == 30_000_000
 
     asyncio.run(check())
 
@@ -63,7 +64,7 @@ def test_it_answers_from_a_warm_process_of_its_own() -> None:
 def test_workers_have_one_thread_bounded_memory_and_a_group_of_their_own() -> None:
     async def check() -> None:
         async with engine() as pool:
-            assert await pool.submit(threads_and_limits) == {
+            assert await pool.submit(named(threads_and_limits)) == {
                 "openblas": "1",
                 "opencv": "1",
                 "memory": MEMORY_BYTES,
@@ -83,10 +84,10 @@ def test_an_upload_is_held_once_in_the_worker_and_not_at_all_in_the_server(tmp_p
 
     async def check() -> None:
         async with engine() as pool:
-            idle = await pool.submit(resident_bytes, b"")
-            assert 0.9 * size < await pool.submit(resident_bytes, Upload()) - idle < 1.5 * size
+            idle = await pool.submit(named(resident_bytes), b"")
+            assert 0.9 * size < await pool.submit(named(resident_bytes), Upload()) - idle < 1.5 * size
             before = resident_bytes(b"")
-            job = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path), Upload()))
+            job = asyncio.create_task(pool.submit(named(announce_and_wait), str(tmp_path), Upload()))
             await until(lambda: list(tmp_path.glob("running-*")))
             assert resident_bytes(b"") - before < 0.5 * size
             (tmp_path / "go").touch()
@@ -100,12 +101,12 @@ def test_a_worker_that_dies_costs_its_job_only(fate: object) -> None:
     async def check() -> None:
         records: list[JobRecord] = []
         async with engine(workers=2, records=records) as pool:
-            others = [asyncio.create_task(pool.submit(worker_pid)) for _ in range(6)]
+            others = [asyncio.create_task(pool.submit(named(worker_pid))) for _ in range(6)]
             with pytest.raises(WorkerDied):
-                await pool.submit(fate)  # type: ignore[arg-type]
+                await pool.submit(named(fate))  # type: ignore[arg-type]
             assert all(await asyncio.gather(*others))
             assert pool.status().worker_deaths == 1
-            assert await pool.submit(size_of, b"abc") == 3
+            assert await pool.submit(named(size_of), b"abc") == 3
         assert sorted(record.outcome for record in records) == ["done"] * 7 + ["worker-died"]
 
     asyncio.run(check())
@@ -114,7 +115,9 @@ def test_a_worker_that_dies_costs_its_job_only(fate: object) -> None:
 def test_kill_9_in_the_middle_of_a_job_costs_that_job(tmp_path: Path) -> None:
     async def check() -> None:
         async with engine(workers=2) as pool:
-            jobs = [asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path))) for _ in range(2)]
+            jobs = [
+                asyncio.create_task(pool.submit(named(announce_and_wait), str(tmp_path))) for _ in range(2)
+            ]
             await until(lambda: len(list(tmp_path.glob("running-*"))) == 2)
             victim = int(next(tmp_path.glob("running-*")).name.removeprefix("running-"))
             os.kill(victim, signal.SIGKILL)
@@ -131,13 +134,13 @@ def test_kill_9_while_a_large_result_is_on_its_way() -> None:
     async def check() -> None:
         async with engine() as pool:
             for delay_s in (0.0, 0.01, 0.02, 0.04, 0.08):
-                pid = await pool.submit(worker_pid)
-                job = asyncio.create_task(pool.submit(payload_of, 100_000_000))
+                pid = await pool.submit(named(worker_pid))
+                job = asyncio.create_task(pool.submit(named(payload_of), 100_000_000))
                 await asyncio.sleep(delay_s)
                 os.kill(pid, signal.SIGKILL)
                 result = (await asyncio.gather(job, return_exceptions=True))[0]
                 assert isinstance(result, WorkerDied) or len(result) == 100_000_000
-                assert await pool.submit(size_of, b"abc") == 3
+                assert await pool.submit(named(size_of), b"abc") == 3
 
     asyncio.run(check())
 
@@ -145,10 +148,10 @@ def test_kill_9_while_a_large_result_is_on_its_way() -> None:
 def test_kill_9_of_an_idle_worker_costs_nothing() -> None:
     async def check() -> None:
         async with engine() as pool:
-            first = await pool.submit(worker_pid)
+            first = await pool.submit(named(worker_pid))
             os.kill(first, signal.SIGKILL)
             await until(lambda: pool.status().worker_deaths == 1)
-            second = await pool.submit(worker_pid)
+            second = await pool.submit(named(worker_pid))
             assert second != first
             assert pool.status().worker_deaths == 1
 
@@ -160,9 +163,9 @@ def test_a_hang_in_native_code_is_killed_at_its_limit() -> None:
         async with engine(job_timeout_s=0.3) as pool:
             begin = time.monotonic()
             with pytest.raises(JobTimedOut, match="JOB_TIMEOUT_S"):
-                await pool.submit(hang_in_native_code)
+                await pool.submit(named(hang_in_native_code))
             assert 0.3 <= time.monotonic() - begin < 3
-            assert await pool.submit(size_of, b"abc") == 3
+            assert await pool.submit(named(size_of), b"abc") == 3
             assert pool.status().worker_deaths == 0
 
     asyncio.run(check())
@@ -171,10 +174,10 @@ def test_a_hang_in_native_code_is_killed_at_its_limit() -> None:
 def test_a_stopped_worker_cannot_hold_its_place() -> None:
     async def check() -> None:
         async with engine(job_timeout_s=0.3) as pool:
-            os.kill(await pool.submit(worker_pid), signal.SIGSTOP)
+            os.kill(await pool.submit(named(worker_pid)), signal.SIGSTOP)
             with pytest.raises(JobTimedOut):
-                await pool.submit(size_of, b"x" * 10_000_000)  # more than a pipe holds
-            assert await pool.submit(size_of, b"abc") == 3
+                await pool.submit(named(size_of), b"x" * 10_000_000)  # more than a pipe holds
+            assert await pool.submit(named(size_of), b"abc") == 3
 
     asyncio.run(check())
 
@@ -182,12 +185,12 @@ def test_a_stopped_worker_cannot_hold_its_place() -> None:
 def test_the_limit_holds_when_the_fork_server_is_gone() -> None:
     async def check() -> None:
         async with engine(job_timeout_s=0.3) as pool:
-            worker = psutil.Process(await pool.submit(worker_pid))
+            worker = psutil.Process(await pool.submit(named(worker_pid)))
             os.kill(worker.ppid(), signal.SIGKILL)
             with pytest.raises(JobTimedOut):
-                await pool.submit(hang_in_native_code)
+                await pool.submit(named(hang_in_native_code))
             await until(lambda: is_gone(worker))
-            assert await pool.submit(size_of, b"abc") == 3
+            assert await pool.submit(named(size_of), b"abc") == 3
 
     asyncio.run(check())
 
@@ -195,8 +198,8 @@ def test_the_limit_holds_when_the_fork_server_is_gone() -> None:
 def test_what_a_killed_worker_has_started_goes_with_it() -> None:
     async def check() -> None:
         async with engine(job_timeout_s=1.0) as pool:
-            worker = psutil.Process(await pool.submit(worker_pid))
-            job = asyncio.create_task(pool.submit(start_child_and_hang))
+            worker = psutil.Process(await pool.submit(named(worker_pid)))
+            job = asyncio.create_task(pool.submit(named(start_child_and_hang)))
             await until(worker.children)
             child = worker.children()[0]
             with pytest.raises(JobTimedOut):
@@ -209,10 +212,10 @@ def test_what_a_killed_worker_has_started_goes_with_it() -> None:
 def test_more_memory_than_allowed_is_an_error_of_that_job() -> None:
     async def check() -> None:
         async with engine() as pool:
-            assert await pool.submit(take_memory, MEMORY_BYTES // 4) == MEMORY_BYTES // 4
+            assert await pool.submit(named(take_memory), MEMORY_BYTES // 4) == MEMORY_BYTES // 4
             with pytest.raises(OutOfMemory, match=f"{MEMORY_BYTES} bytes, WORKER_MEMORY_BYTES"):
-                await pool.submit(take_memory, MEMORY_BYTES)
-            assert await pool.submit(size_of, b"abc") == 3
+                await pool.submit(named(take_memory), MEMORY_BYTES)
+            assert await pool.submit(named(size_of), b"abc") == 3
 
     asyncio.run(check())
 
@@ -220,19 +223,19 @@ def test_more_memory_than_allowed_is_an_error_of_that_job() -> None:
 def test_errors_cross_the_border_as_what_they_are() -> None:
     async def check() -> None:
         async with engine() as pool:
-            pid = await pool.submit(worker_pid)
+            pid = await pool.submit(named(worker_pid))
             with pytest.raises(NoText, match="nothing to read"):
-                await pool.submit(refuse)
+                await pool.submit(named(refuse))
             with pytest.raises(JobFailed, match="a defect") as failure:
-                await pool.submit(fail)
+                await pool.submit(named(fail))
             assert "in fail" in failure.value.traceback
             with pytest.raises(JobFailed):
-                await pool.submit(answer_a_function)
+                await pool.submit(named(answer_a_function))
             with pytest.raises(JobFailed):
-                await pool.submit(lambda: None)
-            await pool.submit(size_of, b"abc")
+                await pool.submit(Operation("tests.app.jobs:nothing_of_this_name"))
+            await pool.submit(named(size_of), b"abc")
             with pytest.raises(JobFailed):
-                await pool.submit(size_of)
+                await pool.submit(named(size_of))
             assert pid  # the process that answered first
 
     asyncio.run(check())
@@ -241,11 +244,11 @@ def test_errors_cross_the_border_as_what_they_are() -> None:
 def test_a_refusal_does_not_cost_the_worker() -> None:
     async def check() -> None:
         async with engine() as pool:
-            pid = await pool.submit(worker_pid)
+            pid = await pool.submit(named(worker_pid))
             for _ in range(3):
                 with pytest.raises(NoText):
-                    await pool.submit(refuse)
-            assert await pool.submit(worker_pid) == pid
+                    await pool.submit(named(refuse))
+            assert await pool.submit(named(worker_pid)) == pid
 
     asyncio.run(check())
 
@@ -253,7 +256,7 @@ def test_a_refusal_does_not_cost_the_worker() -> None:
 def test_workers_are_replaced_after_their_share_of_jobs() -> None:
     async def check() -> None:
         async with engine(jobs_per_worker=3) as pool:
-            pids = [await pool.submit(worker_pid) for _ in range(9)]
+            pids = [await pool.submit(named(worker_pid)) for _ in range(9)]
             assert pids == [pids[0]] * 3 + [pids[3]] * 3 + [pids[6]] * 3
             assert len(set(pids)) == 3
             await until(lambda: pool.status().recycled_workers == 3)
@@ -265,7 +268,7 @@ def test_workers_are_replaced_after_their_share_of_jobs() -> None:
 @pytest.mark.parametrize("warm_up", [fail_to_warm_up, exit_while_warming_up])
 def test_an_engine_that_cannot_warm_up_says_so(warm_up: object) -> None:
     async def check() -> None:
-        pool = LocalEngine(PoolLimits(workers=2), warm_up=warm_up)  # type: ignore[arg-type]
+        pool = LocalEngine(PoolLimits(workers=2), warm_up=named(warm_up))  # type: ignore[arg-type]
         with pytest.raises(EngineFailed, match="exit code"):
             await pool.start()
 

@@ -10,7 +10,7 @@ import pytest
 from app.engine.base import STARTED
 from app.engine.worker import MOST_REPORTS, PROGRESS, ProgressReports
 from tests.app.jobs import hang_in_native_code, report_stages, report_without_end, size_of
-from tests.app.pools import engine, until
+from tests.app.pools import engine, named, until
 
 Reports = list[tuple[str, float]]
 
@@ -19,14 +19,16 @@ def test_whoever_asks_hears_how_far_the_work_is(tmp_path: Path) -> None:
     async def check() -> None:
         heard: Reports = []
         async with engine() as pool:
-            work = pool.submit(report_stages, str(tmp_path), progress=lambda *report: heard.append(report))
+            work = pool.submit(
+                named(report_stages), str(tmp_path), progress=lambda *report: heard.append(report)
+            )
             job = asyncio.create_task(work)
             await until(lambda: len(heard) == 3)
             assert not job.done()
             (tmp_path / "go").touch()
             assert await job == "done"
             assert heard == [(STARTED, 0.0), ("text", 0.25), ("shape", 0.5)]
-            assert await pool.submit(size_of, b"abc") == 3
+            assert await pool.submit(named(size_of), b"abc") == 3
             assert len(heard) == 3
 
     asyncio.run(check())
@@ -36,8 +38,8 @@ def test_work_that_nobody_listens_to_is_done_all_the_same(tmp_path: Path) -> Non
     async def check() -> None:
         (tmp_path / "go").touch()
         async with engine() as pool:
-            assert await pool.submit(report_stages, str(tmp_path)) == "done"
-            assert await pool.submit(size_of, b"abc") == 3
+            assert await pool.submit(named(report_stages), str(tmp_path)) == "done"
+            assert await pool.submit(named(size_of), b"abc") == 3
 
     asyncio.run(check())
 
@@ -48,7 +50,7 @@ def test_work_that_says_too_much_is_done_all_the_same(tmp_path: Path) -> None:
         heard: Reports = []
         async with engine() as pool:
             pid = await pool.submit(
-                report_without_end, str(tmp_path), progress=lambda *report: heard.append(report)
+                named(report_without_end), str(tmp_path), progress=lambda *report: heard.append(report)
             )
             assert pid == pool.status().facts["pid"]
         assert 2 <= len(heard) <= 1 + MOST_REPORTS
@@ -61,14 +63,18 @@ def test_nothing_is_heard_after_the_caller_has_left(tmp_path: Path) -> None:
     async def check() -> None:
         heard: Reports = []
         async with engine() as pool:
-            work = pool.submit(report_stages, str(tmp_path), progress=lambda *report: heard.append(report))
+            work = pool.submit(
+                named(report_stages), str(tmp_path), progress=lambda *report: heard.append(report)
+            )
             job = asyncio.create_task(work)
             await until(lambda: len(heard) >= 1)
             job.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await job
             count = len(heard)
-            assert await pool.submit(size_of, b"abc") == 3  # by then the first worker's last word has come
+            assert (
+                await pool.submit(named(size_of), b"abc") == 3
+            )  # by then the first worker's last word has come
             assert len(heard) == count
 
     asyncio.run(check())
@@ -78,9 +84,9 @@ def test_work_in_the_queue_has_not_started() -> None:
     async def check() -> None:
         heard: Reports = []
         async with engine() as pool:
-            first = asyncio.create_task(pool.submit(hang_in_native_code))
+            first = asyncio.create_task(pool.submit(named(hang_in_native_code)))
             await until(lambda: pool.status().running == 1)
-            work = pool.submit(size_of, b"abc", progress=lambda *report: heard.append(report))
+            work = pool.submit(named(size_of), b"abc", progress=lambda *report: heard.append(report))
             second = asyncio.create_task(work)
             await until(lambda: pool.status().waiting == 1)
             assert heard == []

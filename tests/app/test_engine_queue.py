@@ -21,17 +21,17 @@ from tests.app.jobs import (
     size_of,
     worker_pid,
 )
-from tests.app.pools import engine, until
+from tests.app.pools import engine, named, until
 
 
 def test_a_caller_who_leaves_frees_the_worker() -> None:
     async def check() -> None:
         records: list[JobRecord] = []
         async with engine(records=records) as pool:
-            job = asyncio.create_task(pool.submit(hang_in_native_code))
+            job = asyncio.create_task(pool.submit(named(hang_in_native_code)))
             await until(lambda: pool.status().running == 1)
             job.cancel()
-            assert await pool.submit(size_of, b"abc") == 3
+            assert await pool.submit(named(size_of), b"abc") == 3
             assert pool.status().worker_deaths == 0
         assert [record.outcome for record in records] == ["cancelled", "done"]
 
@@ -41,15 +41,15 @@ def test_a_caller_who_leaves_frees_the_worker() -> None:
 def test_a_caller_who_leaves_the_queue_is_passed_over(tmp_path: Path) -> None:
     async def check() -> None:
         async with engine() as pool:
-            first = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            first = asyncio.create_task(pool.submit(named(announce_and_wait), str(tmp_path)))
             await until(lambda: pool.status().running == 1)
-            waiting = asyncio.create_task(pool.submit(crash))
+            waiting = asyncio.create_task(pool.submit(named(crash)))
             await until(lambda: pool.status().waiting == 1)
             waiting.cancel()
             await until(lambda: pool.status().waiting == 0)
             (tmp_path / "go").touch()
             pid = await first
-            assert await pool.submit(worker_pid) == pid
+            assert await pool.submit(named(worker_pid)) == pid
 
     asyncio.run(check())
 
@@ -57,10 +57,10 @@ def test_a_caller_who_leaves_the_queue_is_passed_over(tmp_path: Path) -> None:
 def test_the_queue_has_a_limit_of_time(tmp_path: Path) -> None:
     async def check() -> None:
         async with engine(queue_timeout_s=0.1) as pool:
-            first = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            first = asyncio.create_task(pool.submit(named(announce_and_wait), str(tmp_path)))
             await until(lambda: pool.status().running == 1)
             with pytest.raises(Busy, match="QUEUE_TIMEOUT_S") as refusal:
-                await pool.submit(size_of, b"abc")
+                await pool.submit(named(size_of), b"abc")
             assert refusal.value.retry_after_s >= 1
             (tmp_path / "go").touch()
             await first
@@ -98,10 +98,10 @@ class SpooledPhoto:
 def test_spooled_bytes_are_read_when_a_worker_is_free(tmp_path: Path) -> None:
     async def check() -> None:
         async with engine() as pool:
-            first = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            first = asyncio.create_task(pool.submit(named(announce_and_wait), str(tmp_path)))
             await until(lambda: pool.status().running == 1)
             photo = SpooledPhoto()
-            second = asyncio.create_task(pool.submit(size_of, photo))
+            second = asyncio.create_task(pool.submit(named(size_of), photo))
             await until(lambda: pool.status().waiting == 1)
             assert photo.reads == 0
             (tmp_path / "go").touch()
@@ -115,10 +115,10 @@ def test_spooled_bytes_are_read_when_a_worker_is_free(tmp_path: Path) -> None:
 def test_a_list_of_spooled_bytes_is_read_when_a_worker_is_free(tmp_path: Path) -> None:
     async def check() -> None:
         async with engine() as pool:
-            first = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            first = asyncio.create_task(pool.submit(named(announce_and_wait), str(tmp_path)))
             await until(lambda: pool.status().running == 1)
             photos = [SpooledPhoto(), SpooledPhoto()]
-            second = asyncio.create_task(pool.submit(joined, photos, [b", ", b"end"]))
+            second = asyncio.create_task(pool.submit(named(joined), photos, [b", ", b"end"]))
             await until(lambda: pool.status().waiting == 1)
             assert [photo.reads for photo in photos] == [0, 0]
             (tmp_path / "go").touch()
@@ -133,7 +133,7 @@ def test_a_job_may_have_a_limit_of_its_own() -> None:
     async def check() -> None:
         async with engine(job_timeout_s=20.0) as pool:
             with pytest.raises(JobTimedOut, match=r"0\.1 s \(OTHER_TIMEOUT_S\)"):
-                await pool.submit(hang_in_native_code, time_limit=TimeLimit(0.1, "OTHER_TIMEOUT_S"))
+                await pool.submit(named(hang_in_native_code), time_limit=TimeLimit(0.1, "OTHER_TIMEOUT_S"))
 
     asyncio.run(check())
 
@@ -141,7 +141,7 @@ def test_a_job_may_have_a_limit_of_its_own() -> None:
 def test_draining_lets_work_end_and_takes_no_more(tmp_path: Path) -> None:
     async def check() -> None:
         async with engine() as pool:
-            job = asyncio.create_task(pool.submit(announce_and_wait, str(tmp_path)))
+            job = asyncio.create_task(pool.submit(named(announce_and_wait), str(tmp_path)))
             await until(lambda: pool.status().running == 1)
             draining = asyncio.create_task(pool.drain(10))
             await asyncio.sleep(0)
@@ -152,7 +152,7 @@ def test_draining_lets_work_end_and_takes_no_more(tmp_path: Path) -> None:
             assert await job
             await draining
             with pytest.raises(ShuttingDown):
-                await pool.submit(worker_pid)
+                await pool.submit(named(worker_pid))
 
     asyncio.run(check())
 
@@ -160,8 +160,8 @@ def test_draining_lets_work_end_and_takes_no_more(tmp_path: Path) -> None:
 def test_draining_stops_what_outlives_the_grace() -> None:
     async def check() -> None:
         async with engine() as pool:
-            pid = await pool.submit(worker_pid)
-            job = asyncio.create_task(pool.submit(hang_in_native_code))
+            pid = await pool.submit(named(worker_pid))
+            job = asyncio.create_task(pool.submit(named(hang_in_native_code)))
             await until(lambda: pool.status().running == 1)
             await pool.drain(0.05)
             with pytest.raises(ShuttingDown):

@@ -9,8 +9,9 @@ from typing import Any
 import httpx
 import pytest
 
-from app.operations import LayoutReply
 from app.schemas.layout import LayoutResult, parse_names
+from services.contract.layout import LayoutReply
+from tests.app.pools import named
 from tests.app.raw import connect, form, head, read_answer
 from tests.app.scripted import OPERATIONS, PAGE, model_document, upload
 from tests.app.serving import serving
@@ -250,7 +251,7 @@ def test_more_parts_than_a_form_may_have(client: httpx.Client) -> None:
 
 
 def test_a_result_that_breaks_the_contract_is_not_kept() -> None:
-    with serving(replace(OPERATIONS, recognize_layout=recognize_to_nonsense)) as client:
+    with serving(replace(OPERATIONS, recognize_layout=named(recognize_to_nonsense))) as client:
         assert_problem(post(client, image=upload("")), 500, "internal")
 
 

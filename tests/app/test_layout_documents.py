@@ -6,8 +6,9 @@ from dataclasses import replace
 import httpx
 import pytest
 
-from app.operations import DocumentReply, LayoutReply
 from app.schemas.layout import DocumentResult
+from services.contract.layout import DocumentReply, LayoutReply
+from tests.app.pools import named
 from tests.app.scripted import OPERATIONS, PAGE, layout_document, model_document, upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
@@ -92,7 +93,7 @@ def test_what_asked_for_the_format_is_told(
 ) -> None:
     response = post(client, upload(""), accept=accept, **data)
     kept = client.get(response.headers["document-result"]).json()
-    assert f"asked={asked}" in kept["warnings"][0]["detail"]
+    assert f"format_named={asked}" in kept["warnings"][0]["detail"]
 
 
 def test_files_of_several_pages_come_in_an_archive(client: httpx.Client) -> None:
@@ -176,7 +177,7 @@ def _page(name: str) -> dict[str, object]:
 
 
 def test_the_class_of_a_later_page_is_its_documents() -> None:
-    with serving(replace(OPERATIONS, recognize_layout=reply_of_a_continuation)) as client:
+    with serving(replace(OPERATIONS, recognize_layout=named(reply_of_a_continuation))) as client:
         response = post(client, upload(""))
         assert response.headers["document-class"] == "letter"
         assert response.json()["class"]["name"] == "letter-2"
@@ -187,5 +188,5 @@ def reply_of_nonsense(*arguments: object) -> DocumentReply:
 
 
 def test_a_document_that_breaks_the_contract_is_not_kept() -> None:
-    with serving(replace(OPERATIONS, recognize_layout=reply_of_nonsense)) as client:
+    with serving(replace(OPERATIONS, recognize_layout=named(reply_of_nonsense))) as client:
         assert_problem(post(client, upload("")), 500, "internal")

@@ -9,9 +9,9 @@ import httpx
 import pytest
 
 from app.layout_store import DATABASE
-from app.operations import propose_classes
 from app.routes.layout_proposals import MOST_SAMPLES
 from models.repository import Store
+from services.contract.operations import Operations
 from services.layout.exchange.page_json import page_to_document
 from tests.app.scripted import OPERATIONS
 from tests.app.serving import serving
@@ -112,7 +112,7 @@ def test_the_newest_samples_are_looked_at(client: httpx.Client) -> None:
 
 
 def test_a_new_class_a_merge_and_a_split_are_found(tmp_path: Path) -> None:
-    operations = replace(OPERATIONS, propose_classes=propose_classes)
+    operations = replace(OPERATIONS, propose_classes=Operations().propose_classes)
     with serving(operations, data_dir=tmp_path, worker_memory_bytes=4 << 30, job_timeout_s=60) as client:
         ids = keep_unknown(tmp_path, *(page_document("margin", seed) for seed in range(4)))
         samples = [

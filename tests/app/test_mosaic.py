@@ -7,10 +7,8 @@ from typing import get_args
 import httpx
 import pytest
 
-from app.operations import Format
-from app.schemas import mosaic as schema
 from app.schemas.mosaic import MosaicResult
-from services.mosaic import parameters
+from services.contract.images import AnswerFormat
 from tests.app.raw import connect, form, head, read_answer
 from tests.app.scripted import upload
 from tests.app.serving import serving
@@ -128,10 +126,6 @@ def test_too_few_and_too_many_photos(client: httpx.Client, photos: int, advice: 
     assert advice in str(problem["detail"])
 
 
-def test_the_schema_counts_photos_as_the_pipeline_does() -> None:
-    assert (schema.FEWEST_PHOTOS, schema.MOST_PHOTOS) == (parameters.FEWEST_PHOTOS, parameters.MOST_PHOTOS)
-
-
 def test_no_photos_at_all(client: httpx.Client) -> None:
     problem = assert_problem(
         client.post("/mosaic", files={"image": upload("")}, data={"base": "0"}), 400, "bad-request"
@@ -172,9 +166,9 @@ def test_photos_that_do_not_overlap(client: httpx.Client) -> None:
     ],
 )
 def test_what_comes_back(
-    client: httpx.Client, first: bytes, field: Format | None, accept: str, expected: str
+    client: httpx.Client, first: bytes, field: AnswerFormat | None, accept: str, expected: str
 ) -> None:
-    assert expected in get_args(Format)
+    assert expected in get_args(AnswerFormat)
     data = {} if field is None else {"format": field}
     assert post(client, data, [first, upload("")], accept).text == f"flat as {expected}"
 

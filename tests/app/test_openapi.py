@@ -13,9 +13,9 @@ from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from app.main import ROUTERS, WORK, create_app
 from app.problems import STATUS_OF_CODE
-from app.schemas.mosaic import MOST_PHOTOS
 from app.schemas.rectify import REGION_PATTERN, parse_region
 from app.settings import Settings
+from services.contract.mosaic import MOST_PHOTOS
 from tests.app.scripted import OPERATIONS, PAGE, model_document
 from tests.app.serving import serving
 

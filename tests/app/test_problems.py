@@ -13,6 +13,7 @@ import services
 from app.problems import MEANING_OF_CODE, STATUS_OF_CODE, documented, refusal_of
 from models.errors import NotFound, StoreError, VersionConflict
 from services.errors import DocumentError
+from tests.app.pools import named
 from tests.app.scripted import upload
 from tests.app.serving import serving
 
@@ -110,15 +111,15 @@ def test_a_result_that_breaks_the_contract_is_a_defect_of_ours() -> None:
 
     from tests.app.scripted import OPERATIONS
 
-    with serving(replace(OPERATIONS, rectify=rectify_to_nonsense)) as client:
+    with serving(replace(OPERATIONS, rectify=named(rectify_to_nonsense))) as client:
         response = client.post("/rectify", files={"image": upload("")}, data={"format": "json"})
         assert_problem(response, 500, "internal")
 
 
 def rectify_to_nonsense(*arguments: object) -> object:
-    from app.operations import Reply
+    from services.contract.images import PageReply
 
-    return Reply(b"", "application/json", {"kind": "round"})
+    return PageReply(b"", "application/json", {"kind": "round"})
 
 
 def all_errors() -> list[type[DocumentError | StoreError]]:

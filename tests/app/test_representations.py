@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.operations import Format, PagesFormat
 from app.representations import (
     MEDIA_TYPES,
     MediaRange,
@@ -14,6 +13,7 @@ from app.representations import (
     parse_accept,
     sniff_format,
 )
+from services.contract.images import AnswerFormat, PagesFormat
 from services.errors import NotAcceptable
 
 
@@ -42,7 +42,7 @@ from services.errors import NotAcceptable
         ("image/png;q=7, image/webp;q=0.1", "jpeg", "webp"),
     ],
 )
-def test_choice(accept: str | None, own: Format | None, expected: Format | None) -> None:
+def test_choice(accept: str | None, own: AnswerFormat | None, expected: AnswerFormat | None) -> None:
     assert choose_format(None, accept, own) == expected
 
 
@@ -72,7 +72,7 @@ def test_the_field_wins() -> None:
 def test_choice_for_one_page_and_for_several(
     requested: PagesFormat | None,
     accept: str | None,
-    own: Format,
+    own: AnswerFormat,
     single: PagesFormat,
     several: PagesFormat | None,
 ) -> None:
@@ -92,7 +92,7 @@ def test_parsing_keeps_order_and_weights() -> None:
 
 
 @given(st.text(alphabet="aimgejson/*;q=.,0159 \t-+", max_size=60), st.sampled_from([None, *MEDIA_TYPES]))
-def test_no_header_breaks_it(accept: str, own: Format | None) -> None:
+def test_no_header_breaks_it(accept: str, own: AnswerFormat | None) -> None:
     try:
         chosen = choose_format(None, accept, own)
     except NotAcceptable:
@@ -101,7 +101,7 @@ def test_no_header_breaks_it(accept: str, own: Format | None) -> None:
 
 
 @given(st.sampled_from(sorted(MEDIA_TYPES)), st.floats(0.001, 1))
-def test_the_only_format_that_is_wanted_is_sent(wanted: Format, weight: float) -> None:
+def test_the_only_format_that_is_wanted_is_sent(wanted: AnswerFormat, weight: float) -> None:
     assert choose_format(None, f"{MEDIA_TYPES[wanted]};q={weight:.3f}", "jpeg") == wanted
 
 

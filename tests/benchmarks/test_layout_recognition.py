@@ -36,10 +36,10 @@ from benchmarks.layout.specimens import (
     with_ten_components,
 )
 from benchmarks.layout.speed import STEPS
-from models.layout_graph import Page, Zone
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
-from services.layout.graph import build_graph
+from services.layout.graph.layout_graph import build_graph
+from services.layout.page import Page, Zone
 from services.layout.pipeline import content_features
 from simulation.labelled_pages import letter_page, memo_page, title_page
 

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from benchmarks.layout.truth import load_page, load_set
-from models.layout_graph import Page, Zone
+from services.layout.page import Page, Zone
 
 TOLD = {
     "class": "jose",

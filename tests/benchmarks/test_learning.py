@@ -20,10 +20,10 @@ from benchmarks.learning.speed import ADAPTATION_SPEED
 from benchmarks.learning.store import Storm, post_with_retries
 from benchmarks.learning.streams import METHODS, STREAMS, draw_streams, in_windows
 from benchmarks.learning.streams import follow as follow_stream
-from models.layout_graph import Page
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
 from services.layout.learning.learners import wrong_zones
+from services.layout.page import Page
 from services.layout.pipeline import content_features, initialize_model
 from simulation.labelled_pages import letter_page, memo_page
 

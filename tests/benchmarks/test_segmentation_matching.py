@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.layout.segmentation_matching import match_zones
-from models.layout_graph import Kind, Page, Zone
+from services.layout.page import Kind, Page, Zone
 
 Box = tuple[float, float, float, float]
 

@@ -10,8 +10,7 @@ import pytest
 from sqlalchemy.orm import Session
 
 from models.errors import KeyReused, ModelNotFound, NotStorable, StoreUnavailable, VersionConflict
-from models.kept_feedback import HEALTH_WINDOW
-from models.layout_graph import DEFAULT_LEARNER
+from models.feedback_repository import HEALTH_WINDOW
 from models.records import (
     FeedbackDraft,
     ModelChange,
@@ -21,6 +20,7 @@ from models.records import (
 )
 from models.repository import Store
 from models.ulid import is_ulid
+from services.contract.layout_learning import DEFAULT_LEARNER
 from tests.models.conftest import Clock
 from tests.models.whole_database import everything
 

@@ -6,20 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.layout_graph import Page
-from services.layout.compiled_model import CompiledModel, default_scales
-from services.layout.cost import build_cost_tables
-from services.layout.estimation import estimate_model
-from services.layout.graph import LayoutGraph, build_graph
-from services.layout.held_out import choose_evenly
+from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.matching import MatchingParameters, match_directly
-from services.layout.recognition import comparable_cost
-from services.layout.statistics import (
+from services.layout.model.compiled_model import CompiledModel, default_scales
+from services.layout.model.cost import build_cost_tables
+from services.layout.model.estimation import estimate_model
+from services.layout.model.held_out import choose_evenly
+from services.layout.model.statistics import (
     LabelledGraph,
     LabelStatistics,
     sample_statistics,
     total_statistics,
 )
+from services.layout.page import Page
+from services.layout.recognition.page_recognition import comparable_cost
 
 MOST_SAMPLES = 24
 """Of a class; costs and distances of more tell the same."""

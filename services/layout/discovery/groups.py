@@ -9,7 +9,7 @@ from scipy.cluster.hierarchy import ClusterNode, linkage, to_tree
 from scipy.spatial.distance import squareform
 
 from services.layout.discovery.page_distance import compare_pages, page_distances
-from services.layout.graph import LayoutGraph
+from services.layout.graph.layout_graph import LayoutGraph
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from services.layout.classification import ClassificationParameters
 from services.layout.discovery.class_samples import ClassSamples, held_out_costs, match_sample
 from services.layout.discovery.groups import find_medoid
 from services.layout.discovery.page_distance import page_distances
+from services.layout.recognition.classification import ClassificationParameters
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from services.layout.compiled_model import default_scales
-from services.layout.cost import USUAL_CONTENT
-from services.layout.graph import LayoutGraph
-from services.layout.node_attributes import NUMERIC_ATTRIBUTES, robust_difference
+from services.layout.graph.layout_graph import LayoutGraph
+from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, robust_difference
+from services.layout.model.compiled_model import default_scales
+from services.layout.model.cost import USUAL_CONTENT
 
 SPREAD_OF_DIFFERENCE = 3.0
 """Variance of the difference of two zones of a component, in squares of an attribute's usual spread: 2 were the spread

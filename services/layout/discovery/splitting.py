@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from services.layout.discovery.class_samples import ClassSamples, held_out_costs, match_sample
 from services.layout.discovery.groups import find_medoid
 from services.layout.discovery.page_distance import page_distances
-from services.layout.statistics import total_statistics
+from services.layout.model.statistics import total_statistics
 
 
 @dataclass(frozen=True, slots=True)

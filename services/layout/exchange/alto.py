@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from models.layout_graph import InvalidLayout, Kind, Page, Zone
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import check_count, page_from_document
 from services.layout.exchange.xml_reading import (
@@ -22,7 +21,8 @@ from services.layout.exchange.xml_reading import (
     read_xml,
 )
 from services.layout.exchange.xml_writing import SOFTWARE, XSI, Names, clean, decimal, document, ordered
-from services.layout.results import LabelledZone, Recognition
+from services.layout.page import InvalidLayout, Kind, Page, Zone
+from services.layout.recognition.results import LabelledZone, Recognition
 
 NAMESPACE = "http://www.loc.gov/standards/alto/ns-v4#"
 SCHEMA = "http://www.loc.gov/standards/alto/v4/alto-4-4.xsd"

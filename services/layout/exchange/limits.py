@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from models.layout_graph import LONGEST_LABEL
+from services.contract.layout import LONGEST_LABEL
 
 
 @dataclass(frozen=True, slots=True)

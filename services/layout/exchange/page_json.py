@@ -6,7 +6,8 @@
 
 from typing import Any, cast
 
-from models.layout_graph import (
+from services.layout.exchange.limits import ExchangeLimits
+from services.layout.page import (
     ALIGNMENTS,
     KINDS,
     Alignment,
@@ -17,7 +18,6 @@ from models.layout_graph import (
     Zone,
     is_finite_number,
 )
-from services.layout.exchange.limits import ExchangeLimits
 
 _MOST_LINES = 100_000
 """As many as the page may have pixels."""

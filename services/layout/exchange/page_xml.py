@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from models.layout_graph import InvalidLayout, Kind, Page, Zone
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import check_count, page_from_document
 from services.layout.exchange.xml_reading import (
@@ -25,7 +24,8 @@ from services.layout.exchange.xml_reading import (
     read_xml,
 )
 from services.layout.exchange.xml_writing import SOFTWARE, XSI, Names, clean, decimal, document, ordered
-from services.layout.results import LabelledZone, Recognition
+from services.layout.page import InvalidLayout, Kind, Page, Zone
+from services.layout.recognition.results import LabelledZone, Recognition
 
 NAMESPACE = "http://schema.primaresearch.org/PAGE/gts/pagecontent/2019-07-15"
 

@@ -7,8 +7,8 @@ from statistics import median
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from models.layout_graph import InvalidLayout
 from services.layout.exchange.limits import ExchangeLimits
+from services.layout.page import InvalidLayout
 
 FIELD = "zones_file"
 """The field of the request that a file comes in."""

@@ -3,7 +3,7 @@
 import re
 from xml.etree.ElementTree import Element, indent, tostring
 
-from services.layout.results import LabelledZone, Recognition
+from services.layout.recognition.results import LabelledZone, Recognition
 
 SOFTWARE = "document-rectification"
 XSI = "http://www.w3.org/2001/XMLSchema-instance"

@@ -3,12 +3,12 @@
 import codecs
 import json
 
-from models.layout_graph import InvalidLayout, Page
 from services.layout.exchange.alto import page_of_alto
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
 from services.layout.exchange.page_xml import page_of_page_xml
 from services.layout.exchange.xml_reading import FIELD, read_xml
+from services.layout.page import InvalidLayout, Page
 
 _BYTE_ORDER_MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 

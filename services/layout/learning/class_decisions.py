@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from models.layout_graph import Calibration
-from services.layout.classification import ClassificationParameters
+from services.layout.model.layout_model import Calibration
+from services.layout.recognition.classification import ClassificationParameters
 
 
 @dataclass(frozen=True, slots=True)

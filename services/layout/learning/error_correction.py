@@ -13,12 +13,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.compiled_model import SUREST, CompiledModel
-from services.layout.cost import node_terms
-from services.layout.edge_attributes import RELATIONS
-from services.layout.graph import RELATION_OFFSETS, LayoutGraph
+from services.layout.graph.edge_attributes import RELATIONS
+from services.layout.graph.layout_graph import RELATION_OFFSETS, LayoutGraph
+from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.learning.slopes import cost_slopes
-from services.layout.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.model.compiled_model import SUREST, CompiledModel
+from services.layout.model.cost import node_terms
 
 Array = NDArray[np.float64]
 

@@ -3,16 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from models.layout_graph import DEFAULT_LEARNER, Calibration, LayoutModel, Learner, Page
-from services.layout.compiled_model import CompiledModel, compile_model
-from services.layout.cost import build_cost_tables, labelling_cost
-from services.layout.graph import LayoutGraph, build_graph
+from services.contract.layout_learning import DEFAULT_LEARNER, Learner
+from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.learning.class_decisions import accept_page, count_cost, prefer_class, refuse_page
 from services.layout.learning.learners import learn_page
-from services.layout.learning.state import LearningModel, begin_learning, end_learning, with_labels
 from services.layout.matching import MatchingParameters, match_directly
-from services.layout.recognition import comparable_cost
-from services.layout.statistics import LabelledGraph, label_indices
+from services.layout.model.compiled_model import CompiledModel, compile_model
+from services.layout.model.cost import build_cost_tables, labelling_cost
+from services.layout.model.layout_model import Calibration, LayoutModel
+from services.layout.model.learning_model import LearningModel, begin_learning, end_learning, with_labels
+from services.layout.model.statistics import LabelledGraph, label_indices
+from services.layout.page import Page
+from services.layout.recognition.page_recognition import comparable_cost
 
 Labels = tuple[str | None, ...]
 

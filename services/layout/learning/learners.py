@@ -9,15 +9,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from models.layout_graph import Learner
-from services.layout.cost import build_cost_tables
-from services.layout.graph import LayoutGraph
-from services.layout.learning.counting import count_page
+from services.contract.layout_learning import Learner
+from services.layout.graph.layout_graph import LayoutGraph
 from services.layout.learning.error_correction import correct_errors
 from services.layout.learning.passive_aggressive import learn_by_margin
-from services.layout.learning.state import LearningModel, with_labels
+from services.layout.learning.statistics_update import count_page
 from services.layout.matching import MatchingParameters, match_directly
-from services.layout.statistics import LabelledGraph, label_indices
+from services.layout.model.cost import build_cost_tables
+from services.layout.model.learning_model import LearningModel, with_labels
+from services.layout.model.statistics import LabelledGraph, label_indices
 
 
 def learn_page(learned: LearningModel, page: LabelledGraph, learner: Learner) -> LearningModel:

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.compiled_model import CompiledModel
-from services.layout.cost import build_cost_tables
-from services.layout.cost_tables import CostTables
-from services.layout.graph import LayoutGraph
+from services.layout.graph.layout_graph import LayoutGraph
 from services.layout.learning.slopes import SlopeRates, cost_slopes, step_along
 from services.layout.matching import MatchingParameters, match_directly
+from services.layout.matching.cost_tables import CostTables
+from services.layout.model.compiled_model import CompiledModel
+from services.layout.model.cost import build_cost_tables
 
 
 @dataclass(frozen=True, slots=True)

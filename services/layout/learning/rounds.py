@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from models.layout_graph import Learner
+from services.contract.layout_learning import Learner
 from services.layout.learning.learners import practise, wrong_zones
-from services.layout.learning.state import LearningModel, with_labels
-from services.layout.statistics import LabelledGraph
+from services.layout.model.learning_model import LearningModel, with_labels
+from services.layout.model.statistics import LabelledGraph
 
 Stop = Literal["rounds", "held-out", "no-errors", "effort"]
 BeginModel = Callable[[Sequence[int]], LearningModel]

@@ -5,10 +5,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.compiled_model import CompiledModel
-from services.layout.cost import relation_weight, weighted_node_terms
-from services.layout.edge_attributes import RELATIONS
-from services.layout.graph import RELATION_OFFSETS, LayoutGraph
+from services.layout.graph.edge_attributes import RELATIONS
+from services.layout.graph.layout_graph import RELATION_OFFSETS, LayoutGraph
+from services.layout.model.compiled_model import CompiledModel
+from services.layout.model.cost import relation_weight, weighted_node_terms
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,12 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from models.layout_graph import LayoutModel, Learner, Page
-from services.layout.content_features import ContentFeatures
-from services.layout.graph import KIND_FEATURES
-from services.layout.initialization import begin_model, calibrate_model, labels_of, see_samples
+from services.contract.layout_learning import Learner
+from services.layout.content.content_features import ContentFeatures
+from services.layout.graph.layout_graph import KIND_FEATURES
+from services.layout.learning.initialization import begin_model, calibrate_model, labels_of, see_samples
 from services.layout.learning.rounds import Round, Stop, train
-from services.layout.learning.state import LearningModel, begin_learning, end_learning
+from services.layout.model.layout_model import LayoutModel
+from services.layout.model.learning_model import LearningModel, begin_learning, end_learning
+from services.layout.page import Page
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.cost_tables import CostTables
+from services.layout.matching.cost_tables import CostTables
 from services.layout.matching.labelling import Floats, Labels, Neighbours
 
 

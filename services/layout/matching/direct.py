@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 
-from services.layout.cost_tables import CostTables, Matching
 from services.layout.matching.bounded_problem import BoundedProblem, reduced, whole_problem
 from services.layout.matching.branch_and_bound import search
+from services.layout.matching.cost_tables import CostTables, Matching
 from services.layout.matching.dual_ascent import DualAscent
 from services.layout.matching.labelling import Labels, Neighbours
 from services.layout.matching.local_search import improve, starts

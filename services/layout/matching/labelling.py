@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.cost_tables import CostTables
+from services.layout.matching.cost_tables import CostTables
 
 Floats = NDArray[np.float64]
 Labels = NDArray[np.intp]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from services.layout.cost_tables import CostTables
+from services.layout.matching.cost_tables import CostTables
 from services.layout.matching.labelling import Floats, Labelling, Labels, Neighbours
 
 _LEAST_GAIN = 1e-10

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.cost_tables import CostTables, Matching
+from services.layout.matching.cost_tables import CostTables, Matching
 from services.layout.matching.direct import match_directly
 from services.layout.matching.labelling import Floats, Labelling, Labels, Neighbours
 from services.layout.matching.parameters import MatchingParameters

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.layout_graph import Zone
+from services.layout.page import Zone
 from services.layout.segmentation.components import Boxes, Indices, near_pairs
 from services.layout.segmentation.ink import Components
 from services.layout.segmentation.non_text import Part

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.layout_graph import Alignment
+from services.layout.page import Alignment
 from services.layout.segmentation.text_lines import Line
 
 

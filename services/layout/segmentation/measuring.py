@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.layout_graph import Page, Zone
 from services.arrays import GrayImage
+from services.layout.page import Page, Zone
 from services.layout.segmentation.components import Indices
 from services.layout.segmentation.frame import PrintedPage, analyse_print
 from services.layout.segmentation.measures import (

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.layout_graph import Kind
+from services.layout.page import Kind
 from services.layout.segmentation.components import Boxes, Indices, Kinds, near_pairs
 from services.layout.segmentation.ink import Components
 from services.layout.segmentation.parameters import SegmentationParameters

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.layout_graph import Box, Page, Zone
 from services.arrays import GrayImage
+from services.layout.page import Box, Page, Zone
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.entries import find_entries
 from services.layout.segmentation.frame import Frame, PrintedPage, analyse_print

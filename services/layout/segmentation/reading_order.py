@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from models.layout_graph import Box
+from services.layout.page import Box
 
 _MOST = 300
 """More zones are ordered by rows: the order's table grows with the third power."""

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage, RgbImage
+from services.contract.mosaic import Composition
 from services.mosaic.composition.patch_drawing import (
     DrawablePatch,
     Rectangle,
@@ -23,7 +24,6 @@ from services.mosaic.composition.sharpness import (
     print_sharpness,
 )
 from services.mosaic.composition.word_votes import decide_cells, decide_words, fade_weights, unite_ink
-from services.mosaic.parameters import Composition
 from services.mosaic.placed_photo import PlacedPhoto
 
 

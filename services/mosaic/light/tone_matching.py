@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Mask, Points
+from services.contract.rectify import Illumination
 from services.imaging.illumination import (
     Levels,
     NormalizationParameters,
@@ -35,7 +36,6 @@ from services.mosaic.light.light_field import (
 from services.mosaic.light.pictures import find_pictures
 from services.mosaic.light.tones import ToneMap
 from services.mosaic.placing.placement import Placement
-from services.rectify.parameters import Illumination
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,8 +45,10 @@ class OutlineParameters:
     edges: EdgeParameters = field(default_factory=EdgeParameters)
     corners: CornerParameters = field(default_factory=CornerParameters)
     scoring: ScoringParameters = field(default_factory=ScoringParameters)
-    tried: int = 2
-    """Candidates that are measured in the photo."""
+    tried: int = 7
+    """Candidates that are measured in the photo, until one is certain: measured edges tell more than ratings."""
+    alike: float = 1e-3
+    """Candidates whose ratings differ less are one curve found twice."""
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
     certain: float = 0.95
@@ -86,8 +88,11 @@ def find_outline(
             break
     candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
     candidates.sort(key=lambda c: c.rating, reverse=True)
+    distinct = [
+        c for k, c in enumerate(candidates) if k == 0 or candidates[k - 1].rating - c.rating > p.alike
+    ]
     best: SheetOutline | None = None
-    for candidate in candidates[: p.tried]:
+    for candidate in distinct[: p.tried]:
         outline = _measure(photo, reduced, candidate, p)
         if outline is not None and (best is None or outline.confidence > best.confidence):
             best = outline

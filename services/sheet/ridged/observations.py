@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from services.arrays import Points, Vector
-from services.developable.observations import LineObservations
+from services.sheet.developable.observations import LineObservations
 from services.texture_flow.field import FlowSamples
 
 

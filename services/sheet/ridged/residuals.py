@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from services.arrays import Floats, Points, Vector
-from services.developable.observations import LineObservations
+from services.sheet.developable.observations import LineObservations
 from services.sheet.ridged.blocks import ResidualBlock, scaled_rows, single_entries
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.developable.surface import bend_basis
 from services.geometry.page_map import PageMap, PlaneMap
-from services.rectify.smooth_residual import MorphedPage
-from tests.services.developable.sheets import PAGE, Bent
+from services.sheet.developable.smooth_residual import MorphedPage
+from services.sheet.developable.surface import bend_basis
+from tests.services.sheet.developable.sheets import PAGE, Bent
 
 SMALL = st.floats(-0.3, 0.3)
 

@@ -11,8 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from services.contract.images import ImageLimits
 from services.errors import TooLarge, UndecodableImage
-from services.imaging.codec import ImageLimits, count_pixels, decode_image
+from services.imaging.codec import count_pixels, decode_image
 from tests.services.imaging.files import make_exif, make_file, make_png, make_tiff, pack_chunk
 
 LIMITS = ImageLimits()

@@ -8,8 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
+from services.contract.images import ImageLimits
 from services.errors import InvalidOption
-from services.imaging.codec import DEFAULT_DPI, ImageLimits, OutputFormat, decode_image, encode_image
+from services.imaging.codec import DEFAULT_DPI, OutputFormat, decode_image, encode_image
 from tests.services.imaging.files import make_file
 
 FORMATS: tuple[OutputFormat, ...] = ("jpeg", "png", "webp", "tiff", "pdf")

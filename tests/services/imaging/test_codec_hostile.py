@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
+from services.contract.images import ImageLimits
 from services.errors import DocumentError, TooLarge, UndecodableImage, UnsupportedMediaType
-from services.imaging.codec import ImageLimits, decode_image
+from services.imaging.codec import decode_image
 from tests.services.imaging.files import (
     insert_segments,
     make_file,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from PIL import ImageCms
 
-from services.imaging.codec import DecodedImage, ImageLimits, decode_image
+from services.contract.images import ImageLimits
+from services.imaging.codec import DecodedImage, decode_image
 from services.imaging.exif import DiagonalFocalLength
 from tests.services.imaging.files import make_exif, make_file
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
 
+from services.contract.images import ImageLimits
 from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
-from services.imaging.codec import ImageLimits, decode_image, encode_image
+from services.imaging.codec import decode_image, encode_image
 from services.imaging.page_images import RENDER_DPI, PageLimits, open_pages
 from tests.services.imaging.files import make_file, pack_directory
 

@@ -6,7 +6,8 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from models.layout_graph import Box, LayoutModel, Page, Zone
+from services.layout.model.layout_model import LayoutModel
+from services.layout.page import Box, Page, Zone
 from services.layout.pipeline import VersionedModel, content_features, initialize_model
 from simulation.labelled_pages import LabelledPage, fax_page, letter_page, memo_page, title_page
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.layout_graph import Page, Zone
 from services.arrays import GrayImage
+from services.layout.page import Page, Zone
 from services.layout.pipeline import (
     complete_page,
     complete_sample,
@@ -14,7 +14,7 @@ from services.layout.pipeline import (
     read_page,
     recognize,
 )
-from services.layout.recognition import VersionedModel
+from services.layout.recognition.page_recognition import VersionedModel
 from services.ocr.engine import Word
 from simulation.labelled_pages import LabelledPage, letter_page, memo_page
 from tests.services.layout.samples import labelled_page, model_of

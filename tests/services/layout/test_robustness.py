@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.layout_graph import ALIGNMENTS, KINDS, InvalidLayout, Page, Zone
-from models.model_document import model_from_document, model_to_document
+from services.layout.model.model_document import model_from_document, model_to_document
+from services.layout.page import ALIGNMENTS, KINDS, InvalidLayout, Page, Zone
 from services.layout.pipeline import initialize_model, recognize
-from services.layout.recognition import RecognitionParameters, VersionedModel
-from services.layout.results import Recognition
+from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel
+from services.layout.recognition.results import Recognition
 from tests.services.layout.samples import MAKERS, labelled_page, model_of, page_of
 
 SIDE = 100_000.0

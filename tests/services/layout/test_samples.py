@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from models.layout_graph import Page
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
+from services.layout.page import Page
 from services.layout.pipeline import complete_sample, read_page
 from simulation.labelled_pages import letter_page
 

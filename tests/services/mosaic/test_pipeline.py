@@ -8,9 +8,9 @@ import pytest
 from scipy.interpolate import RectBivariateSpline
 
 from services.arrays import Homography, Points, RgbImage
+from services.contract.mosaic import MosaicParameters
 from services.errors import InvalidOption, NoText, NotOverlapping
 from services.geometry.homographies import translation
-from services.mosaic.parameters import MosaicParameters
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult
 from services.progress import progress_to

@@ -11,17 +11,17 @@ import pytest
 from PIL import Image
 
 from app.schemas.layout import result_of
-from models.layout_graph import MOST_LABELS, Page, Zone
+from services.contract.images import ImageLimits
+from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
 from services.errors import InvalidModel, InvalidOption, TooLarge
-from services.imaging.codec import ImageLimits
-from services.layout.cost import MOST_EXPLAINED
-from services.layout.results import AttributeCost, ClassMatch, LabelledZone, MatchReport, Recognition
+from services.layout.model.cost import MOST_EXPLAINED, AttributeCost
+from services.layout.model.layout_model import MOST_LABELS
+from services.layout.page import Page, Zone
+from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
 from services.operations import layout
-from services.operations.layout import LayoutOptions, recognize_upload
+from services.operations.layout import recognize_upload
 from services.operations.layout_models import import_model, initialize_from_samples, measure_sample
 from services.operations.layout_result import describe_recognition
-from services.operations.page_zones import LayoutSettings
-from services.operations.stored_models import StoredModel
 from services.progress import progress_to
 from simulation.labelled_pages import letter_page
 from tests.services.imaging.files import make_file
@@ -36,16 +36,16 @@ def as_json(document: Any) -> bytes:
 
 
 @pytest.fixture(scope="module")
-def model() -> StoredModel:
+def model() -> ModelDocument:
     samples: list[dict[str, Any]] = [
         measure_sample(None, as_json(letter), SETTINGS) for letter in LETTERS[:2]
     ]
     draft = initialize_from_samples("letter", samples, SETTINGS)
     assert "salutation" in draft.labels
-    return StoredModel("letter", 7, as_json(draft.document))
+    return ModelDocument("letter", 7, as_json(draft.document))
 
 
-def test_the_answer_is_the_contracts(model: StoredModel) -> None:
+def test_the_answer_is_the_contracts(model: ModelDocument) -> None:
     reply = recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
     json.loads(json.dumps([reply.document, reply.page]), parse_constant=reject_constant)
     result = result_of(reply.document, "an id")
@@ -56,7 +56,7 @@ def test_the_answer_is_the_contracts(model: StoredModel) -> None:
     assert pickle.loads(pickle.dumps(reply)) == reply
 
 
-def test_the_page_can_be_recognized_again(model: StoredModel) -> None:
+def test_the_page_can_be_recognized_again(model: ModelDocument) -> None:
     reply = recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
     again = recognize_upload(None, as_json(reply.page), None, [model], LayoutOptions(), SETTINGS)
     assert again.document["match"] == reply.document["match"]
@@ -64,7 +64,7 @@ def test_the_page_can_be_recognized_again(model: StoredModel) -> None:
 
 
 def test_a_stored_model_that_cannot_be_read_is_told() -> None:
-    broken = StoredModel("letter", 4, b'{"format": "of old"}')
+    broken = ModelDocument("letter", 4, b'{"format": "of old"}')
     with pytest.raises(InvalidModel, match=r"Version 4 of model letter .* Initialize it again"):
         recognize_upload(None, as_json(LETTERS[2]), None, [broken], LayoutOptions(), SETTINGS)
 
@@ -195,7 +195,7 @@ def test_samples_of_wider_limits_are_still_read() -> None:
         initialize_from_samples("letter", [sample, {"width": 1}], SETTINGS)
 
 
-def test_a_model_is_called_as_its_path_says(model: StoredModel) -> None:
+def test_a_model_is_called_as_its_path_says(model: ModelDocument) -> None:
     document = json.loads(model.document)
     assert import_model("letter", model.document).document == document
     with pytest.raises(InvalidModel, match="memo") as raised:

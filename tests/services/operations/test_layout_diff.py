@@ -5,11 +5,17 @@ from dataclasses import replace
 
 import pytest
 
-from models.layout_graph import Calibration, LayoutModel, ModelEdge, ModelNode, NumericExpectation
-from models.model_document import model_to_document
+from services.contract.layout import ModelDocument
 from services.errors import InvalidModel
+from services.layout.model.layout_model import (
+    Calibration,
+    LayoutModel,
+    ModelEdge,
+    ModelNode,
+    NumericExpectation,
+)
+from services.layout.model.model_document import model_to_document
 from services.operations.layout_diff import compare_models
-from services.operations.stored_models import StoredModel
 
 NULL = ModelNode(None, 10.0, 0.5, {"left": NumericExpectation(0.5, 0.1)}, {"date": 0.1}, (0.0, 0.1))
 DATE = ModelNode("date", 4.0, 1.0, {"left": NumericExpectation(0.7, 0.04)}, {"date": 0.9}, (2.0, 0.0, 3.0))
@@ -24,8 +30,8 @@ MODEL = LayoutModel(
 )
 
 
-def stored(model: LayoutModel, version: int) -> StoredModel:
-    return StoredModel(model.name, version, json.dumps(model_to_document(model)).encode())
+def stored(model: LayoutModel, version: int) -> ModelDocument:
+    return ModelDocument(model.name, version, json.dumps(model_to_document(model)).encode())
 
 
 def changes(new: LayoutModel, old: LayoutModel = MODEL, most: int = 100) -> list[tuple[object, ...]]:
@@ -107,4 +113,4 @@ def test_labels_tell_null_from_nothing() -> None:
 
 def test_a_version_of_another_release_cannot_be_compared() -> None:
     with pytest.raises(InvalidModel, match="Version 1 of model letter"):
-        compare_models(StoredModel("letter", 1, b'{"format": "older"}'), stored(MODEL, 2), 10)
+        compare_models(ModelDocument("letter", 1, b'{"format": "older"}'), stored(MODEL, 2), 10)

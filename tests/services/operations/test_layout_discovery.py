@@ -2,9 +2,10 @@
 
 from typing import Any
 
+from services.contract.layout import LayoutSettings
+from services.contract.layout_models import StoredPage
 from services.layout.exchange.page_json import page_to_document
-from services.operations.layout_discovery import StoredPage, propose_classes
-from services.operations.page_zones import LayoutSettings
+from services.operations.layout_discovery import propose_classes
 from services.progress import progress_to
 from tests.services.layout.samples import labelled_page
 

@@ -12,15 +12,13 @@ import pytest
 from PIL import Image
 
 from app.schemas.layout import document_of, result_of
-from models.layout_graph import Page
+from services.contract.layout import DocumentReply, LayoutOptions, LayoutReply, LayoutSettings, ModelDocument
 from services.errors import InvalidOption, NotAcceptable, NoText, TooLarge, UndecodableImage
 from services.imaging.codec import encode_image
+from services.layout.page import Page
 from services.operations import layout, layout_documents
-from services.operations.layout import LayoutOptions, LayoutReply
-from services.operations.layout_documents import DocumentReply, recognize_uploads
+from services.operations.layout_documents import recognize_uploads
 from services.operations.layout_models import initialize_from_samples, measure_sample
-from services.operations.page_zones import LayoutSettings
-from services.operations.stored_models import StoredModel
 from services.progress import progress_to
 from simulation.labelled_pages import document_pages
 from tests.services.imaging.files import make_file
@@ -40,17 +38,17 @@ def tiff() -> bytes:
     return buffer.getvalue()
 
 
-def stored(name: str, place: int, continues: str | None) -> StoredModel:
+def stored(name: str, place: int, continues: str | None) -> ModelDocument:
     samples: list[dict[str, Any]] = []
     for seed in range(2):
         page = document_pages(np.random.default_rng(100 + seed), "letter", 3, draw=False)[place]
         samples.append(measure_sample(None, json.dumps(page.document()).encode(), SETTINGS))
     draft = initialize_from_samples(name, samples, SETTINGS)
-    return StoredModel(name, 3 + place, json.dumps(draft.document).encode(), continues=continues)
+    return ModelDocument(name, 3 + place, json.dumps(draft.document).encode(), continues=continues)
 
 
 @pytest.fixture(scope="module")
-def models() -> list[StoredModel]:
+def models() -> list[ModelDocument]:
     return [stored("letter", 0, None), stored("letter-2", 2, "letter")]
 
 
@@ -63,13 +61,13 @@ def eyes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def recognized(
-    images: list[bytes], models: list[StoredModel], options: LayoutOptions | None = None
+    images: list[bytes], models: list[ModelDocument], options: LayoutOptions | None = None
 ) -> LayoutReply | DocumentReply:
     return recognize_uploads(images, None, None, models, options or LayoutOptions(), SETTINGS)
 
 
 @pytest.mark.parametrize("uploads", [PNGS, [tiff()]], ids=["three images", "a tiff file"])
-def test_the_answer_is_the_contracts(uploads: list[bytes], models: list[StoredModel]) -> None:
+def test_the_answer_is_the_contracts(uploads: list[bytes], models: list[ModelDocument]) -> None:
     reply = recognized(uploads, models)
     assert isinstance(reply, DocumentReply)
     json.loads(
@@ -90,7 +88,7 @@ def test_the_answer_is_the_contracts(uploads: list[bytes], models: list[StoredMo
     assert pickle.loads(pickle.dumps(reply)) == reply
 
 
-def test_each_page_can_be_recognized_again(models: list[StoredModel]) -> None:
+def test_each_page_can_be_recognized_again(models: list[ModelDocument]) -> None:
     reply = recognized(PNGS, models)
     assert isinstance(reply, DocumentReply)
     zones = json.dumps(reply.pages[2].page).encode()
@@ -99,7 +97,7 @@ def test_each_page_can_be_recognized_again(models: list[StoredModel]) -> None:
     assert (again.document["part"], again.document["document_class"]) == ("continuation", "letter")
 
 
-def test_one_page_is_answered_as_one_page(models: list[StoredModel]) -> None:
+def test_one_page_is_answered_as_one_page(models: list[ModelDocument]) -> None:
     for images, options in (
         (PNGS[:1], LayoutOptions()),
         ([tiff()], LayoutOptions(page=1)),
@@ -122,7 +120,9 @@ def test_a_page_of_a_pdf_is_a_page(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("form", "root"), [("pagexml", b"<PcGts"), ("alto", b"<alto")])
-def test_files_of_several_pages_come_in_an_archive(models: list[StoredModel], form: Any, root: bytes) -> None:
+def test_files_of_several_pages_come_in_an_archive(
+    models: list[ModelDocument], form: Any, root: bytes
+) -> None:
     for uploads, names, told in (
         ([tiff()], ("letter.tif",), "letter.tif#page=2"),
         (PNGS, ("a.png", "b.png", "c.png"), "b.png"),
@@ -143,7 +143,7 @@ def test_several_pages_are_no_picture(monkeypatch: pytest.MonkeyPatch) -> None:
         recognized(PNGS, [], LayoutOptions(format="png"))
     for form in ("png", "pagexml"):
         with pytest.raises(NotAcceptable, match="3 pages; name one as `page`"):
-            recognized(PNGS, [], LayoutOptions(format=form, asked=False))  # type: ignore[arg-type]
+            recognized(PNGS, [], LayoutOptions(format=form, format_named=False))  # type: ignore[arg-type]
 
 
 def test_refusals_name_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,7 +174,7 @@ def test_of_an_image_with_zones_the_first_page_counts() -> None:
 
 
 def test_pages_unlike_their_class_are_told(
-    models: list[StoredModel], monkeypatch: pytest.MonkeyPatch
+    models: list[ModelDocument], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (paper,) = (page_from(page) for page in document_pages(np.random.default_rng(1), "plain", 1, draw=False))
     pages = [LETTER[0], LETTER[2], paper]
@@ -186,7 +186,7 @@ def test_pages_unlike_their_class_are_told(
     assert reply.pages[2].document["class"] is None
 
 
-def test_progress_runs_through_the_pages(models: list[StoredModel]) -> None:
+def test_progress_runs_through_the_pages(models: list[ModelDocument]) -> None:
     told: list[tuple[str, float]] = []
     with progress_to(lambda stage, share: told.append((stage, share))):
         recognized(PNGS, models)

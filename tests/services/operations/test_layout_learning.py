@@ -6,16 +6,17 @@ from dataclasses import replace
 
 import pytest
 
-from models.layout_graph import MOST_LABELS, Page
-from models.model_document import model_to_document
+from services.contract.layout import LayoutSettings, ModelDocument
+from services.contract.layout_learning import FeedbackTask
 from services.errors import InvalidOption
 from services.layout.exchange.page_json import page_to_document
-from services.operations.layout_learning import FeedbackTask, adapt_models
-from services.operations.page_zones import LayoutSettings
-from services.operations.stored_models import StoredModel
+from services.layout.model.layout_model import MOST_LABELS
+from services.layout.model.model_document import model_to_document
+from services.layout.page import Page
+from services.operations.layout_learning import adapt_models
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of, page_of
 
-LETTER = StoredModel("letter", 1, json.dumps(model_to_document(model_of("letter", 2))).encode())
+LETTER = ModelDocument("letter", 1, json.dumps(model_to_document(model_of("letter", 2))).encode())
 LEARNERS = {"letter": "passive-aggressive"}
 
 

@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
+from services.contract.images import Encoding, ImageLimits, PageReply
+from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.errors import DocumentError, TooLarge, UndecodableImage, UnsupportedMediaType
-from services.imaging.codec import ImageLimits
-from services.mosaic.parameters import MosaicParameters
-from services.operations import EncodingOptions, MosaicImageLimits, PageReply, mosaic, mosaic_uploads
+from services.operations import mosaic
+from services.operations.mosaic import mosaic_uploads
 from tests.services.imaging.files import make_exif, make_file, make_png
 from tests.services.operations.pipelines import MosaicPipeline, reject_constant
 
-LIMITS = MosaicImageLimits(ImageLimits(), 200)
+LIMITS = MosaicLimits(ImageLimits(), 200)
 PARAMETERS = MosaicParameters(upright=False)
 PHOTOS = [np.random.default_rng(seed).integers(0, 256, (40, 60, 3), dtype=np.uint8) for seed in range(3)]
 PNGS = [make_file(photo, "PNG") for photo in PHOTOS]
@@ -27,8 +28,8 @@ BLUE, GREEN = (
 )
 
 
-def run(uploads: list[bytes], encoding: EncodingOptions | None = None) -> PageReply:
-    return mosaic_uploads(uploads, PARAMETERS, encoding or EncodingOptions(), LIMITS)
+def run(uploads: list[bytes], encoding: Encoding | None = None) -> PageReply:
+    return mosaic_uploads(uploads, PARAMETERS, encoding or Encoding(), LIMITS)
 
 
 @pytest.mark.usefixtures("mosaic_pipeline")
@@ -85,7 +86,7 @@ def test_the_pipeline_gets_upright_photos_in_their_order_and_all_that_is_known(
 def test_the_file_is_in_the_asked_for_or_in_the_first_photos_format(
     plugin: str, asked: Any, media_type: str, mark: str
 ) -> None:
-    reply = run([make_file(PHOTOS[0], plugin), make_file(PHOTOS[1], "TIFF")], EncodingOptions(asked))
+    reply = run([make_file(PHOTOS[0], plugin), make_file(PHOTOS[1], "TIFF")], Encoding(asked))
     assert reply.media_type == media_type
     with Image.open(io.BytesIO(reply.body)) as picture:
         assert (picture.format, picture.size) == (mark, (60, 40))
@@ -93,9 +94,9 @@ def test_the_file_is_in_the_asked_for_or_in_the_first_photos_format(
 
 @pytest.mark.usefixtures("mosaic_pipeline")
 def test_json_with_and_without_the_image() -> None:
-    reply = run(PNGS, EncodingOptions("json"))
+    reply = run(PNGS, Encoding("json"))
     assert (reply.body, reply.media_type, reply.document["image"]) == (b"", "application/json", None)
-    image = run(PNGS, EncodingOptions("json", embed=True)).document["image"]
+    image = run(PNGS, Encoding("json", embed=True)).document["image"]
     assert isinstance(image, str)
     with Image.open(io.BytesIO(base64.b64decode(image, validate=True))) as picture:
         assert np.array_equal(np.asarray(picture), PHOTOS[0])
@@ -121,7 +122,7 @@ def test_scans_that_agree_on_their_resolution_keep_it(
     mosaic_pipeline: MosaicPipeline, dpi: tuple[int, int], scale: float, expected: int
 ) -> None:
     mosaic_pipeline.scale = scale
-    reply = run([make_file(PHOTOS[0], "PNG", dpi=(each, each)) for each in dpi], EncodingOptions("jpeg"))
+    reply = run([make_file(PHOTOS[0], "PNG", dpi=(each, each)) for each in dpi], Encoding("jpeg"))
     with Image.open(io.BytesIO(reply.body)) as picture:
         assert picture.info["dpi"] == (expected, expected)
 
@@ -139,11 +140,11 @@ BROKEN = {
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_bad_photo_is_named(mosaic_pipeline: MosaicPipeline, name: str, place: int) -> None:
     upload, limits, error = BROKEN[name]
-    limits = limits or MosaicImageLimits(ImageLimits(max_megapixels=0.003, max_exif_bytes=2000), 200)
+    limits = limits or MosaicLimits(ImageLimits(max_megapixels=0.003, max_exif_bytes=2000), 200)
     uploads = PNGS[:2]
     uploads.insert(place, upload)
     with pytest.raises(error, match=rf"^images\[{place}\]: ") as caught:
-        mosaic_uploads(uploads, PARAMETERS, EncodingOptions(), limits)
+        mosaic_uploads(uploads, PARAMETERS, Encoding(), limits)
     assert caught.value.field == f"images[{place}]"
     assert mosaic_pipeline.calls == []
 
@@ -153,18 +154,18 @@ def test_all_headers_are_judged_before_the_first_picture_is_decoded(
 ) -> None:
     decoded: list[bytes] = []
     monkeypatch.setattr(mosaic, "decode_image", lambda upload, limits: decoded.append(upload))
-    limits = MosaicImageLimits(ImageLimits(max_megapixels=0.003), 0.007)
+    limits = MosaicLimits(ImageLimits(max_megapixels=0.003), 0.007)
     with pytest.raises(TooLarge, match=r"^images: .* 0\.0 megapixels together; .* 0\.007") as caught:
-        mosaic_uploads(PNGS, PARAMETERS, EncodingOptions(), limits)
+        mosaic_uploads(PNGS, PARAMETERS, Encoding(), limits)
     assert caught.value.field == "images"
     with pytest.raises(UnsupportedMediaType):
-        mosaic_uploads([*PNGS, b"no picture"], PARAMETERS, EncodingOptions(), limits)
+        mosaic_uploads([*PNGS, b"no picture"], PARAMETERS, Encoding(), limits)
     assert decoded == mosaic_pipeline.calls == []
 
 
 @pytest.mark.usefixtures("mosaic_pipeline")
 def test_exactly_the_limit_is_allowed() -> None:
-    mosaic_uploads(PNGS, PARAMETERS, EncodingOptions(), MosaicImageLimits(ImageLimits(), 0.0072))
+    mosaic_uploads(PNGS, PARAMETERS, Encoding(), MosaicLimits(ImageLimits(), 0.0072))
 
 
 @pytest.mark.usefixtures("mosaic_pipeline")

@@ -9,10 +9,10 @@ import pypdfium2
 import pytest
 from PIL import Image
 
+from services.contract.images import Encoding, ImageLimits, PageReply
+from services.contract.rectify import RectifyParameters
 from services.errors import NotAcceptable
-from services.imaging.codec import ImageLimits
-from services.operations import EncodingOptions, PageReply, rectify_upload
-from services.rectify.parameters import RectifyParameters
+from services.operations.rectify import rectify_upload
 from tests.services.imaging.files import make_file
 from tests.services.operations.pipelines import RectifyPipeline
 
@@ -21,7 +21,7 @@ BOTH = RectifyParameters(pages="both")
 SIZES = [(40, 60), (40, 30)]
 
 
-def answer(encoding: EncodingOptions, plugin: str = "PNG") -> PageReply:
+def answer(encoding: Encoding, plugin: str = "PNG") -> PageReply:
     """To an upload of this format."""
     return rectify_upload(make_file(PHOTO, plugin), BOTH, encoding, ImageLimits())
 
@@ -33,7 +33,7 @@ def size_of(file: bytes) -> tuple[int, int]:
 
 @pytest.mark.usefixtures("pipeline")
 def test_the_document_lists_the_pages() -> None:
-    reply = answer(EncodingOptions("json", embed=True, pages_format="json"))
+    reply = answer(Encoding("json", embed=True, pages_format="json"))
     pages = reply.document["pages"]
     assert isinstance(pages, list)
     assert [(page["width"], page["height"]) for page in pages] == SIZES
@@ -49,11 +49,11 @@ def test_the_document_lists_the_pages() -> None:
 
 @pytest.mark.usefixtures("pipeline")
 def test_a_tiff_and_a_pdf_hold_both() -> None:
-    reply = answer(EncodingOptions("tiff", pages_format="tiff"))
+    reply = answer(Encoding("tiff", pages_format="tiff"))
     assert reply.media_type == "image/tiff"
     with Image.open(io.BytesIO(reply.body)) as picture:
         assert picture.n_frames == 2  # type: ignore[attr-defined]
-    reply = answer(EncodingOptions())
+    reply = answer(Encoding())
     assert reply.media_type == "application/pdf"
     assert len(pypdfium2.PdfDocument(reply.body)) == 2
 
@@ -61,7 +61,7 @@ def test_a_tiff_and_a_pdf_hold_both() -> None:
 @pytest.mark.parametrize(("plugin", "name"), [("PNG", "png"), ("JPEG", "jpg"), ("HEIF", "jpg")])
 @pytest.mark.usefixtures("pipeline")
 def test_an_archive_has_images_in_the_uploads_format(plugin: str, name: str) -> None:
-    reply = answer(EncodingOptions("zip", pages_format="zip"), plugin)
+    reply = answer(Encoding("zip", pages_format="zip"), plugin)
     assert reply.media_type == "application/zip"
     with zipfile.ZipFile(io.BytesIO(reply.body)) as archive:
         assert archive.namelist() == [f"page-01.{name}", f"page-02.{name}"]
@@ -71,14 +71,14 @@ def test_an_archive_has_images_in_the_uploads_format(plugin: str, name: str) -> 
 @pytest.mark.usefixtures("pipeline")
 def test_two_pages_do_not_go_into_one_image() -> None:
     with pytest.raises(NotAcceptable, match="pdf, tiff, zip or json"):
-        answer(EncodingOptions("jpeg", pages_format=None))
+        answer(Encoding("jpeg", pages_format=None))
 
 
 def test_a_single_page_does(pipeline: RectifyPipeline) -> None:
     pipeline.pages = 1
-    reply = answer(EncodingOptions("jpeg", pages_format=None))
+    reply = answer(Encoding("jpeg", pages_format=None))
     assert (reply.media_type, size_of(reply.body)) == ("image/jpeg", SIZES[0])
     pages = reply.document["pages"]
     assert isinstance(pages, list)
     assert len(pages) == 1
-    assert answer(EncodingOptions(None, pages_format=None)).media_type == "image/png"
+    assert answer(Encoding(None, pages_format=None)).media_type == "image/png"

@@ -13,12 +13,12 @@ from PIL import Image, ImageCms
 from pydantic import TypeAdapter
 
 from app.schemas.rectify import CreasedSheet
+from services.contract.images import Encoding, ImageLimits
+from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
-from services.imaging.codec import ImageLimits
-from services.operations import EncodingOptions, rectify_upload
 from services.operations import rectify as rectify_operation
+from services.operations.rectify import rectify_upload
 from services.progress import progress_to, report_progress
-from services.rectify.parameters import RectifyParameters
 from services.rectify.results import MeshSurface
 from tests.services.imaging.files import make_exif, make_file
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
@@ -29,7 +29,7 @@ PARAMETERS = RectifyParameters(kind="planar", upright=False)
 
 
 def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
-    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS)
+    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS)
     document = json.loads(json.dumps(reply.document), parse_constant=reject_constant)
     assert document.pop("timings_ms").keys() == {"decode", "text", "remap", "encode"}
     assert document.pop("camera") == {
@@ -63,7 +63,7 @@ def test_a_creased_page_is_a_mesh_in_the_contracts_terms(pipeline: RectifyPipeli
     x, y = np.meshgrid(np.arange(4) / 3, np.arange(3) * 2.0)
     normals = np.tile([0.0, -0.6, 0.8], (2, 3, 1))
     pipeline.surface = MeshSurface(np.stack([x, y], axis=-1), normals)
-    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS)
+    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS)
     document = json.loads(json.dumps(reply.document), parse_constant=reject_constant)
     surface = document["surface"]
     assert (surface["type"], surface["rows"], surface["columns"]) == ("mesh", 3, 4)
@@ -88,14 +88,14 @@ def test_the_pipelines_progress_is_a_part_of_the_operations(monkeypatch: pytest.
     monkeypatch.setattr(rectify_operation, "rectify", speak)
     heard: list[tuple[str, float]] = []
     with progress_to(lambda *report: heard.append(report)):
-        rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS)
+        rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS)
     assert heard == [("decode", 0.0), ("text", 0.03), ("remap", pytest.approx(0.95)), ("encode", 0.95)]
 
 
 @pytest.mark.parametrize("not_finite", [math.nan, math.inf, -math.inf, np.float32("nan")])
 def test_what_is_not_finite_becomes_null(pipeline: RectifyPipeline, not_finite: float) -> None:
     pipeline.field_of_view_rad = pipeline.convergence = not_finite
-    document = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS).document
+    document = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS).document
     restored = json.loads(json.dumps(document), parse_constant=reject_constant)
     assert restored["camera"]["field_of_view_deg"] is None
     assert restored["evidence"]["major_convergence"] is None
@@ -103,7 +103,7 @@ def test_what_is_not_finite_becomes_null(pipeline: RectifyPipeline, not_finite: 
 
 def test_the_pipeline_gets_the_upright_photo_and_all_that_is_known(pipeline: RectifyPipeline) -> None:
     upload = make_file(PHOTO, "JPEG", exif=make_exif(6, {0xA405: 26}))
-    rectify_upload(upload, PARAMETERS, EncodingOptions(), LIMITS)
+    rectify_upload(upload, PARAMETERS, Encoding(), LIMITS)
     ((shape, parameters, focal_length_px, ocr),) = pipeline.calls
     assert shape == (60, 40, 3)
     assert parameters is PARAMETERS
@@ -129,7 +129,7 @@ def test_the_pipeline_gets_the_upright_photo_and_all_that_is_known(pipeline: Rec
 def test_the_file_is_in_the_asked_for_or_in_the_uploads_format(
     plugin: str, asked: Any, media_type: str, mark: str
 ) -> None:
-    reply = rectify_upload(make_file(PHOTO, plugin), PARAMETERS, EncodingOptions(asked), LIMITS)
+    reply = rectify_upload(make_file(PHOTO, plugin), PARAMETERS, Encoding(asked), LIMITS)
     assert reply.media_type == media_type
     with Image.open(io.BytesIO(reply.body)) as picture:
         assert picture.format == mark
@@ -139,14 +139,14 @@ def test_the_file_is_in_the_asked_for_or_in_the_uploads_format(
 
 @pytest.mark.usefixtures("pipeline")
 def test_pdf() -> None:
-    reply = rectify_upload(make_file(PHOTO, "JPEG"), PARAMETERS, EncodingOptions("pdf"), LIMITS)
+    reply = rectify_upload(make_file(PHOTO, "JPEG"), PARAMETERS, Encoding("pdf"), LIMITS)
     assert reply.media_type == "application/pdf"
     assert reply.body.startswith(b"%PDF-")
 
 
 @pytest.mark.usefixtures("pipeline")
 def test_json_has_no_body_and_encodes_nothing() -> None:
-    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions("json"), LIMITS)
+    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding("json"), LIMITS)
     assert (reply.body, reply.media_type, reply.document["image"]) == (b"", "application/json", None)
     timings = reply.document["timings_ms"]
     assert isinstance(timings, dict)
@@ -156,7 +156,7 @@ def test_json_has_no_body_and_encodes_nothing() -> None:
 @pytest.mark.parametrize(("plugin", "mark"), [("PNG", "PNG"), ("JPEG", "JPEG"), ("HEIF", "JPEG")])
 @pytest.mark.usefixtures("pipeline")
 def test_json_can_hold_the_image_in_the_uploads_format(plugin: str, mark: str) -> None:
-    reply = rectify_upload(make_file(PHOTO, plugin), PARAMETERS, EncodingOptions("json", embed=True), LIMITS)
+    reply = rectify_upload(make_file(PHOTO, plugin), PARAMETERS, Encoding("json", embed=True), LIMITS)
     assert reply.body == b""
     assert isinstance(reply.document["image"], str)
     with Image.open(io.BytesIO(base64.b64decode(reply.document["image"], validate=True))) as picture:
@@ -167,7 +167,7 @@ def test_json_can_hold_the_image_in_the_uploads_format(plugin: str, mark: str) -
 def test_the_scans_resolution_and_the_colour_profile_are_kept() -> None:
     profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
     upload = make_file(PHOTO, "PNG", dpi=(200, 200), icc_profile=profile)
-    reply = rectify_upload(upload, PARAMETERS, EncodingOptions("jpeg"), LIMITS)
+    reply = rectify_upload(upload, PARAMETERS, Encoding("jpeg"), LIMITS)
     with Image.open(io.BytesIO(reply.body)) as picture:
         assert picture.info["dpi"] == (200, 200)
         assert picture.info["icc_profile"] == profile
@@ -176,19 +176,17 @@ def test_the_scans_resolution_and_the_colour_profile_are_kept() -> None:
 @pytest.mark.usefixtures("pipeline")
 def test_quality_reaches_the_encoder() -> None:
     sizes = [
-        len(
-            rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions("jpeg", quality), LIMITS).body
-        )
+        len(rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding("jpeg", quality), LIMITS).body)
         for quality in (10, 95)
     ]
     assert sizes[0] < sizes[1] / 2
     with pytest.raises(InvalidOption, match="quality"):
-        rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions("jpeg", 101), LIMITS)
+        rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding("jpeg", 101), LIMITS)
 
 
 @pytest.mark.usefixtures("pipeline")
 def test_a_reply_crosses_the_border_of_a_process() -> None:
-    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, EncodingOptions(), LIMITS)
+    reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS)
     assert pickle.loads(pickle.dumps(reply)) == reply
 
 
@@ -204,5 +202,5 @@ def test_bad_uploads_never_reach_the_pipeline(
     pipeline: RectifyPipeline, upload: bytes, limits: ImageLimits, error: type[Exception]
 ) -> None:
     with pytest.raises(error):
-        rectify_upload(upload, PARAMETERS, EncodingOptions(), limits)
+        rectify_upload(upload, PARAMETERS, Encoding(), limits)
     assert pipeline.calls == []

@@ -3,15 +3,16 @@
 import json
 from dataclasses import replace
 
-from models.layout_graph import Calibration, LayoutModel, ModelNode
-from models.model_document import model_to_document
-from services.operations.stored_models import ReadyModels, StoredModel, open_models
+from services.contract.layout import ModelDocument
+from services.layout.model.layout_model import Calibration, LayoutModel, ModelNode
+from services.layout.model.model_document import model_to_document
+from services.operations.stored_models import ReadyModels, open_models
 
 
-def stored(name: str) -> StoredModel:
+def stored(name: str) -> ModelDocument:
     node = ModelNode(None, 0.0, 0.0, {}, {}, (0.0, 0.0))
     model = LayoutModel(name, 1, (node,), (), {}, Calibration(-5.0, 1.0, 0))
-    return StoredModel(name, 1, json.dumps(model_to_document(model)).encode())
+    return ModelDocument(name, 1, json.dumps(model_to_document(model)).encode())
 
 
 def test_a_model_is_read_once() -> None:

@@ -6,15 +6,16 @@ from typing import Any
 
 import pytest
 
-from services import operations
 from services.errors import NoText
-from services.operations import rectify, warm_up, warming
+from services.operations import rectify, warming
+from services.operations.reader import ocr_engine
+from services.operations.warming import warm_up
 from services.rectify.results import RectifyResult
 from tests.services.operations.pipelines import RectifyPipeline
 
 
 def test_an_engine_is_opened_once_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, second = operations.ocr_engine(), operations.ocr_engine()
+    first, second = ocr_engine(), ocr_engine()
     assert first is second
     state = warm_up()
     assert state["ocr"] == (None if first is None else first.name)

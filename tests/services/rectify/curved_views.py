@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import Points, RgbImage
-from services.developable.surface import DevelopableSurface
 from services.rectify.curved_framing import CurvedFrame, frame_curved_page
 from services.rectify.planar import PhotoFrame
-from tests.services.developable.sheets import Bent, box
+from services.sheet.developable.surface import DevelopableSurface
+from tests.services.sheet.developable.sheets import Bent, box
 
 PERIOD = 24.0
 """Of the coded photo's waves, px."""

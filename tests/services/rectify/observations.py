@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from services.arrays import Floats, Homography, Points
-from services.rectify.baselines import Baselines
 from services.rectify.planar import PagePlane, PhotoFrame
 from services.rectify.refinement import FlatObservations, RefinementParameters, observe_lines
+from services.sheet.tracing.baselines import Baselines
 from services.texture_flow.field import FlowSamples
 from simulation.camera import Camera
 from simulation.flat_page import Page

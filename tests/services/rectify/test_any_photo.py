@@ -5,9 +5,9 @@ import pytest
 from PIL import Image, ImageDraw, ImageFont
 
 from services.arrays import RgbImage
+from services.contract.rectify import PageKind, RectifyParameters
 from services.errors import DocumentError, NoText
 from services.rectify.framing import FramingParameters
-from services.rectify.parameters import PageKind, RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
 from simulation.degradation import PHONE

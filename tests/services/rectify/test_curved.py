@@ -8,10 +8,6 @@ import numpy as np
 import pytest
 
 from services.arrays import Floats, Points, Vector
-from services.developable.fitting import FittedSurface, fit_surface
-from services.developable.observations import NO_LINES, PageObservations
-from services.developable.residuals import BENDS, surface_of
-from services.developable.surface import DevelopableSurface, bend_basis
 from services.rectify.analysis import analyse_photo
 from services.rectify.curved import (
     CurvedPage,
@@ -27,13 +23,25 @@ from services.rectify.curved import (
     thin,
 )
 from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
-from services.rectify.smooth_residual import MorphedPage
+from services.sheet.developable.fitting import FittedSurface, fit_surface
+from services.sheet.developable.observations import NO_LINES, PageObservations
+from services.sheet.developable.residuals import BENDS, surface_of
+from services.sheet.developable.smooth_residual import MorphedPage
+from services.sheet.developable.surface import DevelopableSurface, bend_basis
 from services.texture_flow.field import FlowSamples
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, photograph
 from simulation.truth import Truth
-from tests.services.developable.sheets import FLAT, PAGE, Bent, box, observe, residual_percent, seen_flow
 from tests.services.scenes import Album, Shot, errors_deg
+from tests.services.sheet.developable.sheets import (
+    FLAT,
+    PAGE,
+    Bent,
+    box,
+    observe,
+    residual_percent,
+    seen_flow,
+)
 
 NAMES = ["book", "wave", "bent", "cone"]
 P = CurvedParameters()

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from services.arrays import Floats, Points
-from services.developable.surface import DevelopableSurface, bend_basis
 from services.geometry.page_map import PlaneMap
 from services.rectify.curved_framing import CurvedFrame, CurvedFramingParameters, frame_curved_page
 from services.rectify.framing import FramingParameters, mesh_of, resize_frame, turn_frame
 from services.rectify.planar import PhotoFrame
-from tests.services.developable.sheets import FLAT, Bent, box
+from services.sheet.developable.surface import DevelopableSurface, bend_basis
 from tests.services.rectify.curved_views import BentView
+from tests.services.sheet.developable.sheets import FLAT, Bent, box
 
 SEEN = BentView()
 VIEWS = {

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from services.arrays import Points, RgbImage
-from services.developable.surface import bend_basis
 from services.geometry.homographies import transform_points, translation
 from services.imaging import node_grid
 from services.rectify import drawing
@@ -15,9 +14,10 @@ from services.rectify.curved_framing import CurvedFrame, frame_curved_page
 from services.rectify.drawing import draw_flat_view, draw_gray_view
 from services.rectify.framing import FlatFrame, mesh_of, resize_frame, turn_frame
 from services.rectify.planar import PhotoFrame
-from tests.services.developable.sheets import FLAT, Bent, box
+from services.sheet.developable.surface import bend_basis
 from tests.services.rectify.curved_views import SHEET, BentView, code, drawn_off
 from tests.services.scenes import Album
+from tests.services.sheet.developable.sheets import FLAT, Bent, box
 
 SEEN = BentView(replace(SHEET, bends=(0.2, 0.3, 0.4, 0.2, -0.1, -0.3, -0.2, 0.1)))
 """Bent with a radius of a thousand pixels or so, as pages are."""

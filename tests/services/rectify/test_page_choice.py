@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from services.contract.rectify import RectifyParameters
 from services.rectify.analysis import analyse_photo
 from services.rectify.page_choice import PageChoice, choose_page
-from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from simulation.degradation import PHONE, degrade, desk_texture
 from simulation.flat_page import Page

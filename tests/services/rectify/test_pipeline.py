@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NoText
 from services.ocr.engine import OcrEngine, Word
 from services.progress import progress_to
-from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult, StripsSurface
 from simulation.degradation import PHONE

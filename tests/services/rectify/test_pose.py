@@ -7,7 +7,6 @@ import pytest
 
 from services.arrays import Points
 from services.geometry.homographies import denominators, transform_points
-from services.rectify.baselines import detect_baselines
 from services.rectify.outline_plane import OutlinePlane, SheetSides, read_sides
 from services.rectify.planar import (
     FocalPrior,
@@ -29,6 +28,7 @@ from services.rectify.pose import (
 )
 from services.rectify.refinement import RefinedPlane
 from services.rectify.surface_test import discriminate_surface
+from services.sheet.tracing.baselines import detect_baselines
 from services.texture_flow.field import FlowSamples
 from simulation.scenes import POSES, View
 from tests.services.rectify.observations import photograph_plane

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from services.geometry.camera import PrincipalPointPrior
-from services.rectify.baselines import Baselines
 from services.rectify.planar import (
     FocalPrior,
     PagePlane,
@@ -25,6 +24,7 @@ from services.rectify.refinement import (
     soften_hard,
     widen,
 )
+from services.sheet.tracing.baselines import Baselines
 from simulation.scenes import POSES, View
 from tests.services.rectify.observations import SLANT_RAD, PrintedPlane, photograph_plane
 

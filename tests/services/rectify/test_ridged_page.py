@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from services.arrays import Points, Vector
-from services.developable.observations import LineObservations, Run
 from services.geometry.page_map import PageMap
 from services.rectify.planar import FocalPrior, PhotoFrame
 from services.rectify.ridged_page import (
@@ -19,6 +18,7 @@ from services.rectify.ridged_page import (
     sides_bend,
     turn_outline,
 )
+from services.sheet.developable.observations import LineObservations, Run
 from services.sheet.outline.results import SheetOutline
 from simulation.flat_page import Page
 from simulation.folded import folded_in_thirds

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from services.arrays import Points, Vector
+from services.contract.rectify import PageKind
 from services.geometry.page_map import PageMap, PlaneMap
 from services.rectify.analysis import analyse_photo
 from services.rectify.curved import CurvedPage, PageEvidence
 from services.rectify.outline_plane import read_sides
-from services.rectify.parameters import PageKind
 from services.rectify.pipeline import minor_or_perpendicular
 from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points
 from services.rectify.pose import PagePose

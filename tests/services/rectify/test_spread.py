@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from services.contract.rectify import RectifyParameters
 from services.rectify.analysis import analyse_spread
-from services.rectify.parameters import RectifyParameters
 from services.rectify.results import Notice
 from services.rectify.spread import RectifiedPages, reading_order, rectify_spread, turn_like, turn_result
 from simulation.degradation import PHONE

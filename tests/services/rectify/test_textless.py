@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from services.arrays import RgbImage
+from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.rectify import pipeline
 from services.rectify.curved_framing import CurvedFrame
 from services.rectify.outline_plane import OutlinePlane
-from services.rectify.parameters import RectifyParameters
 from services.rectify.pipeline import describe_camera, describe_evidence, describe_surface, find_page
 from services.rectify.planar import FocalPrior, PhotoFrame, typical_focal_prior
 from services.rectify.pose import PagePose

@@ -3,7 +3,7 @@
 from functools import cache
 
 from services.layout.discovery.class_samples import ClassSamples, gather_samples
-from services.layout.graph import LayoutGraph, build_graph
+from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.pipeline import content_features
 from tests.services.layout.samples import labelled_page
 

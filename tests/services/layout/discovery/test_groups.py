@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from models.layout_graph import Page
 from services.layout.discovery.groups import GroupingParameters, choose_pages, group_pages
-from services.layout.graph import build_graph
+from services.layout.graph.layout_graph import build_graph
+from services.layout.page import Page
 from tests.services.layout.discovery.made_pages import NAMES, graph_of
 from tests.services.layout.samples import MAKERS, labelled_page
 

@@ -5,9 +5,9 @@ from itertools import combinations
 
 import pytest
 
-from models.layout_graph import Page
 from services.layout.discovery.class_samples import gather_samples
 from services.layout.discovery.merging import MergingParameters, propose_merges
+from services.layout.page import Page
 from services.layout.pipeline import content_features
 from tests.services.layout.discovery.made_pages import NAMES, samples_of
 from tests.services.layout.samples import MAKERS, labelled_page

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.layout_graph import Page, Zone
 from services.layout.discovery.page_distance import (
     MOST_ZONES,
     compare_pages,
     page_distances,
     zone_evidence,
 )
-from services.layout.graph import LayoutGraph, build_graph
+from services.layout.graph.layout_graph import LayoutGraph, build_graph
+from services.layout.page import Page, Zone
 from services.layout.pipeline import content_features
 from tests.services.layout.discovery.made_pages import NAMES, graph_of
 from tests.services.layout.samples import MAKERS, labelled_page

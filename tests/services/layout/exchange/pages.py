@@ -4,9 +4,9 @@ from datetime import UTC, datetime
 
 from hypothesis import strategies as st
 
-from models.layout_graph import ALIGNMENTS, KINDS, Page, Zone
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.results import ClassMatch, LabelledZone, Recognition
+from services.layout.page import ALIGNMENTS, KINDS, Page, Zone
+from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 
 LIMITS = ExchangeLimits()
 CREATED = datetime(2026, 3, 1, 12, 30, tzinfo=UTC)

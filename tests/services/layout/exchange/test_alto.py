@@ -3,9 +3,9 @@
 import pytest
 from hypothesis import given, settings
 
-from models.layout_graph import InvalidLayout, Page, Zone
 from services.layout.exchange.alto import read_alto, write_alto
 from services.layout.exchange.xml_writing import clean
+from services.layout.page import InvalidLayout, Page, Zone
 from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_alto
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 
-from models.layout_graph import InvalidLayout, Page, Zone
 from services.layout.exchange.page_json import page_from_document, page_to_document
+from services.layout.page import InvalidLayout, Page, Zone
 from tests.services.layout.exchange.pages import LIMITS, pages
 
 BOX = [10, 20, 30, 40]

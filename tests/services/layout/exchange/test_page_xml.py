@@ -5,9 +5,9 @@ from datetime import timedelta, timezone
 import pytest
 from hypothesis import given, settings
 
-from models.layout_graph import InvalidLayout, Page, Zone
 from services.layout.exchange.page_xml import NAMESPACE, read_page_xml, write_page_xml
 from services.layout.exchange.xml_writing import clean
+from services.layout.page import InvalidLayout, Page, Zone
 from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_page_xml
 

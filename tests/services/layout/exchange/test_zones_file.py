@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.layout_graph import InvalidLayout, Page, Zone
 from services.layout.exchange.alto import write_alto
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_to_document
 from services.layout.exchange.page_xml import NAMESPACE, write_page_xml
 from services.layout.exchange.zones_file import read_zones_file
+from services.layout.page import InvalidLayout, Page, Zone
 from tests.services.layout.exchange.pages import CREATED, LIMITS, recognized
 
 PAGE = Page(100, 200, (Zone("z1", (10, 20, 30, 40), label="date", text="1 March", lines=1),))

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 
-from services.layout.graph import KIND_FEATURES, build_graph
-from services.layout.learning.state import LearningModel, begin_learning
+from services.layout.graph.layout_graph import KIND_FEATURES, build_graph
+from services.layout.model.learning_model import LearningModel, begin_learning
+from services.layout.model.statistics import LabelledGraph, label_indices
 from services.layout.pipeline import content_features
-from services.layout.statistics import LabelledGraph, label_indices
 from tests.services.layout.samples import FIRST_UNSEEN, MAKERS, labelled_page, model_of
 
 NAMES = content_features().names

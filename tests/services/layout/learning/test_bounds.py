@@ -9,20 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.layout_graph import (
+from services.contract.layout_learning import Learner
+from services.layout.learning.feedback import VerifiedPage, learn_from_feedback
+from services.layout.learning.training import train_on_samples
+from services.layout.model.layout_model import (
     LARGEST,
     LARGEST_SUM,
     LEAST_VARIANCE,
     MOST_BIAS,
     MOST_WEIGHT,
     LayoutModel,
-    Learner,
 )
-from models.model_document import model_from_document, model_to_document
-from services.layout.learning.feedback import VerifiedPage, learn_from_feedback
-from services.layout.learning.training import train_on_samples
+from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.pipeline import VersionedModel, content_features
-from services.layout.recognition import recognize_page
+from services.layout.recognition.page_recognition import recognize_page
 from tests.services.layout.learning.pupils import NAMES
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of
 

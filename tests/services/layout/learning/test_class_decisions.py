@@ -5,8 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.layout_graph import Calibration
-from services.layout.classification import calibrate, classify
 from services.layout.learning.class_decisions import (
     DecisionParameters,
     accept_page,
@@ -14,6 +12,8 @@ from services.layout.learning.class_decisions import (
     prefer_class,
     refuse_page,
 )
+from services.layout.model.layout_model import Calibration
+from services.layout.recognition.classification import calibrate, classify
 
 costs = st.floats(-12.0, 3.0)
 calibrations = st.builds(

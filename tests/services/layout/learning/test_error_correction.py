@@ -6,12 +6,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.layout.compiled_model import SUREST
-from services.layout.cost import labelling_cost
+from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.learning.error_correction import correct_errors
 from services.layout.learning.learners import match_page, practise
-from services.layout.node_attributes import NUMERIC_ATTRIBUTES
-from services.layout.statistics import label_indices
+from services.layout.model.compiled_model import SUREST
+from services.layout.model.cost import labelling_cost
+from services.layout.model.statistics import label_indices
 from tests.services.layout.learning.pupils import classes, known_lesson, mislabelled, pupil, seeds
 
 

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from models.layout_graph import LayoutModel, Page
 from services.layout.learning.feedback import LabelsMissing, VerifiedPage, learn_from_feedback
+from services.layout.model.layout_model import LayoutModel
+from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, recognize
 from tests.services.layout.learning.pupils import NAMES
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of

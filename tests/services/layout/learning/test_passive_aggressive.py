@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import given, settings
 
-from services.layout.cost import build_cost_tables, labelling_cost
 from services.layout.learning.passive_aggressive import MarginParameters, learn_by_margin, less_margin
 from services.layout.learning.slopes import SlopeRates, cost_slopes, step_along
 from services.layout.matching import match_directly
-from services.layout.statistics import label_indices
+from services.layout.model.cost import build_cost_tables, labelling_cost
+from services.layout.model.statistics import label_indices
 from tests.services.layout.learning.pupils import classes, known_lesson, mislabelled, pupil, seeds
 
 

@@ -4,8 +4,8 @@ import pytest
 
 from services.layout.learning.learners import wrong_zones
 from services.layout.learning.rounds import RoundParameters, train
-from services.layout.learning.state import LearningModel
 from services.layout.learning.training import train_on_samples
+from services.layout.model.learning_model import LearningModel
 from services.layout.pipeline import content_features
 from tests.services.layout.learning.pupils import known_lesson, pupil
 from tests.services.layout.samples import labelled_page, model_of

@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 
-from services.layout.cost_tables import CostTables
+from services.layout.matching.cost_tables import CostTables
 
 
 def all_labellings(tables: CostTables) -> np.ndarray:

@@ -14,8 +14,8 @@ from benchmarks.layout.simulated_cost_tables import (
     simulated_tables,
     strong_tables,
 )
-from services.layout.cost_tables import CostTables
 from services.layout.matching import MatchingParameters, match_directly
+from services.layout.matching.cost_tables import CostTables
 from tests.services.layout.matching.brute_force import least_cost
 
 PARAMETERS = MatchingParameters(max_ms=10_000.0)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.layout.simulated_cost_tables import HARD, TYPICAL, simulated_tables, strong_tables
-from services.layout.cost_tables import CostTables
 from services.layout.matching import MatchingParameters, match_directly, match_in_two_steps
+from services.layout.matching.cost_tables import CostTables
 from tests.services.layout.matching.brute_force import all_costs, all_labellings
 
 PARAMETERS = MatchingParameters(max_ms=10_000.0)

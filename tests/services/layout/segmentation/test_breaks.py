@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 
-from models.layout_graph import Zone
 from services.arrays import GrayImage
+from services.layout.page import Zone
 from services.layout.segmentation import segment_page
 
 WIDTH, HEIGHT = 1000, 1400

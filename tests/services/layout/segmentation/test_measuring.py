@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.layout_graph import Page, Zone
+from services.layout.page import Page, Zone
 from services.layout.segmentation import measure_zones
 from tests.services.layout.segmentation.pages import drawing, sample
 

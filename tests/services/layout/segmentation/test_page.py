@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from models.layout_graph import Page, Zone
 from services.arrays import GrayImage
+from services.layout.page import Page, Zone
 from services.layout.segmentation import segment_page
 from tests.services.layout.segmentation.pages import (
     Box,

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from models.layout_graph import Box, Page, Zone
 from services.arrays import GrayImage
+from services.layout.page import Box, Page, Zone
 from services.layout.segmentation import SegmentationParameters, segment_page
 from services.layout.segmentation.gathering import trim_figures
 from tests.services.layout.segmentation.test_breaks import blank, letter_with_foot, lines_of_zones, put

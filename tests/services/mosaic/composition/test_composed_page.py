@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from services.arrays import Mask, RgbImage
+from services.contract.mosaic import Composition
 from services.geometry.homographies import scaling
 from services.mosaic.composition.composed_page import compose_page
-from services.mosaic.parameters import Composition
 from services.mosaic.placed_photo import PlacedPhoto
 from tests.services.mosaic.cuttings import TEXT_HEIGHT_PX, Box, cut, in_color, place, prose
 

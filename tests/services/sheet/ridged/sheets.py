@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from services.arrays import Floats, Points, Vector
-from services.developable.observations import NO_LINES, LineObservations, Run
+from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.texture_flow.field import FlowSamples
@@ -91,7 +91,10 @@ def observe(
     focal_deviation: float = 0.05,
     directions: bool = False,
 ) -> SheetObservations:
-    """What a photo of `sheet` shows: lines in paragraphs of eight, strokes, four sides; perhaps directions of lines."""
+    """What a photo of `sheet` shows: lines in paragraphs of eight, strokes, and four sides.
+
+    `directions`: those of the lines too.
+    """
 
     def off(points: Points) -> Points:
         return np.asarray(points + rng.normal(0, noise, points.shape)) if noise > 0 else points

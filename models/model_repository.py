@@ -1,0 +1,220 @@
+"""The store's calls about document classes: their versions and their settings."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+from typing import cast
+
+from sqlalchemy import delete, select, update
+from sqlalchemy.orm import Session
+
+from models.documents import Document, encode_document
+from models.errors import ModelNotFound, NotStorable
+from models.queries import (
+    append_version,
+    count_samples,
+    create_model,
+    find_model,
+    find_version,
+    is_storable,
+    is_text,
+    look_up_model,
+    model_summary,
+    require_settings,
+    require_storable,
+    require_version,
+    settings_of,
+    stored_model,
+)
+from models.records import (
+    ANY,
+    ExpectedVersion,
+    ModelSettings,
+    ModelSummary,
+    Origin,
+    StoredModel,
+    VersionSummary,
+)
+from models.tables import (
+    MAX_NAME,
+    FeedbackModelRow,
+    FeedbackRow,
+    ModelRow,
+    SampleRow,
+    StateRow,
+    VersionRow,
+)
+from models.transactions import Transactions
+from services.contract.layout_learning import DEFAULT_LEARNER
+
+
+class KeptModels(Transactions):
+    """Models with all their versions, and their settings."""
+
+    def revision(self) -> int:
+        """Grows with every version, new class and deletion: while it stays, `ready_models` stays."""
+        with self._reading() as session:
+            return session.execute(select(StateRow.revision)).scalar_one()
+
+    def models(self) -> list[ModelSummary]:
+        """All document classes, by name."""
+        with self._reading() as session:
+            rows = session.execute(select(ModelRow, count_samples()).where(ModelRow.deleted_at.is_(None)))
+            return sorted(
+                (model_summary(row, samples) for row, samples in rows),
+                key=lambda summary: summary.name,
+            )
+
+    def model(self, name: str, version: int | None = None) -> StoredModel:
+        """A class with its newest version, or with an earlier one; `ModelNotFound`."""
+        with self._reading() as session:
+            row = find_model(session, name)
+            version = row.version if version is None else version
+            samples = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
+            if version is None:
+                return stored_model(row, samples, None)
+            return stored_model(row, samples, find_version(session, row, version))
+
+    def model_summary(self, name: str) -> ModelSummary:
+        """A class without its document; `ModelNotFound`."""
+        with self._reading() as session:
+            row = find_model(session, name)
+            samples = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
+            return model_summary(row, samples)
+
+    def ready_models(self, names: Sequence[str] | None = None) -> list[StoredModel]:
+        """The newest version of every class (or of those named) that has one, by name; `ModelNotFound`."""
+        return list(self.each_ready_model(names))
+
+    def each_ready_model(self, names: Sequence[str] | None = None) -> Iterator[StoredModel]:
+        """The same one after another, so that one document alone is unpacked at a time."""
+        if names is not None and not names:
+            return
+        wanted = select(ModelRow, count_samples(), VersionRow).where(ModelRow.deleted_at.is_(None))
+        wanted = wanted.outerjoin(
+            VersionRow, (VersionRow.model_id == ModelRow.id) & (VersionRow.version == ModelRow.version)
+        )
+        if names is not None:
+            wanted = wanted.where(ModelRow.name.in_({name for name in names if is_storable(name)}))
+        with self._reading() as session:
+            rows = session.execute(wanted).all()
+        missing = [name for name in names or () if name not in {row.name for row, _, _ in rows}]
+        if missing:
+            raise ModelNotFound(f"there is no model {missing[0]!r}", missing[0])
+        for row, samples, found in sorted(rows, key=lambda each: each[0].name):
+            if found is not None:
+                yield stored_model(row, samples, found)
+
+    def model_versions(self, name: str) -> list[VersionSummary]:
+        """The history of a class, oldest first; `ModelNotFound`."""
+        with self._reading() as session:
+            row = find_model(session, name)
+            rows = session.execute(
+                select(VersionRow.version, VersionRow.origin, VersionRow.created_at, VersionRow.note)
+                .where(VersionRow.model_id == row.id)
+                .order_by(VersionRow.version)
+            ).all()
+        return [
+            VersionSummary(version, cast(Origin, origin), created_at, note)
+            for version, origin, created_at, note in rows
+        ]
+
+    def add_version(
+        self,
+        name: str,
+        document: Document,
+        origin: Origin,
+        *,
+        expected_version: ExpectedVersion = ANY,
+        note: str = "",
+        max_models: int | None = None,
+    ) -> StoredModel:
+        """Make `document` the newest version of a class; an import creates the class (`StoreFull` at the bound).
+
+        `VersionConflict` when the class has another version than expected, `ModelNotFound`, `NotStorable`.
+        """
+        require_storable(name, "name")
+        packed = encode_document(document)
+        if len(note) > 10 * MAX_NAME or not is_text(note):
+            raise NotStorable("the note is too long, or has characters that cannot be kept")
+        with self._changing() as (session, state):
+            row = look_up_model(session, name)
+            if row is None and origin != "import":
+                raise ModelNotFound(f"there is no model {name!r}", name)
+            require_version(name, None if row is None else row.version, expected_version)
+            now = self._clock()
+            if row is None:
+                row = create_model(session, name, now, max_models)
+            version = append_version(session, state, row, packed, origin, note, now)
+            samples = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
+        return stored_model(row, samples, version)
+
+    def rollback(self, name: str, version: int, expected_version: ExpectedVersion = ANY) -> StoredModel:
+        """Make the document of an earlier version the newest one; the versions in between stay.
+
+        `VersionConflict` when the class has another version than expected, `ModelNotFound` without that version.
+        """
+        with self._changing() as (session, state):
+            row = find_model(session, name)
+            require_version(name, row.version, expected_version)
+            packed, note = find_version(session, row, version).document, f"version {version}"
+            made = append_version(session, state, row, packed, "rollback", note, self._clock())
+            samples = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
+        return stored_model(row, samples, made)
+
+    def settings(self, name: str) -> ModelSettings:
+        """What is set for a class; `ModelNotFound`."""
+        with self._reading() as session:
+            return settings_of(find_model(session, name))
+
+    def change_settings(self, name: str, **changes: str | None) -> ModelSettings:
+        """Set what is named (of `ModelSettings`; None takes it back), and leave the rest; the settings then.
+
+        `ModelNotFound` also when the class that this one shall continue does not exist, `NotStorable` for what cannot
+        be set. A class that others continue cannot continue one itself.
+        """
+        unknown = changes.keys() - {field.name for field in fields(ModelSettings)}
+        if unknown:
+            raise NotStorable(f"a model has no setting {min(unknown)!r}")
+        with self._changing() as (session, state):
+            row = find_model(session, name)
+            before = settings_of(row)
+            given = {**changes, "learner": changes.get("learner", before.learner)}
+            if given["learner"] is None:
+                given["learner"] = DEFAULT_LEARNER
+            after = replace(before, **given)  # type: ignore[arg-type]  # judged next
+            require_settings(name, after)
+            if after.continues is not None and after.continues != before.continues:
+                first = find_model(session, after.continues)
+                others = select(ModelRow.id).where(ModelRow.continues == name).limit(1)
+                if first.continues is not None or session.execute(others).first() is not None:
+                    raise NotStorable("continues: a class that continues another cannot be continued itself")
+            for key, value in changes.items():
+                setattr(row, key, value)
+            if after != before:
+                state.revision += 1
+        return after
+
+    def delete_model(self, name: str, *, expected_version: ExpectedVersion = ANY) -> None:
+        """Delete a class with its samples and the feedback on its pages; `ModelNotFound`, `VersionConflict`."""
+        with self._changing() as (session, state):
+            row = find_model(session, name)
+            require_version(name, row.version, expected_version)
+            session.execute(delete(SampleRow).where(SampleRow.model_id == row.id))
+            _delete_feedback(session, row)
+            session.execute(update(ModelRow).where(ModelRow.continues == name).values(continues=None))
+            row.deleted_at = row.updated_at = self._clock()
+            row.version = None
+            state.revision += 1
+
+
+def _delete_feedback(session: Session, row: ModelRow) -> None:
+    """Feedback on pages of a class, and what is left of other feedback when it is about this class alone."""
+    of_class = select(FeedbackModelRow.feedback_id).where(FeedbackModelRow.model_id == row.id)
+    of_others = select(FeedbackModelRow.feedback_id).where(FeedbackModelRow.model_id != row.id)
+    session.execute(
+        delete(FeedbackRow)
+        .where(FeedbackRow.id.in_(of_class))
+        .where((FeedbackRow.verified_class == row.name) | FeedbackRow.id.not_in(of_others))
+        .execution_options(synchronize_session=False)
+    )
+    session.execute(delete(FeedbackModelRow).where(FeedbackModelRow.model_id == row.id))

@@ -1,0 +1,1 @@
+"""What crosses from the server to a worker and back: plain data, and the names of the operations. No arrays."""

@@ -1,0 +1,54 @@
+"""The operations that workers run, by name. The server never imports the functions themselves."""
+
+# ruff: noqa: RUF009 (an operation is a string, and immutable)
+
+from dataclasses import dataclass, fields
+from typing import Any, Generic, TypeVar
+
+from services.contract.images import PageReply
+from services.contract.layout import DocumentReply, LayoutReply
+from services.contract.layout_learning import Adaptation, Training
+from services.contract.layout_models import ModelDifference, ModelDraft
+
+T = TypeVar("T")
+
+
+class Operation(str, Generic[T]):
+    """The name of a function, "module:function", that answers a `T`. A worker imports the module and calls it."""
+
+    __slots__ = ()
+
+    @property
+    def module(self) -> str:
+        """The part before the colon."""
+        return self.partition(":")[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Operations:
+    """The operations of one service; a test puts others in their place. The arguments are those of the functions."""
+
+    rectify: Operation[PageReply] = Operation("services.operations.rectify:rectify_upload")
+    mosaic: Operation[PageReply] = Operation("services.operations.mosaic:mosaic_uploads")
+    recognize_layout: Operation[LayoutReply | DocumentReply] = Operation(
+        "services.operations.layout_documents:recognize_uploads"
+    )
+    measure_sample: Operation[dict[str, object]] = Operation(
+        "services.operations.layout_models:measure_sample"
+    )
+    initialize_model: Operation[ModelDraft] = Operation(
+        "services.operations.layout_models:initialize_from_samples"
+    )
+    import_model: Operation[ModelDraft] = Operation("services.operations.layout_models:import_model")
+    adapt_models: Operation[Adaptation] = Operation("services.operations.layout_learning:adapt_models")
+    train_model: Operation[Training] = Operation("services.operations.layout_learning:train_model")
+    compare_models: Operation[ModelDifference] = Operation("services.operations.layout_diff:compare_models")
+    propose_classes: Operation[dict[str, Any]] = Operation(
+        "services.operations.layout_discovery:propose_classes"
+    )
+    warm_up: Operation[dict[str, object]] = Operation("services.operations.warming:warm_up")
+
+    @property
+    def modules(self) -> list[str]:
+        """Modules of all operations; they are imported once, before the first worker starts."""
+        return sorted({getattr(self, field.name).module for field in fields(self)})

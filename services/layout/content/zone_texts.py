@@ -1,0 +1,50 @@
+"""Texts of zones whose boxes came from elsewhere, out of the words that were read on the page."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from services.layout.page import Page
+from services.ocr.engine import Word
+
+
+def fill_texts(page: Page, words: Sequence[Word]) -> Page:
+    """The page with the words that lie in each zone as its text, one line a row of print, where it had none.
+
+    A word belongs to the smallest zone that holds its centre. Words come in reading order, as engines tell them.
+    """
+    if not words or not page.zones:
+        return page
+    boxes = np.array([zone.box for zone in page.zones])
+    areas = (boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])
+    held: list[list[Word]] = [[] for _ in page.zones]
+    for word in words:
+        x, y = (word.box[0] + word.box[2]) / 2, (word.box[1] + word.box[3]) / 2
+        inside = (boxes[:, 0] <= x) & (x <= boxes[:, 2]) & (boxes[:, 1] <= y) & (y <= boxes[:, 3])
+        if inside.any():
+            held[int(np.argmin(np.where(inside, areas, np.inf)))].append(word)
+    return replace(
+        page,
+        zones=tuple(
+            zone if zone.text or not mine else replace(zone, text=_set_lines(mine))
+            for zone, mine in zip(page.zones, held, strict=True)
+        ),
+    )
+
+
+def _set_lines(words: Sequence[Word]) -> str:
+    """Texts of words in reading order.
+
+    A word begins a line that starts left of the last one and lies lower, or that lies below it altogether.
+    """
+    lines: list[list[str]] = [[]]
+    last: Word | None = None
+    for word in words:
+        if last is not None and (
+            (word.box[0] < last.box[0] and word.box[3] > last.box[3]) or word.box[1] >= last.box[3]
+        ):
+            lines.append([])
+        lines[-1].append(word.text)
+        last = word
+    return "\n".join(" ".join(line) for line in lines)

@@ -1,0 +1,73 @@
+"""Layout graph instances (5.3): a page's zones as a fully connected attributed graph."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.graph.edge_attributes import RELATIONS, measure_pairs, pair_zones
+from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, describe_zones
+from services.layout.page import Page
+
+MOST_NEIGHBOURS = 40
+"""Pages of more than twice as many zones are joined to their nearest only: 500 zones have 12 000 pairs, not 125 000."""
+
+KIND_FEATURES = {"kind:rule": "rule", "kind:noise": "noise"}
+"""Content features that are no words: zones which segmentation tells as rules or noise, mostly nobody's label."""
+
+RELATION_OFFSETS = np.concatenate([[0], np.cumsum([len(relation.descriptors) for relation in RELATIONS])])
+"""Where the descriptors of each relation start when those of all stand in one row."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LayoutGraph:
+    """The graph of a page with N zones.
+
+    `numeric` (N, A) in the order of `NUMERIC_ATTRIBUTES`, NaN where unknown; `content` (N, C) confidences of the
+    features `content_names`, the last ones being `KIND_FEATURES`, the others NaN on a page that was not read;
+    `pairs` (E, 2) of (upper, lower) zones; `relations` (E, R) descriptors in the order of `RELATIONS`.
+    """
+
+    numeric: NDArray[np.float64]
+    content: NDArray[np.float64]
+    content_names: tuple[str, ...]
+    pairs: NDArray[np.intp]
+    relations: NDArray[np.intp]
+
+    @property
+    def zones(self) -> int:
+        return len(self.numeric)
+
+    def descriptor_indicators(self) -> NDArray[np.float64]:
+        """(E, D) with a one for each relation's descriptor, D of all relations side by side."""
+        indicators = np.zeros((len(self.pairs), RELATION_OFFSETS[-1]))
+        np.put_along_axis(indicators, self.relations + RELATION_OFFSETS[:-1], 1.0, axis=1)
+        return indicators
+
+
+def build_graph(
+    page: Page, content_names: Sequence[str], most_neighbours: int = MOST_NEIGHBOURS
+) -> LayoutGraph:
+    """Layout graph of `page`, whose zones already carry their content features.
+
+    On a page of more than twice `most_neighbours` zones only the nearest are joined.
+    """
+    measures = describe_zones(page)
+    with np.errstate(all="ignore"):
+        columns = [attribute.measure(measures) for attribute in NUMERIC_ATTRIBUTES]
+    numeric = np.stack(columns, axis=1)
+    content = np.array(
+        [[zone.content.get(name, 0.0) for name in content_names] for zone in page.zones], dtype=np.float64
+    ).reshape(len(page.zones), len(content_names))
+    if not any(zone.content or zone.text for zone in page.zones):
+        content[:] = np.nan
+    kinds = np.array(
+        [[zone.kind == kind for kind in KIND_FEATURES.values()] for zone in page.zones], dtype=np.float64
+    ).reshape(len(page.zones), len(KIND_FEATURES))
+    pairs = pair_zones(measures, most_neighbours)
+    pair_measures = measure_pairs(measures, pairs)
+    relations = np.stack([relation.measure(pair_measures) for relation in RELATIONS], axis=1)
+    return LayoutGraph(
+        numeric, np.hstack([content, kinds]), (*content_names, *KIND_FEATURES), pairs, relations
+    )

@@ -1,5 +1,0 @@
-"""Many models: by genre, coarse to fine (dissertation 5.7)."""
-
-from services.layout.hierarchy.descent import MOST_CANDIDATES, Competitor, Hierarchy, Standing, rank_models
-
-__all__ = ["MOST_CANDIDATES", "Competitor", "Hierarchy", "Standing", "rank_models"]

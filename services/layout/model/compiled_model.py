@@ -1,0 +1,126 @@
+"""A layout graph model as arrays, in the order in which graphs have their attributes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.graph.edge_attributes import RELATIONS
+from services.layout.graph.layout_graph import KIND_FEATURES, RELATION_OFFSETS
+from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.model.layout_model import LayoutModel
+
+CONTENT_SCALE = 0.6
+KIND_SCALE = 2.0
+LABEL_SCALE = 0.4
+COUNT_SCALE = 0.4
+"""Weights until enough samples tell: of a content feature, of one that is a kind of zone, of a label's own cost, of
+its count."""
+
+SUREST = 0.001
+"""Expectation values count as no nearer to 0 or 1 than this: a document may hold both, and nothing costs all."""
+
+LABEL, COUNT = "label", "count"
+"""Names of the last two in a model's scales."""
+
+
+def content_scale_name(feature: str) -> str:
+    """Name of a content feature's weight in a model's scales."""
+    return f"content:{feature}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompiledModel:
+    """Arrays of a model with L nodes for A numeric attributes, C content features and D descriptors.
+
+    `values`, `variances` (L, A), NaN where the model has none; `content` (L, C) expectation values, NaN likewise;
+    `weights` (L, A + C) of both, beside their scales; `label_costs` (L,); `relations` (L, L, D) costs of descriptors
+    by upper and lower label; `counts` (L, M) costs of 0 .. M - 1 zones. `scales` weigh A numeric attributes, C
+    features, the label's own cost, R relations, and the counts, in this order.
+    """
+
+    labels: tuple[str | None, ...]
+    values: NDArray[np.float64]
+    variances: NDArray[np.float64]
+    content: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    label_costs: NDArray[np.float64]
+    relations: NDArray[np.float64]
+    counts: NDArray[np.float64]
+    scales: NDArray[np.float64]
+
+
+def scale_names(content_names: Sequence[str]) -> tuple[str, ...]:
+    """Names of the scales in the order of `CompiledModel.scales`."""
+    return (
+        *(attribute.name for attribute in NUMERIC_ATTRIBUTES),
+        *(content_scale_name(name) for name in content_names),
+        LABEL,
+        *(relation.name for relation in RELATIONS),
+        COUNT,
+    )
+
+
+def default_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
+    """The weights before samples tell, in the order of `scale_names`."""
+    return np.array(
+        [
+            *(attribute.scale for attribute in NUMERIC_ATTRIBUTES),
+            *(KIND_SCALE if name in KIND_FEATURES else CONTENT_SCALE for name in content_names),
+            LABEL_SCALE,
+            *(relation.scale for relation in RELATIONS),
+            COUNT_SCALE,
+        ]
+    )
+
+
+def compile_model(model: LayoutModel, content_names: Sequence[str]) -> CompiledModel:
+    """Arrays of `model`; attributes that it does not know cost nothing, those that only it knows are left out."""
+    nodes, count = model.nodes, len(model.nodes)
+    values = np.full((count, len(NUMERIC_ATTRIBUTES)), np.nan)
+    variances, weights = np.ones_like(values), np.ones_like(values)
+    for row, node in enumerate(nodes):
+        for column, attribute in enumerate(NUMERIC_ATTRIBUTES):
+            expected = node.numeric.get(attribute.name)
+            if expected is not None:
+                values[row, column], variances[row, column] = expected.value, expected.variance
+                weights[row, column] = expected.weight
+    content, content_weights = (
+        np.array(
+            [[told.get(name, default) for name in content_names] for told in by_node], dtype=np.float64
+        ).reshape(count, len(content_names))
+        for by_node, default in (
+            ([node.content for node in nodes], np.nan),
+            ([node.content_weights for node in nodes], 1.0),
+        )
+    )
+    index = {node.label: position for position, node in enumerate(nodes)}
+    relations = np.zeros((count, count, RELATION_OFFSETS[-1]))
+    for edge in model.edges:
+        row = relations[index[edge.upper], index[edge.lower]]
+        for position, relation in enumerate(RELATIONS):
+            costs = edge.costs.get(relation.name)
+            if costs is not None and len(costs) == len(relation.descriptors):
+                row[RELATION_OFFSETS[position] : RELATION_OFFSETS[position + 1]] = costs
+    most = max(len(node.count_costs) for node in nodes)
+    counts = np.array(
+        [node.count_costs + (node.count_costs[-1],) * (most - len(node.count_costs)) for node in nodes]
+    )
+    return CompiledModel(
+        labels=model.labels,
+        values=values,
+        variances=variances,
+        content=np.clip(content, SUREST, 1 - SUREST),
+        weights=np.hstack([weights, content_weights]),
+        label_costs=np.array([node.cost for node in nodes]),
+        relations=relations,
+        counts=counts,
+        scales=_scales(model.scales, content_names),
+    )
+
+
+def _scales(told: Mapping[str, float], content_names: Sequence[str]) -> NDArray[np.float64]:
+    names = scale_names(content_names)
+    usual = default_scales(content_names)
+    return np.array([told.get(name, default) for name, default in zip(names, usual, strict=True)])

@@ -1,0 +1,187 @@
+"""From the statistics of a class to its model (5.6.1): means, weights, look-up tables, expectations."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.graph.edge_attributes import RELATIONS
+from services.layout.graph.layout_graph import RELATION_OFFSETS
+from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.model.compiled_model import CompiledModel, scale_names
+from services.layout.model.layout_model import (
+    LARGEST,
+    MOST_BIAS,
+    MOST_WEIGHT,
+    Calibration,
+    LayoutModel,
+    ModelEdge,
+    ModelMemory,
+    ModelNode,
+    NumericExpectation,
+)
+from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
+
+
+@dataclass(frozen=True, slots=True)
+class EstimationParameters:
+    """How much is believed before samples tell; weights count as so many zones or pages."""
+
+    spread_weight: float = 2.0
+    """Of an attribute's usual spread within a component, against the variance seen."""
+    content_weight: float = 1.0
+    """Of a content feature's frequency over all zones, against that in the component."""
+    content_range: tuple[float, float] = (0.003, 0.997)
+    """Expectation values stay within: what was never seen may still come."""
+    relation_weight: float = 2.0
+    """Of a descriptor's frequency over all pairs, against that of the pair of components."""
+    count_weight: float = 0.5
+    """Of the usual numbers of zones of a component on a page: none as often as any, one as often as all more."""
+    label_weight: float = 0.5
+    """Added to every component's number of zones."""
+
+
+def estimate_model(
+    statistics: LabelStatistics,
+    labels: Sequence[str | None],
+    scales: NDArray[np.float64],
+    parameters: EstimationParameters = EstimationParameters(),
+) -> CompiledModel:
+    """Means, variances, look-up tables and expectations of `statistics` over pages with `labels`."""
+    values, variances = _estimate_numeric(statistics, parameters)
+    return CompiledModel(
+        labels=tuple(labels),
+        values=values,
+        variances=variances,
+        content=_estimate_content(statistics, parameters),
+        weights=np.ones((len(labels), values.shape[1] + statistics.content.shape[1])),
+        label_costs=-np.log(
+            (statistics.zones + parameters.label_weight)
+            / (statistics.zones.sum() + parameters.label_weight * len(labels))
+        ),
+        relations=_estimate_relations(statistics, parameters),
+        counts=_estimate_counts(statistics, parameters),
+        scales=scales,
+    )
+
+
+def _estimate_numeric(
+    statistics: LabelStatistics, parameters: EstimationParameters
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Means (L, A), NaN where no value is known, and variances of the next value.
+
+    The variance seen is drawn to the attribute's usual one; the mean's own uncertainty is added.
+    """
+    known = statistics.known
+    usual = np.array([attribute.spread**2 for attribute in NUMERIC_ATTRIBUTES])
+    with np.errstate(all="ignore"):
+        mean = statistics.totals / known
+        seen = np.maximum(statistics.squares / known - mean**2, 0.0)
+        weight = parameters.spread_weight
+        variance = (known * seen + weight * usual) / (known + weight) * (1 + 1 / known)
+    return np.where(known > 0, mean, np.nan), np.where(known > 0, variance, 1.0)
+
+
+def _estimate_content(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
+    read = statistics.read
+    overall = (statistics.content.sum(axis=0) + 0.05) / (read.sum(axis=0) + 0.5)
+    weight = parameters.content_weight
+    expected = (statistics.content + weight * overall) / (read + weight)
+    return np.where(read > 0, np.clip(expected, *parameters.content_range), np.nan)
+
+
+def _estimate_relations(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
+    costs = np.empty_like(statistics.descriptors)
+    for relation, start in zip(RELATIONS, RELATION_OFFSETS[:-1], strict=True):
+        columns = slice(start, start + len(relation.descriptors))
+        seen = statistics.descriptors[:, :, columns]
+        overall = seen.sum(axis=(0, 1)) + 1.0
+        overall /= overall.sum()
+        weight = parameters.relation_weight
+        pairs = seen.sum(axis=2, keepdims=True)
+        costs[:, :, columns] = -np.log((seen + weight * overall) / (pairs + weight) / overall)
+    return costs
+
+
+def _estimate_counts(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
+    usual = np.full(MOST_COUNTED + 1, 0.25 / (MOST_COUNTED - 1))
+    usual[:2] = 0.5, 0.25
+    weight = parameters.count_weight
+    return np.asarray(-np.log((statistics.counts + weight * usual) / (statistics.pages + weight)))
+
+
+def name_parts(
+    model: CompiledModel,
+    name: str,
+    samples: int,
+    zones: Sequence[float],
+    content_names: Sequence[str],
+    calibration: Calibration,
+    memory: ModelMemory | None,
+) -> LayoutModel:
+    """The model as it is stored, its arrays told by name, rounded to what matters and within what a model may hold."""
+    values, variances = _stored(model.values, 5).tolist(), _stored(model.variances, 8).tolist()
+    known = np.isfinite(model.values)
+    weights = _stored(np.minimum(model.weights, MOST_WEIGHT), 4)
+    numeric_weights, content_weights = np.split(weights, [len(NUMERIC_ATTRIBUTES)], axis=1)
+    content, counts = np.round(model.content, 4), _stored(model.counts, 3).tolist()
+    relations, has_costs = _stored(model.relations, 3).tolist(), np.any(model.relations, axis=2).tolist()
+    label_costs, scales = _stored(model.label_costs, 4), _stored(np.minimum(model.scales, MOST_WEIGHT), 4)
+    return LayoutModel(
+        name=name,
+        samples=min(samples, int(LARGEST)),
+        nodes=tuple(
+            ModelNode(
+                label=label,
+                zones=min(float(zones[row]), LARGEST),
+                cost=float(label_costs[row]),
+                numeric={
+                    attribute.name: NumericExpectation(
+                        values[row][column],
+                        max(variances[row][column], 1e-8),
+                        float(numeric_weights[row, column]),
+                    )
+                    for column, attribute in enumerate(NUMERIC_ATTRIBUTES)
+                    if known[row, column]
+                },
+                content={
+                    feature: float(content[row, column])
+                    for column, feature in enumerate(content_names)
+                    if np.isfinite(content[row, column])
+                },
+                count_costs=tuple(counts[row]),
+                content_weights={
+                    feature: float(content_weights[row, column])
+                    for column, feature in enumerate(content_names)
+                    if content_weights[row, column] != 1.0
+                },
+            )
+            for row, label in enumerate(model.labels)
+        ),
+        edges=tuple(
+            ModelEdge(upper, lower, _name_costs(relations[row][column]))
+            for row, upper in enumerate(model.labels)
+            for column, lower in enumerate(model.labels)
+            if has_costs[row][column]
+        ),
+        scales=dict(zip(scale_names(content_names), scales.tolist(), strict=True)),
+        calibration=Calibration(
+            mean=min(max(calibration.mean, -LARGEST), LARGEST),
+            deviation=min(calibration.deviation, LARGEST),
+            pages=min(calibration.pages, int(LARGEST)),
+            bias=min(max(calibration.bias, -MOST_BIAS), MOST_BIAS),
+        ),
+        memory=memory,
+    )
+
+
+def _stored(numbers: NDArray[np.float64], digits: int) -> NDArray[np.float64]:
+    return np.asarray(np.round(np.clip(numbers, -LARGEST, LARGEST), digits), np.float64)
+
+
+def _name_costs(row: Sequence[float]) -> dict[str, tuple[float, ...]]:
+    return {
+        relation.name: tuple(row[start : start + len(relation.descriptors)])
+        for relation, start in zip(RELATIONS, RELATION_OFFSETS[:-1], strict=True)
+    }

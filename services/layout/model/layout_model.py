@@ -1,0 +1,148 @@
+"""The layout graph model of a document class as plain values, ready for JSON; `CompiledModel` has its arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+MODEL_FORMAT = "layout-graph-model"
+MODEL_FORMAT_VERSION = 1
+"""Raised when a model of this form can no longer be read by the code that wrote the last."""
+
+MOST_LABELS = 60
+"""Of one class; no class of the field's data sets has half as many, and tables of edges grow with the square."""
+
+LARGEST = 1e9
+"""Size of any number of a model: what is learned is kept within what is read, so that it can be read again."""
+
+LARGEST_SUM = 1e15
+"""Of those of its memory: squares of places on 200 pages of 10 000 zones have 1e14 together."""
+
+MOST_WEIGHT = 1e3
+"""Of an attribute: its scale, and what learning has multiplied its weight with; they are some units."""
+
+LEAST_VARIANCE = 1e-9
+"""Of a numeric attribute."""
+
+MOST_BIAS = 100.0
+"""Of a calibration; costs a zone are some units."""
+
+
+@dataclass(frozen=True, slots=True)
+class NumericExpectation:
+    """Typical value of a numeric attribute of a model node; its weight is the inverse of `variance` (5.6.1).
+
+    `weight` is what adaptive learning has multiplied that with (5.5).
+    """
+
+    value: float
+    variance: float
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ModelNode:
+    """One logical component of a class; `label` None is null, what zones without a label look like.
+
+    `zones` is how many zones of the samples had the label. `content` holds the expectation value, 0-1, of every
+    content feature (Equation 5.3). `count_costs[n]` is the cost of n zones with the label on a page, the last
+    one also of more; `count_costs[0]` is thus the cost of the component's absence.
+    """
+
+    label: str | None
+    zones: float
+    cost: float
+    numeric: Mapping[str, NumericExpectation]
+    content: Mapping[str, float]
+    count_costs: tuple[float, ...]
+    content_weights: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ModelEdge:
+    """How zones of two components lie to each other, the `upper` one being the zone that starts higher.
+
+    `costs[relation][d]` is the cost of descriptor d of a qualitative relation: a look-up table that is least for
+    the dominant descriptor (5.6.1), the one that these two components have most often compared with any others.
+    """
+
+    upper: str | None
+    lower: str | None
+    costs: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Cost a zone that pages of the class have when they are matched: its mean and standard deviation.
+
+    `pages` says from how many pages, each view of a sample being one, that had no part in the model it was measured;
+    0: both are assumed. `bias` is added to the cost of every page: what wrong decisions on classes have taught.
+    """
+
+    mean: float
+    deviation: float
+    pages: int
+    bias: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class NodeMemory:
+    """What was counted of a model node: a page that was seen in two views counts half in each.
+
+    `numeric` holds for each attribute how many zones had a known value, the sum of the values and that of their
+    squares; `content` for each feature how many zones were read and the sum of its confidences; `counts[n]` how many
+    pages had n zones with the label.
+    """
+
+    zones: float
+    numeric: Mapping[str, tuple[float, float, float]]
+    content: Mapping[str, tuple[float, float]]
+    counts: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeMemory:
+    """How many pairs of zones of two components had each descriptor of each relation, in the memory's order."""
+
+    upper: str | None
+    lower: str | None
+    seen: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelMemory:
+    """What a model has seen, so that it can learn from one page more without the pages before (5.5).
+
+    `descriptors` names the columns of its edges, "relation:descriptor". `nodes` stand in the order of the model's;
+    edges that were never seen are left out. `certainty` tells how sure each of the model's `scales` is: the second
+    derivative of the pages' log likelihood.
+    """
+
+    pages: float
+    descriptors: tuple[str, ...]
+    nodes: tuple[NodeMemory, ...]
+    edges: tuple[EdgeMemory, ...]
+    certainty: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
+class LayoutModel:
+    """Layout graph model of a document class (5.3): nodes, edges between all of them, and weights.
+
+    Two models are the same only if they are one object, so that what is made of a model can be kept by it.
+
+    The first node is null. `scales` weigh every attribute by name; together with the variance of its node it
+    makes the attribute's weight. An edge that is not listed has no cost. Without a `memory`, one is presumed when the
+    model shall learn.
+    """
+
+    name: str
+    samples: int
+    nodes: tuple[ModelNode, ...]
+    edges: tuple[ModelEdge, ...]
+    scales: Mapping[str, float]
+    calibration: Calibration
+    memory: ModelMemory | None = None
+
+    @property
+    def labels(self) -> tuple[str | None, ...]:
+        """Label of every node, None for null."""
+        return tuple(node.label for node in self.nodes)

@@ -1,0 +1,179 @@
+"""What a model has seen, as it is kept with it (`ModelMemory`) and as the sums that estimation works on."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import softmax
+
+from services.layout.graph.edge_attributes import RELATIONS
+from services.layout.graph.layout_graph import RELATION_OFFSETS
+from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.model.compiled_model import CompiledModel, scale_names
+from services.layout.model.layout_model import (
+    LARGEST,
+    LARGEST_SUM,
+    EdgeMemory,
+    LayoutModel,
+    ModelMemory,
+    NodeMemory,
+)
+from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
+
+_DESCRIPTORS = tuple(
+    f"{relation.name}:{descriptor}" for relation in RELATIONS for descriptor in relation.descriptors
+)
+_DIGITS = 6
+"""Of sums, after the point: attributes are shares and logarithms."""
+_LEAST = 10.0**-_DIGITS
+"""Fewer zones with a known value are none: they are stored as none, and a mean over them may be no number."""
+
+
+def keep_memory(
+    statistics: LabelStatistics,
+    labels: Sequence[str | None],
+    content_names: Sequence[str],
+    certainty: NDArray[np.float64],
+) -> ModelMemory:
+    """The sums over pages with `labels`, told by name, none larger than a model may hold."""
+    sums = [statistics.known, statistics.totals, statistics.squares]
+    numeric = _stored(np.stack(sums, axis=2)).tolist()
+    content = _stored(np.stack([statistics.read, statistics.content], axis=2)).tolist()
+    zones, counts = _stored(statistics.zones).tolist(), _stored(statistics.counts).tolist()
+    descriptors = _stored(statistics.descriptors).tolist()
+    is_seen = np.any(statistics.descriptors, axis=2).tolist()
+    return ModelMemory(
+        pages=min(float(statistics.pages[0]), LARGEST_SUM),
+        descriptors=_DESCRIPTORS,
+        nodes=tuple(
+            NodeMemory(
+                zones=zones[row],
+                numeric={
+                    attribute.name: tuple(values)
+                    for attribute, values in zip(NUMERIC_ATTRIBUTES, numeric[row], strict=True)
+                    if values[0]
+                },
+                content={
+                    name: tuple(values)
+                    for name, values in zip(content_names, content[row], strict=True)
+                    if values[0]
+                },
+                counts=tuple(counts[row]),
+            )
+            for row in range(len(labels))
+        ),
+        edges=tuple(
+            EdgeMemory(upper, lower, tuple(descriptors[row][column]))
+            for row, upper in enumerate(labels)
+            for column, lower in enumerate(labels)
+            if is_seen[row][column]
+        ),
+        certainty={
+            name: round(min(float(value), LARGEST), 4)
+            for name, value in zip(scale_names(content_names), certainty, strict=True)
+        },
+    )
+
+
+def recall(
+    model: LayoutModel, compiled: CompiledModel, content_names: Sequence[str]
+) -> tuple[LabelStatistics, NDArray[np.float64]]:
+    """Sums over the pages that `model` was made of, and the certainty (K,) of its scales.
+
+    What a model without a memory has seen is presumed of its estimates: as many zones as its nodes tell, with their
+    typical values.
+    """
+    names = scale_names(content_names)
+    if model.memory is None:
+        return _presume(model, compiled), np.zeros(len(names))
+    memory, count = model.memory, len(model.nodes)
+    numeric = np.zeros((count, len(NUMERIC_ATTRIBUTES), 3))
+    content = np.zeros((count, len(content_names), 2))
+    counts = np.zeros((count, MOST_COUNTED + 1))
+    for row, node in enumerate(memory.nodes):
+        for column, attribute in enumerate(NUMERIC_ATTRIBUTES):
+            numeric[row, column] = node.numeric.get(attribute.name, (0.0, 0.0, 0.0))
+        for column, name in enumerate(content_names):
+            content[row, column] = node.content.get(name, (0.0, 0.0))
+        counts[row] = _of_length(node.counts, MOST_COUNTED + 1)
+    numeric[numeric[:, :, 0] < _LEAST] = 0.0
+    content[content[:, :, 0] < _LEAST] = 0.0
+    index = {node.label: position for position, node in enumerate(model.nodes)}
+    known = [column for column, name in enumerate(_DESCRIPTORS) if name in memory.descriptors]
+    told = [memory.descriptors.index(_DESCRIPTORS[column]) for column in known]
+    descriptors = np.zeros((count, count, len(_DESCRIPTORS)))
+    for edge in memory.edges:
+        descriptors[index[edge.upper], index[edge.lower], known] = np.array(edge.seen)[told]
+    statistics = LabelStatistics(
+        zones=np.array([node.zones for node in memory.nodes]),
+        known=numeric[:, :, 0],
+        totals=numeric[:, :, 1],
+        squares=numeric[:, :, 2],
+        read=content[:, :, 0],
+        content=content[:, :, 1],
+        descriptors=descriptors,
+        counts=counts,
+        pages=np.array([memory.pages]),
+    )
+    return statistics, np.array([memory.certainty.get(name, 0.0) for name in names])
+
+
+def with_nodes(statistics: LabelStatistics, count: int) -> LabelStatistics:
+    """The sums for `count` labels, of which the last ones were never seen on the pages."""
+    more = count - len(statistics.zones)
+    last = np.zeros((more, MOST_COUNTED + 1))
+    last[:, 0] = statistics.pages[0]
+
+    def grown(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.pad(sums, ((0, more), *((0, 0) for _ in sums.shape[1:])))
+
+    return LabelStatistics(
+        zones=grown(statistics.zones),
+        known=grown(statistics.known),
+        totals=grown(statistics.totals),
+        squares=grown(statistics.squares),
+        read=grown(statistics.read),
+        content=grown(statistics.content),
+        descriptors=np.pad(statistics.descriptors, ((0, more), (0, more), (0, 0))),
+        counts=np.vstack([statistics.counts, last]),
+        pages=statistics.pages,
+    )
+
+
+def _presume(model: LayoutModel, compiled: CompiledModel) -> LabelStatistics:
+    zones = np.array([node.zones for node in model.nodes])
+    known = np.where(np.isfinite(compiled.values), zones[:, None], 0.0)
+    values = np.nan_to_num(compiled.values)
+    read = np.where(np.isfinite(compiled.content), zones[:, None], 0.0)
+    counts = np.zeros((len(zones), MOST_COUNTED + 1))
+    columns = min(compiled.counts.shape[1], MOST_COUNTED + 1)
+    counts[:, :columns] = softmax(-compiled.counts, axis=1)[:, :columns] * model.samples
+    pairs = np.outer(zones, zones) / (2 * max(1, model.samples))
+    descriptors = np.empty_like(compiled.relations)
+    for start, end in pairwise(RELATION_OFFSETS):
+        descriptors[:, :, start:end] = (
+            softmax(-compiled.relations[:, :, start:end], axis=2) * pairs[:, :, None]
+        )
+    return LabelStatistics(
+        zones=zones,
+        known=known,
+        totals=known * values,
+        squares=known * (values**2 + compiled.variances),
+        read=read,
+        content=read * np.nan_to_num(compiled.content),
+        descriptors=descriptors,
+        counts=counts,
+        pages=np.array([float(model.samples)]),
+    )
+
+
+def _stored(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.round(np.clip(sums, -LARGEST_SUM, LARGEST_SUM), _DIGITS), np.float64)
+
+
+def _of_length(row: Sequence[float], length: int) -> NDArray[np.float64]:
+    """`row` with zeros behind it, or with its end summed up in the last place."""
+    counts = np.zeros(length)
+    np.add.at(counts, np.minimum(np.arange(len(row)), length - 1), row)
+    return counts

@@ -1,0 +1,64 @@
+"""Pages and their zones, as plain values that are ready for JSON: no arrays."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+Box = tuple[float, float, float, float]
+"""(x0, y0, x1, y1) in pixels of the page, x1 > x0 and y1 > y0."""
+Kind = Literal["text", "figure", "rule", "noise"]
+Alignment = Literal["left", "right", "centre", "justified"]
+
+KINDS: tuple[Kind, ...] = get_args(Kind)
+ALIGNMENTS: tuple[Alignment, ...] = get_args(Alignment)
+
+
+class InvalidLayout(ValueError):
+    """A page, a zone or a model that is not one; `field` names the part, as in `zones[3].box`."""
+
+    def __init__(self, detail: str, field: str | None = None) -> None:
+        super().__init__(detail, field)
+        self.detail = detail
+        self.field = field
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """One homogeneous region of a page; None where a thing was not measured.
+
+    `font_size` is the em of its print and `line_spacing` the distance of its baselines, in pixels; `weight` the
+    stroke width as a share of the font size; `content` the confidence, 0-1, that it has a content feature
+    (Table 5.1). `label` is the logical label where it is known, None for none of the model's.
+    """
+
+    id: str
+    box: Box
+    kind: Kind = "text"
+    lines: int | None = None
+    font_size: float | None = None
+    line_spacing: float | None = None
+    weight: float | None = None
+    alignment: Alignment | None = None
+    text: str = ""
+    content: Mapping[str, float] = field(default_factory=dict)
+    label: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A segmented page of `width` x `height` pixels; its zones stand in reading order where one is known."""
+
+    width: float
+    height: float
+    zones: tuple[Zone, ...]
+
+
+def is_finite_number(value: Any) -> bool:
+    """Whether `value` is a number of JSON that can be computed with (True and False are none)."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of JSON may be larger than any float
+        return False

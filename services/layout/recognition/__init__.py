@@ -1,0 +1,1 @@
+"""All models and a page: class, labels, confidences, explanation (5.2, 5.6, 5.7)."""

@@ -1,0 +1,11 @@
+"""Many models: by genre, coarse to fine (dissertation 5.7)."""
+
+from services.layout.recognition.hierarchy.descent import (
+    MOST_CANDIDATES,
+    Competitor,
+    Hierarchy,
+    Standing,
+    rank_models,
+)
+
+__all__ = ["MOST_CANDIDATES", "Competitor", "Hierarchy", "Standing", "rank_models"]

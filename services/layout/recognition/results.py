@@ -1,0 +1,73 @@
+"""What recognition says of a page."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from services.layout.model.cost import AttributeCost
+from services.layout.page import Page, Zone
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledZone:
+    """A zone with the label that matching gave it, None for none of the model's.
+
+    `confidence` is the probability, 0-1, that the label is right, given the class; `group` names the model
+    node whose zones it is grouped with (5.3); `order` is its place in reading order, from 0.
+    """
+
+    zone: Zone
+    label: str | None
+    confidence: float
+    group: str | None
+    order: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClassMatch:
+    """How well the page matches one model: its least `cost`, and the `probability`, 0-1, of the class.
+
+    Among many models the cost of a class that was not searched for is that of its look, or of its genre's
+    (`services.layout.recognition.hierarchy`).
+    `comparable_cost` is the cost a zone by which classes are compared (`classification.class_evidence`).
+    """
+
+    name: str
+    model_version: int
+    cost: float
+    probability: float
+    comparable_cost: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class MatchReport:
+    """The match behind the labels; `gap` is how far its cost may lie above the least one, 0 when optimal.
+
+    `backbone` names for each model node the zone that matches it best (the one-to-one match of 5.4);
+    `explanation` has the terms of the cost, largest first, when they were asked for.
+    """
+
+    cost: float
+    node_cost: float
+    edge_cost: float
+    count_cost: float
+    optimal: bool
+    gap: float
+    backbone: Mapping[str, str]
+    explanation: tuple[AttributeCost, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Recognition:
+    """The class of a page and the labels of its zones.
+
+    `chosen` is None when there is no model, or when none fits (`unknown`): the zones are then labelled by the
+    nearest model if there is one, else not at all. `classes` are all that competed, most probable first.
+    """
+
+    page: Page
+    zones: tuple[LabelledZone, ...]
+    chosen: ClassMatch | None
+    classes: tuple[ClassMatch, ...] = ()
+    unknown_probability: float = 0.0
+    match: MatchReport | None = None
+    timings_ms: Mapping[str, float] = field(default_factory=dict)

@@ -1,0 +1,130 @@
+"""Fit of the developable surface to flows, text lines, line spacing and margins together, by a trust region."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from services.arrays import Floats, Vector
+from services.geometry.camera import rotation_from_vector
+from services.sheet.developable.observations import PageObservations
+from services.sheet.developable.residuals import BENDS, FittingParameters, PageResiduals
+from services.sheet.developable.surface import BendBasis, DevelopableSurface
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurfaceStart:
+    """Where a fit begins.
+
+    `rotation` (3, 3) holds the text's axes at the `anchor` (centred photo point), `parameters` (5 + K,) log focal
+    length, skew, slopes, slant and bends over `basis`.
+    """
+
+    rotation: Floats
+    anchor: tuple[float, float]
+    basis: BendBasis
+    parameters: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedSurface:
+    """The fitted surface and how well it explains what was seen.
+
+    `cost` is half the sum of the softened squared residuals; the spreads are robust deviations of the residuals (lines
+    in units of those assumed); `log_focal_deviation` is what the observations leave, without the prior.
+    """
+
+    surface: DevelopableSurface
+    slant_rad: float
+    cost: float
+    line_spread: float
+    spacing_spread: float
+    major_spread_rad: float
+    minor_spread_rad: float
+    log_focal_deviation: float
+    start: SurfaceStart = field(repr=False)
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    """In the coordinates of the observations; `surface` and `start` are relative to it."""
+
+
+def fit_surface(
+    start: SurfaceStart, observed: PageObservations, parameters: FittingParameters | None = None
+) -> FittedSurface:
+    """Least squares from `start` over turn, focal length, skew, slopes of the rulings, slant and bends."""
+    p = parameters or FittingParameters()
+    free = observed.principal_point.start if observed.principal_point else ()
+    x0 = np.concatenate([np.zeros(3), start.parameters, free])
+    residuals = PageResiduals(start.rotation, start.anchor, start.basis, observed, x0, p)
+    scale = np.concatenate([[0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.1, 0.01], np.ones(len(x0) - BENDS)])
+    scale[len(x0) - len(free) :] = 0.1
+    fit = least_squares(
+        lambda x: residuals.evaluate(x)[0],
+        x0,
+        jac=lambda x: residuals.evaluate(x)[1],
+        method="trf",
+        x_scale=scale,
+        max_nfev=p.max_evaluations,
+        ftol=1e-5,
+        xtol=1e-6,
+    )
+    parts = residuals.parts(fit.x)
+    rotation = start.rotation @ rotation_from_vector(fit.x[:3])
+    surface = residuals.surface(fit.x)
+    moved = replace(
+        start, rotation=rotation, anchor=surface.anchor, parameters=np.asarray(fit.x[3 : residuals.principal])
+    )
+    return FittedSurface(
+        surface,
+        float(fit.x[BENDS - 1]),
+        float(fit.cost),
+        _spread(parts["straight"].value),
+        _spread(parts["spacing"].value),
+        _spread(parts["major"].value * residuals.major_deviation),
+        _spread(parts["minor"].value * residuals.minor_deviation),
+        _focal_deviation(fit.jac, observed.focal_deviation),
+        moved,
+        residuals.principal_point(fit.x),
+    )
+
+
+def free_gain(
+    at: SurfaceStart, observed: PageObservations, parameters: FittingParameters
+) -> tuple[float, float]:
+    """What a free principal point would take off the cost, along x and along y, to first order (Rao's score test).
+
+    `at` is a surface that was fitted with the principal point at the origin; `observed` has a prior on it.
+    """
+    assert observed.principal_point is not None
+    x = np.concatenate([np.zeros(3), at.parameters, (0.0, 0.0)])
+    r, J = PageResiduals(at.rotation, at.anchor, at.basis, observed, x, parameters).evaluate(x)
+    J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-12)
+    gains = []
+    for axis in (-2, -1):
+        # What of the offset's effect the other parameters cannot do.
+        effect = J[:, axis] - J[:, :-2] @ np.linalg.lstsq(J[:, :-2], J[:, axis], rcond=1e-9)[0]
+        gains.append(0.5 * float(effect @ r) ** 2 / max(float(effect @ effect), 1e-12))
+    return gains[0], gains[1]
+
+
+def _focal_deviation(jacobian: Floats, prior_deviation: float) -> float:
+    """Deviation of log f from the observations alone: the prior's information is taken out again."""
+    information = jacobian.T @ jacobian
+    information[3, 3] -= 1 / prior_deviation**2
+    information += 1e-9 * np.trace(information) * np.eye(len(information))
+    variance = float(np.linalg.inv(information)[3, 3])
+    return float(np.sqrt(variance)) if variance > 0 else float("inf")
+
+
+def _spread(r: Vector) -> float:
+    return 1.4826 * float(np.median(np.abs(r))) if len(r) else 0.0
+
+
+def widen(parameters: FittingParameters, fitted: FittedSurface) -> FittingParameters:
+    """Parameters whose deviations of lines and spacings are those that a fit has shown, where they are larger."""
+    spacing = max(1.0, fitted.spacing_spread)
+    return replace(
+        parameters,
+        line_factor=parameters.line_factor * max(1.0, fitted.line_spread),
+        spacing=parameters.spacing * spacing,
+        spacing_between=parameters.spacing_between * spacing,
+    )

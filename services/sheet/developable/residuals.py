@@ -1,0 +1,345 @@
+"""The residuals of the fit as functions of the unrolled page, with their exact derivatives.
+
+The page is unrolled at the observed photo points, where the flat page is known to be simple: text lines run along u,
+strokes along v (but for one unknown slant of the type), the points of a text line share one v, the lines of a
+paragraph are equally spaced, flush ends share one u. Each is a residual in units of its own deviation.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from services.arrays import Floats, Points, Vector
+from services.geometry.camera import rotation_from_vector
+from services.sheet.developable.observations import PageObservations
+from services.sheet.developable.surface import BendBasis, DevelopableSurface, Unrolled
+from services.sheet.developable.variation import GLOBAL, vary_page
+from services.texture_flow.field import FlowSamples
+
+SLANT = GLOBAL
+"""Place of the type's slant among the parameters: turn (3), log focal length, skew, slopes (2), slant, bends."""
+BENDS = SLANT + 1
+MIN_LOG_FOCAL, MAX_LOG_FOCAL = -1.05, 2.5
+_PROBE = 0.002
+"""A flow's direction on the page is that of the way between two photo points so far apart (about 3 px)."""
+
+
+@dataclass(frozen=True, slots=True)
+class FittingParameters:
+    """Standard deviations of observations and priors; lengths in centred units."""
+
+    flow_overlap: float = 12.0
+    """Windows of neighbouring major samples share ink: so many count as one."""
+    major_rad: float = np.deg2rad(0.3)
+    stroke_overlap: float = 4.0
+    minor_rad: float = np.deg2rad(0.5)
+    slant_mean_rad: float = np.deg2rad(0.2)
+    slant_rad: float = np.deg2rad(0.15)
+    skew_rad: float = np.deg2rad(12.0)
+    """Sheets bend across or along their text lines more often than aslant: of sin(2 skew) / 2."""
+    slope: float = 0.15
+    """Of the rulings, per unit: books and bent sheets are nearly cylinders."""
+    tilt_rad: float = np.deg2rad(35.0)
+    bend: float = 6.0
+    """Of the curvature of the a-axis, per unit."""
+    bend_difference: float = 3.0
+    bend_change: float = 1.0
+    """Of the first and second differences of neighbouring bends."""
+    rim_difference: float = 0.7
+    rim_bends: int = 2
+    """Of the first differences of so many bends at either end, beyond the text: there the bend goes on as it is."""
+    line_factor: float = 1.0
+    spacing: float = 0.012
+    spacing_between: float = 0.012
+    margin: float = 0.25
+    """Of a flush end in text heights."""
+    growth: float = 0.35
+    growth_deviation: float = 0.05
+    """Neighbouring rulings may approach one another under the text to this share of their distance, or little more."""
+    hard_flows: bool = False
+    """Flows may be wrong in whole parts (pictures taken for text): their loss is Cauchy's."""
+    max_evaluations: int = 40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Residual:
+    """Residuals (n,) in units of their deviations, before any loss, with derivatives (n, M)."""
+
+    value: Vector
+    slope: Floats
+
+
+def soften(r: Residual) -> Residual:
+    """Residuals whose squares are the soft L1 loss 2 (sqrt(1 + r^2) - 1)."""
+    root = np.sqrt(1 + r.value**2)
+    factor = np.sqrt(2 / (root + 1))
+    return Residual(r.value * factor, r.slope * (1 / (factor * root))[:, None])
+
+
+def soften_hard(r: Residual) -> Residual:
+    """Residuals whose squares are Cauchy's loss log(1 + r^2): groups that may be wholly wrong."""
+    square = r.value**2
+    factor = np.sqrt(np.where(square > 1e-12, np.log1p(square) / np.maximum(square, 1e-300), 1.0))
+    return Residual(r.value * factor, r.slope * (1 / (factor * (1 + square)))[:, None])
+
+
+def surface_of(
+    x: Vector, rotation: Floats, anchor: tuple[float, float], basis: BendBasis
+) -> DevelopableSurface:
+    """Surface of the parameters x (8 + K,): a turn of `rotation`, log f, skew, slopes, slant, bends.
+
+    `rotation` has the text's axes as columns; the sheet's a-axis lies `skew` before the text's direction.
+    """
+    c, s = np.cos(x[4]), np.sin(x[4])
+    unskew = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    focal = float(np.exp(np.clip(x[3], MIN_LOG_FOCAL, MAX_LOG_FOCAL)))
+    slopes = (float(x[5]), float(x[6]))
+    turned = rotation @ rotation_from_vector(x[:3]) @ unskew
+    return DevelopableSurface(turned, focal, anchor, float(x[4]), slopes, x[BENDS:], basis)
+
+
+def _right_jacobian(w: Vector) -> Floats:
+    """J_r with exp(w + d) = exp(w) exp(J_r d) for small d."""
+    angle = float(np.linalg.norm(w))
+    K = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+    if angle < 1e-6:
+        return np.asarray(np.eye(3) - 0.5 * K)
+    return np.asarray(
+        np.eye(3) - (1 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * (K @ K)
+    )
+
+
+class PageResiduals:
+    """All residuals and their derivatives at a vector of parameters; the photo points are unrolled in one go."""
+
+    def __init__(
+        self,
+        rotation: Floats,
+        anchor: tuple[float, float],
+        basis: BendBasis,
+        observed: PageObservations,
+        start: Vector,
+        parameters: FittingParameters,
+    ) -> None:
+        self.rotation, self.anchor, self.basis, self.p = rotation, anchor, basis, parameters
+        self.principal = BENDS + basis.values.shape[1]
+        self.observed, self.lines = observed, observed.lines
+        p, lines = parameters, observed.lines
+        self.major_deviation = (
+            np.sqrt(p.flow_overlap / np.maximum(observed.major.weights, 0.05)) * p.major_rad
+        )
+        self.minor_deviation = (
+            np.sqrt(p.stroke_overlap / np.maximum(observed.minor.weights, 0.05)) * p.minor_rad
+        )
+        margins = np.concatenate(lines.margins) if lines.margins else np.zeros((0, 2))
+        ahead = [_ahead(flow) for flow in (observed.major, observed.minor)]
+        parts = [
+            observed.major.points,
+            ahead[0],
+            observed.minor.points,
+            ahead[1],
+            lines.points,
+            margins,
+            observed.hull,
+        ]
+        self.points = np.concatenate(parts)
+        self.ends = np.cumsum([len(part) for part in parts])
+        weight = 1 / np.maximum(lines.deviations, 1e-12) ** 2
+        total = np.bincount(lines.index, weight, minlength=lines.count)
+        # Averages of the points of a line, and differences from them.
+        self.averages = csr_array(
+            (weight / total[lines.index], (lines.index, np.arange(len(weight)))),
+            shape=(lines.count, len(weight)),
+        )
+        # Across a line, one unit of the photo is |dv / d photo| units of the page; fixed at the start.
+        grow = np.ones(len(weight))
+        if len(weight):
+            J = self.surface(start).jacobians(lines.points)
+            grow = np.linalg.norm(J[:, 1], axis=1)
+        self.line_deviation = lines.deviations * p.line_factor * np.maximum(grow, 1e-6)
+        self.text_height = lines.text_height * (float(np.median(grow)) if len(grow) else 1.0)
+        self._last: tuple[bytes, Vector, Floats] | None = None
+
+    def surface(self, x: Vector) -> DevelopableSurface:
+        """Surface of the parameters `x`, in coordinates relative to their principal point."""
+        x0, y0 = self.principal_point(x)
+        anchor = (self.anchor[0] - x0, self.anchor[1] - y0)
+        return surface_of(x[: self.principal], self.rotation, anchor, self.basis)
+
+    def principal_point(self, x: Vector) -> tuple[float, float]:
+        """Principal point of the parameters `x` in centred coordinates; the origin where it is not free."""
+        free = x[self.principal :]
+        return (float(free[0]), float(free[1])) if len(free) else (0.0, 0.0)
+
+    def page(self, x: Vector) -> tuple[Unrolled, Floats]:
+        """All observed points unrolled, and derivatives (N, 2, M) of the page points by all parameters."""
+        surface = self.surface(x)
+        at = surface.unroll(self.points - self.principal_point(x))
+        moved = vary_page(surface, at)
+        moved[:, :, :3] = moved[:, :, :3] @ (
+            self.rotation @ rotation_from_vector(x[:3]) @ _right_jacobian(x[:3])
+        )
+        moved = np.insert(moved, SLANT, 0.0, axis=2)
+        if self.observed.principal_point:
+            # The sheet's origin stays at its place in the photo: where the depth is the origin's, nothing moves.
+            nearer = surface.focal / at.X[:, 2] - 1
+            moved = np.concatenate([moved, at.jacobians * nearer[:, None, None]], axis=2)
+        return at, moved
+
+    def parts(self, x: Vector) -> dict[str, Residual]:
+        """Residuals of `major`, `minor`, `straight`, `spacing`, `margins`, `crossing` before any loss."""
+        at, dq = self.page(x)
+        q, e = at.page, self.ends
+        major = _direction(q, dq, slice(0, e[0]), slice(e[0], e[1]), 1)
+        minor = _direction(q, dq, slice(e[1], e[2]), slice(e[2], e[3]), 0)
+        minor.value[:] -= x[SLANT]
+        minor.slope[:, SLANT] -= 1.0
+        v, dv = q[e[3] : e[4], 1], dq[e[3] : e[4], 1]
+        level, dlevel = self.averages @ v, self.averages @ dv
+        index = self.lines.index
+        straight = Residual(
+            (v - level[index]) / self.line_deviation, (dv - dlevel[index]) / self.line_deviation[:, None]
+        )
+        return {
+            "major": _over(major, self.major_deviation),
+            "minor": _over(minor, self.minor_deviation),
+            "straight": straight,
+            "spacing": self._spacings(level, dlevel),
+            "margins": self._margins(q[e[4] : e[5], 0], dq[e[4] : e[5], 0]),
+            "crossing": self._crossing(at.sheet[e[5] :], x),
+        }
+
+    def _crossing(self, sheet: Points, x: Vector) -> Residual:
+        """Rulings keep apart under the text: 1 + t w'(s) stays above a least growth."""
+        s, t = sheet.T
+        short = self.p.growth - (1 + t * (x[5] + 2 * x[6] * s))
+        slope = np.zeros((len(s), len(x)))
+        slope[:, 5], slope[:, 6] = -t, -2 * s * t
+        near = short > 0
+        return Residual(
+            np.where(near, short, 0.0) / self.p.growth_deviation,
+            slope * near[:, None] / self.p.growth_deviation,
+        )
+
+    def _spacings(self, level: Vector, dlevel: Floats) -> Residual:
+        """Lines of a run lie at equal steps; runs that are alike have equal steps."""
+        p, m = self.p, dlevel.shape[1] if dlevel.ndim == 2 else 0
+        values, slopes = [np.zeros(0)], [np.zeros((0, m))]
+        logs, dlogs = [], []
+        for run in self.lines.runs:
+            t = run.order - run.order.mean()
+            y, dy = level[run.lines], dlevel[run.lines]
+            step, dstep = t @ y / (t @ t), t @ dy / (t @ t)
+            size = max(abs(step), 1e-9)
+            dlog = dstep / (step if abs(step) > 1e-9 else 1e-9)
+            value = (y - y.mean() - step * t) / (size * p.spacing)
+            values.append(value)
+            slopes.append(
+                (dy - dy.mean(axis=0) - t[:, None] * dstep) / (size * p.spacing) - value[:, None] * dlog
+            )
+            logs.append(np.log(size))
+            dlogs.append(dlog)
+        for group in self.lines.alike:
+            log, rate = np.array([logs[k] for k in group]), np.array([dlogs[k] for k in group])
+            weight = np.array([len(self.lines.runs[k].lines) for k in group], float)
+            # A short paragraph knows its spacing less well: its own deviation is added to the common one.
+            deviation = np.hypot(p.spacing_between, p.spacing * np.sqrt(12.0) / weight**1.5)
+            share = weight / weight.sum()
+            values.append((log - share @ log) / deviation)
+            slopes.append((rate - share @ rate) / deviation[:, None])
+        return Residual(np.concatenate(values), np.concatenate(slopes))
+
+    def _margins(self, u: Vector, du: Floats) -> Residual:
+        value, slope = np.empty_like(u), np.empty_like(du)
+        at = 0
+        for margin in self.lines.margins:
+            part = slice(at, at + len(margin))
+            middle = at + int(np.argsort(u[part])[len(margin) // 2])
+            value[part], slope[part] = u[part] - u[middle], du[part] - du[middle]
+            at += len(margin)
+        deviation = self.p.margin * self.text_height
+        return Residual(value / deviation, slope / deviation)
+
+    def _priors(self, x: Vector) -> Residual:
+        p, k = self.p, x[BENDS : self.principal]
+        eye = np.eye(len(x))
+        of_bends = eye[BENDS : self.principal]
+        first, second = np.diff(of_bends, axis=0), np.diff(of_bends, 2, axis=0)
+        difference = np.full(len(first), p.bend_difference)
+        difference[: p.rim_bends] = difference[len(first) - p.rim_bends :] = p.rim_difference
+        tilt, dtilt = self._tilt(x)
+        value = [
+            (x[3:4] - self.observed.log_focal) / self.observed.focal_deviation,
+            0.5 * np.sin(2 * x[4:5]) / p.skew_rad,
+            x[5:7] / p.slope,
+            (x[SLANT : SLANT + 1] - p.slant_mean_rad) / p.slant_rad,
+            tilt / p.tilt_rad,
+            np.diff(k) / difference,
+            np.diff(k, 2) / p.bend_change,
+            k / p.bend,
+        ]
+        slope = [
+            eye[3:4] / self.observed.focal_deviation,
+            np.cos(2 * x[4]) * eye[4:5] / p.skew_rad,
+            eye[5:7] / p.slope,
+            eye[SLANT : SLANT + 1] / p.slant_rad,
+            dtilt / p.tilt_rad,
+            first / difference[:, None],
+            second / p.bend_change,
+            of_bends / p.bend,
+        ]
+        if self.observed.principal_point:
+            offset, deviations = x[self.principal :], np.array(self.observed.principal_point.deviations)
+            value.append((offset - self.observed.principal_point.mean) / deviations)
+            slope.append(eye[self.principal :] / deviations[:, None])
+            growth, rate = self.observed.principal_point.log_growth(offset)
+            value[0] = value[0] - growth / self.observed.focal_deviation
+            slope[0] = slope[0] - rate @ eye[self.principal :] / self.observed.focal_deviation
+        return Residual(np.concatenate(value), np.concatenate(slope))
+
+    def _tilt(self, x: Vector, step: float = 1e-5) -> tuple[Vector, Floats]:
+        """The normal's angle from the optical axis as a vector (2,), and its derivative by differences."""
+
+        def tilt(turn: Vector) -> Vector:
+            N = self.rotation @ rotation_from_vector(turn)[:, 2]
+            sine = max(float(np.hypot(N[0], N[1])), 1e-9)
+            return np.asarray(N[:2] * np.arccos(np.clip(N[2], -1, 1)) / sine)
+
+        slope = np.zeros((2, len(x)))
+        for axis in range(3):
+            d = step * np.eye(3)[axis]
+            slope[:, axis] = (tilt(x[:3] + d) - tilt(x[:3] - d)) / (2 * step)
+        return tilt(x[:3]), slope
+
+    def evaluate(self, x: Vector) -> tuple[Vector, Floats]:
+        """Softened residuals (n,) with the priors, and their derivatives (n, M)."""
+        if self._last is None or self._last[0] != x.tobytes():
+            parts = self.parts(x)
+            # Observations may be outliers and are softened; groups may be wholly wrong, and are softened more; the
+            # priors are meant as they are.
+            of_flows = soften_hard if self.p.hard_flows else soften
+            soft = [of_flows(parts["major"]), of_flows(parts["minor"]), soften(parts["straight"])]
+            hard = [soften_hard(parts[name]) for name in ("spacing", "margins")]
+            all_ = [*soft, *hard, parts["crossing"], self._priors(x)]
+            value = np.concatenate([r.value for r in all_])
+            self._last = (x.tobytes(), value, np.concatenate([r.slope for r in all_]))
+        return self._last[1], self._last[2]
+
+
+def _ahead(flow: FlowSamples) -> Points:
+    return np.asarray(flow.points + _PROBE * np.stack([np.cos(flow.angles), np.sin(flow.angles)], axis=1))
+
+
+def _direction(q: Points, dq: Floats, here: slice, there: slice, across: int) -> Residual:
+    """Angle on the page of the ways from `here` to `there` against the axis 1 - `across`."""
+    way, dway = q[there] - q[here], dq[there] - dq[here]
+    a, b = way[:, 1 - across], way[:, across]
+    a = np.where(a == 0, 1e-15, a)
+    square = np.maximum(a * a + b * b, 1e-30)
+    slope = (a[:, None] * dway[:, across] - b[:, None] * dway[:, 1 - across]) / square[:, None]
+    return Residual(np.arctan(b / a), slope)
+
+
+def _over(r: Residual, deviation: Vector) -> Residual:
+    return Residual(r.value / deviation, r.slope / deviation[:, None])

@@ -1,0 +1,132 @@
+"""What a smooth developable sheet leaves of the text lines' waves (creases, soaked paper), taken out gently.
+
+The lines' points show by how much v must be shifted on the flat page; a smooth field through these shifts, small by
+construction, is added to the surface's map. Nothing is moved along the lines, of which the lines say nothing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from services.arrays import Floats, Points, Vector
+from services.geometry.page_map import PageMap
+from services.sheet.developable.observations import LineObservations
+from services.sheet.developable.surface import DevelopableSurface
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualParameters:
+    """Lengths are multiples of the text height."""
+
+    columns: int = 12
+    rows: int = 10
+    """Cubic B-splines over the text along u and v."""
+    deviation: float = 0.06
+    """Of a line's point: below it nothing needs to be moved."""
+    bend: float = 0.12
+    """Of the second differences of neighbouring coefficients."""
+    size: float = 0.6
+    """Of the coefficients: the field is small, or the surface is wrong."""
+    max_shift: float = 1.5
+    """Of the field anywhere: more is no crease but a surface or lines gone wrong, and the field is left out."""
+    min_points: int = 60
+    iterations: int = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MorphedPage:
+    """A `PageMap`: `surface`, then v + shift(u, v) with the tensor-product spline `coefficients` (rows, columns).
+
+    The field spans `low` to `high` (u, v) and goes on constantly beyond.
+    """
+
+    surface: DevelopableSurface
+    coefficients: Floats
+    low: Points
+    high: Points
+
+    def shift(self, page: Points) -> Vector:
+        """What is added to v at page points (N, 2) of the surface."""
+        rows, columns = self.coefficients.shape
+        across = _splines(page[:, 0], float(self.low[0]), float(self.high[0]), columns)
+        down = _splines(page[:, 1], float(self.low[1]), float(self.high[1]), rows)
+        return np.asarray(np.einsum("nr,rc,nc->n", down, self.coefficients, across))
+
+    def to_page(self, centred: Points) -> Points:
+        """See `PageMap`."""
+        page = self.surface.to_page(centred)
+        return np.stack([page[:, 0], page[:, 1] + self.shift(page)], axis=1)
+
+    def to_photo(self, page: Points) -> Points:
+        """See `PageMap`. The shift is small and smooth, so v + shift(v) is inverted by iteration."""
+        before = page.copy()
+        for _ in range(3):
+            before[:, 1] = page[:, 1] - self.shift(before)
+        return self.surface.to_photo(before)
+
+    def jacobians(self, centred: Points) -> Floats:
+        """See `PageMap`."""
+        at = self.surface.unroll(centred)
+        step = 1e-4 * float(np.linalg.norm(self.high - self.low))
+        J = at.jacobians.copy()
+        for axis in (0, 1):
+            d = step * np.eye(2)[axis]
+            rate = (self.shift(at.page + d) - self.shift(at.page - d)) / (2 * step)
+            J[:, 1] += rate[:, None] * at.jacobians[:, axis]
+        return J
+
+
+def _splines(x: Vector, low: float, high: float, count: int) -> Floats:
+    """Cubic B-splines (N, count) over [low, high], constant beyond."""
+    knots = np.concatenate([np.full(3, low), np.linspace(low, high, count - 2), np.full(3, high)])
+    inside = np.clip(np.nan_to_num(x, nan=low), low, high)
+    return np.asarray(BSpline.design_matrix(inside, knots, 3).toarray())
+
+
+def morph_to_lines(
+    surface: DevelopableSurface, lines: LineObservations, parameters: ResidualParameters | None = None
+) -> PageMap:
+    """The surface with the smooth residual of its `lines`, or without: where they are few or it is too large."""
+    p = parameters or ResidualParameters()
+    if len(lines.points) < p.min_points:
+        return surface
+    at = surface.unroll(lines.points)
+    height = lines.text_height * float(np.median(np.linalg.norm(at.jacobians[:, 1], axis=1)))
+    low, high = at.page.min(axis=0), at.page.max(axis=0)
+    if not np.isfinite(low).all() or (high - low).min() < 2 * height:
+        return surface
+    across = _splines(at.page[:, 0], float(low[0]), float(high[0]), p.columns)
+    down = _splines(at.page[:, 1], float(low[1]), float(high[1]), p.rows)
+    design = np.einsum("nr,nc->nrc", down, across).reshape(len(down), -1)
+    # A line's own level is free: averages over its points are taken out of both sides.
+    count = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)
+
+    def without_level(values: Floats, weight: Vector) -> Floats:
+        total = np.maximum(np.bincount(lines.index, weight, minlength=lines.count), 1e-12)
+        sums = np.zeros((lines.count, values.shape[1]))
+        np.add.at(sums, lines.index, values * weight[:, None])
+        return np.asarray(values - (sums / total[:, None])[lines.index])
+
+    v = at.page[:, 1]
+    level = (np.bincount(lines.index, v, minlength=lines.count) / count)[lines.index]
+    weight = np.ones(len(v))
+    penalty = _penalty(p) * (p.deviation / p.bend) ** 2
+    penalty += np.eye(design.shape[1]) * (p.deviation / p.size) ** 2
+    coefficients = np.zeros(design.shape[1])
+    for _ in range(p.iterations):
+        A = without_level(design, weight)
+        b = -without_level((v - level)[:, None], weight)[:, 0] / height
+        coefficients = np.linalg.solve((A * weight[:, None]).T @ A + penalty, (A * weight[:, None]).T @ b)
+        rest = (b - A @ coefficients) / p.deviation
+        weight = 1 / (1 + (rest / 2) ** 2)
+    if np.abs(coefficients).max() > p.max_shift:
+        return surface
+    return MorphedPage(surface, height * coefficients.reshape(p.rows, p.columns), low, high)
+
+
+def _penalty(p: ResidualParameters) -> Floats:
+    """Second differences of the coefficients along both axes, squared."""
+    along = np.diff(np.eye(p.columns), 2, axis=0)
+    down = np.diff(np.eye(p.rows), 2, axis=0)
+    return np.asarray(np.kron(np.eye(p.rows), along.T @ along) + np.kron(down.T @ down, np.eye(p.columns)))

@@ -1,0 +1,282 @@
+"""Text lines traced by the profiles of their ink in a flat view that is not quite flat yet.
+
+Where characters touch, or creases break a line, boxes of characters no longer chain. The darkness summed over a short
+window of a line still has one ridge a line: its sides are the baseline and the x-height line. Ridges of neighbouring
+windows are linked into lines, which may bend and jump in slope.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from services.arrays import Floats, GrayImage, Mask, Points, Vector
+from services.geometry.page_map import PageMap
+from services.sheet.developable.observations import NO_LINES, LineObservations, Run
+from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
+from services.sheet.tracing.line_tracing import sampling_map
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileParameters:
+    """Lengths are multiples of the text height."""
+
+    height_px: float = 10.0
+    """Text height in the flat view: what is smaller is enlarged, up to `enlargement` times the photo."""
+    enlargement: float = 2.0
+    closing: float = 8.0
+    """Gaps in the text's area that are filled: words whose characters were not recognized as such."""
+    window: float = 3.0
+    """Length of a line that one profile sums up: half a word, so that no single letter decides."""
+    step: float = 1.5
+    smooth: float = 0.3
+    """Gaussian along the profile, which joins x-height and ascenders to one ridge."""
+    edge_smooth: float = 0.12
+    contrast: float = 0.25
+    """Least height of a ridge above the valleys beside it, in darkness of the view's typical ridge."""
+    drift: float = 0.55
+    """A line's ridge lies at most this far up or down in the next window; lines are 1.8 apart at least."""
+    gap: int = 3
+    """Windows that a line may miss: a wide word space, a crease's shadow."""
+    bend: float = 0.5
+    """How far the next ridge may be from where the last ones lead."""
+    min_windows: int = 5
+    deviation: float = 0.05
+    """Of an edge's place: what letters differ in by design, over one window."""
+    reach: float = 2.0
+    """A line's end is looked for so far beyond its last window."""
+    max_points: int = 7000
+    """Of all lines: of a dense page, windows are left out evenly."""
+    max_groups: int = 8
+    """Flush margins, and paragraphs, that are told; the fullest ones hold the page."""
+    alike: float = 0.05
+    """Paragraphs whose spacing differs by less have the same."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlatGray:
+    """Darkness (H, W), 0-1, of the text in a flat view; page point (u, v) lies at pixel (u, v) `scale` - `offset`."""
+
+    darkness: NDArray[np.float32]
+    scale: float
+    offset: tuple[float, float]
+    height_px: float
+    """Text height in pixels of this view."""
+
+    def to_page(self, pixels: Points) -> Points:
+        """Page points (N, 2) of pixels (N, 2)."""
+        return np.asarray((pixels + self.offset) / self.scale)
+
+
+def flatten_darkness(
+    gray: GrayImage,
+    text_area: Mask,
+    H_gray_centred: Floats,
+    page_map: PageMap,
+    text: Points,
+    text_height: float,
+    parameters: ProfileParameters | None = None,
+) -> FlatGray | None:
+    """Darkness of the flat-fielded `gray` within `text_area` in the flat view of `page_map`; None without text.
+
+    `text` (N, 2) are characters and `text_height` their size, both in centred units.
+    """
+    p = parameters or ProfileParameters()
+    page = page_map.to_page(text)
+    known = np.isfinite(page).all(axis=1)
+    if known.sum() < 10:
+        return None
+    page, J = page[known], page_map.jacobians(text[known])
+    grow = float(np.sqrt(np.nanmedian(np.abs(np.linalg.det(J)))))
+    density = float(H_gray_centred[0, 0]) / grow
+    low, high = np.percentile(page, 0.5, axis=0), np.percentile(page, 99.5, axis=0)
+    margin = 3 * text_height * grow
+    low, high = low - margin, high + margin
+    scale = min(p.height_px / (text_height * grow), p.enlargement * density)
+    scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded, whatever the model
+    width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
+    offset = (float(low[0]) * scale, float(low[1]) * scale)
+    seen = sampling_map(page_map, width, height, scale, offset)
+    at = seen * np.float32(H_gray_centred[0, 0]) + H_gray_centred[:2, 2].astype(np.float32)
+    x, y = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+    # Words that were not taken for text lie between others that were.
+    side = max(round(p.closing * text_height * float(H_gray_centred[0, 0])), 1) | 1
+    area = cv2.morphologyEx(
+        text_area.astype(np.uint8) * 255, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8)
+    )
+    area = cv2.dilate(area, np.ones((side // 4 | 1, side // 4 | 1), np.uint8))
+    flat = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderValue=255.0).astype(np.float32)
+    inside = cv2.remap(area, x, y, cv2.INTER_LINEAR) > 127
+    darkness = np.where(inside, np.clip((235.0 - flat) / 235.0, 0.0, 1.0), 0.0).astype(np.float32)
+    return FlatGray(darkness, scale, offset, text_height * grow * scale)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ridges:
+    """Ridges of all windows: window number, and pixel rows of the ridge, its upper and its lower edge."""
+
+    window: NDArray[np.intp]
+    middle: Vector
+    crown: Vector
+    base: Vector
+
+
+def find_ridges(flat: FlatGray, p: ProfileParameters) -> tuple[_Ridges, Vector]:
+    """Ridges of the darkness in every window, and the windows' middle columns."""
+    h = flat.height_px
+    width, step = max(round(p.window * h), 3) | 1, max(round(p.step * h), 1)
+    sums = cv2.blur(flat.darkness, (width, 1), borderType=cv2.BORDER_CONSTANT)
+    columns = np.arange(step // 2, sums.shape[1], step)
+    profiles = sums[:, columns]
+    smooth = gaussian_filter1d(profiles, p.smooth * h, axis=0, mode="constant")
+    sharp = gaussian_filter1d(profiles, p.edge_smooth * h, axis=0, mode="constant", order=1)
+    inner = smooth[1:-1]
+    peak = (inner > smooth[:-2]) & (inner >= smooth[2:])
+    row, window = np.nonzero(peak)
+    row += 1
+    value = smooth[row, window]
+    if not len(row):
+        none = np.zeros(0)
+        return _Ridges(np.zeros(0, np.intp), none, none, none), columns.astype(np.float64)
+    usual = float(np.percentile(value, 75))
+    reach = max(round(0.9 * h), 2)
+    last = smooth.shape[0] - 1
+    offsets = np.arange(1, reach + 1)
+    above = smooth[np.clip(row[:, None] - offsets, 0, last), window[:, None]].min(axis=1)
+    below = smooth[np.clip(row[:, None] + offsets, 0, last), window[:, None]].min(axis=1)
+    clear = value - np.maximum(above, below) > p.contrast * usual
+    row, window = row[clear], window[clear]
+    crown = _extremum(sharp, row, window, -reach, 1)
+    base = _extremum(-sharp, row, window, -1, reach)
+    good = np.isfinite(crown) & np.isfinite(base) & (base - crown > 0.3 * h) & (base - crown < 1.7 * h)
+    order = np.lexsort((row[good], window[good]))
+    crown, base = crown[good][order], base[good][order]
+    return _Ridges(window[good][order], 0.5 * (crown + base), crown, base), columns.astype(np.float64)
+
+
+def _extremum(slopes: Floats, row: NDArray[np.intp], window: NDArray[np.intp], low: int, high: int) -> Vector:
+    """Row, to a fraction, of the greatest of `slopes` between `row` + `low` and `row` + `high`; NaN at an end."""
+    offsets = np.arange(low, high + 1)
+    rows = row[:, None] + offsets
+    last = slopes.shape[0] - 1
+    values = slopes[np.clip(rows, 0, last), window[:, None]]
+    best = np.argmax(values, axis=1)
+    inside = (best > 0) & (best < len(offsets) - 1)
+    k, n = np.clip(best, 1, len(offsets) - 2), np.arange(len(row))
+    a, b, c = values[n, k - 1], values[n, k], values[n, k + 1]
+    bend = a - 2 * b + c
+    shift = np.where(np.abs(bend) > 1e-12, 0.5 * (a - c) / np.where(np.abs(bend) > 1e-12, bend, 1.0), 0.0)
+    return np.where(inside, rows[n, k] + np.clip(shift, -1, 1), np.nan)
+
+
+def link_ridges(ridges: _Ridges, height_px: float, p: ProfileParameters) -> list[NDArray[np.intp]]:
+    """Members of every line, from left to right: ridges that follow one another, each the other's best."""
+    window, y = ridges.window, ridges.middle
+    if not len(window):
+        return []
+    starts = np.searchsorted(window, np.arange(int(window.max()) + 2))
+    tails: list[list[int]] = []
+    done: list[list[int]] = []
+    for w in range(len(starts) - 1):
+        new = np.arange(starts[w], starts[w + 1])
+        keep = [t for t in tails if w - window[t[-1]] <= p.gap]
+        done += [t for t in tails if w - window[t[-1]] > p.gap]
+        free = np.ones(len(new), bool)
+        if keep and len(new):
+            last = np.array([y[t[-1]] for t in keep])
+            ago = np.array([w - window[t[-1]] for t in keep])
+            led = last + np.array([_lead(t, window, y, w) for t in keep])
+            apart = np.abs(y[new][None] - led[:, None])
+            moved = np.abs(y[new][None] - last[:, None])
+            fits = (apart < p.bend * height_px) & (moved < p.drift * height_px * ago[:, None])
+            cost = np.where(fits, apart + 0.1 * height_px * ago[:, None], np.inf)
+            for a in np.argsort(cost.min(axis=1)):
+                b = int(np.argmin(cost[a]))
+                if np.isfinite(cost[a, b]) and int(np.argmin(cost[:, b])) == a:
+                    keep[a].append(int(new[b]))
+                    free[b] = False
+        tails = keep + [[int(k)] for k in new[free]]
+    return [np.array(t) for t in done + tails if len(t) >= p.min_windows]
+
+
+def _lead(members: list[int], window: NDArray[np.intp], y: Vector, w: int) -> float:
+    """How far a line goes down from its last ridge to window `w`, by its last few ridges."""
+    recent = members[-4:]
+    if len(recent) < 3:
+        return 0.0
+    a, b = recent[0], recent[-1]
+    return float((y[b] - y[a]) / max(window[b] - window[a], 1) * (w - window[b]))
+
+
+def trace_profiles(
+    flat: FlatGray, page_map: PageMap, parameters: ProfileParameters | None = None
+) -> LineObservations:
+    """Observations of all text lines of the flat view, in centred coordinates of the photo."""
+    p = parameters or ProfileParameters()
+    h = flat.height_px
+    ridges, columns = find_ridges(flat, p)
+    chains = link_ridges(ridges, h, p)
+    if not chains:
+        return NO_LINES
+    pieces: list[Floats] = []
+    index: list[NDArray[np.intp]] = []
+    ends = []
+    thin = max(-(-2 * sum(len(members) for members in chains) // p.max_points), 1)
+    for k, members in enumerate(chains):
+        x = columns[ridges.window[members]]
+        for edge, y in enumerate((ridges.base[members], ridges.crown[members])):
+            pieces.append(np.stack([x, y], axis=1)[k % thin :: thin])
+            index.append(np.full(len(pieces[-1]), 2 * k + edge))
+        ends.append(_line_ends(flat, x, ridges.crown[members], ridges.base[members], p))
+    pixels, line = np.concatenate(pieces), np.concatenate(index)
+    seen = page_map.to_photo(flat.to_page(pixels))
+    known = np.isfinite(seen).all(axis=1) & np.isfinite(page_map.jacobians(seen)).all(axis=(1, 2))
+    if not known.any():
+        return NO_LINES
+    seen, line = seen[known], line[known]
+    placed = np.bincount(line, minlength=2 * len(chains)) > 0
+    table = np.array(ends)
+    order = np.argsort(table[:, 1] + table[:, 3])
+    table = table[order]
+    rows = Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], np.ones(len(table)))
+    paragraphs = [q for q in group_paragraphs(rows) if placed[2 * order[q.lines]].all()]
+    paragraphs = sorted(paragraphs, key=lambda q: -len(q.lines))[: p.max_groups]
+    runs = [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs]
+    y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
+    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
+
+    def in_photo(at: Points) -> Points:
+        return page_map.to_photo(flat.to_page(at))
+
+    margins = [in_photo(rows.starts[g]) for g in find_margins(rows, "left")]
+    margins += [in_photo(rows.ends[g]) for g in find_margins(rows, "right")]
+    margins = sorted((m[np.isfinite(m).all(axis=1)] for m in margins), key=len, reverse=True)[: p.max_groups]
+    grow = np.linalg.norm(page_map.jacobians(seen)[:, 1], axis=1) * flat.scale
+    return LineObservations(
+        seen,
+        line,
+        p.deviation * h / grow,
+        runs,
+        group_alike(spacings, p.alike),
+        [m for m in margins if len(m) > 1],
+        float(np.median(rows.heights) / np.median(grow)),
+    )
+
+
+def _line_ends(
+    flat: FlatGray, x: Vector, crown: Vector, base: Vector, p: ProfileParameters
+) -> tuple[float, float, float, float, float]:
+    """First and last inked column of a line with its baseline there, and the line's height."""
+    h = flat.height_px
+    first = max(int(x[0] - p.reach * h), 0)
+    last = min(int(x[-1] + p.reach * h), flat.darkness.shape[1] - 1)
+    at = np.arange(first, last + 1)
+    top, bottom = (np.interp(at, x, y).round().astype(int) for y in (crown, base))
+    middle = (top + bottom) // 2
+    rows = np.clip(np.stack([top, middle, bottom - 1]), 0, flat.darkness.shape[0] - 1)
+    inked = np.flatnonzero(flat.darkness[rows, at].max(axis=0) > 0.3)
+    begin, end = (at[inked[0]], at[inked[-1]]) if len(inked) else (at[0], at[-1])
+    y = np.interp([begin, end], x, base)
+    return float(begin), float(y[0]), float(end), float(y[1]), float(np.median(base - crown))

@@ -1,0 +1,132 @@
+"""From all models to the candidates: none is lost, their order does not matter, nothing is kept alive."""
+
+import gc
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.layout.recognition.classification import ClassificationParameters
+from services.layout.recognition.hierarchy import Competitor, Hierarchy, descent, rank_models
+from services.layout.recognition.page_recognition import VersionedModel
+from tests.services.layout.recognition.hierarchy.bases import NAMES, base, competitors, compiled, graph_of
+from tests.services.layout.samples import MAKERS, model_of
+
+PARAMETERS = ClassificationParameters()
+MANY = 9
+"""Publications of each class: 54 models, seven or eight genres."""
+
+
+def test_every_model_is_in_one_genre() -> None:
+    hierarchy = Hierarchy(competitors(base(MANY)), NAMES)
+    members = sorted(index for genre in hierarchy.genres for index in genre)
+    assert members == list(range(len(base(MANY))))
+    assert descent.MOST_GENRES < len(hierarchy.genres) <= 8
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_the_class_of_a_page_is_the_first_candidate(name: str) -> None:
+    models = competitors(base(MANY))
+    for seed in (1000, 1001):
+        standing = rank_models(graph_of(name, seed), models, PARAMETERS)
+        assert models[standing.candidates[0]].model.name == name
+        assert len(set(standing.candidates)) == len(standing.candidates) == descent.MOST_CANDIDATES
+
+
+def test_what_is_ruled_out_stands_behind_what_was_looked_at() -> None:
+    models = competitors(base(MANY))
+    hierarchy, graph = Hierarchy(models, NAMES), graph_of("margin", 1002)
+    standing = hierarchy.rank(graph, PARAMETERS)
+    means = np.array([each.model.calibration.mean for each in models])
+    excess = standing.comparable / graph.zones - PARAMETERS.share_of_mean * means
+    by_genre = [excess[list(genre)] for genre in hierarchy.genres]
+    ruled_out = [values for values in by_genre if np.ptp(values) < 1e-9]
+    looked = np.concatenate([values for values in by_genre if np.ptp(values) >= 1e-9])
+    assert 1 <= len(ruled_out) <= len(by_genre) - descent.MOST_GENRES
+    assert min(values.min() for values in ruled_out) >= looked.max() - 1e-9
+    chosen = [excess[index] for index in standing.candidates]
+    assert chosen == sorted(chosen)
+    assert chosen[-1] <= np.delete(excess, standing.candidates).min()
+
+
+def test_the_order_of_models_does_not_matter() -> None:
+    models, graph = competitors(base(MANY)), graph_of("memo", 1003)
+    order = np.random.default_rng(0).permutation(len(models))
+    one = rank_models(graph, models, PARAMETERS)
+    other = rank_models(graph, [models[k] for k in order], PARAMETERS)
+    assert [int(order[k]) for k in other.candidates] == list(one.candidates)
+    np.testing.assert_array_equal(other.costs, one.costs[order])
+    np.testing.assert_array_equal(other.comparable, one.comparable[order])
+
+
+def test_named_genres_are_the_users() -> None:
+    models = [
+        replace(each, genre=None if k % 3 == 0 else f"genre {k % 3}")
+        for k, each in enumerate(competitors(base(MANY)))
+    ]
+    genres = Hierarchy(models, NAMES).genres
+    for name in ("genre 1", "genre 2"):
+        assert tuple(k for k, each in enumerate(models) if each.genre == name) in genres
+    standing = rank_models(graph_of("fax", 1004), models, PARAMETERS)
+    assert models[standing.candidates[0]].model.name == "fax"
+
+
+def test_genres_of_few_models_still_give_all_candidates() -> None:
+    models = [replace(each, genre=each.model.name) for each in competitors(base(MANY))]
+    standing = rank_models(graph_of("letter", 1005), models, PARAMETERS)
+    assert len(standing.candidates) == descent.MOST_CANDIDATES
+    assert models[standing.candidates[0]].model.name == "letter"
+
+
+@pytest.mark.parametrize("genre", [None, "all"])
+def test_one_genre_and_one_model(genre: str | None) -> None:
+    graph = graph_of("memo", 1006)
+    alone = [Competitor(model_of("memo", 3), compiled(model_of("memo", 3)), genre)]
+    assert rank_models(graph, alone, PARAMETERS).candidates == (0,)
+    # The same model many times over: every order of them is as good.
+    equal = rank_models(graph, alone * 40, PARAMETERS)
+    assert len(set(equal.candidates)) == descent.MOST_CANDIDATES
+    assert np.ptp(equal.comparable) < 1e-3
+
+
+def test_one_model_in_two_genres() -> None:
+    twice = [Competitor(each.model, each.compiled, name) for name in "ab" for each in competitors(base(1))]
+    standing = rank_models(graph_of("memo", 1006), twice, PARAMETERS, 2)
+    assert sorted(standing.candidates) == [1, 7]
+
+
+def test_a_changed_model_changes_its_genre_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[int] = []
+    make = descent._make_genre
+
+    def counting(models: descent._Key, *rest: object) -> object:
+        made.append(len(models))
+        return make(models, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(descent, "_make_genre", counting)
+    monkeypatch.setattr(descent, "_KEPT", type(descent._KEPT)())
+    models, graph = competitors(base(MANY)), graph_of("fax", 1007)
+    rank_models(graph, models, PARAMETERS)
+    genres = len(made)
+    assert sum(made) == len(models)
+    rank_models(graph, models, PARAMETERS)
+    assert sum(made) == len(models)
+    worse = replace(models[0].model, calibration=replace(models[0].model.calibration, mean=-9.0))
+    models[0] = Competitor(worse, compiled(worse))
+    rank_models(graph, models, PARAMETERS)
+    assert len(made) == genres + 1
+    assert made[-1] < len(models) / 2
+
+
+def test_hierarchies_are_few_and_keep_no_model_alive() -> None:
+    graph = graph_of("memo", 1008)
+    for count in range(2, 2 + 2 * descent.MOST_KEPT):
+        rank_models(graph, competitors(base(2)[:count]), PARAMETERS)
+    assert len(descent._KEPT) == descent.MOST_KEPT
+    models = [VersionedModel(replace(each.model), 1) for each in base(2)]
+    rank_models(graph, competitors(tuple(models)), PARAMETERS)
+    kept = [weakref.ref(each.model) for each in models]
+    del models
+    gc.collect()
+    assert [each() for each in kept] == [None] * len(kept)
