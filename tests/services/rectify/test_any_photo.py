@@ -14,6 +14,8 @@ from simulation.degradation import PHONE
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, WAVE, photograph
 
+pytestmark = pytest.mark.pipeline
+
 KINDS: tuple[PageKind, ...] = ("auto", "planar", "curved")
 WORDS = ("quick", "brown", "foxes", "jump", "over", "lazy", "dogs", "while", "seven", "wizards", "judge")
 

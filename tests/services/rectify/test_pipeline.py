@@ -17,6 +17,8 @@ from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
 from simulation.scenes import BOOK, POSES, photograph
 
+pytestmark = pytest.mark.pipeline
+
 SIZE = (1260, 1620)
 AS_IT_LIES = RectifyParameters(upright=False)
 

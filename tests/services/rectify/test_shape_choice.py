@@ -26,6 +26,8 @@ from simulation.surfaces import Shape
 from simulation.truth import Truth
 from tests.services.rectify.sheet_sides import bent_outline_of_truth
 
+pytestmark = pytest.mark.pipeline
+
 SHAPES: dict[str, Shape] = {"flat": PLANE, "folded": folded_in_thirds(SHEET_ASPECT, 24, -18), "smooth": BOOK}
 SIZE = (840, 1080)
 VIEW = PhotoFrame(*SIZE)
