@@ -43,8 +43,8 @@ FLATTENED, MATCHING_BEGINS = 0.6, 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
-    """A page as it is recognized, the picture of it if there is one, and what to know of it."""
+class MeasuredPage:
+    """A page with its zones measured, its picture if there is one, and warnings about it."""
 
     page: Page
     image: RgbImage | None
@@ -92,19 +92,19 @@ def recognize_picture(
     engine = ocr_engine() if options.ocr else None
     with timed("models", timings_ms, 0.0):
         versions = open_models(models)
-    sight = see_page(decode, zones, zones_file, engine, options, settings, timings_ms)
+    measured = measure_page(decode, zones, zones_file, engine, options, settings, timings_ms)
     report_progress("matching", MATCHING_BEGINS)
     recognition = recognize(
-        sight.page,
+        measured.page,
         versions,
         RecognitionParameters(explain=options.explain),
         content_features(settings.content_features),
     )
     timings_ms |= recognition.timings_ms
     with timed("encode", timings_ms, ENCODING_BEGINS):
-        body = _encode(recognition, sight.image, options, settings)
+        body = _encode(recognition, measured.image, options, settings)
     document = describe_page(
-        place_page(recognition, versions), sight.notices, timings_ms, explain=options.explain
+        place_page(recognition, versions), measured.notices, timings_ms, explain=options.explain
     )
     page = to_json_ready(page_to_document(recognition.page))
     return LayoutReply(body, MEDIA_TYPES[options.format], document, page)
@@ -123,7 +123,7 @@ def describe_page(
     return ready
 
 
-def see_page(
+def measure_page(
     decode: Callable[[], PagePicture] | None,
     zones: bytes | None,
     zones_file: bytes | None,
@@ -131,7 +131,7 @@ def see_page(
     options: LayoutOptions,
     settings: LayoutSettings,
     timings_ms: dict[str, float],
-) -> Sight:
+) -> MeasuredPage:
     """The page of a picture, flattened first if that is wanted, or of zones; what it takes goes into `timings_ms`."""
     features = content_features(settings.content_features)
     picture: RgbImage | None = None
@@ -150,7 +150,7 @@ def see_page(
     if zones is None and zones_file is None:
         assert picture is not None, "the app has seen to that"
         with timed("zones", timings_ms, seen):
-            return Sight(read_page(picture, engine, features), picture, notices)
+            return MeasuredPage(read_page(picture, engine, features), picture, notices)
     with timed("zones", timings_ms, seen):
         page = (
             read_zones(zones, settings)
@@ -158,7 +158,7 @@ def see_page(
             else read_file(zones_file or b"", picture, settings)
         )
         check_frame(page, picture)
-        return Sight(complete_page(page, picture, engine, features), picture, notices)
+        return MeasuredPage(complete_page(page, picture, engine, features), picture, notices)
 
 
 def write_xml(recognition: Recognition, form: str, image_name: str) -> bytes:

@@ -20,11 +20,11 @@ from services.layout.recognition.documents import DocumentParameters, DocumentRe
 from services.layout.recognition.page_recognition import RecognitionParameters
 from services.operations.layout import (
     MATCHING_BEGINS,
-    Sight,
+    MeasuredPage,
     describe_page,
+    measure_page,
     recognize_picture,
     recognize_upload,
-    see_page,
     write_xml,
 )
 from services.operations.layout_result import describe_classes
@@ -96,17 +96,17 @@ def _recognize_pages(
     features = content_features(settings.content_features)
     with timed("models", timings_ms, 0.0):
         versions = open_models(models)
-    sights, page_timings = [], []
+    measured_pages, page_timings = [], []
     for index, source in enumerate(sources):
         timings: dict[str, float] = {}
         share = MATCHING_BEGINS / len(sources)
         with progress_within(index * share, (index + 1) * share):
-            sights.append(_see(source, options, settings, timings))
+            measured_pages.append(_measure(source, options, settings, timings))
         page_timings.append(timings)
     report_progress("matching", MATCHING_BEGINS)
     with timed("matching", timings_ms):
         recognition = recognize_document(
-            [sight.page for sight in sights],
+            [measured.page for measured in measured_pages],
             versions,
             features.names,
             DocumentParameters(recognition=RecognitionParameters(explain=options.explain)),
@@ -120,27 +120,27 @@ def _recognize_pages(
     document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
     pages = [
         DocumentPage(
-            describe_page(placed, sight.notices, timings, explain=options.explain),
-            to_json_ready(page_to_document(sight.page)),
+            describe_page(placed, measured.notices, timings, explain=options.explain),
+            to_json_ready(page_to_document(measured.page)),
         )
-        for placed, sight, timings in zip(recognition.pages, sights, page_timings, strict=True)
+        for placed, measured, timings in zip(recognition.pages, measured_pages, page_timings, strict=True)
     ]
     media_type = "application/json" if options.format == "json" else ARCHIVE
     return DocumentReply(body, media_type, to_json_ready(document), pages)
 
 
-def _see(
+def _measure(
     source: PageSource, options: LayoutOptions, settings: LayoutSettings, timings_ms: dict[str, float]
-) -> Sight:
+) -> MeasuredPage:
     """The page alone is kept, its picture is not: all pages together may be large."""
     engine = ocr_engine() if options.ocr else None
     try:
-        sight = see_page(source.decode, None, None, engine, options, settings, timings_ms)
+        measured = measure_page(source.decode, None, None, engine, options, settings, timings_ms)
     except DocumentError as error:
         if error.detail.startswith(source.label):
             raise
         raise type(error)(f"{source.label}: {error.detail}", source.field or error.field) from error
-    return Sight(sight.page, None, sight.notices)
+    return MeasuredPage(measured.page, None, measured.notices)
 
 
 def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:

@@ -1,4 +1,4 @@
-"""What a verified class teaches: the usual cost of its pages, and a bias where a decision was wrong or narrow."""
+"""Learning from a verified class: the mean cost of its pages, and a bias where the decision was wrong or close."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,9 +13,9 @@ class DecisionParameters:
     """Margins are log odds of 1 between classes, and of fitting."""
 
     most_step: float = 0.5
-    """Of a bias by one page, in cost a zone: log odds of 1.5, so that one odd page turns no class upside down."""
-    memory_pages: int = 200
-    """The usual cost is that of so many last pages."""
+    """Of a bias by one page, in cost a zone: log odds of 1.5, so that one odd page changes no class much."""
+    most_pages: int = 200
+    """The usual cost is that of this many last pages."""
     classification: ClassificationParameters = field(default_factory=ClassificationParameters)
 
 
@@ -30,7 +30,7 @@ def count_cost(
     total = mean * (pages + weight) - weight * usual.usual_mean
     assumed = 2 * usual.usual_deviation**2
     squares = calibration.deviation**2 * (pages + 2) - assumed + 2 * mean * total - pages * mean**2
-    kept = min(1.0, (parameters.memory_pages - 1) / max(1, pages))
+    kept = min(1.0, (parameters.most_pages - 1) / max(1, pages))
     total, squares, counted = (
         kept * total + cost_per_zone,
         kept * squares + cost_per_zone**2,

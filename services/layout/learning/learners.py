@@ -1,9 +1,9 @@
-"""How a model learns from one verified page; which way is a setting of the model.
+"""How a model learns from one verified page; the learner is a setting of the model.
 
-- "passive-aggressive": the page is counted (`counting`), then errors and too narrow margins are corrected
+- "passive-aggressive": sufficient-statistics update, then errors and small margins are corrected
   (`passive_aggressive`).
-- "counting": the page is counted alone.
-- "error-correction": the dissertation's update (`error_correction`): errors alone change anything.
+- "counting": sufficient-statistics update alone (`statistics_update`).
+- "error-correction": the dissertation's update (`error_correction`): only errors change the model.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from services.contract.layout_learning import Learner
 from services.layout.graph.layout_graph import LayoutGraph
 from services.layout.learning.error_correction import correct_errors
 from services.layout.learning.passive_aggressive import learn_by_margin
-from services.layout.learning.statistics_update import count_page
+from services.layout.learning.statistics_update import update_statistics
 from services.layout.matching import MatchingParameters, match_directly
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.learning_model import LearningModel, with_labels
@@ -23,7 +23,7 @@ from services.layout.model.statistics import LabelledGraph, label_indices
 def learn_page(learned: LearningModel, page: LabelledGraph, learner: Learner) -> LearningModel:
     """The model after a page that it has not seen; labels that it had not become nodes."""
     if learner != "error-correction":
-        learned = count_page(learned, page)
+        learned = update_statistics(learned, page)
     learned = with_labels(learned, page.labels)
     learned, _ = practise(learned, page, learner)
     return learned

@@ -1,7 +1,7 @@
-"""Counting a verified page: the typical values, weights, look-up tables and expectations move as its zones tell.
+"""Sufficient-statistics update: a verified page is added to the sums of a model, and the model estimated anew.
 
-A model that counts page after page is the one that initialization would make of them all, by the same scales: it
-needs no earlier page again.
+A model that was updated page after page equals the one that initialization makes of all these pages with the same
+scales. No earlier page is needed again. Learner "counting" of the HTTP contract does this alone.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -22,27 +22,29 @@ from services.layout.model.statistics import LabelledGraph, LabelStatistics, gat
 
 
 @dataclass(frozen=True, slots=True)
-class CountingParameters:
-    """Measured on streams of title pages and letters, from models of 1 and 3 samples."""
+class StatisticsUpdateParameters:
+    """Defaults were measured on streams of title pages and letters, from models of 1 and 3 samples."""
 
-    memory_pages: float = 200.0
-    """More pages fade as new ones come, so that a class may change over time (5.7)."""
+    most_pages: float = 200.0
+    """Pages that the sums count at most: older pages fade as new ones come, so that a class may change (5.7)."""
     scale_rate: float = 0.5
-    """Of the step to the scales under which the page's labels are most probable; whole ones overshoot."""
+    """Share of the Newton step to the scales under which the page's labels are most probable; whole steps overshoot."""
 
 
-def count_page(
-    learned: LearningModel, page: LabelledGraph, parameters: CountingParameters = CountingParameters()
+def update_statistics(
+    learned: LearningModel,
+    page: LabelledGraph,
+    parameters: StatisticsUpdateParameters = StatisticsUpdateParameters(),
 ) -> LearningModel:
-    """The model with one page more; labels that it had not become nodes.
+    """The model with one page more; new labels become nodes.
 
-    First the scales take a step of Newton's method for the page, which the estimates have not seen yet, as those of
-    initialization are fitted on pages that were held out. Then the page joins the sums. What the model's costs
-    differ by from their estimate stays.
+    First the scales take a step of Newton's method for the page. The estimates have not seen the page yet, just as
+    initialization fits scales on pages that were held out. Then the page is added to the sums. Differences between
+    the model's costs and their estimate, which were learned from errors, stay.
     """
     learned = with_labels(learned, page.labels)
     scales, certainty = _step_scales(learned, page, parameters)
-    kept = min(1.0, (parameters.memory_pages - 1) / max(1.0, float(learned.statistics.pages[0])))
+    kept = min(1.0, (parameters.most_pages - 1) / max(1.0, float(learned.statistics.pages[0])))
     statistics = _faded(learned.statistics, kept) + gather_statistics(page, learned.labels)
     before = estimate_model(learned.statistics, learned.labels, scales)
     after = estimate_model(statistics, learned.labels, scales)
@@ -91,7 +93,7 @@ def _faded(statistics: LabelStatistics, kept: float) -> LabelStatistics:
 
 
 def _step_scales(
-    learned: LearningModel, page: LabelledGraph, parameters: CountingParameters
+    learned: LearningModel, page: LabelledGraph, parameters: StatisticsUpdateParameters
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Scales after the page and their certainty with it."""
     scales = learned.model.scales

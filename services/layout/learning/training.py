@@ -47,7 +47,7 @@ def train_on_samples(
     if not seen:
         raise ValueError("training needs at least one page with zones")
     labels = labels_of(seen)
-    has_all = model.memory is None or len(seen) >= round(model.memory.pages)
+    has_all = model.statistics is None or len(seen) >= round(model.statistics.pages)
     has_all = has_all and len(seen) >= model.samples
 
     def begin(indices: Sequence[int]) -> LearningModel:

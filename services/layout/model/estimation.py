@@ -17,8 +17,8 @@ from services.layout.model.layout_model import (
     Calibration,
     LayoutModel,
     ModelEdge,
-    ModelMemory,
     ModelNode,
+    ModelStatistics,
     NumericExpectation,
 )
 from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
@@ -118,7 +118,7 @@ def name_parts(
     zones: Sequence[float],
     content_names: Sequence[str],
     calibration: Calibration,
-    memory: ModelMemory | None,
+    statistics: ModelStatistics | None,
 ) -> LayoutModel:
     """The model as it is stored, its arrays told by name, rounded to what matters and within what a model may hold."""
     values, variances = _stored(model.values, 5).tolist(), _stored(model.variances, 8).tolist()
@@ -172,7 +172,7 @@ def name_parts(
             pages=min(calibration.pages, int(LARGEST)),
             bias=min(max(calibration.bias, -MOST_BIAS), MOST_BIAS),
         ),
-        memory=memory,
+        statistics=statistics,
     )
 
 

@@ -14,7 +14,7 @@ LARGEST = 1e9
 """Size of any number of a model: what is learned is kept within what is read, so that it can be read again."""
 
 LARGEST_SUM = 1e15
-"""Of those of its memory: squares of places on 200 pages of 10 000 zones have 1e14 together."""
+"""Of its sufficient statistics: squares of places on 200 pages of 10 000 zones have 1e14 together."""
 
 MOST_WEIGHT = 1e3
 """Of an attribute: its scale, and what learning has multiplied its weight with; they are some units."""
@@ -84,8 +84,8 @@ class Calibration:
 
 
 @dataclass(frozen=True, slots=True)
-class NodeMemory:
-    """What was counted of a model node: a page that was seen in two views counts half in each.
+class NodeStatistics:
+    """Sufficient statistics of a model node; a page that was seen in two views counts half in each.
 
     `numeric` holds for each attribute how many zones had a known value, the sum of the values and that of their
     squares; `content` for each feature how many zones were read and the sum of its confidences; `counts[n]` how many
@@ -99,8 +99,8 @@ class NodeMemory:
 
 
 @dataclass(frozen=True, slots=True)
-class EdgeMemory:
-    """How many pairs of zones of two components had each descriptor of each relation, in the memory's order."""
+class EdgeStatistics:
+    """How many pairs of zones of two components had each descriptor of each relation, as `descriptors` orders them."""
 
     upper: str | None
     lower: str | None
@@ -108,8 +108,8 @@ class EdgeMemory:
 
 
 @dataclass(frozen=True, slots=True)
-class ModelMemory:
-    """What a model has seen, so that it can learn from one page more without the pages before (5.5).
+class ModelStatistics:
+    """Sufficient statistics of a model, with which it learns from one page more without the pages before (5.5).
 
     `descriptors` names the columns of its edges, "relation:descriptor". `nodes` stand in the order of the model's;
     edges that were never seen are left out. `certainty` tells how sure each of the model's `scales` is: the second
@@ -118,8 +118,8 @@ class ModelMemory:
 
     pages: float
     descriptors: tuple[str, ...]
-    nodes: tuple[NodeMemory, ...]
-    edges: tuple[EdgeMemory, ...]
+    nodes: tuple[NodeStatistics, ...]
+    edges: tuple[EdgeStatistics, ...]
     certainty: Mapping[str, float]
 
 
@@ -130,8 +130,8 @@ class LayoutModel:
     Two models are the same only if they are one object, so that what is made of a model can be kept by it.
 
     The first node is null. `scales` weigh every attribute by name; together with the variance of its node it
-    makes the attribute's weight. An edge that is not listed has no cost. Without a `memory`, one is presumed when the
-    model shall learn.
+    makes the attribute's weight. An edge that is not listed has no cost. A model without `statistics` can
+    learn too: they are then presumed from its values.
     """
 
     name: str
@@ -140,7 +140,7 @@ class LayoutModel:
     edges: tuple[ModelEdge, ...]
     scales: Mapping[str, float]
     calibration: Calibration
-    memory: ModelMemory | None = None
+    statistics: ModelStatistics | None = None
 
     @property
     def labels(self) -> tuple[str | None, ...]:

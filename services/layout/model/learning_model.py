@@ -10,7 +10,7 @@ from services.layout.model.compiled_model import CompiledModel, compile_model
 from services.layout.model.estimation import estimate_model, name_parts
 from services.layout.model.layout_model import Calibration, LayoutModel
 from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
-from services.layout.model.stored_statistics import keep_memory, recall, with_nodes
+from services.layout.model.stored_statistics import restore_statistics, store_statistics, with_nodes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,7 @@ def begin_learning(model: LayoutModel, content_names: Sequence[str]) -> Learning
     """`model` ready to learn; `content_names` are those of its graphs, kinds of zones among them."""
     compiled = compile_model(model, content_names)
     compiled = replace(compiled, counts=_widened(compiled.counts, MOST_COUNTED + 1))
-    statistics, certainty = recall(model, compiled, content_names)
+    statistics, certainty = restore_statistics(model, compiled, content_names)
     return LearningModel(
         name=model.name,
         model=compiled,
@@ -66,7 +66,7 @@ def end_learning(learned: LearningModel) -> LayoutModel:
         learned.zones.tolist(),
         learned.content_names,
         learned.calibration,
-        keep_memory(learned.statistics, learned.labels, learned.content_names, learned.certainty),
+        store_statistics(learned.statistics, learned.labels, learned.content_names, learned.certainty),
     )
 
 

@@ -1,4 +1,7 @@
-"""Layout graph models as JSON documents, with their form's version; whatever comes from outside is checked."""
+"""Layout graph models as JSON documents with a format version; documents from outside are checked.
+
+The sufficient statistics of a model are its key `memory`: stored documents and the HTTP contract have that name.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,12 +17,12 @@ from services.layout.model.layout_model import (
     MOST_LABELS,
     MOST_WEIGHT,
     Calibration,
-    EdgeMemory,
+    EdgeStatistics,
     LayoutModel,
     ModelEdge,
-    ModelMemory,
     ModelNode,
-    NodeMemory,
+    ModelStatistics,
+    NodeStatistics,
     NumericExpectation,
 )
 from services.layout.page import InvalidLayout, is_finite_number
@@ -54,7 +57,7 @@ def model_to_document(model: LayoutModel) -> dict[str, Any]:
             "pages": model.calibration.pages,
             "bias": model.calibration.bias,
         },
-        "memory": None if model.memory is None else _memory_document(model.memory, index),
+        "memory": None if model.statistics is None else _statistics_document(model.statistics, index),
     }
 
 
@@ -73,10 +76,10 @@ def _node_document(node: ModelNode) -> dict[str, Any]:
     }
 
 
-def _memory_document(memory: ModelMemory, index: Mapping[str | None, int]) -> dict[str, Any]:
+def _statistics_document(statistics: ModelStatistics, index: Mapping[str | None, int]) -> dict[str, Any]:
     return {
-        "pages": memory.pages,
-        "descriptors": list(memory.descriptors),
+        "pages": statistics.pages,
+        "descriptors": list(statistics.descriptors),
         "nodes": [
             {
                 "zones": node.zones,
@@ -84,7 +87,7 @@ def _memory_document(memory: ModelMemory, index: Mapping[str | None, int]) -> di
                 "content": {name: list(sums) for name, sums in node.content.items()},
                 "counts": list(node.counts),
             }
-            for node in memory.nodes
+            for node in statistics.nodes
         ],
         "edges": [
             {
@@ -92,9 +95,9 @@ def _memory_document(memory: ModelMemory, index: Mapping[str | None, int]) -> di
                 "lower": index[edge.lower],
                 "seen": list(edge.seen),
             }
-            for edge in memory.edges
+            for edge in statistics.edges
         ],
-        "certainty": dict(memory.certainty),
+        "certainty": dict(statistics.certainty),
     }
 
 
@@ -147,7 +150,7 @@ def model_from_document(document: Any) -> LayoutModel:
             _whole(calibration.get("pages"), "calibration.pages"),
             _number(calibration.get("bias", 0.0), "calibration.bias", -MOST_BIAS, MOST_BIAS),
         ),
-        memory=None if told.get("memory") is None else _read_memory(told["memory"], labels),
+        statistics=None if told.get("memory") is None else _read_statistics(told["memory"], labels),
     )
 
 
@@ -199,10 +202,10 @@ def _read_ends(
     return ends[0], ends[1]
 
 
-def _read_memory(document: Any, labels: list[str | None]) -> ModelMemory:
+def _read_statistics(document: Any, labels: list[str | None]) -> ModelStatistics:
     told = _object(document, "memory")
     nodes = [
-        _read_node_memory(each, f"memory.nodes[{k}]")
+        _read_node_statistics(each, f"memory.nodes[{k}]")
         for k, each in enumerate(_list(told.get("nodes"), "memory.nodes", len(labels)))
     ]
     if len(nodes) != len(labels):
@@ -217,8 +220,8 @@ def _read_memory(document: Any, labels: list[str | None]) -> ModelMemory:
         seen = _row(edge.get("seen"), f"{where}.seen", 0.0, LARGEST_SUM, MOST_NAMES)
         if len(seen) != len(descriptors):
             raise InvalidLayout(f"{where}.seen: one number is needed for each descriptor.", f"{where}.seen")
-        edges.append(EdgeMemory(upper, lower, seen))
-    return ModelMemory(
+        edges.append(EdgeStatistics(upper, lower, seen))
+    return ModelStatistics(
         pages=_number(told.get("pages"), "memory.pages", 0.0, LARGEST_SUM),
         descriptors=descriptors,
         nodes=tuple(nodes),
@@ -227,7 +230,7 @@ def _read_memory(document: Any, labels: list[str | None]) -> ModelMemory:
     )
 
 
-def _read_node_memory(document: Any, where: str) -> NodeMemory:
+def _read_node_statistics(document: Any, where: str) -> NodeStatistics:
     told = _object(document, where)
     numeric, content = {}, {}
     for name, sums in _rows(told.get("numeric"), f"{where}.numeric", -LARGEST_SUM, LARGEST_SUM).items():
@@ -241,7 +244,7 @@ def _read_node_memory(document: Any, where: str) -> NodeMemory:
             raise InvalidLayout(f"{place}: expected a count and a sum that is not larger.", place)
         content[name] = (sums[0], sums[1])
     counts = _list(told.get("counts"), f"{where}.counts", MOST_DESCRIPTORS)
-    return NodeMemory(
+    return NodeStatistics(
         zones=_number(told.get("zones"), f"{where}.zones", 0.0, LARGEST_SUM),
         numeric=numeric,
         content=content,

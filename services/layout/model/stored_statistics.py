@@ -1,4 +1,4 @@
-"""What a model has seen, as it is kept with it (`ModelMemory`) and as the sums that estimation works on."""
+"""Sufficient statistics of a model: as they are stored (`ModelStatistics`), and as arrays (`LabelStatistics`)."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -14,10 +14,10 @@ from services.layout.model.compiled_model import CompiledModel, scale_names
 from services.layout.model.layout_model import (
     LARGEST,
     LARGEST_SUM,
-    EdgeMemory,
+    EdgeStatistics,
     LayoutModel,
-    ModelMemory,
-    NodeMemory,
+    ModelStatistics,
+    NodeStatistics,
 )
 from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
 
@@ -30,24 +30,24 @@ _LEAST = 10.0**-_DIGITS
 """Fewer zones with a known value are none: they are stored as none, and a mean over them may be no number."""
 
 
-def keep_memory(
+def store_statistics(
     statistics: LabelStatistics,
     labels: Sequence[str | None],
     content_names: Sequence[str],
     certainty: NDArray[np.float64],
-) -> ModelMemory:
-    """The sums over pages with `labels`, told by name, none larger than a model may hold."""
+) -> ModelStatistics:
+    """The sums over pages with `labels` by name, none larger than a model may hold."""
     sums = [statistics.known, statistics.totals, statistics.squares]
     numeric = _stored(np.stack(sums, axis=2)).tolist()
     content = _stored(np.stack([statistics.read, statistics.content], axis=2)).tolist()
     zones, counts = _stored(statistics.zones).tolist(), _stored(statistics.counts).tolist()
     descriptors = _stored(statistics.descriptors).tolist()
     is_seen = np.any(statistics.descriptors, axis=2).tolist()
-    return ModelMemory(
+    return ModelStatistics(
         pages=min(float(statistics.pages[0]), LARGEST_SUM),
         descriptors=_DESCRIPTORS,
         nodes=tuple(
-            NodeMemory(
+            NodeStatistics(
                 zones=zones[row],
                 numeric={
                     attribute.name: tuple(values)
@@ -64,7 +64,7 @@ def keep_memory(
             for row in range(len(labels))
         ),
         edges=tuple(
-            EdgeMemory(upper, lower, tuple(descriptors[row][column]))
+            EdgeStatistics(upper, lower, tuple(descriptors[row][column]))
             for row, upper in enumerate(labels)
             for column, lower in enumerate(labels)
             if is_seen[row][column]
@@ -76,22 +76,22 @@ def keep_memory(
     )
 
 
-def recall(
+def restore_statistics(
     model: LayoutModel, compiled: CompiledModel, content_names: Sequence[str]
 ) -> tuple[LabelStatistics, NDArray[np.float64]]:
     """Sums over the pages that `model` was made of, and the certainty (K,) of its scales.
 
-    What a model without a memory has seen is presumed of its estimates: as many zones as its nodes tell, with their
-    typical values.
+    A model that is stored without statistics gets those that its values suggest: as many zones as its nodes have, all
+    with the typical values.
     """
     names = scale_names(content_names)
-    if model.memory is None:
+    if model.statistics is None:
         return _presume(model, compiled), np.zeros(len(names))
-    memory, count = model.memory, len(model.nodes)
+    stored, count = model.statistics, len(model.nodes)
     numeric = np.zeros((count, len(NUMERIC_ATTRIBUTES), 3))
     content = np.zeros((count, len(content_names), 2))
     counts = np.zeros((count, MOST_COUNTED + 1))
-    for row, node in enumerate(memory.nodes):
+    for row, node in enumerate(stored.nodes):
         for column, attribute in enumerate(NUMERIC_ATTRIBUTES):
             numeric[row, column] = node.numeric.get(attribute.name, (0.0, 0.0, 0.0))
         for column, name in enumerate(content_names):
@@ -100,13 +100,13 @@ def recall(
     numeric[numeric[:, :, 0] < _LEAST] = 0.0
     content[content[:, :, 0] < _LEAST] = 0.0
     index = {node.label: position for position, node in enumerate(model.nodes)}
-    known = [column for column, name in enumerate(_DESCRIPTORS) if name in memory.descriptors]
-    told = [memory.descriptors.index(_DESCRIPTORS[column]) for column in known]
+    known = [column for column, name in enumerate(_DESCRIPTORS) if name in stored.descriptors]
+    told = [stored.descriptors.index(_DESCRIPTORS[column]) for column in known]
     descriptors = np.zeros((count, count, len(_DESCRIPTORS)))
-    for edge in memory.edges:
+    for edge in stored.edges:
         descriptors[index[edge.upper], index[edge.lower], known] = np.array(edge.seen)[told]
     statistics = LabelStatistics(
-        zones=np.array([node.zones for node in memory.nodes]),
+        zones=np.array([node.zones for node in stored.nodes]),
         known=numeric[:, :, 0],
         totals=numeric[:, :, 1],
         squares=numeric[:, :, 2],
@@ -114,9 +114,9 @@ def recall(
         content=content[:, :, 1],
         descriptors=descriptors,
         counts=counts,
-        pages=np.array([memory.pages]),
+        pages=np.array([stored.pages]),
     )
-    return statistics, np.array([memory.certainty.get(name, 0.0) for name in names])
+    return statistics, np.array([stored.certainty.get(name, 0.0) for name in names])
 
 
 def with_nodes(statistics: LabelStatistics, count: int) -> LabelStatistics:

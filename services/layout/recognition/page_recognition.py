@@ -88,8 +88,8 @@ class _Match:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Look:
-    """A model that was not searched for: its place in the hierarchy tells what the page costs it at most."""
+class _RankedOut:
+    """A model that was not matched; its costs are those of the ranking, upper bounds of the least ones."""
 
     model: VersionedModel
     cost: float
@@ -188,12 +188,12 @@ def _graph_for(page: Page, models: Sequence[VersionedModel], content_names: tupl
 
 def _match_all(
     graph: LayoutGraph, page: Page, models: Sequence[VersionedModel], parameters: RecognitionParameters
-) -> list[_Match | _Look]:
-    """Standings of all models, those of the contenders thorough; the most probable class is among them."""
+) -> list[_Match | _RankedOut]:
+    """Matches of all models, those of the contenders thorough; the most probable class is among them."""
     quick = replace(parameters, matching=replace(parameters.matching, max_nodes=0, max_sweeps=0))
     if len(models) == 1:
         return [_match(graph, page, models[0], parameters, thorough=True)]
-    matches: list[_Match | _Look]
+    matches: list[_Match | _RankedOut]
     if len(models) > parameters.most_candidates:
         matches = _match_candidates(graph, page, models, quick)
     else:
@@ -213,25 +213,25 @@ def _match_all(
 
 def _match_candidates(
     graph: LayoutGraph, page: Page, models: Sequence[VersionedModel], parameters: RecognitionParameters
-) -> list[_Match | _Look]:
-    """Matches of the models that the hierarchy holds worth it, looks of all others."""
+) -> list[_Match | _RankedOut]:
+    """Matches of the candidates of the hierarchy; ranked costs of all others."""
     competitors = [
         Competitor(each.model, _compiled(each.model, graph.content_names), each.genre) for each in models
     ]
-    standing = rank_models(graph, competitors, parameters.classification, parameters.most_candidates)
-    candidates = set(standing.candidates)
+    ranking = rank_models(graph, competitors, parameters.classification, parameters.most_candidates)
+    candidates = set(ranking.candidates)
     return [
         _match(graph, page, model, parameters, thorough=False)
         if index in candidates
-        else _Look(model, cost, comparable)
+        else _RankedOut(model, cost, comparable)
         for index, (model, cost, comparable) in enumerate(
-            zip(models, standing.costs.tolist(), standing.comparable.tolist(), strict=True)
+            zip(models, ranking.costs.tolist(), ranking.comparable.tolist(), strict=True)
         )
     ]
 
 
 def _classify(
-    graph: LayoutGraph, matches: Sequence[_Match | _Look], parameters: RecognitionParameters
+    graph: LayoutGraph, matches: Sequence[_Match | _RankedOut], parameters: RecognitionParameters
 ) -> tuple[NDArray[np.float64], float]:
     return classify(
         np.array([match.comparable_cost for match in matches]) / graph.zones,

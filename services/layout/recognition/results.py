@@ -26,7 +26,7 @@ class LabelledZone:
 class ClassMatch:
     """How well the page matches one model: its least `cost`, and the `probability`, 0-1, of the class.
 
-    Among many models the cost of a class that was not searched for is that of its look, or of its genre's
+    Among many models the cost of a class that was not matched is its unary score, or that of its genre
     (`services.layout.recognition.hierarchy`).
     `comparable_cost` is the cost a zone by which classes are compared (`classification.class_evidence`).
     """

@@ -4,8 +4,8 @@ from services.layout.recognition.hierarchy.descent import (
     MOST_CANDIDATES,
     Competitor,
     Hierarchy,
-    Standing,
+    ModelRanking,
     rank_models,
 )
 
-__all__ = ["MOST_CANDIDATES", "Competitor", "Hierarchy", "Standing", "rank_models"]
+__all__ = ["MOST_CANDIDATES", "Competitor", "Hierarchy", "ModelRanking", "rank_models"]

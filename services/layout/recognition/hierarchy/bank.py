@@ -1,4 +1,4 @@
-"""Many models seen at once: what a page costs each of them when no pair has a say in the labels."""
+"""Unary scores of many models at once: the cost of a page when each zone takes its cheapest label alone."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ seen in parts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Looks:
-    """What a page costs M models by the labels that its zones would have if they were alone.
+class UnaryScores:
+    """Costs of a page under M models, each zone having the label of least unary cost (pairs do not choose labels).
 
     `costs` (M,) by each model's own weights, `comparable` (M,) by the usual ones. Both are those of a labelling that
     matching may start from, pairs and counts included, and thus upper bounds of the least costs.
@@ -101,8 +101,8 @@ class ModelBank:
             counts=scales[:, -1],
         )
 
-    def look(self, graph: LayoutGraph) -> Looks:
-        """Costs of a page for all models; its graph has the content features that the bank was made with."""
+    def unary_scores(self, graph: LayoutGraph) -> UnaryScores:
+        """Scores of a page for all models; its graph has the content features that the bank was made with."""
         models = np.arange(len(self.sizes))
         labels = np.empty((graph.zones, len(models)), np.intp)
         node = np.zeros((2, len(models)))
@@ -122,7 +122,7 @@ class ModelBank:
             node[row] + (edge * weights.relations).sum(axis=1) + count * weights.counts
             for row, weights in enumerate((self._own, self._usual))
         ]
-        return Looks(*total)
+        return UnaryScores(*total)
 
     def _node_costs(self, graph: LayoutGraph, part: slice) -> tuple[Floats, Floats]:
         """Weighted costs (n, K) of giving zones the nodes' labels, by the models' own weights and by the usual ones."""

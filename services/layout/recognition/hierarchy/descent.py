@@ -17,11 +17,11 @@ from services.layout.recognition.hierarchy.likeness import describe_likeness, gr
 from services.layout.recognition.hierarchy.pooling import pool_models
 
 MOST_CANDIDATES = 16
-"""Models that are matched by search. Of 200 models the one that won when all were searched for was the best at a look
-too when the page was of its class, and among the best eight on pages of no class."""
+"""Models that are matched by search. Of 200 models the one that won when all were searched for had the best unary
+score too when the page was of its class, and among the best eight on pages of no class."""
 
 MOST_GENRES = 6
-"""Genres whose models are looked at. Of fourteen the winner's was among the best three, and among the best four on
+"""Genres whose models get unary scores. Of fourteen the winner's was among the best three, and among the best four on
 pages of no class."""
 
 MOST_KEPT = 4
@@ -38,13 +38,12 @@ class Competitor:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Standing:
-    """How M models stand before any is searched for.
+class ModelRanking:
+    """Ranking of M models before any is matched.
 
-    `candidates` are the indices of those worth it, the best first. `costs` and `comparable` (M,) are costs of a
-    labelling by each model's own weights and by the usual ones: for models that were looked at of the one by zones
-    alone, for models of genres that are out of the question of their genre's. The latter count as no better than any
-    that was looked at.
+    `candidates` are the indices of the models to match, the best first. `costs` and `comparable` (M,) are costs of a
+    labelling by each model's own weights and by the usual ones: unary scores for the models of likely genres, the
+    unary score of the genre for the others. The latter rank no better than any model with a score of its own.
     """
 
     candidates: tuple[int, ...]
@@ -98,28 +97,28 @@ class Hierarchy:
 
     def rank(
         self, graph: LayoutGraph, parameters: ClassificationParameters, most_candidates: int = MOST_CANDIDATES
-    ) -> Standing:
-        """Standing of all models on a page of N >= 1 zones."""
+    ) -> ModelRanking:
+        """Ranking of all models on a page of N >= 1 zones."""
         zones = graph.zones
-        coarse = self._coarse.look(graph)
+        coarse = self._coarse.unary_scores(graph)
         coarse_excess = excess_costs(coarse.comparable / zones, self._coarse_means, parameters)
         order = np.argsort(coarse_excess, kind="stable")
         kept, left = _split(order.tolist(), [len(each) for each in self._members], most_candidates)
         costs, comparable = np.empty((2, len(self._means)))
         for number in kept:
-            looks = self._genres[number].bank.look(graph)
-            costs[self._members[number]], comparable[self._members[number]] = looks.costs, looks.comparable
-        looked = np.sort(np.concatenate([self._members[number] for number in kept]))
-        of_looked = comparable[looked] / zones + self._biases[looked]
-        excess = excess_costs(of_looked, self._means[looked], parameters)
+            scores = self._genres[number].bank.unary_scores(graph)
+            costs[self._members[number]], comparable[self._members[number]] = scores.costs, scores.comparable
+        scored = np.sort(np.concatenate([self._members[number] for number in kept]))
+        of_scored = comparable[scored] / zones + self._biases[scored]
+        excess = excess_costs(of_scored, self._means[scored], parameters)
         for number in left:
             members = self._members[number]
             costs[members] = coarse.costs[number]
             least = max(float(excess.max()), float(coarse_excess[number]))
             usual = parameters.share_of_mean * self._means[members] - self._biases[members]
             comparable[members] = zones * (least + usual)
-        best = looked[np.argsort(excess, kind="stable")][:most_candidates]
-        return Standing(tuple(best.tolist()), costs, comparable)
+        best = scored[np.argsort(excess, kind="stable")][:most_candidates]
+        return ModelRanking(tuple(best.tolist()), costs, comparable)
 
 
 def _make_genre(models: _Key, chosen: Sequence[Competitor], content_names: tuple[str, ...]) -> _Genre:
@@ -133,7 +132,7 @@ def _make_genre(models: _Key, chosen: Sequence[Competitor], content_names: tuple
 
 
 def _split(ranked: list[int], sizes: Sequence[int], most_candidates: int) -> tuple[list[int], list[int]]:
-    """The genres whose members are looked at, and the others: more than `MOST_GENRES` only where those are small."""
+    """The genres whose members get unary scores, and the others: more than `MOST_GENRES` only where those are small."""
     count, members = 0, 0
     while count < len(ranked) and (count < MOST_GENRES or members < most_candidates):
         members += sizes[ranked[count]]
@@ -171,8 +170,8 @@ def rank_models(
     competitors: Sequence[Competitor],
     parameters: ClassificationParameters,
     most_candidates: int = MOST_CANDIDATES,
-) -> Standing:
-    """Standing of all models on a page of N >= 1 zones; the order in which they come does not matter to it.
+) -> ModelRanking:
+    """Ranking of all models on a page of N >= 1 zones, whatever their order.
 
     Their hierarchy is made when they compete for the first time. When one model has changed, its genre is made anew.
     """
@@ -181,7 +180,7 @@ def rank_models(
     found = hierarchy.rank(graph, parameters, most_candidates)
     costs, comparable = np.empty((2, len(order)))
     costs[order], comparable[order] = found.costs, found.comparable
-    return Standing(tuple(order[index] for index in found.candidates), costs, comparable)
+    return ModelRanking(tuple(order[index] for index in found.candidates), costs, comparable)
 
 
 def _hierarchy(competitors: Sequence[Competitor], content_names: tuple[str, ...]) -> Hierarchy:

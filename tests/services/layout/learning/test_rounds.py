@@ -104,8 +104,8 @@ def test_a_model_is_trained_from_its_samples() -> None:
     )
     assert trained.rounds[0].held_out_error is not None
     assert trained.model.samples == 6
-    assert trained.model.memory is not None
-    assert trained.model.memory.pages == 6
+    assert trained.model.statistics is not None
+    assert trained.model.statistics.pages == 6
     assert trained.model.calibration.pages == 12
     assert heard == sorted(heard)
     assert heard[-1] <= 1.0
@@ -118,8 +118,8 @@ def test_a_model_that_has_seen_more_than_its_samples_goes_on_from_where_it_stand
         experienced, samples, [None] * 2, 2, "passive-aggressive", content_features(), lambda share: None
     )
     assert trained.model.samples == experienced.samples
-    assert trained.model.memory is not None
-    assert trained.model.memory.pages == 5, "its pages are not counted again"
+    assert trained.model.statistics is not None
+    assert trained.model.statistics.pages == 5, "its pages are not counted again"
     assert all(each.held_out_error is None for each in trained.rounds)
 
 

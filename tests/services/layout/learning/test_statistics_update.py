@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.layout.learning.learners import learn_page, wrong_zones
-from services.layout.learning.statistics_update import CountingParameters, count_page, moved
+from services.layout.learning.statistics_update import StatisticsUpdateParameters, moved, update_statistics
 from services.layout.model.estimation import estimate_model
 from services.layout.model.learning_model import begin_learning, end_learning, with_labels
 from services.layout.model.statistics import gather_statistics, total_statistics
 from tests.services.layout.learning.pupils import ALL_NAMES, classes, lesson, pupil, seeds
 
-STILL = CountingParameters(scale_rate=0.0)
+STILL = StatisticsUpdateParameters(scale_rate=0.0)
 """With the scales as they are."""
 
 
@@ -30,7 +30,7 @@ def test_counting_is_initialization_of_all_pages(document_class: str, chosen: li
     pages = [lesson(document_class, seed) for seed in chosen]
     counted = learned
     for page in pages:
-        counted = count_page(counted, page, STILL)
+        counted = update_statistics(counted, page, STILL)
     labels = counted.labels
     grown = with_labels(learned, labels)
     total = total_statistics([grown.statistics, *(gather_statistics(page, labels) for page in pages)])
@@ -46,7 +46,7 @@ def test_what_was_learned_from_errors_stays(document_class: str, seed: int) -> N
     page = lesson(document_class, seed)
     learned = with_labels(learned, page.labels)
     bent = learned.with_model(replace(learned.model, label_costs=learned.model.label_costs + 0.7))
-    plain, kept = (count_page(each, page, STILL).model for each in (learned, bent))
+    plain, kept = (update_statistics(each, page, STILL).model for each in (learned, bent))
     np.testing.assert_allclose(kept.label_costs - plain.label_costs, 0.7)
     assert_same(replace(kept, label_costs=plain.label_costs), plain, 1e-9)
 
@@ -80,7 +80,7 @@ def test_scales_follow_what_tells_labels_apart() -> None:
     lost = replace(learned.with_model(replace(learned.model, scales=scales)), certainty=np.zeros_like(scales))
     found = [0.0]
     for seed in range(6):
-        lost = count_page(lost, lesson("letter", seed))
+        lost = update_statistics(lost, lesson("letter", seed))
         found.append(float(lost.model.scales[column]))
     assert 0 < found[2] < found[-1]
     assert (lost.model.scales >= 0).all()
@@ -88,11 +88,11 @@ def test_scales_follow_what_tells_labels_apart() -> None:
 
 def test_old_pages_fade() -> None:
     """After a change of the class its new look is what is expected."""
-    few = CountingParameters(scale_rate=0.0, memory_pages=4.0)
+    few = StatisticsUpdateParameters(scale_rate=0.0, most_pages=4.0)
     learned = pupil("letter", 5)
     page = lesson("letter", 1)
     for _ in range(30):
-        learned = count_page(learned, page, few)
+        learned = update_statistics(learned, page, few)
     assert learned.statistics.pages[0] == pytest.approx(4.0, abs=1e-3)
     alone = gather_statistics(page, learned.labels)
     seen = alone.zones > 0
@@ -110,6 +110,6 @@ def test_counting_an_empty_page_counts_no_zone() -> None:
         pairs=page.graph.pairs[:0],
         relations=page.graph.relations[:0],
     )
-    counted = count_page(learned, replace(page, graph=graph, labels=()))
+    counted = update_statistics(learned, replace(page, graph=graph, labels=()))
     assert counted.zones.sum() == learned.zones.sum()
     assert counted.statistics.pages[0] == learned.statistics.pages[0] + 1

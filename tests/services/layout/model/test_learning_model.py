@@ -36,9 +36,9 @@ def test_what_was_learned_is_stored(document_class: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("document_class", ["letter", "two-column"])
-def test_a_model_without_a_memory_learns_from_what_it_presumes(document_class: str) -> None:
+def test_a_model_without_statistics_learns_from_what_it_presumes(document_class: str) -> None:
     known = model_of(document_class, 4)
-    forgetful = replace(known, memory=None)
+    forgetful = replace(known, statistics=None)
     page = lesson(document_class, 5)
     presumed = begin_learning(forgetful, ALL_NAMES)
     assert presumed.statistics.pages[0] == known.samples

@@ -16,12 +16,12 @@ from services.layout.model.layout_model import (
     MODEL_FORMAT_VERSION,
     MOST_LABELS,
     Calibration,
-    EdgeMemory,
+    EdgeStatistics,
     LayoutModel,
     ModelEdge,
-    ModelMemory,
     ModelNode,
-    NodeMemory,
+    ModelStatistics,
+    NodeStatistics,
     NumericExpectation,
 )
 from services.layout.model.model_document import (
@@ -54,14 +54,14 @@ MODEL = LayoutModel(
     ),
     scales={"left": 0.15, "label": 0.4},
     calibration=Calibration(-6.5, 0.8, 2, 0.25),
-    memory=ModelMemory(
+    statistics=ModelStatistics(
         pages=2.0,
         descriptors=("left-left:to-the-left", "left-left:aligned", "left-left:to-the-right"),
         nodes=(
-            NodeMemory(0.0, {}, {}, (2.0,)),
-            NodeMemory(2.0, {"left": (2.0, 0.8, 0.34)}, {"date": (2.0, 1.9)}, (0.0, 2.0)),
+            NodeStatistics(0.0, {}, {}, (2.0,)),
+            NodeStatistics(2.0, {"left": (2.0, 0.8, 0.34)}, {"date": (2.0, 1.9)}, (0.0, 2.0)),
         ),
-        edges=(EdgeMemory("date", "date", (1.0, 0.0, 1.0)),),
+        edges=(EdgeStatistics("date", "date", (1.0, 0.0, 1.0)),),
         certainty={"left": 3.5},
     ),
 )
@@ -76,7 +76,7 @@ def document() -> dict[str, Any]:
 def fields_of(model: LayoutModel) -> tuple[object, ...]:
     return (
         *(model.name, model.samples, model.nodes, model.edges),
-        *(model.scales, model.calibration, model.memory),
+        *(model.scales, model.calibration, model.statistics),
     )
 
 

@@ -1,4 +1,4 @@
-"""A look at many models is what each of them would say alone."""
+"""Unary scores of many models at once equal those of each model alone."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from services.layout.model.cost import build_cost_tables, labelling_cost, node_t
 from services.layout.model.layout_model import LayoutModel
 from services.layout.pipeline import content_features
 from services.layout.recognition.hierarchy import bank as bank_module
-from services.layout.recognition.hierarchy.bank import Looks, ModelBank
+from services.layout.recognition.hierarchy.bank import ModelBank, UnaryScores
 from tests.services.layout.recognition.hierarchy.bases import NAMES, base, compiled, graph_of
 from tests.services.layout.samples import MAKERS, model_of, page_of
 
@@ -29,12 +29,12 @@ def alone(graph: LayoutGraph, model: CompiledModel) -> tuple[float, float]:
     )
 
 
-def check(graph: LayoutGraph, models: list[CompiledModel]) -> Looks:
-    looks = ModelBank(models, NAMES).look(graph)
+def check(graph: LayoutGraph, models: list[CompiledModel]) -> UnaryScores:
+    scores = ModelBank(models, NAMES).unary_scores(graph)
     expected = np.array([alone(graph, model) for model in models])
-    np.testing.assert_allclose(looks.costs, expected[:, 0], rtol=1e-5, atol=1e-2)
-    np.testing.assert_allclose(looks.comparable, expected[:, 1], rtol=1e-5, atol=1e-2)
-    return looks
+    np.testing.assert_allclose(scores.costs, expected[:, 0], rtol=1e-5, atol=1e-2)
+    np.testing.assert_allclose(scores.comparable, expected[:, 1], rtol=1e-5, atol=1e-2)
+    return scores
 
 
 def bare(model: LayoutModel) -> LayoutModel:
@@ -73,16 +73,16 @@ def test_matching_costs_no_more_than_a_look() -> None:
     models = [compiled(each.model) for each in base(2)]
     for name in MAKERS:
         graph = graph_of(name, 1002)
-        looks = check(graph, models)
-        for cost, model in zip(looks.costs, models, strict=True):
+        scores = check(graph, models)
+        for cost, model in zip(scores.costs, models, strict=True):
             assert match_directly(build_cost_tables(graph, model), MatchingParameters()).cost <= cost + 0.01
 
 
 def test_large_pages_are_seen_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     models, graph = [compiled(each.model) for each in base(1)], graph_of("two-column", 1003)
-    whole = ModelBank(models, NAMES).look(graph)
+    whole = ModelBank(models, NAMES).unary_scores(graph)
     monkeypatch.setattr(bank_module, "MOST_ENTRIES", 1)
-    parts = ModelBank(models, NAMES).look(graph)
+    parts = ModelBank(models, NAMES).unary_scores(graph)
     np.testing.assert_allclose(parts.costs, whole.costs, atol=1e-3)
     np.testing.assert_allclose(parts.comparable, whole.comparable, atol=1e-3)
 
@@ -102,7 +102,7 @@ def test_any_model_that_may_be_imported_has_finite_costs(
         counts=np.full_like(model.counts, -cost),
         scales=np.full_like(model.scales, scale),
     )
-    looks = ModelBank([model, odd], NAMES).look(graph_of("memo", 1004))
-    assert np.isfinite(looks.costs).all()
-    assert np.isfinite(looks.comparable).all()
-    assert looks.comparable[0] == pytest.approx(alone(graph_of("memo", 1004), model)[1], rel=1e-5, abs=0.01)
+    scores = ModelBank([model, odd], NAMES).unary_scores(graph_of("memo", 1004))
+    assert np.isfinite(scores.costs).all()
+    assert np.isfinite(scores.comparable).all()
+    assert scores.comparable[0] == pytest.approx(alone(graph_of("memo", 1004), model)[1], rel=1e-5, abs=0.01)

@@ -29,25 +29,25 @@ def test_every_model_is_in_one_genre() -> None:
 def test_the_class_of_a_page_is_the_first_candidate(name: str) -> None:
     models = competitors(base(MANY))
     for seed in (1000, 1001):
-        standing = rank_models(graph_of(name, seed), models, PARAMETERS)
-        assert models[standing.candidates[0]].model.name == name
-        assert len(set(standing.candidates)) == len(standing.candidates) == descent.MOST_CANDIDATES
+        ranking = rank_models(graph_of(name, seed), models, PARAMETERS)
+        assert models[ranking.candidates[0]].model.name == name
+        assert len(set(ranking.candidates)) == len(ranking.candidates) == descent.MOST_CANDIDATES
 
 
 def test_what_is_ruled_out_stands_behind_what_was_looked_at() -> None:
     models = competitors(base(MANY))
     hierarchy, graph = Hierarchy(models, NAMES), graph_of("margin", 1002)
-    standing = hierarchy.rank(graph, PARAMETERS)
+    ranking = hierarchy.rank(graph, PARAMETERS)
     means = np.array([each.model.calibration.mean for each in models])
-    excess = standing.comparable / graph.zones - PARAMETERS.share_of_mean * means
+    excess = ranking.comparable / graph.zones - PARAMETERS.share_of_mean * means
     by_genre = [excess[list(genre)] for genre in hierarchy.genres]
     ruled_out = [values for values in by_genre if np.ptp(values) < 1e-9]
     looked = np.concatenate([values for values in by_genre if np.ptp(values) >= 1e-9])
     assert 1 <= len(ruled_out) <= len(by_genre) - descent.MOST_GENRES
     assert min(values.min() for values in ruled_out) >= looked.max() - 1e-9
-    chosen = [excess[index] for index in standing.candidates]
+    chosen = [excess[index] for index in ranking.candidates]
     assert chosen == sorted(chosen)
-    assert chosen[-1] <= np.delete(excess, standing.candidates).min()
+    assert chosen[-1] <= np.delete(excess, ranking.candidates).min()
 
 
 def test_the_order_of_models_does_not_matter() -> None:
@@ -68,15 +68,15 @@ def test_named_genres_are_the_users() -> None:
     genres = Hierarchy(models, NAMES).genres
     for name in ("genre 1", "genre 2"):
         assert tuple(k for k, each in enumerate(models) if each.genre == name) in genres
-    standing = rank_models(graph_of("fax", 1004), models, PARAMETERS)
-    assert models[standing.candidates[0]].model.name == "fax"
+    ranking = rank_models(graph_of("fax", 1004), models, PARAMETERS)
+    assert models[ranking.candidates[0]].model.name == "fax"
 
 
 def test_genres_of_few_models_still_give_all_candidates() -> None:
     models = [replace(each, genre=each.model.name) for each in competitors(base(MANY))]
-    standing = rank_models(graph_of("letter", 1005), models, PARAMETERS)
-    assert len(standing.candidates) == descent.MOST_CANDIDATES
-    assert models[standing.candidates[0]].model.name == "letter"
+    ranking = rank_models(graph_of("letter", 1005), models, PARAMETERS)
+    assert len(ranking.candidates) == descent.MOST_CANDIDATES
+    assert models[ranking.candidates[0]].model.name == "letter"
 
 
 @pytest.mark.parametrize("genre", [None, "all"])
@@ -92,8 +92,8 @@ def test_one_genre_and_one_model(genre: str | None) -> None:
 
 def test_one_model_in_two_genres() -> None:
     twice = [Competitor(each.model, each.compiled, name) for name in "ab" for each in competitors(base(1))]
-    standing = rank_models(graph_of("memo", 1006), twice, PARAMETERS, 2)
-    assert sorted(standing.candidates) == [1, 7]
+    ranking = rank_models(graph_of("memo", 1006), twice, PARAMETERS, 2)
+    assert sorted(ranking.candidates) == [1, 7]
 
 
 def test_a_changed_model_changes_its_genre_alone(monkeypatch: pytest.MonkeyPatch) -> None:
