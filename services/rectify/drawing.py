@@ -6,13 +6,15 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Points, RgbImage
 from services.geometry.homographies import resizing, transform_points
-from services.imaging.node_grid import between_nodes, continuous_nodes, node_grid
+from services.imaging.node_grid import GRID_STEP_PX, between_nodes, continuous_nodes, node_grid
 from services.imaging.paper import certain_sheet
 from services.rectify.curved_framing import CurvedFrame
 from services.rectify.framing import FlatFrame
 
 MAX_REDUCTION = 12.0
 """Photo pixels an output pixel: more is no page."""
+MASK_SIDE_PX = 2000
+"""Long side of the image on which distances from the paper's edge are taken."""
 BAND_PX = 512
 """Rows that are drawn at a time, which bounds the memory of the dense map."""
 
@@ -65,14 +67,32 @@ def draw_flat_view(
     return flat
 
 
-def whiten_beyond(flat: RgbImage, sheet: Points | None) -> None:
-    """Draw white what lies beyond the polygon `sheet` (M, 2) of the view `flat`, in place; nothing if it is None."""
-    if sheet is None:
-        return
-    beside = np.full(flat.shape[:2], 255, np.uint8)
-    cv2.fillPoly(beside, [np.round(sheet).astype(np.int32)], 0)
-    for channel in range(flat.shape[2]):
-        flat[..., channel] |= beside
+def whiten_beyond(flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points) -> None:
+    """Draw white, in place, what lies beyond the polygon `paper` (M, 2) of the photo in its view `flat`.
+
+    A bent page's map has no inverse beyond its horizon, so the view's pixels are looked up in the photo, not the
+    polygon in the view: their distances from the polygon, at the nodes of a grid.
+    """
+    low = paper.min(axis=0) - 2.0
+    scale = min(1.0, MASK_SIDE_PX / float(np.ptp(paper, axis=0).max()))
+    size = np.ceil((paper.max(axis=0) + 2.0 - low) * scale).astype(int) + 1
+    inside = np.zeros((size[1], size[0]), np.uint8)
+    cv2.fillPoly(inside, [np.round((paper - low) * scale * 16).astype(np.int32)], 1, shift=4)
+    distance = cv2.distanceTransform(inside, cv2.DIST_L2, 3) - cv2.distanceTransform(
+        1 - inside, cv2.DIST_L2, 3
+    )
+    grid, shape = node_grid(0, 0, frame.width, frame.height)
+    at = ((frame.to_photo(grid) - low) * scale).astype(np.float32).reshape(*shape, 2)
+    nodes = cv2.remap(
+        distance.astype(np.float32),
+        np.nan_to_num(at[..., 0], nan=-1e6),
+        np.nan_to_num(at[..., 1], nan=-1e6),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=(-GRID_STEP_PX,),
+    )
+    away = between_nodes(np.asarray(nodes, np.float32), frame.width, frame.height)
+    flat[away < 0] = 255
 
 
 def _certain_flat_sheet(frame: CurvedFrame, outline: Points) -> Points | None:

@@ -44,7 +44,7 @@ from services.rectify.results import (
 )
 from services.rectify.ridged_page import RidgedPage
 from services.rectify.shape_choice import FEW_LINES, choose_shape
-from services.rectify.sheet_cut import cut_to_outline, cut_to_page, restore_detail, sheet_in_view
+from services.rectify.sheet_cut import cut_to_outline, cut_to_page, paper_in_photo, restore_detail
 from services.rectify.stage_clock import StageClock
 from services.rectify.textless import TextlessPage, draw_for_reading, find_textless_page, frame_textless
 from services.sheet.outline.detection import find_outline
@@ -149,7 +149,9 @@ def flatten_page(
     with clock.stage("remap"):
         flat = draw_flat_view(photo, frame, outline)
         if parameters.crop == "sheet" and page.outline is not None:
-            whiten_beyond(flat, sheet_in_view(frame, page.outline, page.characters))
+            paper = paper_in_photo(page.outline, page.characters)
+            if paper is not None:
+                whiten_beyond(flat, frame, paper)
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
             flat = normalize_illumination(flat)

@@ -1,5 +1,6 @@
 """Which shape of the page is believed: a plane, a bent sheet, or a creased one."""
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from services.rectify.ridged_page import (
 )
 from services.rectify.surface_test import discriminate_surface
 from services.sheet.outline.results import SheetOutline
+from services.sheet.straight_sides import straighten_sides
 from services.sheet.tracing.line_tracing import line_deviation
 
 FEW_LINES = 10
@@ -33,6 +35,8 @@ SMOOTH_SIDE = 0.001
 """RMS distance of a side from a smooth curve, as a share of the sheet's size, up to which it has no kinks."""
 FLAT_SIDE = 0.008
 """RMS bend of a side on the flat page, as a share of its length, up to which a smooth surface explains it."""
+CERTAIN_OUTLINE = 0.95
+"""Confidence from which on 99 % of the outlines are right."""
 CURVED_GAIN = 0.7
 """A bent sheet must bring the waviness below this share of the plane's."""
 FLOW_GAIN = 0.4
@@ -95,7 +99,7 @@ def choose_bent_shape(
             and straightens_sides(curved, outline, e.view)
             and (forced or explains_more(curved, pose, waviness))
         ):
-            return curved
+            return with_straight_sides(curved, outline, e)
     ridged = None if outline is None else ridged_page(e, prior, outline)
     if isinstance(ridged, RidgedPage) and outline is not None:
         plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
@@ -133,6 +137,17 @@ def straightens_sides(curved: CurvedPage, outline: SheetOutline, view: PhotoFram
         if spread[1] > FLAT_SIDE * np.sqrt(12.0) * spread[0]:
             return False
     return True
+
+
+def with_straight_sides(curved: CurvedPage, outline: SheetOutline, e: PageEvidence) -> CurvedPage:
+    """`curved` with what it leaves of the sheet's sides' bends taken out of its margins."""
+    if outline.confidence < CERTAIN_OUTLINE:
+        return curved
+    top, right, bottom, left = (
+        np.asarray((side.points - e.view.centre) / e.view.unit_px) for side in outline.sides
+    )
+    straight = straighten_sides(curved.page_map, (top, right, bottom, left), e.characters)
+    return replace(curved, page_map=straight)
 
 
 def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> RidgedPage | NoRidgedPage:

@@ -213,18 +213,12 @@ def restore_detail(
     return resize_frame(frame, growth) if growth > f.least_growth else frame
 
 
-def sheet_in_view(frame: FlatFrame | CurvedFrame, outline: SheetOutline, characters: Points) -> Points | None:
-    """The outline's polygon (M, 2) in pixels of the view, beyond which it is white; None where it is not certain."""
+def paper_in_photo(outline: SheetOutline, characters: Points) -> Points | None:
+    """The outline's polygon (M, 2), photo pixels, beyond which the view is white; None where it is not certain."""
     p = SheetCutParameters()
     if outline.confidence < p.white_confidence:
         return None
-    polygon = view_points(frame, outline.polygon)
-    polygon = polygon[np.isfinite(polygon).all(axis=1)]
-    if len(polygon) < 0.5 * len(outline.polygon):
-        return None
-    limit = 4.0 * max(frame.width, frame.height)
-    polygon = np.clip(polygon, -limit, limit)
     on_sheet = within_polygon(outline.polygon, characters)
     if len(on_sheet) and on_sheet.mean() < p.min_text_share:
         return None
-    return np.asarray(polygon)
+    return outline.polygon

@@ -9,14 +9,16 @@ import pytest
 from services.arrays import Floats, Points, RgbImage
 from services.geometry.homographies import transform_points
 from services.rectify.analysis import analyse_photo
+from services.rectify.curved_framing import CurvedFrame
 from services.rectify.drawing import whiten_beyond
 from services.rectify.framing import FlatFrame, frame_page, resize_frame
+from services.rectify.planar import PhotoFrame
 from services.rectify.sheet_cut import (
     blank_ground,
     cut_to_outline,
     cut_to_page,
+    paper_in_photo,
     restore_detail,
-    sheet_in_view,
 )
 from simulation.pages import own_pages
 from tests.services.rectify.sheet_sides import outline_of
@@ -257,10 +259,10 @@ def test_what_lies_beyond_the_sheet_is_white() -> None:
     torn[0] = transform_points(LEAN, np.array([[160.0, 180.0]]))[0]
     outline = outline_of(torn, 0.0, RNG(0))
     frame, _ = cut_to_outline(VIEW, outline_of(corners(), 0.0, RNG(0)), text())
-    polygon = sheet_in_view(frame, outline, text())
+    polygon = paper_in_photo(outline, text())
     assert polygon is not None
     flat = np.full((frame.height, frame.width, 3), 90, np.uint8)
-    whiten_beyond(flat, polygon)
+    whiten_beyond(flat, frame, polygon)
     assert (flat[2, 2] == 255).all()
     # Half way along the torn sides, well inside and well outside of them.
     assert (flat[150, 150] == 90).all()
@@ -270,7 +272,35 @@ def test_what_lies_beyond_the_sheet_is_white() -> None:
 
 def test_print_beyond_the_outline_and_doubt_keep_what_lies_beyond() -> None:
     outline = outline_of(corners(), 0.0, RNG(0))
-    assert sheet_in_view(VIEW, outline, text()) is not None
-    assert sheet_in_view(VIEW, replace(outline, confidence=0.7), text()) is None
+    assert paper_in_photo(outline, text()) is not None
+    assert paper_in_photo(replace(outline, confidence=0.7), text()) is None
     beyond = np.concatenate([text(), text((300.0, 980.0, 500.0, 1010.0))[:200]])
-    assert sheet_in_view(VIEW, outline, beyond) is None
+    assert paper_in_photo(outline, beyond) is None
+
+
+class OneWay:
+    """A page's map whose inverse nobody may ask for: beyond a bent page's horizon it has none."""
+
+    def to_photo(self, page: Points) -> Points:
+        return np.where(page[:, :1] < 0.02, np.nan, page + [0.1, 0.2])
+
+    def to_page(self, centred: Points) -> Points:
+        raise AssertionError
+
+    def jacobians(self, centred: Points) -> Floats:
+        raise AssertionError
+
+
+def test_the_paper_s_edge_is_found_without_the_map_s_inverse() -> None:
+    view = PhotoFrame(2001, 2001)
+    frame = CurvedFrame(OneWay(), view, np.diag([1e-3, 1e-3, 1.0]), 400, 300)
+    photo = frame.to_photo(np.array([[100.0, 50.0], [350.0, 50.0], [350.0, 250.0], [100.0, 250.0]]))
+    flat = np.full((300, 400, 3), 90, np.uint8)
+    whiten_beyond(flat, frame, photo)
+    kept = (flat == 90).all(axis=2)
+    rows, columns = np.nonzero(kept)
+    found = [rows.min(), rows.max(), columns.min(), columns.max()]
+    assert found == pytest.approx([50, 250, 100, 350], abs=2)
+    # Between nodes of the grid corners are rounded by a few pixels.
+    assert kept[52:249, 108:343].all()
+    assert kept[58:243, 102:349].all()
