@@ -282,7 +282,7 @@ class OneWay:
     """A page's map whose inverse nobody may ask for: beyond a bent page's horizon it has none."""
 
     def to_photo(self, page: Points) -> Points:
-        return np.where(page[:, :1] < 0.02, np.nan, page + [0.1, 0.2])
+        return np.where(page[:, :1] < 0.02, np.nan, page + np.array([0.1, 0.2]))
 
     def to_page(self, centred: Points) -> Points:
         raise AssertionError
