@@ -68,7 +68,8 @@ serve: venv
 
 # Each process of the tests has one core; numerical libraries with threads of their own would only compete.
 TEST_PROCESSES := 2
-PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_PROCESSES) --dist worksteal
+PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_PROCESSES) \
+	--dist loadgroup --no-loadscope-reorder
 test: venv-dev postgresql
 	@$(PYTEST) $(TEST_OPTIONS)
 

@@ -9,18 +9,30 @@ from services.ocr.tesseract import find_tessdata
 from tests.models.databases import KINDS
 
 ROOT = Path(__file__).parent
-KIND_OF_FOLDER = {"app": "service", "end_to_end": "end_to_end"}
+KIND_OF_FOLDER = {
+    "app": "service",
+    "benchmarks": "pipeline",
+    "end_to_end": "end_to_end",
+    "models": "service",
+    "services/layout/discovery": "pipeline",
+}
 """Tests of all other folders are fast, but for those that say that they are of a pipeline."""
 PIPELINE_FIXTURES = {"album"}
 """Who uses one of these simulates and analyses whole photos."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give each test the marker of its kind."""
+    """Give each test the marker of its kind, and have one process run all tests of a module.
+
+    Whatever uses the album is run by one process, so that no photo is made and analysed twice.
+    """
     for item in items:
-        kind = KIND_OF_FOLDER.get(item.path.relative_to(ROOT).parts[0])
+        module = item.path.relative_to(ROOT)
+        uses = PIPELINE_FIXTURES & set(getattr(item, "fixturenames", ()))
+        item.add_marker(pytest.mark.xdist_group("album" if uses else module.as_posix()))
+        folders = {parent.as_posix() for parent in module.parents}
+        kind = next((kind for folder, kind in KIND_OF_FOLDER.items() if folder in folders), None)
         if kind is None:
-            uses = PIPELINE_FIXTURES & set(getattr(item, "fixturenames", ()))
             kind = "pipeline" if uses or item.get_closest_marker("pipeline") else "fast"
         item.add_marker(kind)
 

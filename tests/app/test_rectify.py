@@ -7,7 +7,8 @@ import httpx
 import pytest
 
 from app.schemas.rectify import CreasedSheet, PagesResult, RectifyResult
-from tests.app.scripted import CREASED_SHEET, upload
+from tests.app.scripted import upload
+from tests.app.scripted_results import CREASED_SHEET
 
 
 def post(

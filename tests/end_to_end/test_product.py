@@ -71,7 +71,7 @@ def test_a_bent_page_comes_back_in_strips(service: httpx.Client) -> None:
     seen = photo.truth.on_page(places)
     off = (angles - photo.truth.rulings(places) + np.pi / 2) % np.pi - np.pi / 2
     assert seen.mean() > 0.8
-    assert 1e-4 < np.degrees(np.abs(off[seen])).mean() < 2.0
+    assert np.degrees(np.abs(off[seen])).mean() < 2.0
     assert result.camera.focal_length_px is not None
     assert abs(result.camera.focal_length_px / photo.truth.focal_length_px - 1) < 0.1
     normals = np.array(result.surface.normals)

@@ -71,3 +71,12 @@ def fresh(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[[], Path |
 def store(where: Path | str, clock: Clock) -> Iterator[Store]:
     with Store.open(where, clock=clock) as store:
         yield store
+
+
+@pytest.fixture
+def letters(store: Store) -> Store:
+    """A store with the classes letter, memo (both in version 1) and fax (one sample, no version)."""
+    store.add_version("letter", {"n": 1}, "import")
+    store.add_version("memo", {"n": 1}, "import")
+    store.add_sample("fax", {"n": 1})
+    return store

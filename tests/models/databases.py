@@ -14,9 +14,12 @@ from typing import Any
 
 import psycopg
 
+from models.repository import Store
 from models.tables import Table
 
 _START_S = 30
+PAGE = 4096
+"""Bytes of a page of SQLite's file."""
 
 
 def _server_binaries() -> Path | None:
@@ -130,3 +133,12 @@ def empty_tables(cluster: Cluster, url: str) -> None:
     with cluster.connect(url.partition("@/")[2].partition("?")[0]) as connection:
         connection.execute(f"TRUNCATE {tables} RESTART IDENTITY")
         connection.execute("UPDATE store_state SET revision = 0")
+
+
+def filled(path: Path) -> Path:
+    """A closed store of a few hundred pages."""
+    with Store.open(path) as store:
+        for number in range(20):
+            store.add_version("letter", {"noise": [os.urandom(500).hex() for _ in range(40)]}, "import")
+            store.add_sample("letter", {"number": number})
+    return path

@@ -1,4 +1,4 @@
-"""What the store promises about feedback: once, whole, and beside it settings, rollback, health and unknown pages."""
+"""What the store promises about feedback: once and whole; settings and unknown pages."""
 
 import dataclasses
 import itertools
@@ -10,7 +10,6 @@ import pytest
 from sqlalchemy.orm import Session
 
 from models.errors import KeyReused, ModelNotFound, NotStorable, StoreUnavailable, VersionConflict
-from models.feedback_repository import HEALTH_WINDOW
 from models.records import (
     FeedbackDraft,
     ModelChange,
@@ -53,15 +52,6 @@ def draft(
         sample=None if sample is None else {"page": sample, "label": request},
         unknown_page=None if unknown is None else UnknownPageDraft({"n": unknown}, bound=3, ttl_s=1000),
     )
-
-
-@pytest.fixture
-def letters(store: Store) -> Store:
-    """A store with the classes letter, memo (both in version 1) and fax (one sample, no version)."""
-    store.add_version("letter", {"n": 1}, "import")
-    store.add_version("memo", {"n": 1}, "import")
-    store.add_sample("fax", {"n": 1})
-    return store
 
 
 @pytest.fixture
@@ -320,58 +310,6 @@ def test_a_deleted_class_takes_the_feedback_on_its_pages_along(letters: Store, r
     letters.delete_model("memo")
     late = letters.add_feedback(draft(others[1], found="memo", sample="late"), [change("letter", 7)])
     assert dict(late.versions) == {"letter": (7, 8)}
-
-
-def test_feedbacks_are_told_newest_first(letters: Store) -> None:
-    ids = [letters.add_feedback(draft(letters.add_result({}, ttl_s=1), n), []).id for n in range(5)]
-    assert [feedback.id for feedback in letters.feedbacks("letter")] == ids[::-1]
-    assert [feedback.id for feedback in letters.feedbacks("letter", newest=2)] == [ids[4], ids[3]]
-
-
-def test_health_is_told_from_recent_feedback(letters: Store, clock: Clock) -> None:
-    none = ModelHealth(0, 0, None, None, None, None)
-    assert letters.healths() == {"letter": none, "memo": none, "fax": none}
-    for n in range(HEALTH_WINDOW + 10):
-        # The first ten are wrong in half of their zones, the others in a tenth; every fifth was found as a memo.
-        said = draft(
-            letters.add_result({}, ttl_s=1),
-            n,
-            found="letter" if n % 5 else "memo",
-            wrong=5 if n < 10 else 1,
-            sample=None,
-        )
-        letters.add_feedback(said, [])
-    health = letters.health("letter")
-    assert (health.feedbacks, health.recent) == (60, 50)
-    assert health.recent_zone_error == pytest.approx(0.1)
-    assert health.recent_class_error == pytest.approx(0.2)
-    assert health.earlier_zone_error == pytest.approx(0.5)
-    assert health.last_feedback_at == letters.feedbacks("letter")[0].created_at <= clock.now
-    memo = letters.health("memo")
-    assert (memo.feedbacks, memo.recent, memo.recent_class_error) == (12, 12, 1.0)
-    assert memo.earlier_zone_error is None
-    assert letters.healths() == {"letter": health, "memo": memo, "fax": none}
-    letters.add_feedback(draft(letters.add_result({}, ttl_s=1), verified="fax", zones=0, wrong=0), [])
-    assert letters.health("fax").recent_zone_error is None
-
-
-def test_rollback_makes_a_new_version(letters: Store) -> None:
-    letters.add_version("letter", {"n": 2}, "train")
-    letters.add_version("letter", {"n": 3}, "feedback")
-    revision = letters.revision()
-    model = letters.rollback("letter", 1, expected_version=3)
-    assert (model.version, model.document, model.origin) == (4, {"n": 1}, "rollback")
-    assert letters.model_versions("letter")[-1].note == "version 1"
-    assert letters.model("letter", 3).document == {"n": 3}
-    assert letters.revision() > revision
-    before = everything(letters)
-    with pytest.raises(VersionConflict):
-        letters.rollback("letter", 2, expected_version=3)
-    for name, version in (("letter", 5), ("letter", 0), ("letter", 2**31), ("fax", 1), ("novel", 1)):
-        with pytest.raises(ModelNotFound):
-            letters.rollback(name, version)
-    assert everything(letters) == before
-    assert letters.rollback("letter", 2).version == 5
 
 
 def test_settings_stay_when_versions_change(letters: Store) -> None:

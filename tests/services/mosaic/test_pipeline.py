@@ -16,6 +16,8 @@ from services.mosaic.results import MosaicResult
 from services.progress import progress_to
 from tests.services.mosaic.views import look_at, page_image, photograph
 
+pytestmark = pytest.mark.pipeline
+
 AS_LAID = MosaicParameters(upright=False)
 SCANS = MosaicParameters(upright=False, rectify=False)
 SIZE = (820, 900)

@@ -51,7 +51,7 @@ def test_a_smaller_analysis_answers_in_photo_pixels_too(album: Album, name: str)
     for samples, truth in ((small.major, shot.truth.major_flow), (small.minor, shot.truth.minor_flow)):
         assert samples is not None
         assert shot.truth.on_page(samples.points).mean() > 0.99
-        assert 0.01 < np.median(errors_deg(samples.angles, truth(samples.points))) < 0.5
+        assert np.median(errors_deg(samples.angles, truth(samples.points))) < 0.5
     # Both analyses say the same of the same places of the photo.
     points = shot.text_points
     assert np.median(errors_deg(small.major_field.at(points), shot.analysis.major_field.at(points))) < 0.2
@@ -94,7 +94,7 @@ def test_only_the_region_is_looked_at(album: Album) -> None:
     inside = ((shot.analysis.characters > [165, 315]) & (shot.analysis.characters < [785, 785])).all(axis=1)
     assert len(part.characters) > 0.97 * inside.sum()
     errors = errors_deg(part.major.angles, shot.truth.major_flow(part.major.points))
-    assert 0.01 < errors.mean() < 0.4
+    assert errors.mean() < 0.4
 
 
 def test_an_empty_region_is_told(album: Album) -> None:
@@ -135,7 +135,7 @@ def test_a_few_lines_are_enough(pages: tuple[Page, ...], count: int) -> None:
     photo = np.full((1250, 800, 3), 255, np.uint8)
     photo[rows[0] : rows[1]] = pages[0].image[rows[0] : rows[1], :, None]
     analysis = analyse_photo(photo)
-    assert 0 < np.degrees(np.abs(analysis.major.angles)).mean() < 1.0
+    assert np.degrees(np.abs(analysis.major.angles)).mean() < 1.0
 
 
 def test_region_mask_is_the_polygon_in_the_reduced_photo() -> None:

@@ -14,6 +14,8 @@ from simulation.degradation import PHONE
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, WAVE, photograph
 
+pytestmark = pytest.mark.pipeline
+
 KINDS: tuple[PageKind, ...] = ("auto", "planar", "curved")
 WORDS = ("quick", "brown", "foxes", "jump", "over", "lazy", "dogs", "while", "seven", "wizards", "judge")
 
@@ -93,19 +95,23 @@ def test_two_bent_pages_in_view() -> None:
     check(result, photo)
 
 
+@pytest.fixture(scope="module")
+def bent() -> RgbImage:
+    return photograph(own_pages(700, 1090)[0], POSES[0], 0.0, BOOK, size=(900, 1160)).image
+
+
 @pytest.mark.parametrize("part", [np.s_[:, :520], np.s_[300:], np.s_[250:700, 200:800]])
-def test_a_bent_page_cut_by_the_frame(part: tuple[slice, ...]) -> None:
-    photo = np.ascontiguousarray(
-        photograph(own_pages(700, 1090)[0], POSES[0], 0.0, BOOK, size=(900, 1160)).image[part]
-    )
+def test_a_bent_page_cut_by_the_frame(bent: RgbImage, part: tuple[slice, ...]) -> None:
+    photo = np.ascontiguousarray(bent[part])
     result = rectify(photo, RectifyParameters(upright=False))
     check(result, photo)
     # What is left of the bend is still seen.
     assert result.kind == "curved"
 
 
-@pytest.mark.parametrize("kind", KINDS[::2])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    ("seed", "kind"), [(0, "auto"), (1, "auto"), (2, "auto"), (3, "auto"), (1, "curved")]
+)
 def test_photos_of_no_page(seed: int, kind: PageKind) -> None:
     """Print that is warped as no paper can be, in noise."""
     rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""The shape of curved pages on simulated photos: errors bounded on both sides, and the same however the photo lies."""
+"""The shape of curved pages on simulated photos: errors are bounded, and it is the same however the photo lies."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -90,10 +90,10 @@ def found(album: Album) -> Estimates:
 def test_pages_are_flattened(album: Album, found: Estimates, name: str) -> None:
     shot, page = album[name], found[name]
     points = np.asarray(shot.text_points, np.float64)
-    assert 1e-3 < residual_percent(page.page_map, shot.truth, points) < 0.4
+    assert residual_percent(page.page_map, shot.truth, points) < 0.4
     assert page.surface is not None
     true = shot.truth.focal_length_px / shot.frame.unit_px
-    assert 1e-3 < abs(field_of_view_deg(page.focal) - field_of_view_deg(true)) < 2.0
+    assert abs(field_of_view_deg(page.focal) - field_of_view_deg(true)) < 2.0
     assert page.focal_source == "estimated"
     assert page.focal == page.surface.focal
     # The small residual lies on the surface.
@@ -101,10 +101,10 @@ def test_pages_are_flattened(album: Album, found: Estimates, name: str) -> None:
     assert page.page_map.surface is page.surface
     normals = page.surface.normals((points - shot.frame.centre) / shot.frame.unit_px)
     cosine = (normals * shot.truth.normals(points)).sum(axis=1)
-    assert 0.02 < np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean() < 1.5
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean() < 1.5
     assert page.line_count == pytest.approx(len(shot.truth.visible_lines()), abs=5)
-    assert 1e-4 < page.deviation < np.radians(0.6)
-    assert 1e-3 < page.waviness < 0.04
+    assert page.deviation < np.radians(0.6)
+    assert page.waviness < 0.04
     assert page.notices == ()
 
 
@@ -121,17 +121,17 @@ def test_strips_lie_between_true_rulings(album: Album, found: Estimates, name: s
     on_page = truth.on_page(strips.points)
     assert on_page.mean() > 0.75
     points = strips.points[on_page]
-    assert 1e-3 < errors_deg(strips.angles_rad[on_page], truth.rulings(points)).mean() < 1.0
+    assert errors_deg(strips.angles_rad[on_page], truth.rulings(points)).mean() < 1.0
     # In space: by the ray to the vanishing point.
     x, y, w = strips.vanishing_points[on_page].T
     (cx, cy), f = truth.camera.principal_point, truth.focal_length_px
     rays = np.column_stack([x - cx * w, y - cy * w, f * w])
     cosine = np.einsum("ij,ij->i", rays, truth.rulings_3d(points)) / np.linalg.norm(rays, axis=1)
-    assert 1e-3 < np.degrees(np.arccos(np.clip(np.abs(cosine), 0, 1))).mean() < 2.0
+    assert np.degrees(np.arccos(np.clip(np.abs(cosine), 0, 1))).mean() < 2.0
     middles = 0.5 * (strips.points[1:] + strips.points[:-1])
     inside = truth.on_page(middles)
     cosine = np.einsum("ij,ij->i", strips.normals[inside], truth.normals(middles[inside]))
-    assert 0.02 < np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean() < 2.0
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean() < 2.0
     # From one end of the text to the other.
     extent = np.ptp(points @ (points[-1] - points[0])) / np.linalg.norm(points[-1] - points[0])
     across = shot.text_points @ (points[-1] - points[0]) / np.linalg.norm(points[-1] - points[0])
@@ -166,7 +166,7 @@ def test_the_same_page_however_the_photo_lies(album: Album, name: str) -> None:
     photo = Photographed(other, shot.truth, lambda points: way(points, width, height))
     page = photo.estimate()
     assert page is not None
-    assert 1e-3 < photo.residual_percent(page, shot.text_points, mirrored=name != "turned") < 0.3
+    assert photo.residual_percent(page, shot.text_points, mirrored=name != "turned") < 0.3
     true = shot.truth.focal_length_px / shot.frame.unit_px
     assert field_of_view_deg(page.focal) == pytest.approx(field_of_view_deg(true), abs=2.0)
 
@@ -209,7 +209,7 @@ def test_a_page_that_is_rolled_along_its_height() -> None:
     page = photo.estimate()
     assert page is not None
     points = shot.truth.text_points(np.random.default_rng(2))
-    assert 1e-3 < photo.residual_percent(page, points) < 0.5
+    assert photo.residual_percent(page, points) < 0.5
     assert page.surface is not None
     # The rulings run along the text.
     assert abs(np.sin(page.surface.skew_rad)) > 0.95

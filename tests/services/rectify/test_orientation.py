@@ -18,6 +18,8 @@ from services.rectify.orientation import apply_orientation, estimate_orientation
 from services.rectify.results import Orientation
 from tests.services.ocr.pages import blank, set_lines, text_page
 
+pytestmark = pytest.mark.pipeline
+
 WAYS = [Orientation(turn, mirrored, None) for mirrored in (False, True) for turn in (0, 90, 180, 270)]
 
 

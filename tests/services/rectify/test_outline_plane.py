@@ -92,7 +92,7 @@ def test_noise_leaves_errors_that_the_stated_deviations_cover_and_no_more() -> N
         # The deviations allow for paper that is not quite square, which these sheets are.
         assert 0.1 < np.sqrt(np.mean(np.square(errors))) < 1.0
         assert np.abs(errors).max() < 2.5
-    assert 1e-4 < np.median(np.abs(focals)) < 0.1
+    assert np.median(np.abs(focals)) < 0.1
 
 
 def test_a_frontal_sheet_does_not_show_the_focal_length_but_its_shape() -> None:

@@ -20,6 +20,8 @@ from simulation.surfaces import Cylinder, Plane
 from simulation.truth import Truth
 from tests.services.scenes import Album, Shot
 
+pytestmark = pytest.mark.pipeline
+
 Rgb = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 SIZE = (640, 820)

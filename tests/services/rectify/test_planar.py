@@ -94,8 +94,8 @@ def test_noise_of_the_flows_leaves_a_small_error(seed: int) -> None:
     plane = photograph_plane(POSES[2])
     major, minor = plane.flow(0.0, np.radians(0.2), rng), plane.flow(np.pi / 2, np.radians(0.5), rng)
     found = estimate_plane(estimate_vanishing_points(major, minor), ASSUMED)
-    assert 1e-3 < plane.error_deg(found) < 2.0
-    assert 1e-4 < abs(np.log(found.focal / plane.focal)) < 0.1
+    assert plane.error_deg(found) < 2.0
+    assert abs(np.log(found.focal / plane.focal)) < 0.1
 
 
 FOCAL = float(np.exp(ASSUMED.log_focal))

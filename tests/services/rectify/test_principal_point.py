@@ -26,6 +26,8 @@ from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
 from simulation.scenes import POSES, photograph
 
+pytestmark = pytest.mark.pipeline
+
 P = PrincipalPointParameters()
 CROPS = {"left": (0.25, 0.0, 0.0), "below": (0.0, 0.0, 0.2)}
 """Shares of the width cut from the left and from the right, of the height from below."""

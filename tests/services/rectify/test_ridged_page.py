@@ -33,6 +33,8 @@ from tests.services.rectify.sheet_sides import (
     seen_rectangle,
 )
 
+pytestmark = pytest.mark.pipeline
+
 SHEET = Page(np.full((283, 200), 255, np.uint8))
 SIZE = (1500, 1930)
 VIEW = PhotoFrame(*SIZE)

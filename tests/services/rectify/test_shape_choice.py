@@ -26,6 +26,8 @@ from simulation.surfaces import Shape
 from simulation.truth import Truth
 from tests.services.rectify.sheet_sides import bent_outline_of_truth
 
+pytestmark = pytest.mark.pipeline
+
 SHAPES: dict[str, Shape] = {"flat": PLANE, "folded": folded_in_thirds(SHEET_ASPECT, 24, -18), "smooth": BOOK}
 SIZE = (840, 1080)
 VIEW = PhotoFrame(*SIZE)
@@ -44,6 +46,7 @@ def seen(name: str) -> tuple[PageEvidence, SheetOutline, Truth]:
     return evidence, bent_outline_of_truth(photo.truth, 0.4, np.random.default_rng(2)), photo.truth
 
 
+@lru_cache
 def chosen(
     name: str, kind: PageKind = "auto", *, outlined: bool = True
 ) -> PagePose | CurvedPage | RidgedPage:
@@ -136,7 +139,7 @@ def test_without_an_outline_there_is_no_mesh() -> None:
 def test_print_that_stands_askew_on_its_sheet_gives_no_mesh() -> None:
     evidence, outline, truth = seen("folded")
     prior = FocalPrior(float(np.log(truth.focal_length_px / VIEW.unit_px)), 0.03, "exif")
-    assert isinstance(ridged_page(evidence, prior, outline), RidgedPage)
+    assert isinstance(chosen("folded"), RidgedPage)
     # Another sheet, or a frame: turned by twelve degrees.
     found = ridged_page(evidence, prior, turned(outline, 0.2))
     assert isinstance(found, NoRidgedPage)

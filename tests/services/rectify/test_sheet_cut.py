@@ -24,6 +24,8 @@ from simulation.pages import own_pages
 from tests.services.rectify.sheet_sides import outline_of
 from tests.services.scenes import Album
 
+pytestmark = pytest.mark.pipeline
+
 LEAN = np.array([[1.05, 0.08, 60.0], [-0.06, 0.98, 90.0], [6e-5, 4e-5, 1.0]])
 """H_photo_flat of a sheet that leans a little."""
 SHEET = (100.0, 120.0, 699.0, 959.0)

@@ -17,6 +17,8 @@ from simulation.spread import SimulatedSpread, page_beside_gutter, photograph_sp
 from simulation.truth import Truth
 from tests.services.scenes import Album
 
+pytestmark = pytest.mark.pipeline
+
 BOTH = RectifyParameters(upright=False, pages="both")
 
 

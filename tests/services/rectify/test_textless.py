@@ -30,6 +30,8 @@ from simulation.sheets import SHEET_VIEWS, Staging, photograph_sheet
 from simulation.surfaces import Shape
 from tests.services.rectify.sheet_sides import bent_outline_of_truth, outline_of_truth
 
+pytestmark = pytest.mark.pipeline
+
 REFUSAL = NoText("only 3 printed characters were found.")
 PRIOR = typical_focal_prior()
 

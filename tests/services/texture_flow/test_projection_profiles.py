@@ -125,7 +125,7 @@ def test_slopes_are_not_drawn_anywhere(offset_deg: float) -> None:
     for binary in (False, True):
         error = measure(offset_deg, 11.0, binary=binary)
         assert abs(error.mean()) < 0.03
-        assert 0 < error.std() < 0.08  # of binary ink: its stairs are a hundred pixels long at small slopes
+        assert error.std() < 0.08  # of binary ink: its stairs are a hundred pixels long at small slopes
 
 
 @pytest.mark.parametrize("text_height_px", [5.0, 8.0, 25.0])

@@ -15,6 +15,8 @@ from services.mosaic.composition.composed_page import compose_page
 from services.mosaic.placed_photo import PlacedPhoto
 from tests.services.mosaic.cuttings import TEXT_HEIGHT_PX, Box, cut, in_color, place, prose
 
+pytestmark = pytest.mark.pipeline
+
 WIDTH, HEIGHT = 1000, 700
 LEFT, RIGHT = Box(0, 0, 620, 700), Box(381, 0, 1000, 700)
 

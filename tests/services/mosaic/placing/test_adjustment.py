@@ -41,7 +41,8 @@ def test_noise_is_averaged_but_not_hidden() -> None:
         adjusted = adjust_globally(dict.fromkeys(views, SIZE), match_all(rng, views, noise_px=0.2))
         errors.append(error_px(adjusted.H_world_flat, views))
         deviations.append(adjusted.deviation_px)
-    assert 0.005 < np.mean(errors) < 0.2
+    assert np.mean(errors) < 0.2
+    assert np.mean(errors) > 1e-6  # noise went in: it has not seen the truth
     assert np.mean(deviations) == pytest.approx(0.2, rel=0.1)
 
 

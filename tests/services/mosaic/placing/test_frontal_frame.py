@@ -72,7 +72,7 @@ def test_errors_of_rectification_average_out() -> None:
         agreed.append(departure(agree(views).H_mosaic_world @ WORLD, views))
         single.extend(departure(np.linalg.inv(views[k]), views) for k in views)
     # Nine views: a third of one view's error where errors only average, less since foreshortening has the longer lever.
-    assert 0.02 * np.mean(single) < np.mean(agreed) < 0.4 * np.mean(single)
+    assert np.mean(agreed) < 0.4 * np.mean(single)
 
 
 def test_of_two_views_the_weighted_mean() -> None:

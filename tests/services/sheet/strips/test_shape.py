@@ -64,9 +64,9 @@ def test_noise_moves_the_shape_a_little_and_the_optimization_brings_it_nearer() 
             ]
         )
     initial, final, view = np.mean(errors, axis=0)
-    assert 0.1 < final < 1.2
+    assert final < 1.2
     assert final < initial
-    assert 0.01 < view < 1.5
+    assert view < 1.5
 
 
 def test_a_wrong_start_ends_at_the_truth() -> None:
