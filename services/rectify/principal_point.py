@@ -77,10 +77,8 @@ class PrincipalPointParameters:
     """Where a photo was cut, print often runs up to its border."""
     gain_share: float = 0.08
     gain_share_odd: float = 0.03
-    gain_share_assumed: float = 0.2
     """What a bent sheet must save at least, as a share of its cost: sheets and lenses are not quite what the fit
-    assumes, and where the focal length is not known more can be explained away. Less is asked for where the photo's
-    aspect ratio is none that cameras have."""
+    assumes. Less is asked for where the photo's aspect ratio is none that cameras have."""
     aspects: tuple[tuple[float, float], ...] = ((4 / 3, 0.0), (16 / 9, 1.6), (3 / 2, 2.8))
     """Of the photos that cameras take, with their costs: phones take 4:3 and some 16:9, larger cameras 3:2."""
     aspect_deviation: float = 0.04
@@ -137,7 +135,8 @@ def find_principal_point(
 
     The offset is looked for from the middle, wherever the principal point of the `evidence` lies.
 
-    `shape` is what was fitted under the middle. None where the middle explains the page, or the page cannot tell.
+    `shape` is what was fitted under the middle. None where the middle explains the page, or the page cannot tell: where
+    the focal length is not known beforehand, a steep view of a bent sheet is explained by either.
     Where the middle explains the page but for EXIF's focal length, that is left out of account.
     """
     p = parameters or PrincipalPointParameters()
@@ -146,9 +145,11 @@ def find_principal_point(
         # The sides of the sheet have moved it to the nearest place that explains them; the text tells more.
         evidence = _seen_from_middle(evidence)
     fitting: _Fitting | None = None
+    if prior.source == "assumed":
+        return None
     if isinstance(shape, CurvedPage) and shape.fitted is not None and not doubted:
         fitting = _sheet_fitting(evidence, prior, shape, p)
-    elif isinstance(shape, PagePose) and prior.source != "assumed":
+    elif isinstance(shape, PagePose):
         doubted = doubted or is_odd(evidence.view, p)
         fitting = _plane_fitting(evidence, prior, p) if doubted or shape.focal_tension > p.tension else None
     found = None if fitting is None else _choose(fitting, evidence, prior, p)
@@ -275,16 +276,15 @@ def _sheet_fitting(
         e.major, e.minor, page.lines, page_hull(e.characters), prior.log_focal, prior.deviation
     )
     anywhere = replace(middle, principal_point=PrincipalPointPrior((p.offset, p.offset)))
-    known, odd = prior.source != "assumed", is_odd(e.view, p)
-    if not (known and odd) and max(free_gain(fitted.start, anywhere, parameters)) < p.score:
+    odd = is_odd(e.view, p)
+    if not odd and max(free_gain(fitted.start, anywhere, parameters)) < p.score:
         return None
 
     def fit(principal_point: PrincipalPointPrior | None) -> _Fit:
         found = fit_surface(fitted.start, replace(middle, principal_point=principal_point), parameters)
         return _Fit(found.principal_point, found.cost, found.start)
 
-    share = p.gain_share_odd if odd else p.gain_share
-    return _Fitting(fit, both=known, share=share if known else p.gain_share_assumed)
+    return _Fitting(fit, both=True, share=p.gain_share_odd if odd else p.gain_share)
 
 
 def _plane_fitting(e: PageEvidence, prior: FocalPrior, p: PrincipalPointParameters) -> _Fitting:
