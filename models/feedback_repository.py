@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from datetime import datetime
 
-from sqlalchemy import delete, func, select, update
-from sqlalchemy.orm import Session, defer
+from sqlalchemy import ColumnElement, Label, case, delete, func, literal, select, update
+from sqlalchemy.orm import InstrumentedAttribute, Session, defer
 
 from models.documents import Document, decode_document, digest_document, encode_document
 from models.errors import KeyReused, NotStorable
@@ -152,13 +152,16 @@ class KeptFeedback(Transactions):
     def health(self, name: str) -> ModelHealth:
         """What feedback told of a class; `ModelNotFound`."""
         with self._reading() as session:
-            return _health(session, find_model(session, name).id)
+            model_id = find_model(session, name).id
+            return _healths(session, [model_id])[model_id]
 
     def healths(self) -> dict[str, ModelHealth]:
         """The same of all classes, by name."""
         with self._reading() as session:
             alive = select(ModelRow.name, ModelRow.id).where(ModelRow.deleted_at.is_(None))
-            return {name: _health(session, model_id) for name, model_id in session.execute(alive).all()}
+            names = {name: model_id for name, model_id in session.execute(alive)}
+            healths = _healths(session, list(names.values()))
+        return {name: healths[model_id] for name, model_id in names.items()}
 
     def _keep_sample(
         self,
@@ -282,26 +285,55 @@ def _versions_of(session: Session, feedback_ids: list[str]) -> dict[str, Version
     return versions
 
 
-def _health(session: Session, model_id: int) -> ModelHealth:
-    of_model = FeedbackModelRow.model_id == model_id
-    count = session.execute(select(func.count()).select_from(FeedbackModelRow).where(of_model)).scalar_one()
+def _healths(session: Session, model_ids: Sequence[int]) -> dict[int, ModelHealth]:
+    """Health of every class, by its id, in one query: at most two windows of feedback are read of each."""
+    of_model, newest_first = FeedbackModelRow.model_id, FeedbackModelRow.feedback_id.desc()
+    ranked = (
+        select(
+            FeedbackModelRow.model_id,
+            FeedbackModelRow.feedback_id,
+            func.row_number().over(partition_by=of_model, order_by=newest_first).label("place"),
+            func.count().over(partition_by=of_model).label("feedbacks"),
+        )
+        .where(FeedbackModelRow.model_id.in_(model_ids))
+        .subquery()
+    )
+    is_recent = ranked.c.place <= HEALTH_WINDOW
+
+    def total(
+        what: ColumnElement[int] | InstrumentedAttribute[int], where: ColumnElement[bool]
+    ) -> Label[int]:
+        return func.sum(case((where, what), else_=0)).label(None)
+
     wanted = (
-        select(FeedbackRow.zones, FeedbackRow.wrong_zones, FeedbackRow.class_wrong, FeedbackRow.created_at)
-        .join(FeedbackModelRow, FeedbackModelRow.feedback_id == FeedbackRow.id)
-        .where(of_model)
-        .order_by(FeedbackModelRow.feedback_id.desc())
-        .limit(2 * HEALTH_WINDOW)
+        select(
+            ranked.c.model_id,
+            func.max(ranked.c.feedbacks),
+            total(literal(1), is_recent),
+            total(FeedbackRow.wrong_zones, is_recent),
+            total(FeedbackRow.zones, is_recent),
+            total(literal(1), is_recent & FeedbackRow.class_wrong),
+            total(FeedbackRow.wrong_zones, ~is_recent),
+            total(FeedbackRow.zones, ~is_recent),
+            func.max(FeedbackRow.created_at),
+        )
+        .join(FeedbackRow, FeedbackRow.id == ranked.c.feedback_id)
+        .where(ranked.c.place <= 2 * HEALTH_WINDOW)
+        .group_by(ranked.c.model_id)
     )
-    rows = session.execute(wanted).all() if count else []
-    recent, earlier = rows[:HEALTH_WINDOW], rows[HEALTH_WINDOW:]
-    return ModelHealth(
-        feedbacks=count,
-        recent=len(recent),
-        recent_zone_error=_share(sum(row.wrong_zones for row in recent), sum(row.zones for row in recent)),
-        recent_class_error=_share(sum(row.class_wrong for row in recent), len(recent)),
-        earlier_zone_error=_share(sum(row.wrong_zones for row in earlier), sum(row.zones for row in earlier)),
-        last_feedback_at=recent[0].created_at if recent else None,
-    )
+    healths = dict.fromkeys(model_ids, ModelHealth(0, 0, None, None, None, None))
+    for id, count, recent, wrong, zones, class_wrong, earlier_wrong, earlier_zones, last in session.execute(
+        wanted
+    ):
+        healths[id] = ModelHealth(
+            feedbacks=count,
+            recent=recent,
+            recent_zone_error=_share(wrong, zones),
+            recent_class_error=_share(class_wrong, recent),
+            earlier_zone_error=_share(earlier_wrong, earlier_zones),
+            last_feedback_at=last,
+        )
+    return healths
 
 
 def _share(part: int, whole: int) -> float | None:

@@ -1,6 +1,9 @@
 """What feedback tells of a model's health, and the way back to an earlier version."""
 
+import random
+
 import pytest
+from sqlalchemy import event
 
 from models.errors import ModelNotFound, VersionConflict
 from models.feedback_repository import HEALTH_WINDOW
@@ -42,6 +45,38 @@ def test_health_is_told_from_recent_feedback(letters: Store, clock: Clock) -> No
     assert letters.healths() == {"letter": health, "memo": memo, "fax": none}
     letters.add_feedback(draft(letters.add_result({}, ttl_s=1), verified="fax", zones=0, wrong=0), [])
     assert letters.health("fax").recent_zone_error is None
+
+
+def test_healths_of_many_models_take_as_few_queries_as_of_one(
+    letters: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every class is told as it is alone, also one without feedback and one with more than both windows hold."""
+    window = 3
+    monkeypatch.setattr("models.feedback_repository.HEALTH_WINDOW", window)
+    rng = random.Random(3)
+    for n in range(3 * window):
+        found, verified = rng.choice(["letter", "memo"]), rng.choice(["letter", "memo", "letter", None])
+        result = letters.add_result({}, ttl_s=1)
+        letters.add_feedback(draft(result, n, found=found, verified=verified, wrong=rng.randrange(9)), [])
+    assert letters.healths() == {name: letters.health(name) for name in ("fax", "letter", "memo")}
+    assert letters.health("letter").feedbacks > 2 * window
+
+    def queries() -> int:
+        count = 0
+
+        def count_one(*_: object) -> None:
+            nonlocal count
+            count += 1
+
+        event.listen(letters._readers, "before_cursor_execute", count_one)
+        letters.healths()
+        event.remove(letters._readers, "before_cursor_execute", count_one)
+        return count
+
+    before = queries()
+    for n in range(5):
+        letters.add_version(f"more-{n}", {}, "import")
+    assert queries() == before
 
 
 def test_rollback_makes_a_new_version(letters: Store) -> None:
