@@ -5,12 +5,11 @@ import json
 import logging
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
-
-from anyio import CapacityLimiter, to_thread
 
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
 from models.records import ResultDraft, StoredModel, UnknownPageDraft
@@ -61,7 +60,7 @@ class LayoutStore:
         self._database_url = database_url
         self._results = results
         self._store: Store | None = None
-        self._threads = CapacityLimiter(MOST_THREADS)
+        self._threads: ThreadPoolExecutor | None = None
         self._loading = asyncio.Lock()
         self._revision: int | None = None
         self._ready: Mapping[str, ReadyModel] = {}
@@ -83,7 +82,7 @@ class LayoutStore:
             folder = self._folder.resolve()
             where, place = f"{folder} (DATA_DIR)", {"data_dir": str(folder)}
         try:
-            self._store = await to_thread.run_sync(self._open)
+            self._store = await asyncio.to_thread(self._open)
         except StoreError as error:
             log.error(
                 "the store in %s could not be opened: %s",
@@ -93,11 +92,13 @@ class LayoutStore:
             )
             raise error.with_traceback(None) from None  # the server writes the rest down, and it is long
         log.info("the store is open", extra=place)
+        self._threads = ThreadPoolExecutor(MOST_THREADS, "store")
         try:
             yield
         finally:
             store, self._store = self._store, None
-            await to_thread.run_sync(store.close)
+            await asyncio.to_thread(self._threads.shutdown)  # also what nobody waits for any more ends first
+            await asyncio.to_thread(store.close)
 
     def _open(self) -> Store:
         if self._database_url:
@@ -116,7 +117,9 @@ class LayoutStore:
         return store
 
     async def call(self, work: Callable[[Store], T]) -> T:
-        """Answer of `work`, one short transaction; it is not interrupted when the caller is.
+        """Answer of `work`, one short transaction.
+
+        When the caller is cancelled, work that has begun goes on to its end, and holds its thread so long.
 
         Raises
         ------
@@ -126,7 +129,7 @@ class LayoutStore:
         store = self._store
         if store is None:
             raise StoreUnavailable("the store is closed")
-        return await to_thread.run_sync(work, store, limiter=self._threads)
+        return await asyncio.get_running_loop().run_in_executor(self._threads, work, store)
 
     async def is_available(self) -> bool:
         """Whether the store can be read now."""

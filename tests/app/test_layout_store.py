@@ -196,6 +196,53 @@ def test_few_threads_wait_for_the_database(tmp_path: Path) -> None:
     assert most == MOST_THREADS
 
 
+def test_cancelled_calls_hold_their_threads_until_they_end(tmp_path: Path) -> None:
+    started, end = threading.Semaphore(0), threading.Event()
+    ended: list[int] = []
+
+    def slow(_: Store) -> None:
+        started.release()
+        assert end.wait(10)
+        ended.append(1)
+
+    async def work(store: LayoutStore) -> asyncio.Task[int]:
+        calls = [asyncio.create_task(store.call(slow)) for _ in range(MOST_THREADS)]
+        for _ in calls:
+            await asyncio.to_thread(started.acquire)
+        for call in calls:
+            call.cancel()
+        await asyncio.wait(calls)
+        assert all(call.cancelled() for call in calls)
+        waiting = asyncio.create_task(store.call(Store.revision))
+        await asyncio.wait([waiting], timeout=0.3)
+        assert not waiting.done()  # all threads are taken, although nobody waits for what they do
+        end.set()
+        assert await waiting == 0
+        return waiting
+
+    with_store(tmp_path, work)
+    assert len(ended) == MOST_THREADS
+
+
+def test_the_store_is_closed_when_its_last_call_has_ended(tmp_path: Path) -> None:
+    started, end = threading.Event(), threading.Event()
+    answers: list[object] = []
+
+    def slow(store: Store) -> None:
+        started.set()
+        assert end.wait(10)
+        answers.append(store.revision())
+
+    async def work(store: LayoutStore) -> None:
+        call = asyncio.create_task(store.call(slow))
+        await asyncio.to_thread(started.wait)
+        call.cancel()
+        asyncio.get_running_loop().call_later(0.1, end.set)
+
+    with_store(tmp_path, work)
+    assert answers == [0]
+
+
 def test_a_store_that_is_closed(tmp_path: Path) -> None:
     async def work(store: LayoutStore) -> LayoutStore:
         return store
