@@ -219,16 +219,15 @@ def test_of_many_writers_that_expect_one_version_one_writes(client: httpx.Client
     assert sorted(int(etag.strip('"')) for etag in etags) == list(range(3, 11))
 
 
-def test_any_version_is_written_over_when_one_is_enough() -> None:
+def test_any_version_is_written_over_when_one_is_enough(client: httpx.Client) -> None:
     """`If-Match: *` asks for some version only: another writer who was faster does not break it."""
-    with serving(workers=2, queue_length=20) as client:
-        client.put("/layout/models/letter", json=LETTER)
+    client.put("/layout/models/letter", json=LETTER)
 
-        def write(_: int) -> int:
-            return client.put("/layout/models/letter", json=LETTER, headers={"If-Match": "*"}).status_code
+    def write(_: int) -> int:
+        return client.put("/layout/models/letter", json=LETTER, headers={"If-Match": "*"}).status_code
 
-        with ThreadPoolExecutor(8) as threads:
-            assert list(threads.map(write, range(16))) == [200] * 16
+    with ThreadPoolExecutor(8) as threads:
+        assert list(threads.map(write, range(16))) == [200] * 16
 
 
 def test_deleting(client: httpx.Client) -> None:
