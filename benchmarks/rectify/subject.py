@@ -17,13 +17,14 @@ from benchmarks.common.residuals import (
 from services.arrays import RgbImage, Vector
 from services.contract.images import Encoding, ImageLimits
 from services.contract.rectify import RectifyParameters
+from services.geometry.focal_prior import typical_focal_prior
+from services.geometry.photo_frame import PhotoFrame
 from services.imaging.codec import decode_image
 from services.ocr.engine import OcrEngine
 from services.operations.rectify import rectify_upload
 from services.rectify import spread
 from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.pipeline import rectify
-from services.rectify.planar import PhotoFrame, typical_focal_prior
 from services.rectify.results import RectifyResult
 from services.rectify.strip_page import find_strips
 from services.sheet.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
@@ -122,8 +123,8 @@ def measure_flows(flows: Flows, truth: Truth, points: Points) -> FlowErrors:
 
 def measure_strips(analysis: PageAnalysis, view: PhotoFrame, truth: Truth, points: Points) -> StripErrors:
     """The dissertation's steps from the flows to rulings (3.3.3), their vanishing points (3.3.4) and strips (3.3.5)."""
-    minor = None if analysis.minor is None else view.to_centred(analysis.minor)
-    page = find_strips(analysis, view, typical_focal_prior(), view.to_centred(analysis.major), minor)
+    minor = None if analysis.minor is None else analysis.minor.centred(view)
+    page = find_strips(analysis, view, typical_focal_prior(), analysis.major.centred(view), minor)
     if page is None:
         return StripErrors()
     # The vanishing points in photo pixels; NaN where none is known.

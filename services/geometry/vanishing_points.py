@@ -23,6 +23,14 @@ class VanishingPoint:
     inliers: NDArray[np.bool_]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FlowVanishingPoints:
+    """Vanishing points of major and minor flow (centred unit coordinates)."""
+
+    horizontal: VanishingPoint
+    vertical: VanishingPoint
+
+
 def tangent_lines(points: Points, angles: Vector) -> Floats:
     """Flow tangent lines l_i = (x_i, y_i, 1) x (cos a_i, sin a_i, 0), as rows (N, 3) (3.2.2)."""
     c, s = np.cos(angles), np.sin(angles)

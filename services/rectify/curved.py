@@ -5,19 +5,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import Points, Vector
-from services.geometry.homographies import resizing
-from services.geometry.page_map import PageMap
-from services.rectify.analysis import PageAnalysis
-from services.rectify.planar import (
+from services.geometry.focal_prior import (
     MAX_FOCAL,
     MIN_FOCAL,
-    FlowVanishingPoints,
     FocalLengthSource,
     FocalPrior,
-    PhotoFrame,
-    estimate_plane,
     typical_focal_prior,
 )
+from services.geometry.homographies import resizing
+from services.geometry.page_map import PageMap
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.planar import estimate_plane
+from services.geometry.vanishing_points import FlowVanishingPoints
+from services.rectify.analysis import PageAnalysis
 from services.rectify.pose import EXIF_CONTRADICTED, trimmed_deviation
 from services.rectify.results import Notice, StripsSurface
 from services.rectify.strip_page import BentSheet, StripPage, bend_of_strips, find_strips

@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import Floats, Points, Vector
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import transform_points
-from services.rectify.planar import FocalPrior, PagePlane, PhotoFrame
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.planar import PagePlane
 from services.rectify.straight_lines import (
     LinePlane,
     StraightLines,

@@ -10,6 +10,9 @@ from services.arrays import GrayImage, Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.vanishing_points import FlowVanishingPoints
 from services.imaging.illumination import normalize_illumination
 from services.imaging.paper import certain_sheet
 from services.ocr.engine import OcrEngine
@@ -18,17 +21,11 @@ from services.rectify.curved import CurvedPage, PageEvidence
 from services.rectify.curved_framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.rectify.drawing import draw_flat_view, draw_gray_view, whiten_beyond
 from services.rectify.edge_cropping import crop_to_gutter, within_gutter
+from services.rectify.focal_length import focal_prior
 from services.rectify.framing import TEXT_FRAMING, FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
 from services.rectify.orientation import estimate_orientation
 from services.rectify.outline_plane import read_sides
 from services.rectify.photo_border import find_cut_borders, leave_out_borders
-from services.rectify.planar import (
-    FlowVanishingPoints,
-    FocalPrior,
-    PhotoFrame,
-    estimate_vanishing_points,
-    focal_prior,
-)
 from services.rectify.pose import PagePose
 from services.rectify.principal_point import find_principal_point
 from services.rectify.results import (
@@ -50,6 +47,7 @@ from services.rectify.textless import TextlessPage, draw_for_reading, find_textl
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.results import SheetOutline
 from services.texture_flow.field import FlowSamples
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 
 FACING_PAGE = Notice(
     "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."
@@ -251,7 +249,7 @@ def shape_page(
             outline = leave_out_borders(outline, cut, view.width, view.height)
         sheet = read_sides(outline, view, prior)
         view = view if sheet is None else sheet.view
-        major, minor = view.to_centred(analysis.major), minor_or_perpendicular(analysis, view)
+        major, minor = analysis.major.centred(view), minor_or_perpendicular(analysis, view)
         points = estimate_vanishing_points(major, minor)
         evidence = PageEvidence(analysis, view, major, minor, points)
         shape, notices = choose_shape(evidence, prior, parameters.kind, outline, sheet)
@@ -277,8 +275,8 @@ def shape_page(
 def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamples:
     """Minor samples in centred coordinates; where no strokes were seen, weak ones across the major flow."""
     if analysis.minor is not None and len(analysis.minor) >= 4:
-        return view.to_centred(analysis.minor)
-    major = view.to_centred(analysis.major)
+        return analysis.minor.centred(view)
+    major = analysis.major.centred(view)
     return FlowSamples(major.points, major.angles + np.pi / 2, 0.05 * major.weights)
 
 

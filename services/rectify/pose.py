@@ -8,6 +8,7 @@ import numpy as np
 
 from services.arrays import Floats, Homography, Mask, Points
 from services.geometry.camera import rotation_from_vector
+from services.geometry.focal_prior import FocalLengthSource, FocalPrior, typical_focal_prior
 from services.geometry.homographies import (
     denominators,
     jacobians,
@@ -16,17 +17,11 @@ from services.geometry.homographies import (
     transform_points,
     translation,
 )
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.planar import PagePlane, estimate_plane
+from services.geometry.vanishing_points import FlowVanishingPoints
 from services.rectify.analysis import PageAnalysis
 from services.rectify.outline_plane import OutlinePlane, SheetSides
-from services.rectify.planar import (
-    FlowVanishingPoints,
-    FocalLengthSource,
-    FocalPrior,
-    PagePlane,
-    PhotoFrame,
-    estimate_plane,
-    typical_focal_prior,
-)
 from services.rectify.refinement import (
     RefinedPlane,
     for_text,

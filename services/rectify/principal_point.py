@@ -18,16 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.geometry.camera import PrincipalPointPrior
+from services.geometry.focal_prior import FocalPrior, typical_focal_prior
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.planar import PagePlane, estimate_plane
 from services.rectify.curved import CurvedPage, PageEvidence, page_hull
 from services.rectify.photo_border import find_cut_borders
-from services.rectify.planar import (
-    FocalPrior,
-    PagePlane,
-    PhotoFrame,
-    estimate_plane,
-    estimate_vanishing_points,
-    typical_focal_prior,
-)
 from services.rectify.pose import (
     EXIF_CONTRADICTED,
     PagePose,
@@ -45,6 +40,7 @@ from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.residuals import FittingParameters
 from services.sheet.tracing.baselines import detect_baselines
 from services.texture_flow.field import FlowSamples
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 
 Offset = tuple[float, float]
 

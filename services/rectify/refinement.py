@@ -17,8 +17,10 @@ from scipy.optimize import least_squares
 
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
+from services.geometry.focal_prior import MAX_FOCAL, MIN_FOCAL, FocalPrior
 from services.geometry.homographies import jacobians, transform_points, translation
-from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FlowVanishingPoints, FocalPrior, PagePlane
+from services.geometry.planar import PagePlane
+from services.geometry.vanishing_points import FlowVanishingPoints
 from services.rectify.straight_lines import StraightLines, side_directions, side_skew
 from services.sheet.tracing.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
 from services.texture_flow.field import FlowSamples

@@ -6,10 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from services.arrays import Points, Vector
+from services.geometry.focal_prior import FocalLengthSource, FocalPrior
 from services.geometry.homographies import resizing
 from services.geometry.page_map import PageMap
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import PageAnalysis
-from services.rectify.planar import FocalLengthSource, FocalPrior, PhotoFrame
 from services.rectify.results import MeshSurface, Notice
 from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.outline.results import SheetOutline

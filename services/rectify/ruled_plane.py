@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, GrayImage, Points, Vector
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import estimate_vanishing_point
 from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, plane_from_lines
-from services.rectify.planar import FocalPrior, PhotoFrame
 from services.rectify.straight_lines import StraightLines
 
 

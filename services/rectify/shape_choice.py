@@ -6,10 +6,12 @@ from typing import Literal
 import numpy as np
 
 from services.contract.rectify import PageKind
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PlaneMap
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_curved_page, trace_page
 from services.rectify.outline_plane import SheetSides
-from services.rectify.planar import FocalPrior, PhotoFrame
+from services.rectify.planarity import discriminate_surface
 from services.rectify.pose import PagePose, choose_pose
 from services.rectify.results import Notice
 from services.rectify.ridged_page import (
@@ -20,7 +22,6 @@ from services.rectify.ridged_page import (
     sides_crease,
     trace_by_profiles,
 )
-from services.rectify.surface_test import discriminate_surface
 from services.sheet.outline.results import SheetOutline
 from services.sheet.straight_sides import straighten_sides
 from services.sheet.tracing.line_tracing import line_deviation

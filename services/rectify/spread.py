@@ -8,9 +8,12 @@ import numpy as np
 from services.arrays import RgbImage, Vector
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.photo_frame import PhotoFrame
 from services.ocr.engine import OcrEngine
 from services.progress import progress_within
 from services.rectify.analysis import analyse_spread
+from services.rectify.focal_length import focal_prior
 from services.rectify.pipeline import (
     FACING_PAGE,
     STAGE_BEGINS,
@@ -20,7 +23,6 @@ from services.rectify.pipeline import (
     rectify,
     shape_page,
 )
-from services.rectify.planar import FocalPrior, PhotoFrame, focal_prior
 from services.rectify.pose import PagePose
 from services.rectify.results import Notice, RectifyResult
 from services.rectify.ridged_page import RidgedPage

@@ -20,8 +20,9 @@ from services.geometry.camera import (
     rotation_from_flows,
     rotation_from_vector,
 )
+from services.geometry.focal_prior import MAX_FOCAL, MIN_FOCAL, FocalPrior
 from services.geometry.homographies import transform_points
-from services.rectify.planar import MAX_FOCAL, MIN_FOCAL, FocalPrior, PagePlane
+from services.geometry.planar import PagePlane
 
 Upright = NDArray[np.bool_]
 MAX_STEPS = 60

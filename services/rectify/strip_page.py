@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import Floats, Points, Vector
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import PageAnalysis
-from services.rectify.planar import FocalPrior, PhotoFrame
 from services.rectify.results import StripsSurface
 from services.sheet.rulings.line_profiles import InkImage
 from services.sheet.rulings.page_rulings import PageRulings, find_page_rulings

@@ -8,14 +8,15 @@ import numpy as np
 
 from services.arrays import GrayImage, Points, RgbImage
 from services.errors import NoText
+from services.geometry.focal_prior import FocalLengthSource, FocalPrior
 from services.geometry.homographies import transform_points
+from services.geometry.photo_frame import PhotoFrame
 from services.imaging.illumination import flatten_illumination
 from services.rectify.analysis import resize_gray
 from services.rectify.curved_framing import CurvedFrame, frame_mesh
 from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame, frame_page, resize_frame
 from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, OutlinePlaneParameters, read_sides
-from services.rectify.planar import FocalLengthSource, FocalPrior, PhotoFrame
 from services.rectify.pose import PagePose
 from services.rectify.results import Notice, ShapeSource
 from services.rectify.ridged_page import RidgedPage, estimate_ridged_page, sides_bend

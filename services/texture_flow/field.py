@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
+from services.geometry.photo_frame import PhotoFrame
 from services.texture_flow.tabulated import TabulatedValues
 
 
@@ -29,6 +30,10 @@ class FlowSamples:
     def select(self, chosen: NDArray[np.bool_]) -> "FlowSamples":
         """The samples where `chosen` (N,) is true."""
         return FlowSamples(self.points[chosen], self.angles[chosen], self.weights[chosen])
+
+    def centred(self, frame: PhotoFrame) -> "FlowSamples":
+        """Samples in photo pixels as samples in the centred unit coordinates of `frame` (directions are the same)."""
+        return FlowSamples(frame.to_centred(self.points), self.angles, self.weights)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

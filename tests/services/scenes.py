@@ -6,9 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from services.arrays import Points, Vector
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.vanishing_points import FlowVanishingPoints
 from services.rectify.analysis import PageAnalysis, analyse_photo
-from services.rectify.planar import FlowVanishingPoints, PhotoFrame, estimate_vanishing_points
 from services.texture_flow.field import FlowSamples, angle_difference
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.degradation import PHONE, Degradation
 from simulation.flat_page import Page
 from simulation.pages import own_pages
@@ -42,13 +44,13 @@ class Shot:
     @property
     def major(self) -> FlowSamples:
         """Major flow in centred unit coordinates."""
-        return self.frame.to_centred(self.analysis.major)
+        return self.analysis.major.centred(self.frame)
 
     @property
     def minor(self) -> FlowSamples:
         """Minor flow in centred unit coordinates."""
         assert self.analysis.minor is not None
-        return self.frame.to_centred(self.analysis.minor)
+        return self.analysis.minor.centred(self.frame)
 
     @cached_property
     def vanishing_points(self) -> FlowVanishingPoints:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import Points, RgbImage
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.curved_framing import CurvedFrame, frame_curved_page
-from services.rectify.planar import PhotoFrame
 from services.sheet.developable.surface import DevelopableSurface
 from tests.services.sheet.developable.sheets import Bent, box
 

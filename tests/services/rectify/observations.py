@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from services.arrays import Floats, Homography, Points
-from services.rectify.planar import PagePlane, PhotoFrame
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.planar import PagePlane
 from services.rectify.refinement import FlatObservations, RefinementParameters, observe_lines
 from services.sheet.tracing.baselines import Baselines
 from services.texture_flow.field import FlowSamples
@@ -59,9 +60,8 @@ class PrintedPlane:
         step = 0.01 * np.array([np.cos(lean_rad), np.sin(lean_rad)])
         way = self.truth.page_to_photo(page + step) - self.truth.page_to_photo(page - step)
         angles = np.arctan2(way[:, 1], way[:, 0]) + rng.normal(0, noise_rad, len(page))
-        return self.frame.to_centred(
-            FlowSamples(self.truth.page_to_photo(page), angles, np.full(len(page), 1.0))
-        )
+        seen = FlowSamples(self.truth.page_to_photo(page), angles, np.full(len(page), 1.0))
+        return seen.centred(self.frame)
 
     def lines(self, noise_px: float, rng: np.random.Generator) -> FlatObservations:
         """36 justified lines in two paragraphs of one leading, their ends known to `noise_px`."""

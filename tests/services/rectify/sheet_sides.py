@@ -5,7 +5,7 @@ import numpy as np
 from services.arrays import Floats, Points
 from services.geometry.camera import plane_to_image, rotation_from_vector
 from services.geometry.homographies import transform_points
-from services.rectify.planar import PhotoFrame
+from services.geometry.photo_frame import PhotoFrame
 from services.sheet.outline.results import SheetOutline, SheetSide
 from simulation.truth import Truth
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from services.arrays import Floats, Points, Vector
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import analyse_photo
 from services.rectify.curved import (
     CurvedPage,
@@ -22,13 +24,14 @@ from services.rectify.curved import (
     start_surface,
     thin,
 )
-from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
+from services.rectify.focal_length import focal_prior
 from services.sheet.developable.fitting import FittedSurface, fit_surface
 from services.sheet.developable.observations import NO_LINES, PageObservations
 from services.sheet.developable.residuals import BENDS, surface_of
 from services.sheet.developable.smooth_residual import MorphedPage
 from services.sheet.developable.surface import DevelopableSurface, bend_basis
 from services.texture_flow.field import FlowSamples
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, photograph
 from simulation.truth import Truth
@@ -182,7 +185,7 @@ class Photographed:
     def estimate(self) -> CurvedPage | None:
         """Its curved page."""
         assert self.analysis.minor is not None
-        major, minor = self.frame.to_centred(self.analysis.major), self.frame.to_centred(self.analysis.minor)
+        major, minor = self.analysis.major.centred(self.frame), self.analysis.minor.centred(self.frame)
         points = estimate_vanishing_points(major, minor)
         evidence = PageEvidence(self.analysis, self.frame, major, minor, points)
         page = estimate_curved_page(evidence, focal_prior(self.frame, None, None))

@@ -7,9 +7,9 @@ import pytest
 
 from services.arrays import Floats, Points
 from services.geometry.page_map import PlaneMap
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.curved_framing import CurvedFrame, CurvedFramingParameters, frame_curved_page
 from services.rectify.framing import FramingParameters, mesh_of, resize_frame, turn_frame
-from services.rectify.planar import PhotoFrame
 from services.sheet.developable.surface import DevelopableSurface, bend_basis
 from tests.services.rectify.curved_views import BentView
 from tests.services.sheet.developable.sheets import FLAT, Bent, box

@@ -8,12 +8,12 @@ import pytest
 
 from services.arrays import Points, RgbImage
 from services.geometry.homographies import transform_points, translation
+from services.geometry.photo_frame import PhotoFrame
 from services.imaging import node_grid
 from services.rectify import drawing
 from services.rectify.curved_framing import CurvedFrame, frame_curved_page
 from services.rectify.drawing import draw_flat_view, draw_gray_view
 from services.rectify.framing import FlatFrame, mesh_of, resize_frame, turn_frame
-from services.rectify.planar import PhotoFrame
 from services.sheet.developable.surface import bend_basis
 from tests.services.rectify.curved_views import SHEET, BentView, code, drawn_off
 from tests.services.scenes import Album

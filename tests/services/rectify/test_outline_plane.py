@@ -8,7 +8,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from services.arrays import Points
+from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.homographies import transform_points
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.outline_plane import (
     NoOutlinePlane,
     OutlinePlane,
@@ -16,7 +18,6 @@ from services.rectify.outline_plane import (
     read_sides,
     side_lines,
 )
-from services.rectify.planar import FocalPrior, PhotoFrame, typical_focal_prior
 from services.sheet.outline.results import SheetOutline
 from tests.services.rectify.sheet_sides import ALL, FRAME, leaning, outline_of, seen_rectangle
 

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from services.arrays import Points
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import denominators, transform_points
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.planar import PagePlane
+from services.rectify.focal_length import focal_prior
 from services.rectify.outline_plane import OutlinePlane, SheetSides, read_sides
-from services.rectify.planar import (
-    FocalPrior,
-    PagePlane,
-    PhotoFrame,
-    estimate_vanishing_points,
-    focal_prior,
-)
+from services.rectify.planarity import discriminate_surface
 from services.rectify.pose import (
     PagePose,
     PoseParameters,
@@ -27,9 +25,9 @@ from services.rectify.pose import (
     most_common_direction,
 )
 from services.rectify.refinement import RefinedPlane
-from services.rectify.surface_test import discriminate_surface
 from services.sheet.tracing.baselines import detect_baselines
 from services.texture_flow.field import FlowSamples
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.scenes import POSES, View
 from tests.services.rectify.observations import photograph_plane
 from tests.services.rectify.sheet_sides import outline_of_truth

@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import analyse_photo
 from services.rectify.curved import PageEvidence
+from services.rectify.focal_length import focal_prior
 from services.rectify.photo_border import find_cut_borders, leave_out_borders
-from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points, focal_prior
 from services.rectify.pose import PagePose, choose_pose
 from services.rectify.principal_point import (
     PrincipalPointParameters,
@@ -22,6 +24,7 @@ from services.rectify.principal_point import (
     prior_at,
 )
 from services.sheet.outline.results import SheetOutline, SheetSide
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
 from simulation.scenes import POSES, photograph
@@ -48,7 +51,7 @@ def evidence_of(crop: tuple[float, float, float]) -> tuple[PageEvidence, np.ndar
     part = np.ascontiguousarray(image[: height - foot, left : width - right])
     view, analysis = PhotoFrame(part.shape[1], part.shape[0]), analyse_photo(part)
     assert analysis.minor is not None
-    major, minor = view.to_centred(analysis.major), view.to_centred(analysis.minor)
+    major, minor = analysis.major.centred(view), analysis.minor.centred(view)
     points = estimate_vanishing_points(major, minor)
     true = photo().truth.camera.principal_point - [left, 0] - view.centre
     return PageEvidence(analysis, view, major, minor, points), true

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from services.geometry.camera import PrincipalPointPrior
-from services.rectify.planar import (
-    FocalPrior,
-    PagePlane,
-    estimate_plane,
-    estimate_vanishing_points,
-    focal_prior,
-)
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.planar import PagePlane, estimate_plane
+from services.rectify.focal_length import focal_prior
 from services.rectify.refinement import (
     FlatObservations,
     RefinedPlane,
@@ -25,6 +21,7 @@ from services.rectify.refinement import (
     widen,
 )
 from services.sheet.tracing.baselines import Baselines
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.scenes import POSES, View
 from tests.services.rectify.observations import SLANT_RAD, PrintedPlane, photograph_plane
 

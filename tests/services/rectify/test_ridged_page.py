@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from services.arrays import Points, Vector
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
-from services.rectify.planar import FocalPrior, PhotoFrame
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.ridged_page import (
     NoRidgedPage,
     RidgedPage,

@@ -8,16 +8,18 @@ import pytest
 
 from services.arrays import Points, Vector
 from services.contract.rectify import PageKind
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap, PlaneMap
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import analyse_photo
 from services.rectify.curved import CurvedPage, PageEvidence
 from services.rectify.outline_plane import read_sides
 from services.rectify.pipeline import minor_or_perpendicular
-from services.rectify.planar import FocalPrior, PhotoFrame, estimate_vanishing_points
 from services.rectify.pose import PagePose
 from services.rectify.ridged_page import NoRidgedPage, RidgedPage, sides_bend, sides_crease
 from services.rectify.shape_choice import SMOOTH_SIDE, STRAIGHT_SIDE, choose_shape, ridged_page
 from services.sheet.outline.results import SheetOutline
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.folded import folded_in_thirds
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, PLANE
@@ -41,7 +43,7 @@ def seen(name: str) -> tuple[PageEvidence, SheetOutline, Truth]:
         sheet, SHEET_VIEWS[2], SHAPES[name], Staging("black"), rng=np.random.default_rng(1), size=SIZE
     )
     analysis = analyse_photo(photo.image)
-    major, minor = VIEW.to_centred(analysis.major), minor_or_perpendicular(analysis, VIEW)
+    major, minor = analysis.major.centred(VIEW), minor_or_perpendicular(analysis, VIEW)
     evidence = PageEvidence(analysis, VIEW, major, minor, estimate_vanishing_points(major, minor))
     return evidence, bent_outline_of_truth(photo.truth, 0.4, np.random.default_rng(2)), photo.truth
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from services.geometry.camera import rotation_from_vector
+from services.geometry.focal_prior import typical_focal_prior
+from services.geometry.planar import PagePlane
 from services.rectify.outline_plane import OutlinePlane, plane_from_lines, side_lines
-from services.rectify.planar import PagePlane, typical_focal_prior
 from services.rectify.straight_lines import (
     StraightLines,
     _directions,

@@ -9,11 +9,12 @@ import pytest
 from services.arrays import RgbImage
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
+from services.geometry.focal_prior import FocalPrior, typical_focal_prior
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify import pipeline
 from services.rectify.curved_framing import CurvedFrame
 from services.rectify.outline_plane import OutlinePlane
 from services.rectify.pipeline import describe_camera, describe_evidence, describe_surface, find_page
-from services.rectify.planar import FocalPrior, PhotoFrame, typical_focal_prior
 from services.rectify.pose import PagePose
 from services.rectify.results import MeshSurface
 from services.rectify.ridged_page import RidgedPage

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from services.rectify.planar import FlowVanishingPoints
+from services.geometry.vanishing_points import FlowVanishingPoints
 
 
 @dataclass(frozen=True, slots=True)
-class SurfaceTestParameters:
+class PlanarityParameters:
     """Limits of S3/S1 below which the tangent lines count as convergent, the tighter one for the major flow."""
 
     major_limit: float = 0.010
@@ -17,13 +17,13 @@ class SurfaceTestParameters:
 
 
 def discriminate_surface(
-    points: FlowVanishingPoints, text_height_px: float, parameters: SurfaceTestParameters | None = None
+    points: FlowVanishingPoints, text_height_px: float, parameters: PlanarityParameters | None = None
 ) -> Literal["planar", "curved"]:
     """Curved when either flow's tangent lines have full rank, else planar.
 
     `text_height_px` is the size of characters in the photo, which the minor flow's roughness depends on.
     """
-    p = parameters or SurfaceTestParameters()
+    p = parameters or PlanarityParameters()
     minor_limit = p.minor_limit * max(1.0, (p.sharp_text_height_px / text_height_px) ** 2)
     converges = points.horizontal.convergence <= p.major_limit and points.vertical.convergence <= minor_limit
     return "planar" if converges else "curved"

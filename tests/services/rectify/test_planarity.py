@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from services.geometry.vanishing_points import VanishingPoint
-from services.rectify.planar import FlowVanishingPoints, PhotoFrame, estimate_vanishing_points
-from services.rectify.surface_test import SurfaceTestParameters, discriminate_surface
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.vanishing_points import FlowVanishingPoints, VanishingPoint
+from services.rectify.planarity import PlanarityParameters, discriminate_surface
 from services.texture_flow.field import FlowSamples
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.camera import Camera, Pose
 from simulation.flat_page import Page
 from simulation.scenes import CURVATURE_SERIES, PLANE, POSES, View
@@ -37,11 +38,11 @@ def exact_flows(shape: Shape, view: View = POSES[0]) -> FlowVanishingPoints:
     truth = Truth(page, shape, 0.0, view.pose(page, shape, camera), camera)
     x, y = np.meshgrid(np.linspace(80, 720, 15), np.linspace(100, 1150, 20))
     points = truth.page_to_photo(np.stack([x.ravel(), y.ravel()], axis=1))
-    to_centred = PhotoFrame(1050, 1350).to_centred
+    frame = PhotoFrame(1050, 1350)
     weights = np.ones(len(points))
     return estimate_vanishing_points(
-        to_centred(FlowSamples(points, truth.major_flow(points), weights)),
-        to_centred(FlowSamples(points, truth.minor_flow(points), weights)),
+        FlowSamples(points, truth.major_flow(points), weights).centred(frame),
+        FlowSamples(points, truth.minor_flow(points), weights).centred(frame),
     )
 
 
@@ -56,7 +57,7 @@ def test_exact_flows_of_a_plane_have_no_rank_left(view: View) -> None:
 def test_convergence_worsens_with_curvature() -> None:
     series = [exact_flows(shape).horizontal.convergence for shape in CURVATURE_SERIES]
     assert (np.diff(series) > 0).all()
-    assert series[0] > SurfaceTestParameters().major_limit
+    assert series[0] > PlanarityParameters().major_limit
     # The page bends round its own vertical: strokes stay parallel to the rulings.
     assert exact_flows(CURVATURE_SERIES[3]).vertical.convergence < 1e-6
 
@@ -69,9 +70,9 @@ def test_either_flow_of_full_rank_tells_a_curved_page(major: float, minor: float
     horizontal, vertical = (
         VanishingPoint(np.array([1.0, 0, 0]), value, 0.0, np.ones(3, bool)) for value in (major, minor)
     )
-    p = SurfaceTestParameters(major_limit=0.010, minor_limit=0.040)
+    p = PlanarityParameters(major_limit=0.010, minor_limit=0.040)
     assert discriminate_surface(FlowVanishingPoints(horizontal, vertical), 22.0, p) == kind
-    assert SurfaceTestParameters().major_limit < SurfaceTestParameters().minor_limit  # "a tighter threshold"
+    assert PlanarityParameters().major_limit < PlanarityParameters().minor_limit  # "a tighter threshold"
 
 
 def test_small_print_may_have_rougher_strokes_but_no_rougher_lines() -> None:

@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 
 from services.geometry.homographies import transform_points
-from services.geometry.vanishing_points import VanishingPoint
-from services.rectify.planar import (
-    EXIF_DEVIATION,
-    GIVEN_DEVIATION,
-    FlowVanishingPoints,
-    PhotoFrame,
-    estimate_plane,
-    estimate_vanishing_points,
-    focal_prior,
-)
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.planar import estimate_plane
+from services.geometry.vanishing_points import FlowVanishingPoints, VanishingPoint
+from services.rectify.focal_length import EXIF_DEVIATION, GIVEN_DEVIATION, focal_prior
 from services.texture_flow.field import FlowSamples
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.scenes import POSES, View
 from tests.services.rectify.observations import PrintedPlane, photograph_plane
 
@@ -37,7 +32,7 @@ def true_points(plane: PrintedPlane) -> FlowVanishingPoints:
 
 def test_frame_is_centred_with_half_the_diagonal_as_unit() -> None:
     corners = np.array([[0.0, 0.0], [1049.0, 1349.0], [524.5, 674.5]])
-    samples = FRAME.to_centred(FlowSamples(corners, np.arange(3.0), np.ones(3)))
+    samples = FlowSamples(corners, np.arange(3.0), np.ones(3)).centred(FRAME)
     assert np.allclose(samples.points[2], 0.0)
     assert np.allclose(samples.points[0], -samples.points[1])
     assert np.linalg.norm(samples.points[0]) == pytest.approx(1.0, abs=0.002)  # pixel centres, not edges

@@ -1,0 +1,31 @@
+"""What is known of the focal length before the page is seen."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from services.geometry.camera import TYPICAL_FOCAL_LENGTH
+
+FocalLengthSource = Literal["estimated", "exif", "given", "assumed"]
+
+MAX_FOCAL, MIN_FOCAL = 12.0, 0.35
+"""Bounds of a believable focal length over half the diagonal: 9 to 160 degrees of view (diagonal)."""
+TYPICAL_DEVIATION = 0.25
+"""Main cameras of phones lie within one deviation (22 to 36 mm equivalent), most others within two."""
+
+
+@dataclass(frozen=True, slots=True)
+class FocalPrior:
+    """What is known of the focal length beforehand: its logarithm (unit: half diagonal) and the deviation of that."""
+
+    log_focal: float
+    deviation: float
+    source: FocalLengthSource
+    of_diagonal: bool = False
+    """The focal length is known as a multiple of the diagonal of the photo as it was taken, before any cropping."""
+
+
+def typical_focal_prior() -> FocalPrior:
+    """What is known of a camera that is not known."""
+    return FocalPrior(float(np.log(2 * TYPICAL_FOCAL_LENGTH)), TYPICAL_DEVIATION, "assumed", True)
