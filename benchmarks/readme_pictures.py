@@ -23,7 +23,7 @@ from services.mosaic.pipeline import mosaic
 from services.operations.reader import ocr_engine
 from services.rectify.analysis import analyse_photo
 from services.rectify.pipeline import rectify
-from services.rectify.results import MeshSurface, StripsSurface
+from services.sheet.surfaces import MeshSurface, StripsSurface
 from services.texture_flow.field import FlowSamples
 from simulation.degradation import PHONE
 from simulation.folded import folded_in_thirds

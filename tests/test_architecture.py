@@ -53,6 +53,7 @@ RULES = [
     ("services/texture_flow", (*ESTIMATORS, *SHEET, "services.ocr"), ()),
     ("services/ocr", (*ESTIMATORS, *SHEET, "services.texture_flow"), ()),
     ("services/sheet", (*ESTIMATORS, "services.ocr", "services.operations"), ()),
+    # Sub-packages know nothing of the whole pages that are put together from them.
     ("services/sheet/outline", SHEET, ("services.sheet.outline",)),
     ("services/sheet/rulings", SHEET, ("services.sheet.rulings",)),
     ("services/sheet/strips", SHEET, ("services.sheet.strips", "services.sheet.rulings")),

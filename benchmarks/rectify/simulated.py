@@ -51,7 +51,8 @@ from benchmarks.rectify.true_map import flatten_by_truth, flatten_in_frame
 from services.arrays import RgbImage
 from services.errors import DocumentError
 from services.operations.reader import ocr_engine
-from services.rectify.results import RectifyResult, StripsSurface
+from services.rectify.results import RectifyResult
+from services.sheet.surfaces import StripsSurface
 from simulation.flat_page import Points
 from simulation.photo import SimulatedPhoto
 from simulation.truth import Truth

@@ -26,8 +26,8 @@ from services.rectify import spread
 from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
-from services.rectify.strip_page import find_strips
 from services.sheet.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
+from services.sheet.strip_page import find_strips
 from services.texture_flow.regression import regress_flow
 from simulation.flat_page import Points
 from simulation.truth import Truth
@@ -123,8 +123,7 @@ def measure_flows(flows: Flows, truth: Truth, points: Points) -> FlowErrors:
 
 def measure_strips(analysis: PageAnalysis, view: PhotoFrame, truth: Truth, points: Points) -> StripErrors:
     """The dissertation's steps from the flows to rulings (3.3.3), their vanishing points (3.3.4) and strips (3.3.5)."""
-    minor = None if analysis.minor is None else analysis.minor.centred(view)
-    page = find_strips(analysis, view, typical_focal_prior(), analysis.major.centred(view), minor)
+    page = find_strips(analysis.evidence(view), typical_focal_prior())
     if page is None:
         return StripErrors()
     # The vanishing points in photo pixels; NaN where none is known.

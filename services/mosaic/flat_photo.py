@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from services.arrays import GrayImage, Mask, Points, RgbImage
-from services.rectify.curved_framing import CurvedFrame
 from services.rectify.framing import FlatFrame
 from services.rectify.results import Notice
+from services.sheet.framing import CurvedFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,15 +7,16 @@ import numpy as np
 
 from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
 from services.contract.rectify import RectifyParameters
+from services.geometry.page_frame import resize_frame
 from services.imaging.illumination import flatten_illumination
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.print_beyond import find_print, is_print
 from services.rectify.analysis import PageAnalysis, resize_gray
-from services.rectify.curved_framing import CurvedFrame
 from services.rectify.drawing import draw_gray_view
-from services.rectify.framing import FlatFrame, resize_frame
+from services.rectify.framing import FlatFrame
 from services.rectify.pipeline import estimate_page, frame_photo
 from services.rectify.stage_clock import StageClock
+from services.sheet.framing import CurvedFrame
 from services.texture_flow.text_identification import identify_text
 
 

@@ -4,9 +4,10 @@ import numpy as np
 
 from services.arrays import Floats, Points
 from services.geometry.homographies import denominators, transform_points
+from services.geometry.page_frame import fill_unknown
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import Placement
-from services.rectify.framing import FlatFrame, fill_unknown
+from services.rectify.framing import FlatFrame
 
 LARGEST_REACH = 3.0
 """In sizes of the view, how far beyond it a photo's point may lie: what is further is near the horizon of the page."""

@@ -11,6 +11,7 @@ from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, MosaicParameter
 from services.contract.rectify import Illumination
 from services.errors import DocumentError, InvalidOption, NoText, NotOverlapping
 from services.geometry.homographies import translation
+from services.geometry.page_frame import turning
 from services.imaging.illumination import flatten_illumination
 from services.mosaic.composition.composed_page import compose_page
 from services.mosaic.evidence import describe_pairs, describe_patches, notices_of, unplaced_notices
@@ -24,7 +25,6 @@ from services.mosaic.registration.photo_pairs import register_photos
 from services.mosaic.results import MosaicResult
 from services.ocr.engine import OcrEngine
 from services.progress import report_progress
-from services.rectify.framing import turning
 from services.rectify.pipeline import tell_orientation
 from services.rectify.results import Orientation
 from services.rectify.stage_clock import StageClock

@@ -20,8 +20,9 @@ from services.operations.replies import (
 )
 from services.progress import progress_within
 from services.rectify.pipeline import rectify
-from services.rectify.results import MeshSurface, PlaneSurface, RectifyResult, StripsSurface
+from services.rectify.results import PlaneSurface, RectifyResult
 from services.rectify.spread import page_timings, rectify_spread
+from services.sheet.surfaces import MeshSurface, StripsSurface
 
 
 def rectify_upload(

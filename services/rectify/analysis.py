@@ -8,18 +8,27 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
+from services.geometry.photo_frame import PhotoFrame
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import Paper, model_paper
 from services.rectify.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
+from services.sheet.evidence import PageEvidence
+from services.sheet.tracing.page_text import PageText
 from services.texture_flow.field import FlowField, FlowSamples, resize_field
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
 from services.texture_flow.text_identification import IdentifiedText, identify_text, keep_characters
+from services.texture_flow.vanishing_points import estimate_vanishing_points
 
 PICTURE_SHARE = 0.8
 """Of the ink that is found on a page of dark print, less is rejected as no text; pictures, and print in the
 negative, lose more."""
+
+FEW_STROKES = 4
+"""With fewer samples the minor flow is taken to run across the major flow,"""
+UNSEEN_WEIGHT = 0.05
+"""at this share of its weight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +82,19 @@ class PageAnalysis:
     def text_height_px(self) -> float:
         """Typical character size in photo pixels."""
         return self.text.text_height_px / self.factor
+
+    def evidence(self, view: PhotoFrame) -> PageEvidence:
+        """What a shape is fitted to, in the centred unit coordinates of `view`."""
+        text = PageText(
+            self.reduced, self.text.ink, self.text.area, self.factor, self.characters, self.text_height_px
+        )
+        major = self.major.centred(view)
+        if self.minor is not None and len(self.minor) >= FEW_STROKES:
+            minor = self.minor.centred(view)
+        else:
+            minor = FlowSamples(major.points, major.angles + np.pi / 2, UNSEEN_WEIGHT * major.weights)
+        points = estimate_vanishing_points(major, minor)
+        return PageEvidence(text, view, major, minor, points, has_strokes=self.minor is not None)
 
 
 def characters_in_photo(text: IdentifiedText, factor: float) -> Points:

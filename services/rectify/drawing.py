@@ -8,8 +8,8 @@ from services.arrays import GrayImage, Points, RgbImage
 from services.geometry.homographies import resizing, transform_points
 from services.imaging.node_grid import GRID_STEP_PX, between_nodes, continuous_nodes, node_grid
 from services.imaging.paper import certain_sheet
-from services.rectify.curved_framing import CurvedFrame
 from services.rectify.framing import FlatFrame
+from services.sheet.framing import CurvedFrame
 
 MAX_REDUCTION = 12.0
 """Photo pixels an output pixel: more is no page."""

@@ -6,8 +6,8 @@ from services.arrays import Mask, Points
 from services.geometry.homographies import transform_points, translation
 from services.imaging.sheet_edges import SheetEdges
 from services.rectify.analysis import PageAnalysis
-from services.rectify.curved_framing import CurvedFrame
 from services.rectify.framing import FlatFrame
+from services.sheet.framing import CurvedFrame
 
 LONG_SIDE_PX = 700
 """Of the view in which edges are looked for."""

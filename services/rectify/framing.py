@@ -1,70 +1,12 @@
 """Which part of the flattened plane is shown, and at what resolution."""
 
 from dataclasses import dataclass
-from typing import Protocol, Self, TypeVar
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from services.arrays import Floats, Homography, Points
-from services.geometry.homographies import jacobians, resizing, scaling, transform_points, translation
-
-
-@dataclass(frozen=True, slots=True)
-class FramingParameters:
-    """Sizes relative to the photo, the text, or the text height."""
-
-    text_margin: float = 2.5
-    """Text heights that are kept round the text in any case."""
-    paper_margin: float = 0.01
-    """Of the paper's size, so that its edge is not shaved."""
-    detail_percentile: float = 85.0
-    """This share of the text keeps all its pixels; what was nearer to the camera is reduced a little."""
-    max_growth: float = 1.6
-    """Output pixels over photo pixels."""
-    max_reach: float = 1.0
-    """How far, in sizes of the text, the view goes beyond the text when the paper's edge is not seen."""
-    small_print_px: float = 18.0
-    """Text height up to which print is drawn with more pixels than it has in the photo: on ten photos of 1 megapixel
-    it was read 1 to 12 points better."""
-    max_enlargement: float = 2.0
-    small_view_px: float = 4e6
-    """Pixels of a view that are always allowed."""
-    least_growth: float = 1.02
-    """A view is not enlarged for less."""
-    min_characters: int = 30
-    """With fewer, the whole sheet decides the resolution."""
-    max_sheet_reach: float = 8.0
-    """The same when it is: a bound for what cannot be a sheet."""
-
-
-TEXT_FRAMING = FramingParameters(max_reach=0.0)
-"""Of a view that shows the text with its margins and nothing else."""
-
-
-class Frame(Protocol):
-    """A view of the flat page: the output's size, and where in the photo each of its pixels is."""
-
-    @property
-    def width(self) -> int:
-        """Output columns."""
-        ...
-
-    @property
-    def height(self) -> int:
-        """Output rows."""
-        ...
-
-    def to_photo(self, pixels: Points) -> Points:
-        """Photo pixels (N, 2) of output pixels (N, 2)."""
-        ...
-
-    def through(self, H_old_new: Homography, width: int, height: int) -> Self:
-        """The same page in other pixels: the view whose pixel p shows what pixel `H_old_new` p showed."""
-        ...
-
-
-AnyFrame = TypeVar("AnyFrame", bound=Frame)
+from services.geometry.homographies import jacobians, scaling, transform_points, translation
+from services.geometry.page_frame import FramingParameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,46 +91,3 @@ def _visible(
     if len(inside) == 0:
         return low, high
     return inside.min(axis=0), inside.max(axis=0)
-
-
-def turning(width: int, height: int, rotation_deg: int, mirrored: bool) -> tuple[Homography, int, int]:
-    """H_old_new of a view flipped left to right if `mirrored`, then turned clockwise, and its new width and height."""
-    turn = np.eye(3)
-    if mirrored:
-        turn = turn @ np.array([[-1.0, 0.0, width - 1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    for _ in range(rotation_deg // 90 % 4):
-        # Output (x, y) of a clockwise quarter turn shows (y, height - 1 - x) of the view before.
-        turn = turn @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, height - 1], [0.0, 0.0, 1.0]])
-        width, height = height, width
-    return turn, width, height
-
-
-def turn_frame(frame: AnyFrame, rotation_deg: int, mirrored: bool) -> AnyFrame:
-    """The view flipped left to right if `mirrored`, then turned clockwise by a multiple of 90 degrees."""
-    return frame.through(*turning(frame.width, frame.height, rotation_deg, mirrored))
-
-
-def resize_frame(frame: AnyFrame, factor: float) -> AnyFrame:
-    """The same view with `factor` times the pixels on a side."""
-    width, height = max(round(frame.width * factor), 1), max(round(frame.height * factor), 1)
-    return frame.through(np.linalg.inv(resizing(factor)), width, height)
-
-
-def mesh_of(frame: Frame, columns: int = 49, rows: int = 65) -> Floats:
-    """Mesh (rows, columns, 2) of photo points over the output, corner to corner.
-
-    A node beyond what the page's model knows takes the photo point of the nearest node within.
-    """
-    x, y = np.linspace(0, frame.width - 1, columns), np.linspace(0, frame.height - 1, rows)
-    grid = np.stack(np.meshgrid(x, y), axis=-1)
-    mesh = frame.to_photo(grid.reshape(-1, 2)).reshape(rows, columns, 2)
-    return fill_unknown(mesh)
-
-
-def fill_unknown(mesh: Floats) -> Floats:
-    """`mesh` (rows, columns, 2) with the nearest known node's point where a node is not finite."""
-    unknown = ~np.isfinite(mesh).all(axis=-1)
-    if unknown.any() and not unknown.all():
-        nearest = distance_transform_edt(unknown, return_distances=False, return_indices=True)
-        mesh = mesh[nearest[0], nearest[1]]
-    return np.asarray(np.nan_to_num(mesh))

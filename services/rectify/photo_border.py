@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 
 from services.arrays import Points
-from services.rectify.analysis import PageAnalysis
 from services.sheet.outline.results import SheetOutline
 
 
@@ -33,23 +32,23 @@ def border_gaps(points: Points, width: int, height: int) -> Points:
 
 
 def find_cut_borders(
-    analysis: PageAnalysis,
+    characters: Points,
+    text_height_px: float,
     width: int,
     height: int,
     sheet: Points | None = None,
     parameters: PhotoBorderParameters | None = None,
 ) -> set[str]:
-    """Those of the photo's `BORDERS` that print runs up to, on the `sheet` (M, 2) if its outline is given.
+    """Those of the photo's `BORDERS` that `characters` (N, 2) run up to, on the `sheet` (M, 2) if its outline is given.
 
     Without it, the grain of a desk may count as print.
     """
     p = parameters or PhotoBorderParameters()
-    printed = analysis.characters
-    near = border_gaps(printed, width, height) < p.near * analysis.text_height_px
+    near = border_gaps(characters, width, height) < p.near * text_height_px
     if sheet is not None:
-        contour, reach = sheet.astype(np.float32), p.beside_sheet * analysis.text_height_px
+        contour, reach = sheet.astype(np.float32), p.beside_sheet * text_height_px
         for k in np.flatnonzero(near.any(axis=1)):
-            at = (float(printed[k, 0]), float(printed[k, 1]))
+            at = (float(characters[k, 0]), float(characters[k, 1]))
             near[k] &= cv2.pointPolygonTest(contour, at, True) > -reach
     return {border for border, count in zip(BORDERS, near.sum(axis=0), strict=True) if count >= p.characters}
 

@@ -11,18 +11,17 @@ from services.contract.rectify import Crop, RectifyParameters
 from services.errors import InvalidOption, NoText
 from services.geometry.camera import field_of_view
 from services.geometry.focal_prior import FocalPrior
+from services.geometry.page_frame import TEXT_FRAMING, mesh_of, resize_frame, turn_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.imaging.illumination import normalize_illumination
 from services.imaging.paper import certain_sheet
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
-from services.rectify.curved import CurvedPage, PageEvidence
-from services.rectify.curved_framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.rectify.drawing import draw_flat_view, draw_gray_view, whiten_beyond
 from services.rectify.edge_cropping import crop_to_gutter, within_gutter
 from services.rectify.focal_length import focal_prior
-from services.rectify.framing import TEXT_FRAMING, FlatFrame, frame_page, mesh_of, resize_frame, turn_frame
+from services.rectify.framing import FlatFrame, frame_page
 from services.rectify.orientation import estimate_orientation
 from services.rectify.outline_plane import read_sides
 from services.rectify.photo_border import find_cut_borders, leave_out_borders
@@ -31,23 +30,22 @@ from services.rectify.principal_point import find_principal_point
 from services.rectify.results import (
     CameraEstimate,
     Evidence,
-    MeshSurface,
     Notice,
     Orientation,
     PlaneSurface,
     RectifyResult,
     ShapeSource,
-    StripsSurface,
 )
-from services.rectify.ridged_page import RidgedPage
 from services.rectify.shape_choice import FEW_LINES, choose_shape
 from services.rectify.sheet_cut import cut_to_outline, cut_to_page, paper_in_photo, restore_detail
 from services.rectify.stage_clock import StageClock
 from services.rectify.textless import TextlessPage, draw_for_reading, find_textless_page, frame_textless
+from services.sheet.curved_page import CurvedPage
+from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.results import SheetOutline
-from services.texture_flow.field import FlowSamples
-from services.texture_flow.vanishing_points import estimate_vanishing_points
+from services.sheet.ridged_page import RidgedPage
+from services.sheet.surfaces import MeshSurface, StripsSurface
 
 FACING_PAGE = Notice(
     "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."
@@ -245,13 +243,13 @@ def shape_page(
     """
     with clock.stage("shape"):
         if outline is not None:
-            cut = find_cut_borders(analysis, view.width, view.height, outline.polygon)
+            cut = find_cut_borders(
+                analysis.characters, analysis.text_height_px, view.width, view.height, outline.polygon
+            )
             outline = leave_out_borders(outline, cut, view.width, view.height)
         sheet = read_sides(outline, view, prior)
         view = view if sheet is None else sheet.view
-        major, minor = analysis.major.centred(view), minor_or_perpendicular(analysis, view)
-        points = estimate_vanishing_points(major, minor)
-        evidence = PageEvidence(analysis, view, major, minor, points)
+        evidence = analysis.evidence(view)
         shape, notices = choose_shape(evidence, prior, parameters.kind, outline, sheet)
         moved = find_principal_point(evidence, prior, shape)
         if moved is not None:  # a cropped photo: all again, relative to the principal point that was found
@@ -259,7 +257,7 @@ def shape_page(
             again = choose_shape(moved.evidence, moved.prior, parameters.kind, outline, sheet)
             if type(again[0]) is type(shape):
                 shape, notices = again[0], (*moved.notices, *again[1])
-                view, points = moved.evidence.view, moved.evidence.vanishing_points
+                view, evidence = moved.evidence.view, moved.evidence
     sides_believed = isinstance(shape, RidgedPage) or (isinstance(shape, PagePose) and shape.sides_believed)
     few_lines = analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES
     if few_lines and not sides_believed:
@@ -269,15 +267,7 @@ def shape_page(
         )
     if analysis.facing_page:
         notices += (FACING_PAGE,)
-    return FlatPage(analysis, view, points, shape, notices, outline)
-
-
-def minor_or_perpendicular(analysis: PageAnalysis, view: PhotoFrame) -> FlowSamples:
-    """Minor samples in centred coordinates; where no strokes were seen, weak ones across the major flow."""
-    if analysis.minor is not None and len(analysis.minor) >= 4:
-        return analysis.minor.centred(view)
-    major = analysis.major.centred(view)
-    return FlowSamples(major.points, major.angles + np.pi / 2, 0.05 * major.weights)
+    return FlatPage(analysis, view, evidence.vanishing_points, shape, notices, outline)
 
 
 def find_border(page: FlatPage, crop: Crop) -> Points | None:

@@ -6,21 +6,18 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from services.arrays import Floats, Homography, Mask, Points
+from services.arrays import Homography, Mask, Points
 from services.geometry.camera import rotation_from_vector
 from services.geometry.focal_prior import FocalLengthSource, FocalPrior, typical_focal_prior
 from services.geometry.homographies import (
     denominators,
     jacobians,
-    resizing,
     scaling,
     transform_points,
     translation,
 )
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane, estimate_plane
-from services.geometry.vanishing_points import FlowVanishingPoints
-from services.rectify.analysis import PageAnalysis
 from services.rectify.outline_plane import OutlinePlane, SheetSides
 from services.rectify.refinement import (
     RefinedPlane,
@@ -32,8 +29,10 @@ from services.rectify.refinement import (
 )
 from services.rectify.results import Notice, ShapeSource
 from services.rectify.straight_lines import StraightLines, along_axes, side_directions
+from services.sheet.evidence import PageEvidence
 from services.sheet.tracing.baselines import detect_baselines
-from services.texture_flow.field import FlowSamples, angle_difference
+from services.sheet.tracing.page_text import PageText
+from services.texture_flow.field import FlowSamples, angle_difference, mean_deviation
 
 EXIF_CONTRADICTED = Notice(
     "exif-contradicted",
@@ -138,17 +137,9 @@ def most_common_direction(samples: FlowSamples, width_rad: float = np.deg2rad(2.
 def flow_deviation(plane: PagePlane, major: FlowSamples, minor: FlowSamples, minor_share: float) -> float:
     """Mean deviation (rad) of the flows from horizontal and vertical in the flat view, the worst tenth left out."""
     H = np.linalg.inv(plane.H_centred_plane)
-    return trimmed_deviation(jacobians(H, major.points), major, 0.0) + minor_share * trimmed_deviation(
+    return mean_deviation(jacobians(H, major.points), major, 0.0) + minor_share * mean_deviation(
         jacobians(H, minor.points), minor, np.pi / 2
     )
-
-
-def trimmed_deviation(J: Floats, samples: FlowSamples, axis: float) -> float:
-    """Mean angle (rad) between `samples`, mapped by `J` (N, 2, 2), and `axis`, the worst tenth left out."""
-    tangent = np.stack([np.cos(samples.angles), np.sin(samples.angles)], axis=1)
-    t = np.einsum("nij,nj->ni", J, tangent)
-    deviation = np.abs(angle_difference(np.arctan2(t[:, 1], t[:, 0]), axis))
-    return float(np.mean(np.sort(deviation)[: max(int(0.9 * len(deviation)), 1)]))
 
 
 def is_plausible(plane: PagePlane, text_points: Points, parameters: PoseParameters) -> bool:
@@ -163,22 +154,21 @@ def is_plausible(plane: PagePlane, text_points: Points, parameters: PoseParamete
     return bool(high < parameters.max_magnification_ratio * low and tilt < parameters.max_tilt_rad)
 
 
-def flatten_ink(analysis: PageAnalysis, view: PhotoFrame, plane: PagePlane) -> tuple[Mask, Homography]:
-    """Ink of the text in the flat view of `plane`, at about the analysis' resolution, and H_centred_flat."""
-    H_reduced_centred = resizing(analysis.factor) @ view.H_photo_centred
+def flatten_ink(text: PageText, view: PhotoFrame, plane: PagePlane) -> tuple[Mask, Homography]:
+    """Ink of the text in the flat view of `plane`, at about the resolution it was found in, and H_centred_flat."""
+    H_reduced_centred = text.H_reduced_centred(view)
     H_reduced_plane = H_reduced_centred @ plane.H_centred_plane
-    centres = analysis.text.components.centres
-    text = transform_points(np.linalg.inv(H_reduced_plane), centres)
-    density = np.sqrt(np.abs(np.linalg.det(jacobians(H_reduced_plane, text))))
-    margin = 2 * analysis.text.text_height_px / float(np.median(density))
-    low, high = text.min(axis=0) - margin, text.max(axis=0) + margin
+    at = transform_points(np.linalg.inv(plane.H_centred_plane), view.to_centred(text.characters))
+    density = np.sqrt(np.abs(np.linalg.det(jacobians(H_reduced_plane, at))))
+    margin = 2 * text.height_px * text.factor / float(np.median(density))
+    low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
     scale = 1.2 * float(np.median(density))
     scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded, whatever the plane
     H_flat_plane = scaling(scale) @ translation(-float(low[0]), -float(low[1]))
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     H_reduced_flat = H_reduced_plane @ np.linalg.inv(H_flat_plane)
     ink = cv2.warpPerspective(
-        analysis.text.ink.astype(np.uint8) * 255,
+        text.ink.astype(np.uint8) * 255,
         H_reduced_flat,
         (width, height),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
@@ -187,36 +177,30 @@ def flatten_ink(analysis: PageAnalysis, view: PhotoFrame, plane: PagePlane) -> t
 
 
 def refine_pose(
-    analysis: PageAnalysis,
-    view: PhotoFrame,
+    evidence: PageEvidence,
     prior: FocalPrior,
-    major: FlowSamples,
-    minor: FlowSamples,
-    points: FlowVanishingPoints,
     start: PagePlane,
     p: PoseParameters,
     sides: StraightLines | None = None,
 ) -> RefinedPlane:
     """Two rounds: the text lines are found again in the first round's view, with the deviations it has shown."""
-    parameters = for_text(analysis.text_height_px)
-    ink, H_centred_flat = flatten_ink(analysis, view, start)
+    e, parameters = evidence, for_text(evidence.text.height_px)
+    ink, H_centred_flat = flatten_ink(e.text, e.view, start)
     observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
-    first = refine_plane(start, prior, major, minor, points, observations, parameters, sides)
-    if not is_plausible(first.plane, text_points(analysis, view), p):
+    first = refine_plane(start, prior, e.major, e.minor, e.vanishing_points, observations, parameters, sides)
+    if not is_plausible(first.plane, e.characters, p):
         return first
     parameters = widen(parameters, first.spreads)
-    ink, H_centred_flat = flatten_ink(analysis, view, first.plane)
+    ink, H_centred_flat = flatten_ink(e.text, e.view, first.plane)
     observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
-    return refine_plane(first.plane, prior, major, minor, points, observations, parameters, sides)
+    return refine_plane(
+        first.plane, prior, e.major, e.minor, e.vanishing_points, observations, parameters, sides
+    )
 
 
 def refine_with_sides(
-    analysis: PageAnalysis,
-    view: PhotoFrame,
+    evidence: PageEvidence,
     prior: FocalPrior,
-    major: FlowSamples,
-    minor: FlowSamples,
-    points: FlowVanishingPoints,
     start: PagePlane,
     p: PoseParameters,
     sheet: SheetSides | None,
@@ -226,24 +210,25 @@ def refine_with_sides(
     A wrong start hides the sides behind their own loss, so the sides' plane is a start too. Where the sides agree
     with what comes of it, it is taken; else the plane that costs least, flows and sides taken together.
     """
+    e = evidence
     if sheet is None:
-        return refine_pose(analysis, view, prior, major, minor, points, start, p), False
+        return refine_pose(e, prior, start, p), False
     found: list[tuple[float, RefinedPlane, bool]] = []
     for first in (sheet.plane.plane if isinstance(sheet.plane, OutlinePlane) else None, start):
         if first is None:
             continue
-        level = level_text(first, major)
-        if not is_plausible(level, text_points(analysis, view), p):
+        level = level_text(first, e.major)
+        if not is_plausible(level, e.characters, p):
             continue
         sides = along_axes(level, sheet.lines)
-        refined = refine_pose(analysis, view, prior, major, minor, points, level, p, sides)
+        refined = refine_pose(e, prior, level, p, sides)
         agree = sides_agree(refined, sides, p)
-        cost = joint_cost(refined, major, minor, points, sides, for_text(analysis.text_height_px))
+        cost = joint_cost(refined, e.major, e.minor, e.vanishing_points, sides, for_text(e.text.height_px))
         found.append((cost, refined, agree))
         if agree and len(sides) > 2:
             break
     if not found:
-        return refine_pose(analysis, view, prior, major, minor, points, start, p), False
+        return refine_pose(e, prior, start, p), False
     _, refined, agree = min(found, key=lambda candidate: candidate[0])
     return refined, agree
 
@@ -254,42 +239,32 @@ def sides_agree(refined: RefinedPlane, sides: StraightLines, p: PoseParameters) 
     return bool((off < np.maximum(p.side_rad, p.side_deviations * sides.direction_deviations_rad)).all())
 
 
-def text_points(analysis: PageAnalysis, view: PhotoFrame) -> Points:
-    """Centres of the characters (N, 2) in centred unit coordinates."""
-    return np.asarray((analysis.characters - view.centre) / view.unit_px)
-
-
 def choose_pose(
-    analysis: PageAnalysis,
-    view: PhotoFrame,
+    evidence: PageEvidence,
     prior: FocalPrior,
-    major: FlowSamples,
-    minor: FlowSamples,
-    points: FlowVanishingPoints,
     kind: Literal["planar", "curved"],
     parameters: PoseParameters | None = None,
     sheet: SheetSides | None = None,
 ) -> PagePose:
-    """Pose of the page in `view`; flows in centred coordinates. Falls back to a mere turn, with the reason.
+    """Pose of the page. Falls back to a mere turn, with the reason.
 
     `sheet` holds the sides of the sheet, where they are seen. A plane that they agree with needs no support of the
     flows, which sparse text draws astray.
     """
     p = parameters or PoseParameters()
-    characters = text_points(analysis, view)
+    e, major, minor = evidence, evidence.major, evidence.minor
+    characters = e.characters
     level = level_plane(major, prior)
-    start = estimate_plane(points, prior)
+    start = estimate_plane(e.vanishing_points, prior)
     if not is_plausible(start, characters, p):
         start = level
-    refined, agree = refine_with_sides(analysis, view, prior, major, minor, points, start, p, sheet)
+    refined, agree = refine_with_sides(e, prior, start, p, sheet)
     notices: list[Notice] = []
     tension = focal_tension(refined, prior)
     drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
     if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
         prior = typical_focal_prior()
-        refined, agree = refine_with_sides(
-            analysis, view, prior, major, minor, points, refined.plane, p, sheet
-        )
+        refined, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
         notices.append(EXIF_CONTRADICTED)
     plane = refined.plane
     gain = p.curved_gain if kind == "curved" else p.gain
@@ -332,9 +307,9 @@ def choose_pose(
         notices += disagreement(sheet, refined, believed, lines, without, p)
     N = plane.rotation[:, 2]
     return PagePose(
-        view.H_photo_centred @ plane.H_centred_plane,
+        e.view.H_photo_centred @ plane.H_centred_plane,
         (float(N[0]), float(N[1]), float(N[2])),
-        plane.focal * view.unit_px,
+        plane.focal * e.view.unit_px,
         source if plane is not level else prior.source,
         tuple(notices),
         refined.lines,

@@ -21,7 +21,6 @@ from services.geometry.camera import PrincipalPointPrior
 from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane, estimate_plane
-from services.rectify.curved import CurvedPage, PageEvidence, page_hull
 from services.rectify.photo_border import find_cut_borders
 from services.rectify.pose import (
     EXIF_CONTRADICTED,
@@ -35,9 +34,11 @@ from services.rectify.pose import (
 from services.rectify.refinement import for_text, observe_lines, refine_plane
 from services.rectify.refinement import widen as widen_lines
 from services.rectify.results import Notice
+from services.sheet.curved_page import CurvedPage, page_hull
 from services.sheet.developable.fitting import SurfaceStart, fit_surface, free_gain, widen
 from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.residuals import FittingParameters
+from services.sheet.evidence import PageEvidence
 from services.sheet.tracing.baselines import detect_baselines
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
@@ -166,7 +167,7 @@ def _choose(
     view = e.view
     half = (0.5 * view.width / view.unit_px, 0.5 * view.height / view.unit_px) if prior.of_diagonal else None
     free, held = p.offset, p.held
-    cut = find_cut_borders(e.analysis, view.width, view.height)
+    cut = find_cut_borders(e.text.characters, e.text.height_px, view.width, view.height)
     hypotheses = [((free, held), (start, 0.0), p.one_axis) for start in fitting.along_x]
     hypotheses += [((held, free), (0.0, start), p.one_axis) for start in fitting.along_y]
     if fitting.both:
@@ -289,9 +290,9 @@ def _plane_fitting(e: PageEvidence, prior: FocalPrior, p: PrincipalPointParamete
     start = estimate_plane(e.vanishing_points, typical)
     if not is_plausible(start, e.characters, pose):
         start = level_plane(e.major, typical)
-    traced = refine_pose(e.analysis, e.view, typical, e.major, e.minor, e.vanishing_points, start, pose)
-    parameters = widen_lines(for_text(e.analysis.text_height_px), traced.spreads)
-    ink, H_centred_flat = flatten_ink(e.analysis, e.view, traced.plane)
+    traced = refine_pose(e, typical, start, pose)
+    parameters = widen_lines(for_text(e.text.height_px), traced.spreads)
+    ink, H_centred_flat = flatten_ink(e.text, e.view, traced.plane)
     lines = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
 
     def fit(principal_point: PrincipalPointPrior | None) -> _Fit:
@@ -322,4 +323,5 @@ def _relative_to(offset: Offset, e: PageEvidence, start: SurfaceStart | None = N
         return FlowSamples(flow.points - offset, flow.angles, flow.weights)
 
     view, major, minor = e.view.moved(offset), shift(e.major), shift(e.minor)
-    return PageEvidence(e.analysis, view, major, minor, estimate_vanishing_points(major, minor), start)
+    points = estimate_vanishing_points(major, minor)
+    return PageEvidence(e.text, view, major, minor, points, e.has_strokes, start)

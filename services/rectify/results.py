@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import RgbImage
+from services.sheet.surfaces import MeshSurface, StripsSurface
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,32 +59,6 @@ class PlaneSurface:
     """Unit normal in the camera frame (x right, y down, z forward); None where f is unknown."""
 
     normal: tuple[float, float, float] | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StripsSurface:
-    """A developable page as planar strips between its rulings, in order across the page.
-
-    `normals` (L, 3) are unit normals of the strips in the camera frame (z away from the viewer), `points`
-    (L + 1, 2) a point of every ruling in photo pixels, `angles_rad` (L + 1,) its direction in [0, pi), and
-    `vanishing_points` (L + 1, 3) its homogeneous vanishing point in photo pixels.
-    """
-
-    normals: NDArray[np.float64]
-    points: NDArray[np.float64]
-    angles_rad: NDArray[np.float64]
-    vanishing_points: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MeshSurface:
-    """A creased page as a mesh: `points` (rows, columns, 2) of its nodes in photo pixels, regular on the flat sheet.
-
-    `normals` (rows - 1, columns - 1, 3) are the unit normals of its cells in the camera frame (z away from the viewer).
-    """
-
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

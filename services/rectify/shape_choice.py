@@ -9,22 +9,23 @@ from services.contract.rectify import PageKind
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.curved import CurvedPage, NoSheet, PageEvidence, estimate_curved_page, trace_page
 from services.rectify.outline_plane import SheetSides
 from services.rectify.planarity import discriminate_surface
-from services.rectify.pose import PagePose, choose_pose
+from services.rectify.pose import EXIF_CONTRADICTED, PagePose, choose_pose
 from services.rectify.results import Notice
-from services.rectify.ridged_page import (
+from services.sheet.curved_page import CurvedPage, NoSheet, estimate_curved_page
+from services.sheet.evidence import PageEvidence
+from services.sheet.outline.results import SheetOutline
+from services.sheet.ridged_page import (
     NoRidgedPage,
     RidgedPage,
     estimate_ridged_page,
     sides_bend,
     sides_crease,
-    trace_by_profiles,
 )
-from services.sheet.outline.results import SheetOutline
 from services.sheet.straight_sides import straighten_sides
-from services.sheet.tracing.line_tracing import line_deviation
+from services.sheet.tracing.line_tracing import line_deviation, trace_by_characters
+from services.sheet.tracing.profile_tracing import trace_by_profiles
 
 FEW_LINES = 10
 """Fewer lines than this tell little of a page's shape."""
@@ -59,13 +60,13 @@ def choose_shape(
     """
     e = evidence
     seems: Literal["planar", "curved"] = (
-        discriminate_surface(e.vanishing_points, e.analysis.text_height_px) if kind == "auto" else kind
+        discriminate_surface(e.vanishing_points, e.text.height_px) if kind == "auto" else kind
     )
-    pose = choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, seems, sheet=sheet)
+    pose = choose_pose(e, prior, seems, sheet=sheet)
     if kind == "planar":
         return pose, pose.notices
     plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
-    waviness = line_deviation(plane, trace_page(e.analysis, e.view, plane))
+    waviness = line_deviation(plane, trace_by_characters(e.text, e.view, plane))
     bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
     # Four straight sides and straight lines are those of a plane, whatever sparse flows say.
     planar = waviness < STRAIGHT and (seems == "planar" or pose.sides_believed)
@@ -73,7 +74,8 @@ def choose_shape(
         return pose, pose.notices
     bent = choose_bent_shape(e, prior, pose, waviness, outline, forced=kind == "curved")
     if isinstance(bent, CurvedPage | RidgedPage):
-        return bent, bent.notices
+        contradicted = isinstance(bent, CurvedPage) and bent.exif_contradicted
+        return bent, (EXIF_CONTRADICTED,) if contradicted else ()
     if seems == "planar" or pose.sides_believed:
         return pose, pose.notices
     return pose, (why_not_bent(bent), *pose.notices)
@@ -104,7 +106,7 @@ def choose_bent_shape(
     ridged = None if outline is None else ridged_page(e, prior, outline)
     if isinstance(ridged, RidgedPage) and outline is not None:
         plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
-        by_profiles = line_deviation(plane, trace_by_profiles(e.analysis, e.view, plane))
+        by_profiles = line_deviation(plane, trace_by_profiles(e.text, e.view, plane))
         straighter = ridged.waviness < CURVED_GAIN * by_profiles
         if forced or straighter or sides_bend(outline) > STRAIGHT_SIDE:
             return ridged
@@ -160,7 +162,7 @@ def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> Ri
         e.view,
         prior,
         direction,
-        lambda page: trace_by_profiles(e.analysis, e.view, page),
+        lambda page: trace_by_profiles(e.text, e.view, page),
         e.strokes,
         e.major,
     )

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Mask, Points, RgbImage
+from services.geometry.page_frame import FramingParameters, resize_frame
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis import PageAnalysis
-from services.rectify.curved_framing import CurvedFrame
 from services.rectify.drawing import draw_flat_view
 from services.rectify.edge_cropping import LONG_SIDE_PX, crop_frame, shown_pixels, view_points
-from services.rectify.framing import FlatFrame, FramingParameters, resize_frame
+from services.rectify.framing import FlatFrame
+from services.sheet.framing import CurvedFrame
 from services.sheet.outline.results import SheetOutline
 
 SIDES = ("left", "top", "right", "bottom")

@@ -25,8 +25,8 @@ from services.rectify.pipeline import (
 )
 from services.rectify.pose import PagePose
 from services.rectify.results import Notice, RectifyResult
-from services.rectify.ridged_page import RidgedPage
 from services.rectify.stage_clock import StageClock
+from services.sheet.ridged_page import RidgedPage
 
 ORIENTATION_UNKNOWN = "orientation-unknown"
 SURE = 0.5

@@ -10,18 +10,19 @@ from services.arrays import GrayImage, Points, RgbImage
 from services.errors import NoText
 from services.geometry.focal_prior import FocalLengthSource, FocalPrior
 from services.geometry.homographies import transform_points
+from services.geometry.page_frame import resize_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.illumination import flatten_illumination
 from services.rectify.analysis import resize_gray
-from services.rectify.curved_framing import CurvedFrame, frame_mesh
 from services.rectify.drawing import draw_gray_view
-from services.rectify.framing import FlatFrame, frame_page, resize_frame
+from services.rectify.framing import FlatFrame, frame_page
 from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, OutlinePlaneParameters, read_sides
 from services.rectify.pose import PagePose
 from services.rectify.results import Notice, ShapeSource
-from services.rectify.ridged_page import RidgedPage, estimate_ridged_page, sides_bend
 from services.rectify.ruled_plane import plane_from_rules
+from services.sheet.framing import CurvedFrame, frame_mesh
 from services.sheet.outline.results import SheetOutline
+from services.sheet.ridged_page import RidgedPage, estimate_ridged_page, sides_bend
 
 NOT_FLAT = Notice(
     "curved-page",
@@ -76,7 +77,7 @@ class TextlessPage:
     @property
     def notices(self) -> tuple[Notice, ...]:
         """What to say of the shape."""
-        return self.shape.notices
+        return self.shape.notices if isinstance(self.shape, PagePose) else ()
 
 
 def find_textless_page(

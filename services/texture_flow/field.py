@@ -36,6 +36,14 @@ class FlowSamples:
         return FlowSamples(frame.to_centred(self.points), self.angles, self.weights)
 
 
+def mean_deviation(J: Floats, samples: FlowSamples, axis: float) -> float:
+    """Mean angle (rad) between `samples`, mapped by `J` (N, 2, 2), and `axis`, the worst tenth left out."""
+    tangent = np.stack([np.cos(samples.angles), np.sin(samples.angles)], axis=1)
+    t = np.einsum("nij,nj->ni", J, tangent)
+    deviation = np.abs(angle_difference(np.arctan2(t[:, 1], t[:, 0]), axis))
+    return float(np.mean(np.sort(deviation)[: max(int(0.9 * len(deviation)), 1)]))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FlowField:
     """Dense orientation field on a regular grid, extrapolated to every pixel.

@@ -18,7 +18,8 @@ from benchmarks.common.residuals import (
     similarity_residual,
     strip_of,
 )
-from services.rectify.results import PlaneSurface, StripsSurface
+from services.rectify.results import PlaneSurface
+from services.sheet.surfaces import StripsSurface
 from simulation.camera import Camera, Pose
 from simulation.flat_page import Page, PageWord
 from simulation.scenes import BOOK, CONE, POSES

@@ -9,6 +9,7 @@ from services.arrays import Points, Vector
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.rectify.analysis import PageAnalysis, analyse_photo
+from services.sheet.evidence import PageEvidence
 from services.texture_flow.field import FlowSamples, angle_difference
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.degradation import PHONE, Degradation
@@ -51,6 +52,11 @@ class Shot:
         """Minor flow in centred unit coordinates."""
         assert self.analysis.minor is not None
         return self.analysis.minor.centred(self.frame)
+
+    @cached_property
+    def evidence(self) -> PageEvidence:
+        """What a shape is fitted to."""
+        return self.analysis.evidence(self.frame)
 
     @cached_property
     def vanishing_points(self) -> FlowVanishingPoints:

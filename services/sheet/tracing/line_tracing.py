@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
 from services.geometry.page_map import PageMap
+from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import (
     Baselines,
@@ -22,6 +23,7 @@ from services.sheet.tracing.baselines import (
     group_alike,
     group_paragraphs,
 )
+from services.sheet.tracing.page_text import PageText
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +91,13 @@ def flatten_ink(
     at = seen * np.float32(H_reduced_centred[0, 0]) + H_reduced_centred[:2, 2].astype(np.float32)
     flat = cv2.remap(ink.astype(np.uint8) * 255, at[..., 0], at[..., 1], cv2.INTER_LINEAR)
     return FlatInk(flat > 127, scale, offset)
+
+
+def trace_by_characters(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
+    """The page's text lines, traced in the flat view of `page_map`, in centred coordinates of the photo."""
+    characters, height = view.to_centred(text.characters), text.height_px / view.unit_px
+    flat = flatten_ink(text.ink, text.H_reduced_centred(view), page_map, characters, height)
+    return trace_lines(flat, page_map)
 
 
 def trace_lines(

@@ -14,9 +14,11 @@ from scipy.ndimage import gaussian_filter1d
 
 from services.arrays import Floats, GrayImage, Mask, Points, Vector
 from services.geometry.page_map import PageMap
+from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
 from services.sheet.tracing.line_tracing import sampling_map
+from services.sheet.tracing.page_text import PageText
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,6 +210,13 @@ def _lead(members: list[int], window: NDArray[np.intp], y: Vector, w: int) -> fl
         return 0.0
     a, b = recent[0], recent[-1]
     return float((y[b] - y[a]) / max(window[b] - window[a], 1) * (w - window[b]))
+
+
+def trace_by_profiles(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
+    """The page's text lines, traced by profiles in the flat view of `page_map`, in centred coordinates."""
+    characters, height = view.to_centred(text.characters), text.height_px / view.unit_px
+    flat = flatten_darkness(text.gray, text.area, text.H_reduced_centred(view), page_map, characters, height)
+    return NO_LINES if flat is None else trace_profiles(flat, page_map)
 
 
 def trace_profiles(

@@ -10,14 +10,13 @@ from services.mosaic.results import MosaicResult, Pair, Patch
 from services.rectify.results import (
     CameraEstimate,
     Evidence,
-    MeshSurface,
     Notice,
     Orientation,
     PlaneSurface,
     RectifyResult,
-    StripsSurface,
 )
 from services.rectify.spread import RectifiedPages
+from services.sheet.surfaces import MeshSurface, StripsSurface
 
 
 def reject_constant(name: str) -> None:

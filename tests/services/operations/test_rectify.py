@@ -19,7 +19,7 @@ from services.errors import InvalidOption, TooLarge, UndecodableImage, Unsupport
 from services.operations import rectify as rectify_operation
 from services.operations.rectify import rectify_upload
 from services.progress import progress_to, report_progress
-from services.rectify.results import MeshSurface
+from services.sheet.surfaces import MeshSurface
 from tests.services.imaging.files import make_exif, make_file
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
 

@@ -7,7 +7,7 @@ from PIL import Image, ImageDraw, ImageFont
 from services.arrays import RgbImage
 from services.contract.rectify import PageKind, RectifyParameters
 from services.errors import DocumentError, NoText
-from services.rectify.framing import FramingParameters
+from services.geometry.page_frame import FramingParameters
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
 from simulation.degradation import PHONE

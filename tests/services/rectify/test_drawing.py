@@ -8,15 +8,16 @@ import pytest
 
 from services.arrays import Points, RgbImage
 from services.geometry.homographies import transform_points, translation
+from services.geometry.page_frame import mesh_of, resize_frame, turn_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging import node_grid
 from services.rectify import drawing
-from services.rectify.curved_framing import CurvedFrame, frame_curved_page
 from services.rectify.drawing import draw_flat_view, draw_gray_view
-from services.rectify.framing import FlatFrame, mesh_of, resize_frame, turn_frame
+from services.rectify.framing import FlatFrame
 from services.sheet.developable.surface import bend_basis
-from tests.services.rectify.curved_views import SHEET, BentView, code, drawn_off
+from services.sheet.framing import CurvedFrame, frame_curved_page
 from tests.services.scenes import Album
+from tests.services.sheet.curved_views import SHEET, BentView, code, drawn_off
 from tests.services.sheet.developable.sheets import FLAT, Bent, box
 
 SEEN = BentView(replace(SHEET, bends=(0.2, 0.3, 0.4, 0.2, -0.1, -0.3, -0.2, 0.1)))

@@ -10,14 +10,8 @@ from scipy.spatial.transform import Rotation
 from services.arrays import Homography, Points
 from services.geometry.camera import plane_to_image
 from services.geometry.homographies import scaling, transform_points, translation
-from services.rectify.framing import (
-    FlatFrame,
-    FramingParameters,
-    frame_page,
-    mesh_of,
-    resize_frame,
-    turn_frame,
-)
+from services.geometry.page_frame import FramingParameters, mesh_of, resize_frame, turn_frame
+from services.rectify.framing import FlatFrame, frame_page
 
 SHAPE = (1350, 1050)
 CENTRE = (524.5, 674.5)

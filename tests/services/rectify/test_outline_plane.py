@@ -19,7 +19,7 @@ from services.rectify.outline_plane import (
     side_lines,
 )
 from services.sheet.outline.results import SheetOutline
-from tests.services.rectify.sheet_sides import ALL, FRAME, leaning, outline_of, seen_rectangle
+from tests.services.sheet.sheet_sides import ALL, FRAME, leaning, outline_of, seen_rectangle
 
 TYPICAL = typical_focal_prior()
 EXACT = OutlinePlaneParameters(cut_rad=1e-12)

@@ -11,7 +11,8 @@ from services.errors import InvalidOption, NoText
 from services.ocr.engine import OcrEngine, Word
 from services.progress import progress_to
 from services.rectify.pipeline import rectify
-from services.rectify.results import RectifyResult, StripsSurface
+from services.rectify.results import RectifyResult
+from services.sheet.surfaces import StripsSurface
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto

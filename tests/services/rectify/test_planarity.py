@@ -96,5 +96,5 @@ def test_a_curved_page_looked_at_along_its_rulings() -> None:
     points = truth.page_to_photo(np.stack([x.ravel(), y.ravel()], axis=1))
     frame = PhotoFrame(1050, 1350)
     samples = [FlowSamples(points, f(points), np.ones(300)) for f in (truth.major_flow, truth.minor_flow)]
-    found = estimate_vanishing_points(*map(frame.to_centred, samples))
+    found = estimate_vanishing_points(*(flow.centred(frame) for flow in samples))
     assert discriminate_surface(found, 22.0) == "curved"

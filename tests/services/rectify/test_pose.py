@@ -30,36 +30,20 @@ from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.scenes import POSES, View
 from tests.services.rectify.observations import photograph_plane
-from tests.services.rectify.sheet_sides import outline_of_truth
 from tests.services.scenes import CURVED_SCENES, FLAT_SCENES, Album, Shot
+from tests.services.sheet.sheet_sides import outline_of_truth
 
 
 def pose_of(shot: Shot, prior: FocalPrior | None = None) -> PagePose:
     """The pose that the pipeline would choose."""
-    points = shot.vanishing_points
-    return choose_pose(
-        shot.analysis,
-        shot.frame,
-        prior or focal_prior(shot.frame, None, None),
-        shot.major,
-        shot.minor,
-        points,
-        discriminate_surface(points, shot.analysis.text_height_px),
-    )
+    kind = discriminate_surface(shot.vanishing_points, shot.analysis.text_height_px)
+    return choose_pose(shot.evidence, prior or focal_prior(shot.frame, None, None), kind)
 
 
 def pose_with(shot: Shot, sides: SheetSides | None, prior: FocalPrior | None = None) -> PagePose:
     """The pose that the pipeline would choose with the sheet's sides in view."""
-    return choose_pose(
-        shot.analysis,
-        shot.frame,
-        prior or focal_prior(shot.frame, None, None),
-        shot.major,
-        shot.minor,
-        shot.vanishing_points,
-        "planar",
-        sheet=sides,
-    )
+    prior = prior or focal_prior(shot.frame, None, None)
+    return choose_pose(shot.evidence, prior, "planar", sheet=sides)
 
 
 def sides_of(shot: Shot) -> SheetSides:
@@ -239,7 +223,7 @@ def test_a_pose_that_is_no_number_is_not_believed() -> None:
 def test_flattened_ink_shows_level_lines(album: Album) -> None:
     shot = album["ragged"]
     plane = PagePlane(true_rotation(shot), shot.truth.focal_length_px / shot.frame.unit_px)
-    ink, H_centred_flat = flatten_ink(shot.analysis, shot.frame, plane)
+    ink, H_centred_flat = flatten_ink(shot.evidence.text, shot.frame, plane)
     lines = detect_baselines(ink)
     way = lines.ends - lines.starts
     slopes = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
@@ -275,7 +259,9 @@ def test_flows_of_no_plane_leave_the_photo_as_it_is_but_for_a_turn(album: Album)
     major, minor = radial(shot.major, 0.0), radial(shot.minor, np.pi / 2)
     points = estimate_vanishing_points(major, minor)
     prior = focal_prior(shot.frame, None, None)
-    pose = choose_pose(shot.analysis, shot.frame, prior, major, minor, points, "curved")
+    pose = choose_pose(
+        replace(shot.evidence, major=major, minor=minor, vanishing_points=points), prior, "curved"
+    )
     assert len(pose.notices) == 1
     assert pose.notices[0].code in ("implausible-pose", "already-flat")
     assert pose.normal == (0.0, 0.0, 1.0)
@@ -298,11 +284,8 @@ def test_where_the_focal_length_comes_from() -> None:
 
 def test_an_unseen_focal_length_is_called_uncertain(album: Album) -> None:
     shot = album["plain"]
-    pose = choose_pose(
-        shot.analysis, shot.frame, focal_prior(shot.frame, None, None), shot.major, shot.minor,
-        shot.vanishing_points, "planar",
-        PoseParameters(aspect_deviation=0.0),
-    )  # fmt: skip
+    prior = focal_prior(shot.frame, None, None)
+    pose = choose_pose(shot.evidence, prior, "planar", PoseParameters(aspect_deviation=0.0))
     assert [notice.code for notice in pose.notices] == ["aspect-ratio-uncertain"]
     assert "focal_length_px" in pose.notices[0].detail
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import analyse_photo
-from services.rectify.curved import PageEvidence
 from services.rectify.focal_length import focal_prior
 from services.rectify.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.pose import PagePose, choose_pose
@@ -23,6 +22,7 @@ from services.rectify.principal_point import (
     original_size,
     prior_at,
 )
+from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline, SheetSide
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.pages import own_pages
@@ -50,16 +50,13 @@ def evidence_of(crop: tuple[float, float, float]) -> tuple[PageEvidence, np.ndar
     left, right, foot = round(crop[0] * width), round(crop[1] * width), round(crop[2] * height)
     part = np.ascontiguousarray(image[: height - foot, left : width - right])
     view, analysis = PhotoFrame(part.shape[1], part.shape[0]), analyse_photo(part)
-    assert analysis.minor is not None
-    major, minor = analysis.major.centred(view), analysis.minor.centred(view)
-    points = estimate_vanishing_points(major, minor)
     true = photo().truth.camera.principal_point - [left, 0] - view.centre
-    return PageEvidence(analysis, view, major, minor, points), true
+    return analysis.evidence(view), true
 
 
 def pose_of(e: PageEvidence, prior: FocalPrior) -> PagePose:
     """The plane under the photo's middle."""
-    return choose_pose(e.analysis, e.view, prior, e.major, e.minor, e.vanishing_points, "planar")
+    return choose_pose(e, prior, "planar")
 
 
 def test_a_plane_shows_how_much_was_cut_from_a_side() -> None:
@@ -70,8 +67,8 @@ def test_a_plane_shows_how_much_was_cut_from_a_side() -> None:
     found = np.array(moved.evidence.view.centre) - e.view.centre
     assert np.abs(found - true).max() < 0.2 * np.abs(true).max()
     # The text is where it was in the photo.
-    again, view = moved.evidence.major.points, moved.evidence.view
-    np.testing.assert_allclose(again * view.unit_px + view.centre, e.analysis.major.points)
+    again = moved.evidence.view.to_photo(moved.evidence.major.points)
+    np.testing.assert_allclose(again, e.view.to_photo(e.major.points))
 
 
 def test_the_focal_length_may_be_known_as_a_share_of_the_diagonal() -> None:
@@ -120,7 +117,8 @@ def test_the_middle_comes_back_where_the_sides_had_moved_it_for_a_wrong_focal_le
     prior = focal_prior(e.view, None, 0.7 * photo().truth.focal_length_px)
     view = e.view.moved((0.2, 0.0))
     major, minor = (replace(flow, points=flow.points - np.array([0.2, 0.0])) for flow in (e.major, e.minor))
-    aside = PageEvidence(e.analysis, view, major, minor, estimate_vanishing_points(major, minor))
+    points = estimate_vanishing_points(major, minor)
+    aside = replace(e, view=view, major=major, minor=minor, vanishing_points=points)
     moved = find_principal_point(aside, prior, pose_of(aside, prior))
     assert moved is not None
     assert moved.evidence.view.centre == pytest.approx(e.view.centre)
@@ -137,10 +135,10 @@ def test_a_plane_without_known_focal_length_tells_nothing() -> None:
 def test_print_runs_up_to_the_border_that_was_cut() -> None:
     for crop, border in (("left", "left"), ("below", "bottom")):
         e, true = evidence_of(CROPS[crop])
-        assert find_cut_borders(e.analysis, e.view.width, e.view.height) == {border}
+        assert find_cut_borders(e.text.characters, e.text.height_px, e.view.width, e.view.height) == {border}
         assert cut_border((float(true[0]), float(true[1]))) == border
     e, _ = evidence_of((0.0, 0.0, 0.0))
-    assert find_cut_borders(e.analysis, e.view.width, e.view.height) == set()
+    assert find_cut_borders(e.text.characters, e.text.height_px, e.view.width, e.view.height) == set()
 
 
 def test_the_border_of_the_photo_is_no_side_of_the_sheet() -> None:

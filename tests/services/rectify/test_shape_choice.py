@@ -12,21 +12,20 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap, PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import analyse_photo
-from services.rectify.curved import CurvedPage, PageEvidence
 from services.rectify.outline_plane import read_sides
-from services.rectify.pipeline import minor_or_perpendicular
 from services.rectify.pose import PagePose
-from services.rectify.ridged_page import NoRidgedPage, RidgedPage, sides_bend, sides_crease
 from services.rectify.shape_choice import SMOOTH_SIDE, STRAIGHT_SIDE, choose_shape, ridged_page
+from services.sheet.curved_page import CurvedPage
+from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
-from services.texture_flow.vanishing_points import estimate_vanishing_points
+from services.sheet.ridged_page import NoRidgedPage, RidgedPage, sides_bend, sides_crease
 from simulation.folded import folded_in_thirds
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, PLANE
 from simulation.sheets import SHEET_ASPECT, SHEET_VIEWS, Staging, photograph_sheet, with_margins
 from simulation.surfaces import Shape
 from simulation.truth import Truth
-from tests.services.rectify.sheet_sides import bent_outline_of_truth
+from tests.services.sheet.sheet_sides import bent_outline_of_truth
 
 pytestmark = pytest.mark.pipeline
 
@@ -43,9 +42,11 @@ def seen(name: str) -> tuple[PageEvidence, SheetOutline, Truth]:
         sheet, SHEET_VIEWS[2], SHAPES[name], Staging("black"), rng=np.random.default_rng(1), size=SIZE
     )
     analysis = analyse_photo(photo.image)
-    major, minor = analysis.major.centred(VIEW), minor_or_perpendicular(analysis, VIEW)
-    evidence = PageEvidence(analysis, VIEW, major, minor, estimate_vanishing_points(major, minor))
-    return evidence, bent_outline_of_truth(photo.truth, 0.4, np.random.default_rng(2)), photo.truth
+    return (
+        analysis.evidence(VIEW),
+        bent_outline_of_truth(photo.truth, 0.4, np.random.default_rng(2)),
+        photo.truth,
+    )
 
 
 @lru_cache
@@ -70,7 +71,7 @@ def map_of(shape: PagePose | CurvedPage | RidgedPage) -> PageMap:
 def errors_at_text(name: str, page_map: PageMap) -> Vector:
     """Distances (N,) from the true page at its characters after the best similarity, in widths of the sheet."""
     evidence, _, truth = seen(name)
-    at = evidence.analysis.characters
+    at = evidence.text.characters
     page = page_map.to_page((at - VIEW.centre) / VIEW.unit_px)
     known = np.isfinite(page).all(axis=1)
     assert known.mean() > 0.98

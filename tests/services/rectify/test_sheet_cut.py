@@ -8,11 +8,11 @@ import pytest
 
 from services.arrays import Floats, Points, RgbImage
 from services.geometry.homographies import transform_points
+from services.geometry.page_frame import resize_frame
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import analyse_photo
-from services.rectify.curved_framing import CurvedFrame
 from services.rectify.drawing import whiten_beyond
-from services.rectify.framing import FlatFrame, frame_page, resize_frame
-from services.rectify.planar import PhotoFrame
+from services.rectify.framing import FlatFrame, frame_page
 from services.rectify.sheet_cut import (
     blank_ground,
     cut_to_outline,
@@ -20,9 +20,10 @@ from services.rectify.sheet_cut import (
     paper_in_photo,
     restore_detail,
 )
+from services.sheet.framing import CurvedFrame
 from simulation.pages import own_pages
-from tests.services.rectify.sheet_sides import outline_of
 from tests.services.scenes import Album
+from tests.services.sheet.sheet_sides import outline_of
 
 pytestmark = pytest.mark.pipeline
 

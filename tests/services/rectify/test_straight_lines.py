@@ -17,7 +17,7 @@ from services.rectify.straight_lines import (
     side_skew,
     start_plane,
 )
-from tests.services.rectify.sheet_sides import FRAME, leaning, outline_of, seen_rectangle
+from tests.services.sheet.sheet_sides import FRAME, leaning, outline_of, seen_rectangle
 
 PRIOR = typical_focal_prior()
 ROTATION = leaning(28.0, 35.0, 6.0)

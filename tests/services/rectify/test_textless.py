@@ -12,16 +12,16 @@ from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify import pipeline
-from services.rectify.curved_framing import CurvedFrame
 from services.rectify.outline_plane import OutlinePlane
 from services.rectify.pipeline import describe_camera, describe_evidence, describe_surface, find_page
 from services.rectify.pose import PagePose
-from services.rectify.results import MeshSurface
-from services.rectify.ridged_page import RidgedPage
 from services.rectify.ruled_plane import plane_from_rules
 from services.rectify.stage_clock import StageClock
 from services.rectify.textless import TextlessPage, draw_for_reading, find_textless_page, frame_textless
+from services.sheet.framing import CurvedFrame
 from services.sheet.outline.results import SheetOutline
+from services.sheet.ridged_page import RidgedPage
+from services.sheet.surfaces import MeshSurface
 from simulation.degradation import PHONE
 from simulation.flat_page import Page
 from simulation.folded import folded_in_thirds
@@ -29,7 +29,7 @@ from simulation.photo import SimulatedPhoto
 from simulation.scenes import BOOK, POSES, View, photograph
 from simulation.sheets import SHEET_VIEWS, Staging, photograph_sheet
 from simulation.surfaces import Shape
-from tests.services.rectify.sheet_sides import bent_outline_of_truth, outline_of_truth
+from tests.services.sheet.sheet_sides import bent_outline_of_truth, outline_of_truth
 
 pytestmark = pytest.mark.pipeline
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from services.arrays import Floats, Points
+from services.geometry.page_frame import FramingParameters, mesh_of, resize_frame, turn_frame
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.curved_framing import CurvedFrame, CurvedFramingParameters, frame_curved_page
-from services.rectify.framing import FramingParameters, mesh_of, resize_frame, turn_frame
 from services.sheet.developable.surface import DevelopableSurface, bend_basis
-from tests.services.rectify.curved_views import BentView
+from services.sheet.framing import CurvedFrame, CurvedFramingParameters, frame_curved_page
+from tests.services.sheet.curved_views import BentView
 from tests.services.sheet.developable.sheets import FLAT, Bent, box
 
 SEEN = BentView()

@@ -8,8 +8,7 @@ from services.arrays import Floats, Points, Vector
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.analysis import PageAnalysis
-from services.rectify.results import StripsSurface
+from services.sheet.evidence import PageEvidence
 from services.sheet.rulings.line_profiles import InkImage
 from services.sheet.rulings.page_rulings import PageRulings, find_page_rulings
 from services.sheet.strips.evidence import gather_evidence
@@ -17,7 +16,7 @@ from services.sheet.strips.initial import FocalKnowledge
 from services.sheet.strips.results import StripShape
 from services.sheet.strips.shape import estimate_strip_shape
 from services.sheet.strips.view import unroll_strips
-from services.texture_flow.field import FlowSamples
+from services.sheet.surfaces import StripsSurface
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,27 +38,21 @@ class StripPage:
         )
 
 
-def find_strips(
-    analysis: PageAnalysis,
-    view: PhotoFrame,
-    prior: FocalPrior,
-    major: FlowSamples,
-    minor: FlowSamples | None,
-) -> StripPage | None:
-    """Strips of the page in `view`, flows in centred coordinates; None where its text shows none."""
-    characters = np.asarray((analysis.characters - view.centre) / view.unit_px)
-    x, y = (np.array(view.centre) + 0.5) * analysis.factor - 0.5
-    ink = InkImage(analysis.text.ink.astype(np.float32), view.unit_px * analysis.factor, (float(x), float(y)))
-    rulings = find_page_rulings(major, minor, characters, analysis.text_height_px / view.unit_px, ink)
+def find_strips(evidence: PageEvidence, prior: FocalPrior) -> StripPage | None:
+    """Strips of the page; None where its text shows none."""
+    e, text, view, characters = evidence, evidence.text, evidence.view, evidence.characters
+    x, y = (np.array(view.centre) + 0.5) * text.factor - 0.5
+    ink = InkImage(text.ink.astype(np.float32), view.unit_px * text.factor, (float(x), float(y)))
+    rulings = find_page_rulings(e.major, e.strokes, characters, text.height_px / view.unit_px, ink)
     try:
-        evidence = gather_evidence(
+        seen = gather_evidence(
             rulings.projected, rulings.vanishing_points, rulings.major, rulings.minor, characters
         )
     except ValueError:
         return None  # fewer than two rulings cross the text
     knowledge = FocalKnowledge(prior.log_focal, prior.deviation, prior.source in ("given", "exif"))
-    shape = estimate_strip_shape(evidence, knowledge)
-    return StripPage(rulings, shape, unroll_strips(evidence, shape.normals, shape.focal, characters))
+    shape = estimate_strip_shape(seen, knowledge)
+    return StripPage(rulings, shape, unroll_strips(seen, shape.normals, shape.focal, characters))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,11 +7,8 @@ import numpy as np
 
 from services.arrays import Points, Vector
 from services.geometry.focal_prior import FocalLengthSource, FocalPrior
-from services.geometry.homographies import resizing
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.analysis import PageAnalysis
-from services.rectify.results import MeshSurface, Notice
 from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.outline.results import SheetOutline
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
@@ -19,8 +16,8 @@ from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.start import mesh_between_sides
+from services.sheet.surfaces import MeshSurface
 from services.sheet.tracing.line_tracing import line_deviation
-from services.sheet.tracing.profile_tracing import flatten_darkness, trace_profiles
 from services.texture_flow.field import FlowSamples
 
 
@@ -84,7 +81,6 @@ class RidgedPage:
     waviness: float
     side_deviation: float
     stretch: float
-    notices: tuple[Notice, ...] = ()
     log_focal_deviation: float = float("inf")
     """A flexible sheet shows the focal length less well than a smooth one, and how well is not known."""
 
@@ -104,19 +100,6 @@ class NoRidgedPage:
     """Why no creased sheet is plausible."""
 
     reason: str
-
-
-def trace_by_profiles(analysis: PageAnalysis, view: PhotoFrame, page_map: PageMap) -> LineObservations:
-    """The page's text lines, traced by profiles in the flat view of `page_map`, in centred coordinates."""
-    flat = flatten_darkness(
-        analysis.reduced,
-        analysis.text.area,
-        resizing(analysis.factor) @ view.H_photo_centred,
-        page_map,
-        np.asarray((analysis.characters - view.centre) / view.unit_px),
-        analysis.text_height_px / view.unit_px,
-    )
-    return NO_LINES if flat is None else trace_profiles(flat, page_map)
 
 
 def complete_corners(outline: SheetOutline, p: RidgedPageParameters) -> Points | None:

@@ -6,9 +6,9 @@ import numpy as np
 
 from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import scaling, transform_points, translation
+from services.geometry.page_frame import FramingParameters
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.framing import FramingParameters
 from services.sheet.ridged.mesh import SheetMesh
 
 

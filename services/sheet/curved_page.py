@@ -12,23 +12,21 @@ from services.geometry.focal_prior import (
     FocalPrior,
     typical_focal_prior,
 )
-from services.geometry.homographies import resizing
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import estimate_plane
 from services.geometry.vanishing_points import FlowVanishingPoints
-from services.rectify.analysis import PageAnalysis
-from services.rectify.pose import EXIF_CONTRADICTED, trimmed_deviation
-from services.rectify.results import Notice, StripsSurface
-from services.rectify.strip_page import BentSheet, StripPage, bend_of_strips, find_strips
 from services.sheet.developable.fitting import FittedSurface, SurfaceStart, fit_surface, widen
 from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations
 from services.sheet.developable.residuals import BENDS, FittingParameters
 from services.sheet.developable.smooth_residual import morph_to_lines
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
+from services.sheet.evidence import PageEvidence
 from services.sheet.rulings.reference_points import text_hull
-from services.sheet.tracing.line_tracing import flatten_ink, line_deviation, trace_lines
-from services.texture_flow.field import FlowSamples
+from services.sheet.strip_page import BentSheet, StripPage, bend_of_strips, find_strips
+from services.sheet.surfaces import StripsSurface
+from services.sheet.tracing.line_tracing import line_deviation, trace_by_characters
+from services.texture_flow.field import FlowSamples, mean_deviation
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +72,8 @@ class CurvedPage:
     line_count: int
     deviation: float
     waviness: float
-    notices: tuple[Notice, ...]
+    exif_contradicted: bool = False
+    """The page does not fit the focal length of the EXIF data, which was left out of account."""
     log_focal_deviation: float = float("inf")
     """Of the focal length's logarithm as the page alone shows it."""
     fitted: FittedSurface | None = None
@@ -87,29 +86,6 @@ class NoSheet:
     """No bent sheet is plausible; `reason` completes "a bent sheet is not plausible: "."""
 
     reason: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PageEvidence:
-    """What a photo shows of its page: flows and their vanishing points in centred unit coordinates of `view`."""
-
-    analysis: PageAnalysis
-    view: PhotoFrame
-    major: FlowSamples
-    minor: FlowSamples
-    vanishing_points: FlowVanishingPoints
-    start: SurfaceStart | None = None
-    """A bent sheet that is near already."""
-
-    @property
-    def characters(self) -> Points:
-        """Centres of the characters (N, 2), centred."""
-        return np.asarray((self.analysis.characters - self.view.centre) / self.view.unit_px)
-
-    @property
-    def strokes(self) -> FlowSamples | None:
-        """The minor flow where strokes were seen."""
-        return self.minor if self.analysis.minor is not None else None
 
 
 def describe_strips(
@@ -216,7 +192,7 @@ def estimate_curved_page(
     is taken out by a small smooth residual. Where no global surface is plausible, the strips themselves may be.
     """
     p, e = parameters or CurvedParameters(), evidence
-    strips = None if e.start else find_strips(e.analysis, e.view, prior, e.major, e.strokes)
+    strips = None if e.start else find_strips(e, prior)
     if e.start:
         held = PageObservations(
             e.major, e.minor, NO_LINES, page_hull(e.characters), prior.log_focal, prior.deviation
@@ -224,13 +200,12 @@ def estimate_curved_page(
         fitted = fit_surface(e.start, held, FittingParameters(hard_flows=True, max_evaluations=1))
     else:
         fitted = _fit_flows(e, prior, strips, p)
-    reason = implausibility(fitted.surface, e.characters, p)
+    reason, contradicted = implausibility(fitted.surface, e.characters, p), False
     if reason is None:
-        notices: tuple[Notice, ...] = ()
         fitted, lines = _fit_lines(e, prior, fitted, p)
         drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
         if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
-            prior, notices = typical_focal_prior(), (EXIF_CONTRADICTED,)
+            prior, contradicted = typical_focal_prior(), True
             fitted, lines = _fit_lines(e, prior, fitted, p)
             drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
         if prior.source == "assumed" and drawn > p.focal_held * prior.deviation:
@@ -250,7 +225,7 @@ def estimate_curved_page(
         lines.count // 2,
         flow_deviation(page_map, e.major, e.minor),
         line_deviation(fitted.surface, lines),
-        notices,
+        contradicted,
         fitted.log_focal_deviation,
         fitted,
         lines,
@@ -271,7 +246,7 @@ def _page_of_strips(
     low, high = np.percentile(np.sqrt(det[det > 0]), [1, 99])
     if high > p.max_magnification_ratio * low:
         return None
-    lines = trace_page(e.analysis, e.view, page_map)
+    lines = trace_by_characters(e.text, e.view, page_map)
     return CurvedPage(
         page_map,
         None,
@@ -281,7 +256,6 @@ def _page_of_strips(
         lines.count // 2,
         flow_deviation(page_map, _known(page_map, e.major), _known(page_map, e.minor)),
         line_deviation(page_map, lines),
-        (),
     )
 
 
@@ -318,23 +292,13 @@ def _fit_flows(
     )
 
 
-def trace_page(analysis: PageAnalysis, view: PhotoFrame, page_map: PageMap) -> LineObservations:
-    """The page's text lines, traced in the flat view of `page_map`, in centred coordinates of the photo."""
-    H_reduced_centred = resizing(analysis.factor) @ view.H_photo_centred
-    characters = np.asarray((analysis.characters - view.centre) / view.unit_px)
-    text_height = analysis.text_height_px / view.unit_px
-    return trace_lines(
-        flatten_ink(analysis.text.ink, H_reduced_centred, page_map, characters, text_height), page_map
-    )
-
-
 def _fit_lines(
     e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters
 ) -> tuple[FittedSurface, LineObservations]:
     """Two rounds: the lines are traced again in the first round's view, with the deviations it has shown."""
     parameters, lines, hull = FittingParameters(hard_flows=True), NO_LINES, page_hull(e.characters)
     for _ in range(2):
-        lines = trace_page(e.analysis, e.view, fitted.surface)
+        lines = trace_by_characters(e.text, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation)
         fitted = fit_surface(recentre(fitted, e.characters, p), observed, parameters)
         if implausibility(fitted.surface, e.characters, p) is not None:
@@ -371,5 +335,5 @@ def flow_deviation(
     page_map: PageMap, major: FlowSamples, minor: FlowSamples, minor_share: float = 0.3
 ) -> float:
     """Mean deviation (rad) of the flows from horizontal and vertical on the flat page, the worst tenth left out."""
-    along = trimmed_deviation(page_map.jacobians(major.points), major, 0.0)
-    return along + minor_share * trimmed_deviation(page_map.jacobians(minor.points), minor, np.pi / 2)
+    along = mean_deviation(page_map.jacobians(major.points), major, 0.0)
+    return along + minor_share * mean_deviation(page_map.jacobians(minor.points), minor, np.pi / 2)

@@ -7,8 +7,8 @@ import numpy as np
 
 from services.arrays import Points, RgbImage
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.curved_framing import CurvedFrame, frame_curved_page
 from services.sheet.developable.surface import DevelopableSurface
+from services.sheet.framing import CurvedFrame, frame_curved_page
 from tests.services.sheet.developable.sheets import Bent, box
 
 PERIOD = 24.0

@@ -10,7 +10,9 @@ from services.arrays import Points, Vector
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.ridged_page import (
+from services.sheet.developable.observations import LineObservations, Run
+from services.sheet.outline.results import SheetOutline
+from services.sheet.ridged_page import (
     NoRidgedPage,
     RidgedPage,
     RidgedPageParameters,
@@ -19,14 +21,12 @@ from services.rectify.ridged_page import (
     sides_bend,
     turn_outline,
 )
-from services.sheet.developable.observations import LineObservations, Run
-from services.sheet.outline.results import SheetOutline
 from simulation.flat_page import Page
 from simulation.folded import folded_in_thirds
 from simulation.sheets import SHEET_ASPECT, SHEET_VIEWS
 from simulation.surfaces import Shape
 from simulation.truth import Truth
-from tests.services.rectify.sheet_sides import (
+from tests.services.sheet.sheet_sides import (
     FRAME,
     bent_outline_of_truth,
     leaning,

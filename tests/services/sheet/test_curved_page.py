@@ -11,10 +11,10 @@ from services.arrays import Floats, Points, Vector
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import analyse_photo
-from services.rectify.curved import (
+from services.rectify.focal_length import focal_prior
+from services.sheet.curved_page import (
     CurvedPage,
     CurvedParameters,
-    PageEvidence,
     describe_strips,
     estimate_curved_page,
     flow_deviation,
@@ -24,7 +24,6 @@ from services.rectify.curved import (
     start_surface,
     thin,
 )
-from services.rectify.focal_length import focal_prior
 from services.sheet.developable.fitting import FittedSurface, fit_surface
 from services.sheet.developable.observations import NO_LINES, PageObservations
 from services.sheet.developable.residuals import BENDS, surface_of
@@ -75,7 +74,8 @@ def estimate(
     major, minor = major or shot.major, minor or shot.minor
     points = estimate_vanishing_points(major, minor)
     prior = prior or focal_prior(shot.frame, None, None)
-    page = estimate_curved_page(PageEvidence(shot.analysis, shot.frame, major, minor, points), prior)
+    evidence = replace(shot.evidence, major=major, minor=minor, vanishing_points=points)
+    page = estimate_curved_page(evidence, prior)
     return page if isinstance(page, CurvedPage) else None
 
 
@@ -108,7 +108,7 @@ def test_pages_are_flattened(album: Album, found: Estimates, name: str) -> None:
     assert page.line_count == pytest.approx(len(shot.truth.visible_lines()), abs=5)
     assert page.deviation < np.radians(0.6)
     assert page.waviness < 0.04
-    assert page.notices == ()
+    assert not page.exif_contradicted
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -184,11 +184,7 @@ class Photographed:
 
     def estimate(self) -> CurvedPage | None:
         """Its curved page."""
-        assert self.analysis.minor is not None
-        major, minor = self.analysis.major.centred(self.frame), self.analysis.minor.centred(self.frame)
-        points = estimate_vanishing_points(major, minor)
-        evidence = PageEvidence(self.analysis, self.frame, major, minor, points)
-        page = estimate_curved_page(evidence, focal_prior(self.frame, None, None))
+        page = estimate_curved_page(self.analysis.evidence(self.frame), focal_prior(self.frame, None, None))
         return page if isinstance(page, CurvedPage) else None
 
     def residual_percent(self, page: CurvedPage, points: Points, *, mirrored: bool = False) -> float:
@@ -229,7 +225,8 @@ def test_a_known_focal_length_is_kept_and_a_wrong_exif_one_is_not(album: Album) 
     assert exif is not None
     assert exif.focal * shot.frame.unit_px == pytest.approx(true, rel=0.03)
     assert exif.focal_source == "estimated"
-    assert [notice.code for notice in exif.notices] == ["exif-contradicted"]
+    assert exif.exif_contradicted
+    assert not given.exif_contradicted
 
 
 def fuzzed(name: str, shot: Shot) -> tuple[FlowSamples, FlowSamples]:

@@ -1,0 +1,32 @@
+"""How a bent page is described to those who ask for its shape, in photo pixels and the camera frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StripsSurface:
+    """A developable page as planar strips between its rulings, in order across the page.
+
+    `normals` (L, 3) are unit normals of the strips in the camera frame (z away from the viewer), `points`
+    (L + 1, 2) a point of every ruling in photo pixels, `angles_rad` (L + 1,) its direction in [0, pi), and
+    `vanishing_points` (L + 1, 3) its homogeneous vanishing point in photo pixels.
+    """
+
+    normals: NDArray[np.float64]
+    points: NDArray[np.float64]
+    angles_rad: NDArray[np.float64]
+    vanishing_points: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshSurface:
+    """A creased page as a mesh: `points` (rows, columns, 2) of its nodes in photo pixels, regular on the flat sheet.
+
+    `normals` (rows - 1, columns - 1, 3) are the unit normals of its cells in the camera frame (z away from the viewer).
+    """
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
