@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
+from services.robust import cauchy_weights, robust_scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,8 +70,8 @@ def estimate_vanishing_point(
     for _ in range(iterations):
         distance = np.maximum(np.hypot(v[0] - points[:, 0] * v[2], v[1] - points[:, 1] * v[2]), 1e-9)
         r = (lines @ v) / distance
-        scale = max(1.4826 * float(np.median(np.abs(r))), floor_rad)
-        robust = w / (1 + (r / (2.0 * scale)) ** 2)
+        scale = max(robust_scale(r), floor_rad)
+        robust = w * cauchy_weights(r, 2.0 * scale)
         v = np.linalg.svd(lines * (np.sqrt(robust) / distance)[:, None], full_matrices=False)[2][2]
     r = angular_residuals(v, points, angles)
     inliers = np.abs(r) < 4 * scale

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.robust import cauchy_weights, fit_reweighted, narrowing
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,10 +205,9 @@ def continue_smoothly(values: Floats, at: NDArray[np.int_]) -> Floats:
     value = values[at[:, 1], at[:, 0]]
     # Curvature is damped, since it grows quadratically where there is no text to hold it.
     damping = np.diag([1e-6, 0.01, 0.01, 0.1, 0.1, 0.1]) * len(at)
-    c, spread = np.array([np.median(value), 0, 0, 0, 0, 0.0]), 0.3
-    for _ in range(8):
-        w = 1 / (1 + ((value - design @ c) / spread) ** 2)
-        c = np.linalg.solve((design * w[:, None]).T @ design + damping, (design * w[:, None]).T @ value)
-        spread = max(0.6 * spread, 0.08)
+    level = np.array([np.median(value), 0, 0, 0, 0, 0.0])
+    c = fit_reweighted(
+        design, value, cauchy_weights, narrowing(0.3, 0.6, 0.08), 8, start=level, damping=damping
+    )
     x, y = np.meshgrid(np.arange(columns, dtype=np.float64), np.arange(rows, dtype=np.float64))
     return np.asarray(terms(x, y) @ c)

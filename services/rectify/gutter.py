@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
+from services.robust import cauchy_weights, fit_reweighted
 from services.texture_flow.field import FlowSamples, angle_difference
 
 
@@ -129,12 +130,9 @@ def _continue_directions(
     # All but the first are held a little: few samples do not tell them.
     held = np.diag([1e-6, *[0.1 if len(terms) > 3 else 0.3] * (len(terms) - 1)])
     value = angle_difference(flow.angles, reference)
-    weights: Vector = flow.weights
-    c: Vector = np.zeros(len(terms))
-    for _ in range(4):
-        weighted = (design * weights[:, None]).T
-        c = np.asarray(np.linalg.solve(weighted @ design + held, weighted @ value), np.float64)
-        weights = np.asarray(flow.weights / (1 + ((value - design @ c) / p.spread_rad) ** 2), np.float64)
+    c = fit_reweighted(
+        design, value, cauchy_weights, lambda *_: p.spread_rad, 4, weights=flow.weights, damping=held
+    )
     return reference + float(c[0]), float(c[2]), middle
 
 

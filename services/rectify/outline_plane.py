@@ -17,6 +17,7 @@ from services.rectify.straight_lines import (
     neighbouring_fits,
     start_plane,
 )
+from services.robust import cauchy_weights, robust_scale
 from services.sheet.outline.results import SheetOutline, SheetSide
 
 
@@ -137,8 +138,8 @@ def _fit_side(side: SheetSide, p: OutlinePlaneParameters) -> tuple[Points, Point
     weights = 1 / deviations**2
     middle, along, off = _weighted_line(points, weights)
     for _ in range(8):
-        scale = p.loss_scale * np.maximum(deviations, 1.4826 * np.median(np.abs(off)))
-        weights = 1 / deviations**2 / (1 + (off / scale) ** 2)
+        scale = p.loss_scale * np.maximum(deviations, robust_scale(off))
+        weights = cauchy_weights(off, scale) / deviations**2
         middle, along, off = _weighted_line(points, weights)
     place = (points - middle) @ along
     reach = float(np.sqrt(np.average(place**2, weights=weights)))

@@ -25,7 +25,7 @@ from services.rectify.refinement import (
     joint_cost,
     observe_lines,
     refine_plane,
-    widen,
+    rescale_deviations,
 )
 from services.rectify.results import Notice, ShapeSource
 from services.rectify.straight_lines import StraightLines, along_axes, side_directions
@@ -190,7 +190,7 @@ def refine_pose(
     first = refine_plane(start, prior, e.major, e.minor, e.vanishing_points, observations, parameters, sides)
     if not is_plausible(first.plane, e.characters, p):
         return first
-    parameters = widen(parameters, first.spreads)
+    parameters = rescale_deviations(parameters, first.scales)
     ink, H_centred_flat = flatten_ink(e.text, e.view, first.plane)
     observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
     return refine_plane(

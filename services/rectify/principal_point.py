@@ -32,10 +32,10 @@ from services.rectify.pose import (
     refine_pose,
 )
 from services.rectify.refinement import for_text, observe_lines, refine_plane
-from services.rectify.refinement import widen as widen_lines
+from services.rectify.refinement import rescale_deviations as rescale_line_deviations
 from services.rectify.results import Notice
 from services.sheet.curved_page import CurvedPage, page_hull
-from services.sheet.developable.fitting import SurfaceStart, fit_surface, free_gain, widen
+from services.sheet.developable.fitting import SurfaceStart, fit_surface, free_gain, rescale_deviations
 from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.residuals import FittingParameters
 from services.sheet.evidence import PageEvidence
@@ -56,7 +56,7 @@ class PrincipalPointParameters:
     smallest: float = 0.06
     largest: float = 0.4
     """Offsets that are believed: a smaller one does no harm, and more than half of a photo is not cut away."""
-    line_spread: float = 1.0
+    line_scale: float = 1.0
     """A bent sheet must leave its text lines as straight as they were traced: creased ones explain theirs by whatever
     they are offered."""
     starts: tuple[float, ...] = (-0.15, 0.15)
@@ -266,9 +266,9 @@ def _sheet_fitting(
     """Fits of the bent sheet from the one at hand; None where a free principal point would save too little."""
     fitted = page.fitted
     assert fitted is not None
-    if fitted.line_spread > p.line_spread:
+    if fitted.line_scale > p.line_scale:
         return None
-    parameters = widen(FittingParameters(hard_flows=True), fitted)
+    parameters = rescale_deviations(FittingParameters(cauchy_flows=True), fitted)
     middle = PageObservations(
         e.major, e.minor, page.lines, page_hull(e.characters), prior.log_focal, prior.deviation
     )
@@ -291,7 +291,7 @@ def _plane_fitting(e: PageEvidence, prior: FocalPrior, p: PrincipalPointParamete
     if not is_plausible(start, e.characters, pose):
         start = level_plane(e.major, typical)
     traced = refine_pose(e, typical, start, pose)
-    parameters = widen_lines(for_text(e.text.height_px), traced.spreads)
+    parameters = rescale_line_deviations(for_text(e.text.height_px), traced.scales)
     ink, H_centred_flat = flatten_ink(e.text, e.view, traced.plane)
     lines = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
 

@@ -22,6 +22,7 @@ from services.geometry.homographies import jacobians, transform_points, translat
 from services.geometry.planar import PagePlane
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.rectify.straight_lines import StraightLines, side_directions, side_skew
+from services.robust import cauchy, robust_scale, soft_l1
 from services.sheet.tracing.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
 from services.texture_flow.field import FlowSamples
 
@@ -84,7 +85,7 @@ class RefinedPlane:
     """The refined page plane with the deviations that its observations leave.
 
     `log_focal_deviation` is without the prior; `log_aspect_deviation` that of the flat view's aspect ratio.
-    `cost` is half the sum of the softened squared residuals, `cost_before` that of the start.
+    `cost` is half the sum of the squared residuals under their losses, `cost_before` that of the start.
     """
 
     plane: PagePlane
@@ -94,23 +95,12 @@ class RefinedPlane:
     cost: float
     cost_before: float
     lines: int
-    spreads: tuple[float, float]
+    scales: tuple[float, float]
     """Of the baselines and of the spacings, in units of the deviations that were assumed."""
     skew_rad: float = 0.0
     """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
     principal_point: tuple[float, float] = (0.0, 0.0)
     """In the coordinates of the observations; `plane` is relative to it."""
-
-
-def soften(r: Vector) -> Vector:
-    """Residuals whose squares are the soft L1 loss 2 (sqrt(1 + r^2) - 1) of `r` (N,)."""
-    return np.asarray(r * np.sqrt(2 / (np.sqrt(1 + r * r) + 1)))
-
-
-def soften_hard(r: Vector) -> Vector:
-    """Residuals whose squares are Cauchy's loss log(1 + r^2) of `r` (N,): groups that may be wholly wrong."""
-    magnitude = np.sqrt(np.log1p(r * r))
-    return np.asarray(np.sign(r) * magnitude)
 
 
 def for_text(text_height_px: float) -> RefinementParameters:
@@ -120,9 +110,9 @@ def for_text(text_height_px: float) -> RefinementParameters:
     return replace(p, slant_rad=p.slant_rad * blurred)
 
 
-def widen(parameters: RefinementParameters, spreads: tuple[float, float]) -> RefinementParameters:
+def rescale_deviations(parameters: RefinementParameters, scales: tuple[float, float]) -> RefinementParameters:
     """Parameters whose deviations are those that a first fit has shown, where they are larger."""
-    baseline, spacing = (max(1.0, spread) for spread in spreads)
+    baseline, spacing = (max(1.0, scale) for scale in scales)
     return replace(
         parameters,
         baseline_factor=parameters.baseline_factor * baseline,
@@ -161,13 +151,9 @@ class LineResiduals:
     spacings: Vector
     margins: Vector
 
-    def spreads(self) -> tuple[float, float]:
+    def scales(self) -> tuple[float, float]:
         """Robust deviation of the baselines' and the spacings' residuals; 1 when the deviations were right."""
-        return _spread(self.baselines), _spread(self.spacings)
-
-
-def _spread(r: Vector) -> float:
-    return 1.4826 * float(np.median(np.abs(r))) if len(r) else 1.0
+        return robust_scale(self.baselines, 1.0), robust_scale(self.spacings, 1.0)
 
 
 def _joined(parts: list[Vector]) -> Vector:
@@ -240,10 +226,10 @@ def observe_flows(
 def side_residuals(
     plane: PagePlane, sides: StraightLines, skew_rad: float, p: RefinementParameters
 ) -> Vector:
-    """Softened residuals (N + 1,) of the sheet's sides and of the skew."""
+    """Residuals (N + 1,) under Cauchy's loss of the sheet's sides and of the skew."""
     off = side_directions(plane, sides, skew_rad) / sides.direction_deviations_rad
     skew = np.array([skew_rad / p.skew_rad])
-    return np.concatenate([p.side_scale * soften_hard(off / p.side_scale), soften_hard(skew)])
+    return np.concatenate([p.side_scale * cauchy(off / p.side_scale)[0], cauchy(skew)[0]])
 
 
 def joint_cost(
@@ -254,9 +240,9 @@ def joint_cost(
     sides: StraightLines,
     parameters: RefinementParameters,
 ) -> float:
-    """Half the softened squares of what does not depend on the view in which lines were traced: flows and sides."""
+    """Half the sum under the losses of what does not depend on the view in which lines were traced: flows and sides."""
     H = np.linalg.inv(refined.plane.H_centred_plane)
-    flows = soften(observe_flows(major, minor, points, parameters).residuals(H, refined.slant_rad))
+    flows = soft_l1(observe_flows(major, minor, points, parameters).residuals(H, refined.slant_rad))[0]
     edges = side_residuals(refined.plane, sides, refined.skew_rad, parameters)
     return 0.5 * float(flows @ flows + edges @ edges)
 
@@ -298,14 +284,14 @@ def refine_plane(
         H = flatten(x)
         lines = line_residuals(H, observations, p)
         growth = 0.0 if principal_point is None else principal_point.log_growth(x[5:7])[0]
-        # Observations may be outliers and are softened; the priors are meant as they are.
+        # Observations may be outliers and are under a loss; the priors are meant as they are.
         focal_and_slant = [
             (x[3] - prior.log_focal - growth) / prior.deviation,
             (x[4] - p.slant_mean_rad) / p.slant_rad,
         ]
         parts = [
-            soften(np.concatenate([flows.residuals(H, float(x[4])), lines.baselines, lines.spacings])),
-            soften_hard(lines.margins),
+            soft_l1(np.concatenate([flows.residuals(H, float(x[4])), lines.baselines, lines.spacings]))[0],
+            cauchy(lines.margins)[0],
             np.array(focal_and_slant),
             tilt(x) / p.tilt_rad,
         ]
@@ -342,7 +328,7 @@ def refine_plane(
         float(fit.cost),
         before,
         len(observations.starts),
-        line_residuals(flatten(fit.x), observations, p).spreads(),
+        line_residuals(flatten(fit.x), observations, p).scales(),
         float(fit.x[5]) if has_sides else 0.0,
         (0.0, 0.0) if principal_point is None else (float(fit.x[5]), float(fit.x[6])),
     )

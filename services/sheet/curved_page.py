@@ -16,7 +16,7 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import estimate_plane
 from services.geometry.vanishing_points import FlowVanishingPoints
-from services.sheet.developable.fitting import FittedSurface, SurfaceStart, fit_surface, widen
+from services.sheet.developable.fitting import FittedSurface, SurfaceStart, fit_surface, rescale_deviations
 from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations
 from services.sheet.developable.residuals import BENDS, FittingParameters
 from services.sheet.developable.smooth_residual import morph_to_lines
@@ -197,7 +197,7 @@ def estimate_curved_page(
         held = PageObservations(
             e.major, e.minor, NO_LINES, page_hull(e.characters), prior.log_focal, prior.deviation
         )
-        fitted = fit_surface(e.start, held, FittingParameters(hard_flows=True, max_evaluations=1))
+        fitted = fit_surface(e.start, held, FittingParameters(cauchy_flows=True, max_evaluations=1))
     else:
         fitted = _fit_flows(e, prior, strips, p)
     reason, contradicted = implausibility(fitted.surface, e.characters, p), False
@@ -274,7 +274,7 @@ def _fit_flows(
         thin(e.major, p.start_samples), thin(e.minor, p.start_samples), NO_LINES, hull, prior.log_focal, held
     )
     soft = FittingParameters(max_evaluations=12)
-    hard = FittingParameters(max_evaluations=12, hard_flows=True)
+    hard = FittingParameters(max_evaluations=12, cauchy_flows=True)
     starts = [
         (start_surface(e.vanishing_points, prior, e.characters, skew, p), few) for skew in p.start_skews_rad
     ]
@@ -288,7 +288,7 @@ def _fit_flows(
     best = min(likely or fits, key=lambda fit: fit.cost)
     observed = PageObservations(e.major, e.minor, NO_LINES, hull, prior.log_focal, prior.deviation)
     return fit_surface(
-        recentre(best, e.characters, p), observed, FittingParameters(hard_flows=True, max_evaluations=20)
+        recentre(best, e.characters, p), observed, FittingParameters(cauchy_flows=True, max_evaluations=20)
     )
 
 
@@ -296,14 +296,14 @@ def _fit_lines(
     e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters
 ) -> tuple[FittedSurface, LineObservations]:
     """Two rounds: the lines are traced again in the first round's view, with the deviations it has shown."""
-    parameters, lines, hull = FittingParameters(hard_flows=True), NO_LINES, page_hull(e.characters)
+    parameters, lines, hull = FittingParameters(cauchy_flows=True), NO_LINES, page_hull(e.characters)
     for _ in range(2):
         lines = trace_by_characters(e.text, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation)
         fitted = fit_surface(recentre(fitted, e.characters, p), observed, parameters)
         if implausibility(fitted.surface, e.characters, p) is not None:
             break
-        parameters = widen(parameters, fitted)
+        parameters = rescale_deviations(parameters, fitted)
     return fitted, lines
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import Floats, Points, Vector
+from services.robust import robust_scale
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.tabulated import TabulatedValues
 
@@ -75,8 +76,7 @@ def reject_outliers(
     for _ in range(2):
         field = smooth_samples(samples, shape, sigma_px / 1.5, sigma_px, order)
         deviation = np.abs(angle_difference(samples.angles, field.at(samples.points)))
-        spread = 1.4826 * float(np.median(deviation)) if len(samples) else 0.0
-        limit = float(np.clip(5 * spread, limit_rad / 8, limit_rad))
+        limit = float(np.clip(5 * robust_scale(deviation), limit_rad / 8, limit_rad))
         samples = samples.select(deviation <= limit)
     return samples
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import GrayImage, Mask, Points, Vector
+from services.robust import robust_scale
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +91,7 @@ def detect_edges(gray: GrayImage, parameters: TextIdentificationParameters) -> M
     sigma = max(parameters.log_sigma * diagonal, 0.8)
     smoothed = cv2.GaussianBlur(gray, (0, 0), sigma, dst=None)
     response = np.abs(cv2.Laplacian(smoothed, cv2.CV_16S, ksize=1).astype(np.float32)) * sigma**2
-    sample = response[::7, ::7]
-    noise = 1.4826 * float(np.median(sample))
+    noise = robust_scale(response[::7, ::7])
     threshold = max(parameters.edge_noise_factor * noise, parameters.edge_contrast * sigma**2 / 2)
     return response > threshold
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from services.arrays import Floats
 from services.mosaic.light.canvas import BLOCK_PX, CELL_PX, CanvasView, FloatImage
+from services.robust import cauchy_weights
 
 DARKEST = 16.0
 """Gray levels below which a colour is noise and the black level of the camera."""
@@ -54,7 +55,7 @@ def fit_light(views: Sequence[CanvasView], parameters: LightParameters | None = 
         for i, j, Bi, Bj, ratio, weight in pairs:
             si, sj = slice(starts[i], starts[i + 1]), slice(starts[j], starts[j + 1])
             residual = Bi @ logs[si] - Bj @ logs[sj] - ratio
-            robust = weight / (1 + (residual**2).mean(axis=1) / p.robust_scale**2)
+            robust = weight * cauchy_weights(np.sqrt((residual**2).mean(axis=1)), p.robust_scale)
             Wi, Wj = Bi.T * robust, Bj.T * robust
             A[si, si] += Wi @ Bi
             A[sj, sj] += Wj @ Bj

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Homography, Mask, Points, Vector
 from services.geometry.homographies import denominators, scaling, transform_points, translation
 from services.mosaic.flat_photo import FlatPhoto
+from services.robust import cauchy_weights, geman_mcclure_weights
 
 Complex = NDArray[np.complex128]
 
@@ -214,7 +215,7 @@ def _trusted(departures: Vector, weights: Vector, p: FrontalFrameParameters) -> 
     if len(weights) < 3:
         return weights
     usual = max(p.usual_departure, p.spread * _percentile(departures, weights, p.most))
-    trust = weights / (1 + (departures / usual) ** 2) ** 2
+    trust = weights * geman_mcclure_weights(departures, usual)
     return np.asarray(trust / trust.sum())
 
 
@@ -224,7 +225,7 @@ def _turn(angles: Vector, trust: Vector, weights: Vector, areas: Vector, p: Fron
     mean = float(np.angle((trust * np.exp(4j * angles)).sum())) / 4
     for _ in range(p.most_steps):
         off = np.angle(np.exp(4j * (angles - mean))) / 4
-        robust = trust / (1 + (off / usual) ** 2) if len(angles) > 2 else trust
+        robust = trust * cauchy_weights(off, usual) if len(angles) > 2 else trust
         change = float((robust * off).sum() / robust.sum())
         mean += change
         if abs(change) < 1e-13:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.homographies import jacobians, transform_points
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.robust import MEDIAN_LENGTH, cauchy_weights
 
 FREE = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1)]
 """Entries of a homography near the identity, in the order of the parameters; the last, (2, 2), stays."""
@@ -166,15 +167,15 @@ def solve_bundle(
     maps, damping, converged = start, 1e-9, False
     distances = transfer_distances(bundle, maps)
     width = p.loss_width * max([least, *(float(np.median(distances[k])) for k in counted)])
-    deviation, robust = least, [np.ones(len(d)) for d in distances]
+    deviation = least
+    robust: list[Vector] = [np.ones(len(d)) for d in distances]
     for _ in range(p.most_steps):
-        # The median length of normal vectors of the plane is 1.1774 deviations (Rayleigh).
-        middle = float(np.median(np.concatenate([distances[k] for k in counted]))) / 1.1774
+        middle = float(np.median(np.concatenate([distances[k] for k in counted]))) / MEDIAN_LENGTH
         deviation = float(np.clip(middle, least, most))
         settled = width * p.annealing <= p.loss_width * deviation
         width = p.loss_width * deviation if settled else width * p.annealing
         widths = np.maximum(width, p.loss_width * np.minimum(own, most))
-        robust = [1 / (1 + (d / w) ** 2) for d, w in zip(distances, widths, strict=True)]
+        robust = [cauchy_weights(d, w) for d, w in zip(distances, widths, strict=True)]
         A, g = _normal_equations(bundle, maps, robust, widths, prior)
         cost = _cost(bundle, distances, widths, maps, prior)
         for _ in range(8):

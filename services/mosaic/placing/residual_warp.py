@@ -17,6 +17,7 @@ from services.geometry.homographies import jacobians, transform_points
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import DisplacementField
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.robust import MEDIAN_LENGTH, cauchy_weights
 
 Nodes = NDArray[np.intp]
 """Numbers of nodes, any shape."""
@@ -276,9 +277,8 @@ def _fit(
     nodes = np.zeros((rows.shape[1], 2))
     for _ in range(p.reweightings):
         distance = np.hypot(*left.T)
-        # The median length of normal vectors of the plane is 1.1774 deviations (Rayleigh).
-        deviation = max(float(np.median(distance)) / 1.1774, p.least_deviation * text_height)
-        weights = confidence / (1 + (distance / (p.loss_width * deviation)) ** 2) / deviation**2
+        deviation = max(float(np.median(distance)) / MEDIAN_LENGTH, p.least_deviation * text_height)
+        weights = confidence * cauchy_weights(distance, p.loss_width * deviation) / deviation**2
         weighted = rows.multiply(weights[:, None]).tocsr()
         normal = splu((rows.T @ weighted + priors).tocsc(), permc_spec="MMD_AT_PLUS_A")
         nodes = normal.solve(-(weighted.T @ apart))

@@ -6,6 +6,7 @@ import numpy as np
 
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.homographies import jacobians, scaling, transform_points, translation
+from services.robust import geman_mcclure_weights
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,7 @@ def fit_homography(
         *[last_loss_px] * (p.steps - narrowing),
     ]:
         squared = np.sum(residual**2, axis=1) * span**2
-        current = weights / (1 + squared / loss**2) ** 2
+        current = weights * geman_mcclure_weights(np.sqrt(squared), loss)
         weighted_x, weighted_y = rows_x * current[:, None], rows_y * current[:, None]
         side = weighted_x.T @ (target[:, 0] - x) + weighted_y.T @ (target[:, 1] - y)
         E = np.linalg.solve(weighted_x.T @ rows_x + weighted_y.T @ rows_y + prior, side)

@@ -7,6 +7,7 @@ from scipy.optimize import least_squares
 
 from services.arrays import Floats, Vector
 from services.geometry.camera import rotation_from_vector
+from services.robust import robust_scale
 from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.residuals import BENDS, FittingParameters, PageResiduals
 from services.sheet.developable.surface import BendBasis, DevelopableSurface
@@ -30,17 +31,18 @@ class SurfaceStart:
 class FittedSurface:
     """The fitted surface and how well it explains what was seen.
 
-    `cost` is half the sum of the softened squared residuals; the spreads are robust deviations of the residuals (lines
-    in units of those assumed); `log_focal_deviation` is what the observations leave, without the prior.
+    `cost` is half the sum of the squared residuals under their losses; the scales are robust deviations of the
+    residuals (lines in units of those assumed); `log_focal_deviation` is what the observations leave, without the
+    prior.
     """
 
     surface: DevelopableSurface
     slant_rad: float
     cost: float
-    line_spread: float
-    spacing_spread: float
-    major_spread_rad: float
-    minor_spread_rad: float
+    line_scale: float
+    spacing_scale: float
+    major_scale_rad: float
+    minor_scale_rad: float
     log_focal_deviation: float
     start: SurfaceStart = field(repr=False)
     principal_point: tuple[float, float] = (0.0, 0.0)
@@ -77,10 +79,10 @@ def fit_surface(
         surface,
         float(fit.x[BENDS - 1]),
         float(fit.cost),
-        _spread(parts["straight"].value),
-        _spread(parts["spacing"].value),
-        _spread(parts["major"].value * residuals.major_deviation),
-        _spread(parts["minor"].value * residuals.minor_deviation),
+        robust_scale(parts["straight"].value),
+        robust_scale(parts["spacing"].value),
+        robust_scale(parts["major"].value * residuals.major_deviation),
+        robust_scale(parts["minor"].value * residuals.minor_deviation),
         _focal_deviation(fit.jac, observed.focal_deviation),
         moved,
         residuals.principal_point(fit.x),
@@ -115,16 +117,12 @@ def _focal_deviation(jacobian: Floats, prior_deviation: float) -> float:
     return float(np.sqrt(variance)) if variance > 0 else float("inf")
 
 
-def _spread(r: Vector) -> float:
-    return 1.4826 * float(np.median(np.abs(r))) if len(r) else 0.0
-
-
-def widen(parameters: FittingParameters, fitted: FittedSurface) -> FittingParameters:
+def rescale_deviations(parameters: FittingParameters, fitted: FittedSurface) -> FittingParameters:
     """Parameters whose deviations of lines and spacings are those that a fit has shown, where they are larger."""
-    spacing = max(1.0, fitted.spacing_spread)
+    spacing = max(1.0, fitted.spacing_scale)
     return replace(
         parameters,
-        line_factor=parameters.line_factor * max(1.0, fitted.line_spread),
+        line_factor=parameters.line_factor * max(1.0, fitted.line_scale),
         spacing=parameters.spacing * spacing,
         spacing_between=parameters.spacing_between * spacing,
     )

@@ -5,6 +5,7 @@ strokes along v (but for one unknown slant of the type), the points of a text li
 paragraph are equally spaced, flush ends share one u. Each is a residual in units of its own deviation.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.sparse import csr_array
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import rotation_from_vector
+from services.robust import cauchy, soft_l1
 from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, Unrolled
 from services.sheet.developable.variation import GLOBAL, vary_page
@@ -57,7 +59,7 @@ class FittingParameters:
     growth: float = 0.35
     growth_deviation: float = 0.05
     """Neighbouring rulings may approach one another under the text to this share of their distance, or little more."""
-    hard_flows: bool = False
+    cauchy_flows: bool = False
     """Flows may be wrong in whole parts (pictures taken for text): their loss is Cauchy's."""
     max_evaluations: int = 40
 
@@ -70,18 +72,10 @@ class Residual:
     slope: Floats
 
 
-def soften(r: Residual) -> Residual:
-    """Residuals whose squares are the soft L1 loss 2 (sqrt(1 + r^2) - 1)."""
-    root = np.sqrt(1 + r.value**2)
-    factor = np.sqrt(2 / (root + 1))
-    return Residual(r.value * factor, r.slope * (1 / (factor * root))[:, None])
-
-
-def soften_hard(r: Residual) -> Residual:
-    """Residuals whose squares are Cauchy's loss log(1 + r^2): groups that may be wholly wrong."""
-    square = r.value**2
-    factor = np.sqrt(np.where(square > 1e-12, np.log1p(square) / np.maximum(square, 1e-300), 1.0))
-    return Residual(r.value * factor, r.slope * (1 / (factor * (1 + square)))[:, None])
+def under(loss: Callable[[Vector], tuple[Vector, Vector]], r: Residual) -> Residual:
+    """Residuals whose squares are the `loss` (see `services.robust`) of `r`."""
+    value, slope = loss(r.value)
+    return Residual(value, r.slope * slope[:, None])
 
 
 def surface_of(
@@ -313,15 +307,15 @@ class PageResiduals:
         return tilt(x[:3]), slope
 
     def evaluate(self, x: Vector) -> tuple[Vector, Floats]:
-        """Softened residuals (n,) with the priors, and their derivatives (n, M)."""
+        """Residuals (n,) under their losses, with the priors, and their derivatives (n, M)."""
         if self._last is None or self._last[0] != x.tobytes():
             parts = self.parts(x)
-            # Observations may be outliers and are softened; groups may be wholly wrong, and are softened more; the
-            # priors are meant as they are.
-            of_flows = soften_hard if self.p.hard_flows else soften
-            soft = [of_flows(parts["major"]), of_flows(parts["minor"]), soften(parts["straight"])]
-            hard = [soften_hard(parts[name]) for name in ("spacing", "margins")]
-            all_ = [*soft, *hard, parts["crossing"], self._priors(x)]
+            # Single observations may be outliers, groups may be wholly wrong; the priors are meant as they are.
+            of_flows = cauchy if self.p.cauchy_flows else soft_l1
+            losses = {"major": of_flows, "minor": of_flows, "straight": soft_l1}
+            losses |= {"spacing": cauchy, "margins": cauchy}
+            all_ = [*(under(loss, parts[name]) for name, loss in losses.items())]
+            all_ += [parts["crossing"], self._priors(x)]
             value = np.concatenate([r.value for r in all_])
             self._last = (x.tobytes(), value, np.concatenate([r.slope for r in all_]))
         return self._last[1], self._last[2]

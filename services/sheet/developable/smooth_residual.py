@@ -11,6 +11,7 @@ from scipy.interpolate import BSpline
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.page_map import PageMap
+from services.robust import cauchy_weights
 from services.sheet.developable.observations import LineObservations
 from services.sheet.developable.surface import DevelopableSurface
 
@@ -110,7 +111,7 @@ def morph_to_lines(
 
     v = at.page[:, 1]
     level = (np.bincount(lines.index, v, minlength=lines.count) / count)[lines.index]
-    weight = np.ones(len(v))
+    weight: Vector = np.ones(len(v))
     penalty = _penalty(p) * (p.deviation / p.bend) ** 2
     penalty += np.eye(design.shape[1]) * (p.deviation / p.size) ** 2
     coefficients = np.zeros(design.shape[1])
@@ -119,7 +120,7 @@ def morph_to_lines(
         b = -without_level((v - level)[:, None], weight)[:, 0] / height
         coefficients = np.linalg.solve((A * weight[:, None]).T @ A + penalty, (A * weight[:, None]).T @ b)
         rest = (b - A @ coefficients) / p.deviation
-        weight = 1 / (1 + (rest / 2) ** 2)
+        weight = cauchy_weights(rest, 2.0)
     if np.abs(coefficients).max() > p.max_shift:
         return surface
     return MorphedPage(surface, height * coefficients.reshape(p.rows, p.columns), low, high)

@@ -3,8 +3,12 @@
 import numpy as np
 
 from services.arrays import Points, Vector
+from services.robust import fit_reweighted, geman_mcclure_weights, robust_scale
 from services.sheet.outline.corners import CornerParameters, Corners, meet
 from services.sheet.outline.edges import EdgePoints
+
+LEAST_SCALE_PX = 0.3
+"""Of the distances from a side: edges are measured no better."""
 
 
 def smooth_sides(
@@ -53,13 +57,14 @@ class _RobustCubic:
         s, d = ((points - self.centre) @ self.axes.T).T
         self.scale = max(float(np.abs(s).max()), 1e-6)
         design = np.polynomial.polynomial.polyvander(s / self.scale, 3)
-        weight = np.ones(len(s))
-        for _ in range(12):
-            weighted = design * weight[:, None]
-            self.fit = np.linalg.solve(weighted.T @ design + 1e-9 * np.eye(4), weighted.T @ d)
-            residual = np.abs(d - design @ self.fit)
-            spread = max(1.5 * float(np.median(residual)), 0.3)
-            weight = 1 / (1 + (residual / spread) ** 2) ** 2
+        self.fit = fit_reweighted(
+            design,
+            d,
+            geman_mcclure_weights,
+            lambda _, residuals: max(robust_scale(residuals), LEAST_SCALE_PX),
+            12,
+            damping=1e-9 * np.eye(4),
+        )
 
     def _height(self, s: Vector) -> Vector:
         return np.asarray(np.polynomial.polynomial.polyval(s / self.scale, self.fit))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Points, Vector
+from services.robust import cauchy_weights, robust_scale
 from services.sheet.rulings.line_profiles import LineEdges
 from services.sheet.rulings.results import RulingVanishingPoints
 
@@ -168,9 +169,9 @@ def _start(runs: list[Vector], bound: float, agreement: float = 0.06) -> tuple[f
     gap = (after - before) / ((1 - trials * before) * (1 - trials * after))
     common = np.median(gap, axis=1, keepdims=True)
     for _ in range(2):
-        weight = 1 / (1 + ((gap / common - 1) / agreement) ** 2)
+        weight = cauchy_weights(gap / common - 1, agreement)
         common = (weight * gap).sum(axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)
-    best = int(np.argmax((1 / (1 + ((gap / common - 1) / agreement) ** 2)).sum(axis=1)))
+    best = int(np.argmax(cauchy_weights(gap / common - 1, agreement).sum(axis=1)))
     return float(trials[best, 0]), float(common[best, 0])
 
 
@@ -183,7 +184,7 @@ def _step(lines: _Lines, w: float, p: SpacingParameters) -> tuple[float, float, 
     precision = shrink**4
     own = _slopes(u, k, precision, group)
     b = _weighted_median(own, np.asarray(np.bincount(group, precision * k**2), np.float64))
-    weight = precision / (1 + ((own / b - 1) / p.same_leading) ** 2)[group]
+    weight = precision * cauchy_weights(own / b - 1, p.same_leading)[group]
     for _ in range(3):
         columns = np.stack([_centred(du, weight, group), _centred(-k, weight, group)], axis=1)
         target = _centred(u, weight, group)
@@ -192,8 +193,8 @@ def _step(lines: _Lines, w: float, p: SpacingParameters) -> tuple[float, float, 
         change, spacing = -np.linalg.solve(normal + 1e-18 * np.eye(2), columns.T @ (weight * target))
         r = (target + columns @ np.array([change, spacing])) * shrink**2
         b = max(float(spacing), 1e-9)
-        noise = max(1.4826 * float(np.median(np.abs(r))), p.least_noise * b)
-        weight = precision / (1 + ((own / b - 1) / p.same_leading) ** 2)[group] / (1 + (r / (2 * noise)) ** 2)
+        noise = max(robust_scale(r), p.least_noise * b)
+        weight = precision * cauchy_weights(own / b - 1, p.same_leading)[group] * cauchy_weights(r, 2 * noise)
     # The normal matrix counts weights of precision; an edge's own variance is noise^2.
     variance = float(np.linalg.inv(normal + 1e-18 * np.eye(2))[0, 0]) * noise**2
     return w + float(change), b, float(np.sqrt(max(variance, 0.0)))
@@ -249,7 +250,7 @@ def share_with_neighbours(
         length = np.linalg.norm(mean, axis=1)
         mean /= np.maximum(length, 1e-12)[:, None]
         off = np.linalg.norm(np.cross(mean, signed), axis=1)
-        trust = np.where(known, 1 / (1 + (off / (3 * deviation)) ** 2), 0.0)
+        trust = np.where(known, cauchy_weights(off, 3 * deviation), 0.0)
     shared = (total > 0) & (length > 1e-6)
     directions = np.where(shared[:, None], mean, found.directions)
     own = np.hypot(np.sqrt(1 / np.maximum(total, 1e-300)), p.floor_rad)

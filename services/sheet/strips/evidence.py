@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from services.arrays import Floats, Points, Vector
+from services.robust import cauchy_weights, robust_scale
 from services.sheet.rulings.results import ProjectedRulings, RulingVanishingPoints
 from services.sheet.strips.coverage import cover_text
 
@@ -142,7 +143,7 @@ def _steady(along: Floats, flow: Floats, weights: Floats) -> Floats:
     mean = _mean_axis(np.arctan2(flow[..., 1], flow[..., 0]).ravel())
     turn = np.arctan2(mean[0] * flow[..., 1] - mean[1] * flow[..., 0], flow @ mean)
     turn = (turn + np.pi / 2) % np.pi - np.pi / 2
-    trust = np.ones(weights.shape)
+    trust: Floats = np.ones(weights.shape)
     for _ in range(_ROUNDS):
         w = weights * trust + 1e-9
         total = w.sum(axis=1, keepdims=True)
@@ -151,10 +152,10 @@ def _steady(along: Floats, flow: Floats, weights: Floats) -> Floats:
         slope = (w * place * turn).sum(axis=1, keepdims=True) / (
             (w * place**2).sum(axis=1, keepdims=True) + 1e-9
         )
-        distance = np.abs(turn - level - slope * place)
+        distance = turn - level - slope * place
         # Median and scale of the whole page: a strip's own samples are few.
-        scale = max(1.4826 * float(np.median(distance)), _LEAST_ERROR_RAD)
-        trust = 1 / (1 + (distance / (3 * scale)) ** 2)
+        scale = max(robust_scale(distance), _LEAST_ERROR_RAD)
+        trust = cauchy_weights(distance, 3 * scale)
     return np.asarray(weights * trust)
 
 

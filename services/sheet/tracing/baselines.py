@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from services.arrays import Mask, Points, Vector
+from services.robust import fit_reweighted, geman_mcclure_weights, narrowing
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +25,7 @@ class BaselineParameters:
     min_characters: int = 6
     min_length: float = 6.0
     baseline_scale: float = 0.08
-    """Scale of Cauchy's loss of the baseline fit; descenders are outliers."""
+    """Scale of Geman and McClure's loss of the baseline fit; descenders are outliers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,21 +170,14 @@ def _fit_line(
 
 def _fit_edge(t: Vector, y: Vector, unit: float, p: BaselineParameters) -> tuple[float, float, float] | None:
     """Level, slope and deviation of the line that most of the points (t, y) lie on; `t` has unit spread."""
-    slope, level = np.polyfit(t, y, 1)
-    scale = 0.35 * unit
-    for _ in range(10):
-        r = y - (level + slope * t)
-        w = 1 / (1 + (r / scale) ** 2) ** 2
-        total, wt, wtt = w.sum(), (w * t).sum(), (w * t * t).sum()
-        determinant = total * wtt - wt**2
-        if determinant <= 1e-9 * total:
-            return None
-        wy, wyt = (w * y).sum(), (w * y * t).sum()
-        level = (wtt * wy - wt * wyt) / determinant
-        slope = (total * wyt - wt * wy) / determinant
-        scale = max(scale * 0.6, p.baseline_scale * unit)
+    design = np.stack([np.ones(len(t)), t], axis=1)
+    scale = narrowing(0.35 * unit, 0.6, p.baseline_scale * unit)
+    start = np.polyfit(t, y, 1)[::-1]
+    # One character may keep all the weight, and then tells no slope.
+    damping = np.diag([0.0, 1e-9])
+    level, slope = fit_reweighted(design, y, geman_mcclure_weights, scale, 10, start=start, damping=damping)
     r = y - (level + slope * t)
-    near = np.abs(r) < 3 * scale
+    near = np.abs(r) < 3 * p.baseline_scale * unit
     if near.sum() < max(0.4 * len(t), 4):
         return None
     rms = max(float(np.sqrt(np.mean(r[near] ** 2))), 0.25)

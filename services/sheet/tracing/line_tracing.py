@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
+from services.robust import fit_reweighted, geman_mcclure_weights, narrowing
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import (
     Baselines,
@@ -36,7 +37,7 @@ class TracingParameters:
     order: int = 5
     """Highest order of the polynomial that tells a line's characters from descenders and strays."""
     scale: float = 0.12
-    """Of Cauchy's loss in that fit."""
+    """Of Geman and McClure's loss in that fit."""
     min_length: float = 6.0
     deviation_floor: float = 0.02
     """Of a piece's place: what characters differ in by design."""
@@ -197,17 +198,14 @@ def _follow(
 ) -> tuple[Floats | None, NDArray[np.bool_]]:
     """Chebyshev coefficients of the curve that most of the points (x, y) lie on, and these points."""
     design = np.polynomial.chebyshev.chebvander(_scaled(x, x), order)
-    c = np.zeros(order + 1)
+    c: Vector = np.zeros(order + 1)
     c[0] = np.median(y)
-    scale = 0.5 * unit
     ridge = 1e-3 * len(x) * np.diag(np.arange(order + 1.0) ** 2)
-    for _ in range(10):
-        r = y - design @ c
-        w = 1 / (1 + (r / scale) ** 2) ** 2
-        normal = (design * w[:, None]).T @ design + ridge * w.mean()
-        c = np.linalg.solve(normal, (design * w[:, None]).T @ y)
-        scale = max(0.7 * scale, p.scale * unit)
-    near = np.abs(y - design @ c) < 2 * scale
+    scale = narrowing(0.5 * unit, 0.7, p.scale * unit)
+    c = fit_reweighted(
+        design, y, geman_mcclure_weights, scale, 10, start=c, damping=ridge, weigh_damping=True
+    )
+    near = np.abs(y - design @ c) < 2 * p.scale * unit
     if near.sum() < max(0.35 * len(x), 4):
         return None, near
     return c, near

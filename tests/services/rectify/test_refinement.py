@@ -16,9 +16,7 @@ from services.rectify.refinement import (
     for_text,
     observe_lines,
     refine_plane,
-    soften,
-    soften_hard,
-    widen,
+    rescale_deviations,
 )
 from services.sheet.tracing.baselines import Baselines
 from services.texture_flow.vanishing_points import estimate_vanishing_points
@@ -193,20 +191,6 @@ def test_a_few_wrong_lines_do_little_harm() -> None:
     assert found.plane.focal == pytest.approx(plane.focal, rel=0.04)
 
 
-def test_soft_residuals_are_the_soft_l1_loss() -> None:
-    r = np.array([0.0, 1e-4, -0.5, 3.0, -1e4])
-    assert np.allclose(soften(r) ** 2, 2 * (np.sqrt(1 + r**2) - 1), rtol=1e-6)
-    assert (np.sign(soften(r)) == np.sign(r)).all()
-    assert np.allclose(soften(r[:2]), r[:2])
-
-
-def test_hard_residuals_are_cauchys_loss() -> None:
-    r = np.array([0.0, 1e-4, -0.5, 3.0, -1e4])
-    assert np.allclose(soften_hard(r) ** 2, np.log1p(r**2))
-    assert (np.sign(soften_hard(r)) == np.sign(r)).all()
-    assert (np.abs(soften_hard(r)) <= np.abs(soften(r)) + 1e-12).all()
-
-
 def test_small_type_may_lean_more() -> None:
     assert for_text(40.0) == RefinementParameters()
     assert for_text(9.0).slant_rad == pytest.approx(4 * RefinementParameters().slant_rad)
@@ -214,8 +198,8 @@ def test_small_type_may_lean_more() -> None:
 
 def test_deviations_are_widened_and_never_narrowed() -> None:
     p = RefinementParameters()
-    assert widen(p, (0.3, 0.9)) == p
-    wide = widen(p, (2.0, 3.0))
+    assert rescale_deviations(p, (0.3, 0.9)) == p
+    wide = rescale_deviations(p, (2.0, 3.0))
     assert wide.baseline_factor == pytest.approx(2 * p.baseline_factor)
     assert wide.spacing == pytest.approx(3 * p.spacing)
     assert wide.spacing_between == pytest.approx(3 * p.spacing_between)
@@ -223,7 +207,7 @@ def test_deviations_are_widened_and_never_narrowed() -> None:
 
 
 @pytest.mark.parametrize("factor", [1.0, 4.0])
-def test_spreads_tell_how_rough_the_lines_are(factor: float) -> None:
+def test_scales_tell_how_rough_the_lines_are(factor: float) -> None:
     # Lines set by hand: each turned and moved at random, so much as assumed or four times as much.
     plane, rng, p = photograph_plane(POSES[2]), np.random.default_rng(5), RefinementParameters()
     y = 100 + 29.0 * np.arange(36) + rng.normal(0, factor * p.spacing * 29, 36)
@@ -236,8 +220,8 @@ def test_spreads_tell_how_rough_the_lines_are(factor: float) -> None:
         Baselines(starts, ends, np.full(36, 12.0), np.full(36, 0.01)), plane.H_centred_page, p
     )
     found = refine(plane, focal_prior(plane.frame, None, None), 5, noise=0.3, observations=lines)
-    for spread in found.spreads:
-        assert 0.5 * factor < spread < 1.6 * factor
+    for scale in found.scales:
+        assert 0.5 * factor < scale < 1.6 * factor
     assert plane.error_deg(found.plane) < 1.0
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from services.arrays import Points, Vector
 from services.geometry.camera import PrincipalPointPrior
-from services.sheet.developable.fitting import FittedSurface, fit_surface, free_gain, widen
+from services.sheet.developable.fitting import FittedSurface, fit_surface, free_gain, rescale_deviations
 from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations
 from services.sheet.developable.residuals import BENDS, FittingParameters, PageResiduals, surface_of
 from services.sheet.developable.surface import DevelopableSurface
@@ -36,7 +36,7 @@ def normals_error_deg(found: FittedSurface, bent: Bent) -> float:
 
 
 def cost_at(bent: Bent, change: Vector, observed: PageObservations) -> float:
-    """Half the sum of the softened squares at a fit's start."""
+    """Half the sum under the losses at a fit's start."""
     start = bent.start(change)
     x = np.concatenate([np.zeros(3), start.parameters])
     residuals = PageResiduals(start.rotation, start.anchor, BASIS, observed, x, FittingParameters())
@@ -53,9 +53,9 @@ def test_exact_observations_give_the_sheet_but_for_the_priors_pull(name: str) ->
     assert fitted.surface.focal == pytest.approx(bent.focal, rel=5e-3)
     assert fitted.slant_rad == pytest.approx(SLANT_RAD, abs=5e-4)
     assert fitted.cost < cost_at(bent, np.zeros(16), observed) + 1e-6
-    assert fitted.line_spread < 0.05
-    assert fitted.major_spread_rad < 3e-4
-    assert fitted.minor_spread_rad < 5e-4
+    assert fitted.line_scale < 0.05
+    assert fitted.major_scale_rad < 3e-4
+    assert fitted.minor_scale_rad < 5e-4
 
 
 @pytest.mark.parametrize("name", SHEETS)
@@ -69,9 +69,9 @@ def test_noise_leaves_errors_of_its_own_size(name: str) -> None:
     assert normals_error_deg(fitted, bent) < 0.8
     assert 5e-3 < fitted.log_focal_deviation < 0.05
     assert abs(np.log(fitted.surface.focal / bent.focal)) < 3 * fitted.log_focal_deviation
-    assert 0.5 < fitted.line_spread < 1.5
-    assert fitted.major_spread_rad == pytest.approx(np.radians(0.5), rel=0.4)
-    assert fitted.minor_spread_rad == pytest.approx(np.radians(0.5), rel=0.4)
+    assert 0.5 < fitted.line_scale < 1.5
+    assert fitted.major_scale_rad == pytest.approx(np.radians(0.5), rel=0.4)
+    assert fitted.minor_scale_rad == pytest.approx(np.radians(0.5), rel=0.4)
 
 
 def test_flows_alone_show_the_shape_a_little_less_well() -> None:
@@ -83,7 +83,7 @@ def test_flows_alone_show_the_shape_a_little_less_well() -> None:
         < page_error(without.surface, CYLINDER.surface())
         < 0.02
     )
-    assert without.line_spread == 0.0
+    assert without.line_scale == 0.0
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -205,12 +205,12 @@ def test_deviations_are_widened_never_narrowed() -> None:
     observed = observe(CYLINDER.surface(), line_noise=3e-4, seed=11)
     fitted = fit_surface(CYLINDER.start(), observed)
     p = FittingParameters(line_factor=1.5)
-    assert widen(p, replace(fitted, line_spread=0.4, spacing_spread=0.3)) == p
-    wide = widen(p, replace(fitted, line_spread=2.0, spacing_spread=4.0))
+    assert rescale_deviations(p, replace(fitted, line_scale=0.4, spacing_scale=0.3)) == p
+    wide = rescale_deviations(p, replace(fitted, line_scale=2.0, spacing_scale=4.0))
     assert wide.line_factor == pytest.approx(3.0)
     assert wide.spacing == pytest.approx(4 * p.spacing)
     assert wide.spacing_between == pytest.approx(4 * p.spacing_between)
-    only = widen(p, replace(fitted, line_spread=2.0, spacing_spread=0.5))
+    only = rescale_deviations(p, replace(fitted, line_scale=2.0, spacing_scale=0.5))
     assert only == replace(p, line_factor=3.0)
 
 

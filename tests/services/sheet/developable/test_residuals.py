@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
+from services.robust import cauchy, soft_l1
 from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations, Run
 from services.sheet.developable.residuals import (
     BENDS,
@@ -16,9 +17,8 @@ from services.sheet.developable.residuals import (
     FittingParameters,
     PageResiduals,
     Residual,
-    soften,
-    soften_hard,
     surface_of,
+    under,
 )
 from services.texture_flow.field import FlowSamples
 from tests.services.sheet.developable.sheets import (
@@ -113,7 +113,7 @@ def test_derivatives_are_those_of_the_values(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SHEETS)
-def test_derivatives_of_the_softened_whole(name: str) -> None:
+def test_derivatives_of_the_whole_under_its_losses(name: str) -> None:
     bent = SHEETS[name]
     observed = observe(bent.surface(), flow_noise_rad=0.01, line_noise=1e-3, seed=3, focal=1.5)
     residuals = residuals_of(bent, observed)
@@ -248,33 +248,15 @@ def test_priors_pull_to_what_is_usual() -> None:
     )
 
 
-@given(st.floats(-50, 50), st.floats(-3, 3))
-def test_softened_squares_are_the_losses(r: float, slope: float) -> None:
-    one = Residual(np.array([r]), np.array([[slope, 0.0]]))
-    d = 1e-4
-    for soft, loss in ((soften, 2 * (np.sqrt(1 + r * r) - 1)), (soften_hard, np.log1p(r * r))):
-        found = soft(one)
-        assert found.value[0] ** 2 == pytest.approx(loss, rel=1e-9, abs=1e-15)
-        assert found.value[0] * r >= 0
-        low, high = soft(Residual(np.array([r - d, r + d]), np.zeros((2, 2)))).value
-        assert found.slope[0, 0] == pytest.approx((high - low) / (2 * d) * slope, rel=1e-4, abs=1e-6)
-        assert found.slope[0, 1] == 0.0
-        # Never sharper than the residual itself.
-        assert abs(found.value[0]) <= abs(r) + 1e-12
+def test_a_loss_is_applied_with_its_derivative() -> None:
+    one = Residual(np.array([3.0, -0.2]), np.array([[2.0, 0.0], [0.0, -1.0]]))
+    found = under(cauchy, one)
+    value, slope = cauchy(one.value)
+    assert np.array_equal(found.value, value)
+    assert np.array_equal(found.slope, [[2.0 * slope[0], 0.0], [0.0, -slope[1]]])
 
 
-def test_losses_agree_for_small_residuals_and_order_for_large_ones() -> None:
-    r = np.array([1e-9, 1e-3, 0.1, 1.0, 5.0, 100.0])
-    one = Residual(r, np.ones((6, 1)))
-    soft, hard = soften(one).value, soften_hard(one).value
-    assert np.allclose(soft[:2], r[:2], rtol=1e-5)
-    assert np.allclose(hard[:2], r[:2], rtol=1e-5)
-    assert (hard[2:] < soft[2:]).all()
-    assert (np.diff(soft) > 0).all()
-    assert (np.diff(hard) > 0).all()
-
-
-def test_only_observations_are_softened() -> None:
+def test_only_observations_are_under_a_loss() -> None:
     lines = printed(np.array([-0.2, 0.0, 0.2, 0.35, 0.45]))
     points = lines.points.copy()
     points[4, 1] += 0.05
@@ -286,12 +268,12 @@ def test_only_observations_are_softened() -> None:
     assert value[-8] == pytest.approx(200 / P.bend)
     part = residuals.parts(x)
     n = len(part["major"].value)
-    assert np.allclose(value[:n], soften(part["major"]).value)
+    assert np.allclose(value[:n], soft_l1(part["major"].value)[0])
     count = [len(p.value) for p in part.values()]
-    # Groups that may be wholly wrong are softened more.
+    # Groups that may be wholly wrong are under Cauchy's.
     for name, number in (("spacing", 3), ("margins", 4)):
         group = slice(sum(count[:number]), sum(count[: number + 1]))
-        assert np.allclose(value[group], soften_hard(part[name]).value)
+        assert np.allclose(value[group], cauchy(part[name].value)[0])
     crossing = slice(sum(count[:5]), sum(count))
     assert np.array_equal(value[crossing], part["crossing"].value)
 
