@@ -149,6 +149,18 @@ def test_some_libraries_have_one_place(module: str, places: tuple[str, ...]) -> 
     assert wrong == []
 
 
+def test_the_dissertations_strips_are_reached_from_benchmarks_alone() -> None:
+    own = ("services/sheet/strip_page.py", "services/sheet/strips/", "services/sheet/rulings/")
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in sources("services")
+        if not str(path.relative_to(ROOT)).startswith(own)
+        for name in imports(path)
+        if within(name, ("services.sheet.strip_page", "services.sheet.strips", "services.sheet.rulings"))
+    ]
+    assert wrong == []
+
+
 def test_only_the_codec_decodes_and_encodes() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}: {node.attr}"

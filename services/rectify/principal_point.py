@@ -144,7 +144,7 @@ def find_principal_point(
     fitting: _Fitting | None = None
     if prior.source == "assumed":
         return None
-    if isinstance(shape, CurvedPage) and shape.fitted is not None and not doubted:
+    if isinstance(shape, CurvedPage) and not doubted:
         fitting = _sheet_fitting(evidence, prior, shape, p)
     elif isinstance(shape, PagePose):
         doubted = doubted or is_odd(evidence.view, p)
@@ -265,7 +265,6 @@ def _sheet_fitting(
 ) -> _Fitting | None:
     """Fits of the bent sheet from the one at hand; None where a free principal point would save too little."""
     fitted = page.fitted
-    assert fitted is not None
     if fitted.line_scale > p.line_scale:
         return None
     parameters = rescale_deviations(FittingParameters(cauchy_flows=True), fitted)

@@ -24,13 +24,13 @@ from services.sheet.ridged_page import (
     sides_crease,
 )
 from services.sheet.straight_sides import straighten_sides
-from services.sheet.tracing.line_tracing import line_deviation, trace_by_characters
+from services.sheet.tracing.line_tracing import measure_straightness, trace_by_characters
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 
 FEW_LINES = 10
 """Fewer lines than this tell little of a page's shape."""
 STRAIGHT = 0.04
-"""RMS waviness of text lines, in text heights, up to which flat pages show it; nobody sees it."""
+"""RMS deviation of text lines from straight ones, in text heights, that flat pages have too; nobody sees it."""
 STRAIGHT_SIDE = 0.003
 """RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
 SMOOTH_SIDE = 0.001
@@ -40,7 +40,7 @@ FLAT_SIDE = 0.008
 CERTAIN_OUTLINE = 0.95
 """Confidence from which on 99 % of the outlines are right."""
 CURVED_GAIN = 0.7
-"""A bent sheet must bring the waviness below this share of the plane's."""
+"""A bent sheet must bring the lines' deviation below this share of the plane's."""
 FLOW_GAIN = 0.4
 """The same of the flows, where the lines are straight already: sparse print draws the flows astray."""
 
@@ -66,13 +66,13 @@ def choose_shape(
     if kind == "planar":
         return pose, pose.notices
     plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
-    waviness = line_deviation(plane, trace_by_characters(e.text, e.view, plane))
+    straightness = measure_straightness(plane, trace_by_characters(e.text, e.view, plane))
     bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
     # Four straight sides and straight lines are those of a plane, whatever sparse flows say.
-    planar = waviness < STRAIGHT and (seems == "planar" or pose.sides_believed)
+    planar = straightness < STRAIGHT and (seems == "planar" or pose.sides_believed)
     if kind == "auto" and planar and not bent_sides:
         return pose, pose.notices
-    bent = choose_bent_shape(e, prior, pose, waviness, outline, forced=kind == "curved")
+    bent = choose_bent_shape(e, prior, pose, plane, straightness, outline, forced=kind == "curved")
     if isinstance(bent, CurvedPage | RidgedPage):
         contradicted = isinstance(bent, CurvedPage) and bent.exif_contradicted
         return bent, (EXIF_CONTRADICTED,) if contradicted else ()
@@ -85,12 +85,13 @@ def choose_bent_shape(
     e: PageEvidence,
     prior: FocalPrior,
     pose: PagePose,
-    waviness: float,
+    plane: PlaneMap,
+    straightness: float,
     outline: SheetOutline | None,
     *,
     forced: bool,
 ) -> CurvedPage | RidgedPage | NoSheet | None:
-    """The bent or creased sheet that explains clearly more than the plane `pose`, which leaves `waviness`.
+    """The bent or creased sheet that explains clearly more than the `plane` of `pose`, which leaves `straightness`.
 
     `forced`: any that is plausible. Else why none is plausible, or None where one is and explains no more.
     """
@@ -100,21 +101,22 @@ def choose_bent_shape(
         if (
             isinstance(curved, CurvedPage)
             and straightens_sides(curved, outline, e.view)
-            and (forced or explains_more(curved, pose, waviness))
+            and (forced or explains_more(curved, pose, straightness))
         ):
             return with_straight_sides(curved, outline, e)
     ridged = None if outline is None else ridged_page(e, prior, outline)
     if isinstance(ridged, RidgedPage) and outline is not None:
-        plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
-        by_profiles = line_deviation(plane, trace_by_profiles(e.text, e.view, plane))
-        straighter = ridged.waviness < CURVED_GAIN * by_profiles
-        if forced or straighter or sides_bend(outline) > STRAIGHT_SIDE:
+        if forced or sides_bend(outline) > STRAIGHT_SIDE:
+            return ridged
+        # The mesh was measured on lines that were traced by profiles, and so is the plane beside it.
+        by_profiles = measure_straightness(plane, trace_by_profiles(e.text, e.view, plane))
+        if ridged.line_straightness < CURVED_GAIN * by_profiles:
             return ridged
     if curved is None:
         curved = estimate_curved_page(e, prior)
     if isinstance(curved, NoSheet):
         return curved
-    return curved if forced or explains_more(curved, pose, waviness) else None
+    return curved if forced or explains_more(curved, pose, straightness) else None
 
 
 def why_not_bent(bent: NoSheet | None) -> Notice:
@@ -168,11 +170,11 @@ def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> Ri
     )
 
 
-def explains_more(curved: CurvedPage, pose: PagePose, waviness: float) -> bool:
-    """Whether the bent sheet leaves clearly straighter lines than the plane, which leaves `waviness`.
+def explains_more(curved: CurvedPage, pose: PagePose, straightness: float) -> bool:
+    """Whether the bent sheet leaves clearly straighter lines than the plane, which leaves `straightness`.
 
     Where the plane leaves them straight, or there are too few lines to tell, the flows must decide, and clearly.
     """
-    if waviness < STRAIGHT or curved.line_count < FEW_LINES // 2:
+    if straightness < STRAIGHT or curved.line_count < FEW_LINES // 2:
         return not pose.sides_believed and curved.deviation < FLOW_GAIN * pose.deviation
-    return curved.waviness < CURVED_GAIN * waviness and curved.deviation < pose.deviation
+    return curved.line_straightness < CURVED_GAIN * straightness and curved.deviation < pose.deviation

@@ -6,12 +6,11 @@ import numpy as np
 
 from services.arrays import Points, Vector
 from services.geometry.focal_prior import (
-    MAX_FOCAL,
-    MIN_FOCAL,
     FocalLengthSource,
     FocalPrior,
     typical_focal_prior,
 )
+from services.geometry.hulls import text_hull
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import estimate_plane
@@ -22,10 +21,8 @@ from services.sheet.developable.residuals import BENDS, FittingParameters
 from services.sheet.developable.smooth_residual import morph_to_lines
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.evidence import PageEvidence
-from services.sheet.rulings.reference_points import text_hull
-from services.sheet.strip_page import BentSheet, StripPage, bend_of_strips, find_strips
 from services.sheet.surfaces import StripsSurface
-from services.sheet.tracing.line_tracing import line_deviation, trace_by_characters
+from services.sheet.tracing.line_tracing import measure_straightness, trace_by_characters
 from services.texture_flow.field import FlowSamples, mean_deviation
 
 
@@ -39,9 +36,10 @@ class CurvedParameters:
     reach: float = 0.4
     """The surface is tabulated, straight, further by this share."""
     start_skews_rad: tuple[float, ...] = (0.0, np.pi / 2)
-    """Rulings of the flat starts, beside the strips'."""
+    """Rulings of the flat starts: across the text lines and along them."""
     start_samples: int = 200
     start_focal_deviation: float = 0.05
+    """Of starts whose focal length is held."""
     focal_held: float = 3.5
     """A focal length further than this many deviations from what was assumed comes from a page that is no sheet."""
     held_deviation: float = 0.08
@@ -50,7 +48,7 @@ class CurvedParameters:
     max_magnification_ratio: float = 10.0
     max_tilt_rad: float = np.deg2rad(80.0)
     strips: int = 40
-    """In which the answer tells the surface."""
+    """In which the answer describes the surface."""
     min_visible: float = 0.97
     """Share of the characters that the surface must place."""
 
@@ -59,26 +57,29 @@ class CurvedParameters:
 class CurvedPage:
     """The map that flattens a curved page, its shape in strips, and what to say about it.
 
-    `surface` is the global surface under the map, None where only strips could be fitted. `focal` is in half diagonals;
-    `deviation` the mean deviation (rad) of the flows from horizontal and vertical in the flat view, `waviness` the RMS
-    deviation, in text heights, of the text lines from straight ones, before the small residual.
+    `surface` is the global surface under the map, `fitted` its fit, and `lines` what it was fitted to. `focal` is in
+    half diagonals; `deviation` is the mean deviation (rad) of the flows from horizontal and vertical in the flat view,
+    `line_straightness` the RMS deviation, in text heights, of the text lines from straight ones, before the small
+    residual.
     """
 
     page_map: PageMap
-    surface: DevelopableSurface | None
+    surface: DevelopableSurface
     strips: StripsSurface
     focal: float
     focal_source: FocalLengthSource
     line_count: int
     deviation: float
-    waviness: float
-    exif_contradicted: bool = False
+    line_straightness: float
+    exif_contradicted: bool
     """The page does not fit the focal length of the EXIF data, which was left out of account."""
-    log_focal_deviation: float = float("inf")
-    """Of the focal length's logarithm as the page alone shows it."""
-    fitted: FittedSurface | None = None
-    lines: LineObservations = NO_LINES
-    """The fit of `surface`, and the lines that it was fitted to."""
+    fitted: FittedSurface
+    lines: LineObservations
+
+    @property
+    def log_focal_deviation(self) -> float:
+        """Deviation of the focal length's logarithm as the page alone shows it."""
+        return self.fitted.log_focal_deviation
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,29 +125,6 @@ def start_surface(
     return SurfaceStart(plane.rotation, anchor, _basis_over(across, p), parameters)
 
 
-def start_from_sheet(sheet: BentSheet, characters: Points, p: CurvedParameters) -> SurfaceStart:
-    """The strips' smooth sheet as a start."""
-    anchor = (float(sheet.anchor[0]), float(sheet.anchor[1]))
-    reach = float(np.abs(characters - sheet.anchor).max())
-    # Where the characters lie on the flat sheet through the middle strip is near enough to span the bends.
-    c, d = np.cos(sheet.skew_rad), np.sin(sheet.skew_rad)
-    unskew = np.array([[c, d, 0.0], [-d, c, 0.0], [0.0, 0.0, 1.0]])
-    flat = DevelopableSurface(
-        sheet.rotation @ unskew, sheet.focal, anchor, sheet.skew_rad, (0.0, 0.0), np.zeros(4),
-        bend_basis(-2 * reach, 2 * reach, 4, 0.5),
-    )  # fmt: skip
-    basis = _basis_over(flat.to_sheet(flat.to_page(characters))[:, 0], p)
-    k = np.interp(basis.nodes, sheet.places, sheet.bends)
-    inside = np.abs(basis.values).sum(axis=1) > 0
-    smooth = np.diff(np.eye(p.bends), 2, axis=0)
-    design = np.concatenate([basis.values[inside], smooth])
-    bends = np.linalg.lstsq(design, np.concatenate([k[inside], np.zeros(len(smooth))]), rcond=None)[0]
-    slant = FittingParameters().slant_mean_rad
-    log_focal = float(np.log(sheet.focal))
-    parameters = np.concatenate([[log_focal, sheet.skew_rad, 0.0, 0.0, slant], bends])
-    return SurfaceStart(sheet.rotation, anchor, basis, parameters)
-
-
 def _basis_over(across: Vector, p: CurvedParameters) -> BendBasis:
     low, high = (float(v) for v in np.percentile(across, [0.5, 99.5]))
     margin = p.margin * (high - low)
@@ -187,19 +165,18 @@ def estimate_curved_page(
 ) -> CurvedPage | NoSheet:
     """Shape of the page through its text, or why no bent sheet is plausible.
 
-    The strips of 3.3.3 to 3.3.5 and flat sheets start the global surface, which flows alone bring near; then the text
-    lines are traced in its flat view and everything is fitted together, twice; last, what is left of the lines' waves
-    is taken out by a small smooth residual. Where no global surface is plausible, the strips themselves may be.
+    Flat sheets start the global surface, which flows alone bring near. Then the text lines are traced in its flat view
+    and everything is fitted together, twice. Last, what is left of the lines' waves is taken out by a small smooth
+    residual.
     """
     p, e = parameters or CurvedParameters(), evidence
-    strips = None if e.start else find_strips(e, prior)
     if e.start:
         held = PageObservations(
             e.major, e.minor, NO_LINES, page_hull(e.characters), prior.log_focal, prior.deviation
         )
         fitted = fit_surface(e.start, held, FittingParameters(cauchy_flows=True, max_evaluations=1))
     else:
-        fitted = _fit_flows(e, prior, strips, p)
+        fitted = _fit_flows(e, prior, p)
     reason, contradicted = implausibility(fitted.surface, e.characters, p), False
     if reason is None:
         fitted, lines = _fit_lines(e, prior, fitted, p)
@@ -213,7 +190,7 @@ def estimate_curved_page(
             fitted, lines = _fit_lines(e, prior, fitted, p)
         reason = implausibility(fitted.surface, e.characters, p)
     if reason is not None:
-        return _page_of_strips(e, prior, strips, p) or NoSheet(reason)
+        return NoSheet(reason)
     seen = prior.source == "assumed" and fitted.log_focal_deviation < p.seen_focal_deviation
     page_map = morph_to_lines(fitted.surface, lines)
     return CurvedPage(
@@ -224,69 +201,29 @@ def estimate_curved_page(
         "estimated" if seen else prior.source,
         lines.count // 2,
         flow_deviation(page_map, e.major, e.minor),
-        line_deviation(fitted.surface, lines),
+        measure_straightness(fitted.surface, lines),
         contradicted,
-        fitted.log_focal_deviation,
         fitted,
         lines,
     )
 
 
-def _page_of_strips(
-    e: PageEvidence, prior: FocalPrior, strips: StripPage | None, p: CurvedParameters
-) -> CurvedPage | None:
-    """The page as its strips alone show it; None where they leave too much of its text out."""
-    if strips is None or strips.page_map is None or not MIN_FOCAL < strips.shape.focal < MAX_FOCAL:
-        return None
-    page_map = strips.page_map
-    placed = np.isfinite(page_map.to_page(e.characters)).all(axis=1)
-    det = np.linalg.det(page_map.jacobians(e.characters[placed])) if placed.any() else np.zeros(0)
-    if placed.mean() < p.min_visible or (det <= 0).mean() > 1 - p.min_visible:
-        return None
-    low, high = np.percentile(np.sqrt(det[det > 0]), [1, 99])
-    if high > p.max_magnification_ratio * low:
-        return None
-    lines = trace_by_characters(e.text, e.view, page_map)
-    return CurvedPage(
-        page_map,
-        None,
-        strips.surface(e.view),
-        strips.shape.focal,
-        "estimated" if prior.source == "assumed" else prior.source,
-        lines.count // 2,
-        flow_deviation(page_map, _known(page_map, e.major), _known(page_map, e.minor)),
-        line_deviation(page_map, lines),
+def _fit_flows(e: PageEvidence, prior: FocalPrior, p: CurvedParameters) -> FittedSurface:
+    """The best of several starts on the flows alone."""
+    observed = PageObservations(
+        e.major, e.minor, NO_LINES, page_hull(e.characters), prior.log_focal, prior.deviation
     )
-
-
-def _known(page_map: PageMap, flow: FlowSamples) -> FlowSamples:
-    """The samples within the map."""
-    known = np.isfinite(page_map.jacobians(flow.points)).all(axis=(1, 2))
-    return flow.select(np.asarray(known))
-
-
-def _fit_flows(
-    e: PageEvidence, prior: FocalPrior, strips: StripPage | None, p: CurvedParameters
-) -> FittedSurface:
-    """The best of several starts on the flows alone, the focal length of flat ones being held at first."""
-    held, hull = min(prior.deviation, p.start_focal_deviation), page_hull(e.characters)
-    few = PageObservations(
-        thin(e.major, p.start_samples), thin(e.minor, p.start_samples), NO_LINES, hull, prior.log_focal, held
-    )
+    free = replace(observed, major=thin(e.major, p.start_samples), minor=thin(e.minor, p.start_samples))
+    held = replace(free, focal_deviation=min(prior.deviation, p.start_focal_deviation))
     soft = FittingParameters(max_evaluations=12)
-    hard = FittingParameters(max_evaluations=12, cauchy_flows=True)
-    starts = [
-        (start_surface(e.vanishing_points, prior, e.characters, skew, p), few) for skew in p.start_skews_rad
-    ]
-    if strips is not None:
-        free = replace(few, focal_deviation=prior.deviation)
-        starts.append((start_from_sheet(bend_of_strips(strips), e.characters, p), free))
-    # A strong bend is out of sight of the hard loss, and pictures' flows draw the soft one.
-    fits = [fit_surface(start, seen, hard) for start, seen in starts]
-    fits += [fit_surface(fit_surface(start, seen, soft).start, seen, hard) for start, seen in starts]
+    cauchy = replace(soft, cauchy_flows=True)
+    starts = [start_surface(e.vanishing_points, prior, e.characters, skew, p) for skew in p.start_skews_rad]
+    # A strong bend is out of reach of Cauchy's loss, and of a focal length that is held; pictures' flows draw the
+    # soft loss, and a free focal length.
+    fits = [fit_surface(start, held, cauchy) for start in starts]
+    fits += [fit_surface(fit_surface(start, free, soft).start, free, cauchy) for start in starts]
     likely = [fit for fit in fits if implausibility(fit.surface, e.characters, p) is None]
     best = min(likely or fits, key=lambda fit: fit.cost)
-    observed = PageObservations(e.major, e.minor, NO_LINES, hull, prior.log_focal, prior.deviation)
     return fit_surface(
         recentre(best, e.characters, p), observed, FittingParameters(cauchy_flows=True, max_evaluations=20)
     )

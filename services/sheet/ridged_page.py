@@ -17,7 +17,7 @@ from services.sheet.ridged.observations import SheetObservations, SideObservatio
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.surfaces import MeshSurface
-from services.sheet.tracing.line_tracing import line_deviation
+from services.sheet.tracing.line_tracing import measure_straightness
 from services.texture_flow.field import FlowSamples
 
 
@@ -43,9 +43,9 @@ class RidgedPageParameters:
     rounds: int = 4
     """Fits at most, each on lines traced anew; the last ones only where lines are still wavy and getting straighter."""
     straight: float = 0.05
-    """RMS waviness of the lines, in text heights, below which a page reads as well as it can."""
+    """RMS straightness of the lines, in text heights, below which a page reads as well as it can."""
     improvement: float = 0.85
-    """Share of the waviness before, above which another round gains nothing."""
+    """Share of the straightness before, above which another round gains nothing."""
     min_confidence: float = 0.5
     """Of the outline: below it, its sides are more often wrong than right."""
     min_seen: float = 0.35
@@ -69,16 +69,16 @@ class RidgedPageParameters:
 class RidgedPage:
     """The map that flattens a creased page, and what to say about it.
 
-    `line_count` lines of text were traced. `waviness` is their RMS deviation from straight ones, in text heights, 0
-    without lines; `side_deviation` the RMS distance of the outline from the mesh's border, in photo units; `stretch`
-    the RMS relative change of the lengths of the mesh's edges.
+    `line_count` lines of text were traced. `line_straightness` is their RMS deviation from straight ones, in text
+    heights, 0 without lines; `side_deviation` is the RMS distance of the outline from the mesh's border, in photo
+    units, `stretch` the RMS relative change of the lengths of the mesh's edges.
     """
 
     page_map: SheetMesh
     focal: float
     focal_source: FocalLengthSource
     line_count: int
-    waviness: float
+    line_straightness: float
     side_deviation: float
     stretch: float
     log_focal_deviation: float = float("inf")
@@ -243,7 +243,7 @@ def estimate_ridged_page(
         mesh.focal,
         prior.source,
         lines.count // 2,
-        line_deviation(mesh, lines),
+        measure_straightness(mesh, lines),
         _side_deviation(mesh, sides),
         _stretch(mesh),
     )
@@ -259,7 +259,7 @@ def _fit_to_lines(
     """The mesh fitted to `seen` and to the lines that `trace` finds in its view, round by round; and these lines."""
     if trace is None:
         return fit_mesh(start, seen, p.sides_only).mesh, NO_LINES
-    mesh, lines, waviness = start, NO_LINES, float("inf")
+    mesh, lines, straightness = start, NO_LINES, float("inf")
     for number in range(p.rounds):
         lines = trace(mesh)
         schedule = p.again if number else p.fit.schedule
@@ -267,8 +267,8 @@ def _fit_to_lines(
         if not number:
             fitted = _search_focal(fitted, replace(seen, lines=lines), focal_steps, p)
         mesh = fitted.mesh
-        before, waviness = waviness, line_deviation(mesh, lines)
-        if number and (waviness < p.straight or waviness > p.improvement * before):
+        before, straightness = straightness, measure_straightness(mesh, lines)
+        if number and (straightness < p.straight or straightness > p.improvement * before):
             break
     return mesh, lines
 

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 from services.arrays import Points
+from services.geometry.hulls import text_hull
 from services.sheet.rulings.line_profiles import InkImage, find_line_edges, measure_line_profiles
 from services.sheet.rulings.projected import detect_projected_rulings
-from services.sheet.rulings.reference_points import clip_to_hull, keep_dense_text, text_hull
+from services.sheet.rulings.reference_points import clip_to_hull, keep_dense_text
 from services.sheet.rulings.results import ProjectedRulings, RulingVanishingPoints
 from services.sheet.rulings.vanishing_points import estimate_ruling_vanishing_points
 from services.texture_flow.field import FlowSamples

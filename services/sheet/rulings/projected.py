@@ -6,13 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
+from services.geometry.hulls import text_hull
 from services.sheet.rulings.convergence import Directions, Weights, measure_convergence
-from services.sheet.rulings.reference_points import (
-    choose_reference_points,
-    follow_in_order,
-    keep_dense_text,
-    text_hull,
-)
+from services.sheet.rulings.reference_points import choose_reference_points, follow_in_order, keep_dense_text
 from services.sheet.rulings.results import ProjectedRulings
 from services.sheet.rulings.ruling_family import (
     FamilyEvidence,

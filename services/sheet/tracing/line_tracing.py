@@ -226,7 +226,7 @@ def _pieces(x: Vector, y: Vector, inliers: NDArray[np.bool_], unit: float, p: Tr
     return np.stack([mean_x, mean_y, deviation], axis=1)[kept]
 
 
-def line_deviation(page_map: PageMap, lines: LineObservations) -> float:
+def measure_straightness(page_map: PageMap, lines: LineObservations) -> float:
     """RMS distance of the points from their lines on the flat page, in text heights, the worst tenth left out.
 
     Infinite where most lines are broken to single points, as in a view that does not flatten them: these would seem

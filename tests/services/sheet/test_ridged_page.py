@@ -111,7 +111,7 @@ def test_a_folded_sheet_comes_out_flat_by_text_and_sides(view: int) -> None:
     assert page.page_map.aspect_ratio == pytest.approx(1 / SHEET_ASPECT, rel=0.015)
     assert page.focal == pytest.approx(truth.focal_length_px / VIEW.unit_px, rel=0.05)
     assert (page.line_count, page.focal_source) == (21, "exif")
-    assert page.waviness < 0.06
+    assert page.line_straightness < 0.06
     assert page.stretch < 0.005
     assert page.side_deviation < 2.0 / VIEW.unit_px
 
@@ -141,7 +141,7 @@ def test_the_outline_alone_gives_a_sheet_of_the_right_shape(view: int) -> None:
     assert isinstance(page, RidgedPage)
     assert page.page_map.aspect_ratio == pytest.approx(1 / SHEET_ASPECT, rel=0.03)
     assert np.median(map_errors(truth, page.page_map)) < 0.02
-    assert (page.line_count, page.waviness) == (0, 0.0)
+    assert (page.line_count, page.line_straightness) == (0, 0.0)
 
 
 def test_a_corner_that_is_folded_under_does_not_stop_it() -> None:

@@ -9,7 +9,7 @@ from services.arrays import Points, Vector
 from services.sheet.developable.observations import LineObservations
 from services.sheet.developable.smooth_residual import MorphedPage, morph_to_lines
 from services.sheet.developable.surface import DevelopableSurface
-from services.sheet.tracing.line_tracing import line_deviation
+from services.sheet.tracing.line_tracing import measure_straightness
 from tests.services.sheet.developable.sheets import FLAT, PAGE, Bent, box
 
 SHEET = Bent()
@@ -57,7 +57,7 @@ def test_a_known_wave_is_taken_out(bent: Bent) -> None:
     size = 0.3 * HEIGHT
     lines = printed(surface, ripple(page_of(), size))
     morphed = morph_to_lines(surface, lines)
-    before, after = line_deviation(surface, lines), line_deviation(morphed, lines)
+    before, after = measure_straightness(surface, lines), measure_straightness(morphed, lines)
     assert 0.05 < before < 0.3
     assert after < 0.12 * before
     assert isinstance(morphed, MorphedPage)

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.geometry.hulls import text_hull
 from services.sheet.rulings.projected import detect_projected_rulings
 from services.sheet.rulings.reference_points import (
     chord_ends,
     clip_to_hull,
     crossings_inside,
     keep_dense_text,
-    text_hull,
 )
 from services.texture_flow.field import angle_difference
 from services.texture_flow.regression import regress_flow

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.geometry.hulls import text_hull
 from services.sheet.rulings.reference_points import (
     choose_reference_points,
     clip_to_hull,
     crossings_inside,
     follow_in_order,
     keep_dense_text,
-    text_hull,
 )
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

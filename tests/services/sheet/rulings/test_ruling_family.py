@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from services.sheet.rulings.reference_points import choose_reference_points, text_hull
+from services.geometry.hulls import text_hull
+from services.sheet.rulings.reference_points import choose_reference_points
 from services.sheet.rulings.ruling_family import (
     FamilyEvidence,
     FamilyParameters,

@@ -14,7 +14,7 @@ from services.sheet.tracing.baselines import group_alike
 from services.sheet.tracing.line_tracing import (
     FlatInk,
     flatten_ink,
-    line_deviation,
+    measure_straightness,
     sampling_map,
     trace_lines,
 )
@@ -275,22 +275,22 @@ def straight(v: Points) -> LineObservations:
     return LineObservations(points, np.repeat(np.arange(len(v)), 20), np.full(v.size, 1e-3), [], [], [], 0.02)
 
 
-def test_waviness_is_in_text_heights() -> None:
+def test_straightness_is_in_text_heights() -> None:
     level = np.linspace(-0.4, 0.4, 9)[:, None] + np.zeros(20)
-    assert line_deviation(identity(), straight(level)) == pytest.approx(0.0, abs=1e-12)
-    assert line_deviation(identity(), NO_LINES) == 0.0
+    assert measure_straightness(identity(), straight(level)) == pytest.approx(0.0, abs=1e-12)
+    assert measure_straightness(identity(), NO_LINES) == 0.0
     saw = 0.003 * np.tile([1.0, -1.0], 10)
-    assert line_deviation(identity(), straight(level + saw)) == pytest.approx(0.003 / 0.02)
+    assert measure_straightness(identity(), straight(level + saw)) == pytest.approx(0.003 / 0.02)
     # Whatever the page's unit.
-    assert line_deviation(identity(0.1), straight(level + saw)) == pytest.approx(0.003 / 0.02)
+    assert measure_straightness(identity(0.1), straight(level + saw)) == pytest.approx(0.003 / 0.02)
     # Single points are no straight lines.
     broken = replace(straight(level), index=np.arange(level.size))
-    assert line_deviation(identity(), broken) == np.inf
+    assert measure_straightness(identity(), broken) == np.inf
     # The worst tenth is left out: two points of each line, and what they do to the mean.
     spoiled = level + saw
     spoiled[:, 3] -= 0.0025
     spoiled[:, 4] += 0.0025
-    assert line_deviation(identity(), straight(spoiled)) == pytest.approx(0.003 / 0.02, rel=1e-9)
+    assert measure_straightness(identity(), straight(spoiled)) == pytest.approx(0.003 / 0.02, rel=1e-9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,7 +326,7 @@ def test_what_a_map_does_not_know_is_left_out() -> None:
     # The right margin is unknown.
     assert [len(m) for m in half.margins] == [14]
     assert half.text_height == pytest.approx(whole.text_height)
-    assert 0 < line_deviation(Known(identity(), 600.0), half) < 1
+    assert 0 < measure_straightness(Known(identity(), 600.0), half) < 1
     assert trace_lines(flat, Known(identity(), -10.0)) is NO_LINES
     # Characters beyond are no part of the flat view.
     text = np.stack([np.linspace(60, 1000, 95), np.linspace(100, 600, 95)], axis=1)
