@@ -10,7 +10,7 @@ from services.contract.rectify import RectifyParameters
 from services.geometry.page_frame import resize_frame
 from services.imaging.illumination import flatten_illumination
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.print_beyond import find_print, is_print
+from services.mosaic.outside_text import find_characters, is_outside_text
 from services.rectify.analysis import PageAnalysis, resize_gray
 from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame
@@ -53,27 +53,27 @@ def flatten_photo(
     with clock.stage("framing"):
         characters = page.analysis.characters
         sheet = page.analysis.paper.outline(characters)
-        if sheet is not None and _is_print_beyond(page.analysis, sheet):
+        if sheet is not None and _has_text_outside(page.analysis, sheet):
             sheet = None
         frame = frame_photo(photo, page, sheet)
         flat = view_photo(index, photo, frame, page.analysis.text_height_px, float(len(characters)))
         if sheet is None:
             # A picture may divide the sheet; its hull is still known where a desk lies beside it.
             sheet = page.analysis.paper.hull(characters)
-            sheet = None if sheet is None or _is_print_beyond(page.analysis, sheet) else sheet
+            sheet = None if sheet is None or _has_text_outside(page.analysis, sheet) else sheet
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
     return replace(flat, notices=notices, sheet=sheet)
 
 
-def _is_print_beyond(analysis: PageAnalysis, sheet: Points) -> bool:
-    """Whether `sheet` (N, 2) is the outline of a part of the page only, which has print elsewhere too."""
+def _has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:
+    """Whether the page has text outside of `sheet` (N, 2), which then outlines a part of it only."""
     if analysis.facing_page:
         return False
     inside = np.zeros(analysis.reduced.shape, np.uint8)
     cv2.fillPoly(inside, [np.round((sheet + 0.5) * analysis.factor - 0.5).astype(np.int32)], (1,))
-    printed = find_print(analysis.reduced, analysis.text.text_height_px)
+    printed = find_characters(analysis.reduced, analysis.text.text_height_px)
     x, y = np.floor(printed + 0.5).astype(int).T
-    return is_print(int(np.count_nonzero(inside[y, x] == 0)), 0, len(printed))
+    return is_outside_text(int(np.count_nonzero(inside[y, x] == 0)), 0, len(printed))
 
 
 def take_as_flat(

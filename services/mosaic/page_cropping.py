@@ -11,9 +11,9 @@ from services.arrays import Floats, Mask, Points, RgbImage
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import PaperParameters, model_paper
 from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.outside_text import find_characters, is_outside_text
 from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
-from services.mosaic.print_beyond import find_print, is_print
 from services.texture_flow.text_identification import identify_text
 
 
@@ -123,7 +123,7 @@ def find_page_crop(
     if printed:
         dark, light = (centres @ edges[:, :2].T + edges[:, 2] < 0 for centres in printed)
         counts = zip(dark.sum(axis=0).tolist(), light.sum(axis=0).tolist(), strict=True)
-        edges = edges[[not is_print(of_dark, of_light, len(dark)) for of_dark, of_light in counts]]
+        edges = edges[[not is_outside_text(of_dark, of_light, len(dark)) for of_dark, of_light in counts]]
     kept = cells.seen & _within(edges, cells.seen.shape)
     if not kept.any():
         return PageCrop(0, 0, width, height, np.zeros((0, 3)))
@@ -191,7 +191,7 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
     mask = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     negative = flatten_illumination(np.where(mask > 0, 255 - gray, 0).astype(np.uint8))
     printed = [
-        (find_print(image, text.text_height_px) + 0.5) * seen.shape[1] / size[0] - 0.5
+        (find_characters(image, text.text_height_px) + 0.5) * seen.shape[1] / size[0] - 0.5
         for image in (even, negative)
     ]
     small = np.asarray(cv2.bitwise_and(small, small, mask=mask), np.uint8)

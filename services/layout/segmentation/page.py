@@ -23,8 +23,8 @@ from services.layout.segmentation.non_text import Part, find_parts, without_dirt
 from services.layout.segmentation.page_numbers import split_page_numbers
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.reading_order import reading_order
+from services.layout.segmentation.text_line_choice import ReadLines, choose_text_lines
 from services.layout.segmentation.text_lines import Line, find_lines, measure_line, unite_boxes
-from services.layout.segmentation.text_test import ReadLines, tell_text
 from services.layout.segmentation.words import assign_words, line_confidences, line_texts
 from services.layout.segmentation.zone_grouping import group_lines
 from services.ocr.engine import Word
@@ -57,7 +57,7 @@ def segment_page(
     lines = find_lines(levelled, np.flatnonzero(printed.kinds.glyphs), parameters)
     lines = split_page_numbers(lines, levelled, printed.frame.size[1], parameters)
     read = _read(lines, words, printed.frame, parameters)
-    is_text = tell_text(lines, read, levelled, printed.frame.size, parameters)
+    is_text = choose_text_lines(lines, read, levelled, printed.frame.size, parameters)
     texts = [text for text, kept in zip(read.texts, is_text, strict=True) if kept]
     lines = [line for line, kept in zip(lines, is_text, strict=True) if kept]
     lines, texts, begins = _join_entries(lines, texts, levelled, parameters)

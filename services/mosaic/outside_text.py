@@ -1,6 +1,6 @@
-"""Print that lies beyond what was taken for the edge of the sheet: then it is none.
+"""Text outside of what was taken for the sheet: where there is some, the sheet does not end there.
 
-A coloured head or foot of a page, with print dark on it or light, differs from the paper as a desk does.
+A coloured head or foot of a page, with dark or light text on it, differs from the paper as a desk does.
 """
 
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from services.texture_flow.text_identification import identify_text
 
 
 @dataclass(frozen=True, slots=True)
-class PrintBeyondParameters:
-    """What is print of this page."""
+class OutsideTextParameters:
+    """What is text of this page."""
 
     characters: int = 15
     """Dark ones: a desk gives single ones of the text's size at most."""
@@ -23,17 +23,19 @@ class PrintBeyondParameters:
     """Of the page's text: what is smaller is texture, what is larger an object."""
 
 
-def find_print(
-    gray: GrayImage, text_height_px: float, parameters: PrintBeyondParameters | None = None
+def find_characters(
+    gray: GrayImage, text_height_px: float, parameters: OutsideTextParameters | None = None
 ) -> Points:
     """Centres (N, 2) of dark characters of about the text's height, in pixels of `gray` (H, W), flat-fielded."""
-    p = parameters or PrintBeyondParameters()
+    p = parameters or OutsideTextParameters()
     found = identify_text(gray).components
     low, high = (share * text_height_px for share in p.sizes)
     return np.asarray(found.centres[(found.sizes >= low) & (found.sizes <= high)])
 
 
-def is_print(dark: int, light: int, all_dark: int, parameters: PrintBeyondParameters | None = None) -> bool:
-    """Whether so many dark and light characters beyond an edge, and `all_dark` on the page, are print."""
-    p = parameters or PrintBeyondParameters()
+def is_outside_text(
+    dark: int, light: int, all_dark: int, parameters: OutsideTextParameters | None = None
+) -> bool:
+    """Whether so many dark and light characters outside of an edge, and `all_dark` on the page, are text."""
+    p = parameters or OutsideTextParameters()
     return dark >= p.characters or light >= max(p.characters, p.light_share * all_dark)

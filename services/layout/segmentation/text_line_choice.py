@@ -21,7 +21,7 @@ class ReadLines:
     is_read: bool
 
 
-def tell_text(
+def choose_text_lines(
     lines: Sequence[Line],
     read: ReadLines,
     components: Components,
