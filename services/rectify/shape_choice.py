@@ -105,6 +105,13 @@ def choose_bent_shape(
         ):
             return with_straight_sides(curved, outline, e)
     ridged = None if outline is None else ridged_page(e, prior, outline)
+    if isinstance(ridged, RidgedPage) and outline is not None and outline.confidence < CERTAIN_OUTLINE:
+        # The outline may be that of a stack of pages or of a picture: text decides.
+        curved = curved or estimate_curved_page(e, prior)
+        if isinstance(curved, CurvedPage) and explains_more(curved, pose, straightness):
+            smooth = measure_straightness(curved.page_map, trace_by_profiles(e.text, e.view, curved.page_map))
+            if ridged.line_straightness > CURVED_GAIN * smooth:
+                return curved
     if isinstance(ridged, RidgedPage) and outline is not None:
         if forced or sides_bend(outline) > STRAIGHT_SIDE:
             return ridged
