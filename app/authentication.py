@@ -1,4 +1,4 @@
-"""API keys, judged before a body is read."""
+"""API keys, checked before a body is read."""
 
 import hmac
 from collections.abc import Collection
@@ -11,7 +11,7 @@ from services.errors import DocumentError
 
 HEADER = "X-API-Key"
 OPEN_PATHS = frozenset({"/health/live", "/health/ready", "/metrics", "/docs", "/openapi.json"})
-"""What probes, scrapers and readers of the documentation need; none of it shows a caller's data."""
+"""Paths that probes, scrapers and readers of the documentation use. None of them shows a caller's data."""
 
 
 class Unauthorized(DocumentError):
@@ -21,13 +21,13 @@ class Unauthorized(DocumentError):
 
 
 class Forbidden(DocumentError):
-    """The request's API key is not a good one."""
+    """The request's API key is not valid."""
 
     code = "forbidden"
 
 
 class ApiKeys:
-    """Middleware: without a good key, only `OPEN_PATHS`; with no keys configured, everything."""
+    """Middleware: a request without a valid key reaches only `OPEN_PATHS`. Without configured keys all are open."""
 
     def __init__(self, app: ASGIApp, keys: Collection[str]) -> None:
         self.app = app
@@ -41,14 +41,14 @@ class ApiKeys:
     def _judge(self, key: str | None) -> None:
         if not key:
             raise Unauthorized(f"Send an API key in the {HEADER} header.")
-        offered = key.encode("latin-1")  # the bytes that came: headers are decoded so
-        # All are compared, each in constant time, so that the answer's delay tells nothing of a key.
+        offered = key.encode("latin-1")  # the bytes that were sent: Starlette decodes headers as Latin-1
+        # Every key is compared in constant time, so that the response time reveals nothing about a key.
         if not max(hmac.compare_digest(offered, good) for good in self.keys):
-            raise Forbidden(f"The API key in the {HEADER} header is not a good one.")
+            raise Forbidden(f"The API key in the {HEADER} header is not valid.")
 
 
 def _bytes_of(key: str) -> set[bytes]:
-    """The bytes by which clients may send a key: UTF-8 (curl), or Latin-1 where that can write it (browsers)."""
+    """The bytes that clients may send for a key: UTF-8 (curl), or Latin-1 if it can encode the key (browsers)."""
     forms = {key.encode("utf-8", "surrogateescape")}
     with suppress(UnicodeEncodeError):
         forms.add(key.encode("latin-1"))

@@ -1,8 +1,8 @@
-"""Advisory locks by name among the processes of one machine that share a folder.
+"""Advisory locks, identified by name, for processes of one machine that share a folder.
 
-Correctness does not depend on them. A process that learns without the lock may work in vain, because another one wrote
-a version first (`VersionConflict`): four processes that teach one model all the time lose most of their work so. The
-operating system releases the locks of a process that is killed.
+Correctness does not depend on the locks. A process without the lock may lose its work, because another process writes
+a version first (`VersionConflict`). Four processes that update one model continuously lose most of their work this way.
+The operating system releases the locks of a process that is killed.
 """
 
 import asyncio
@@ -16,17 +16,17 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 SHORTEST_PAUSE_S, LONGEST_PAUSE_S = 0.002, 0.02
-"""Between two attempts to lock; a lock is held for some 50 ms."""
+"""Pause between two attempts to lock. A lock is held for about 50 ms."""
 
 
 class InterprocessLock:
-    """Locks by name: one byte of one file for each name, so that names leave nothing behind.
+    """Locks, identified by name. A name is one byte of one shared file, so the file needs no cleaning.
 
     Tasks of one process do not exclude each other.
     """
 
     def __init__(self, file: Path | None) -> None:
-        """Without a `file` there is nothing to share, and no lock is taken."""
+        """Without a `file`, no lock is taken."""
         self._file = file
         self._open: int | None = None
         self._held: set[int] = set()
@@ -37,7 +37,7 @@ class InterprocessLock:
 
     @asynccontextmanager
     async def take(self, name: str, patience_s: float) -> AsyncIterator[None]:
-        """Hold the lock of `name` for the block; after `patience_s` seconds of waiting the block begins without it."""
+        """Hold the lock of `name` during the block. After `patience_s` seconds the block starts without the lock."""
         place = _place(name)
         is_taken = await self._try(place, time.monotonic() + patience_s)
         try:
@@ -62,7 +62,7 @@ class InterprocessLock:
                 if time.monotonic() > until:
                     return False
                 await asyncio.sleep(random.uniform(SHORTEST_PAUSE_S, LONGEST_PAUSE_S))
-        except OSError:  # a folder without locks, as some network drives are
+        except OSError:  # the file system has no locks; some network drives do not
             return False
 
     def close(self) -> None:

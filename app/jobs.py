@@ -1,6 +1,6 @@
-"""Long work: its requests are accepted at once, and its answers are kept for a while to be fetched.
+"""Jobs: long work that is accepted at once. The response is kept for a limited time.
 
-All of it is in this process: a restart loses the jobs and their answers.
+Everything is in this process: a restart loses the jobs and their responses.
 """
 
 import asyncio
@@ -27,13 +27,13 @@ log = logging.getLogger(__name__)
 
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 Work = Callable[[ProgressSink | None], Coroutine[Any, Any, Response]]
-"""What answers a request; it hands the sink on to `Engine.submit`. None: nobody listens."""
+"""Coroutine that answers a request. It passes the sink to `Engine.submit`; None: progress is not reported."""
 Tell = Callable[[Exception], Response]
-"""The problem document that the request would have been answered with."""
+"""Returns the problem document with which the request would have been answered."""
 SMALL_BYTES = 65_536
-"""Answers up to this size stay in memory."""
+"""Responses up to this size stay in memory."""
 COME_AGAIN_S = 5
-"""Said to whoever finds no room."""
+"""`Retry-After` of a request that finds no free place."""
 
 
 class JobNotFound(DocumentError):
@@ -56,10 +56,10 @@ class JobCancelled(DocumentError):
 
 @dataclass(frozen=True, slots=True)
 class JobLimits:
-    """The bounds of what is kept; `app.settings` documents the first four, with `max_` or `job_` in their names.
+    """Limits on jobs. `app.settings` documents the first four; their names there contain `max_` or `job_`.
 
-    `heartbeat_s`: a listener that has nothing to hear hears at least a comment so often, because proxies close
-    connections on which nothing comes for a minute.
+    `heartbeat_s` is the longest pause between two messages to a listener, seconds. Proxies close a connection
+    that is silent for a minute.
     """
 
     ttl_s: float = 3600.0
@@ -70,10 +70,10 @@ class JobLimits:
 
 
 class KeptAnswer:
-    """An answer; what is not small is in a file without a name, which goes with this process whatever becomes of it."""
+    """A stored response. A large body is in an unnamed temporary file, which disappears when this process ends."""
 
     def __init__(self, answer: Response, file: IO[bytes] | None = None) -> None:
-        """`file` holds the body; None: it is kept in memory."""
+        """`file` holds the body; None: the body is in memory."""
         self.size = len(answer.body)
         self._status = answer.status_code
         self._headers = answer.raw_headers
@@ -82,16 +82,16 @@ class KeptAnswer:
 
     @classmethod
     async def of(cls, answer: Response) -> "KeptAnswer":
-        """Write the answer down, away from the event loop."""
+        """Store the response; the file is written in a thread, not in the event loop."""
         if len(answer.body) <= SMALL_BYTES:
             return cls(answer)
         return cls(answer, await to_thread.run_sync(_spool, answer.body))
 
     async def response(self) -> Response:
-        """The answer as it was."""
+        """The stored response."""
         body = self._body
         if self._file is not None:
-            # The job may expire meanwhile; what is read here stays open.
+            # The job may expire during the read. The duplicated descriptor stays open.
             descriptor = os.dup(self._file.fileno())
             try:
                 body = await to_thread.run_sync(os.pread, descriptor, self.size, 0)
@@ -102,13 +102,13 @@ class KeptAnswer:
         return response
 
     def close(self) -> None:
-        """Give the file back."""
+        """Close the file."""
         if self._file is not None:
             self._file.close()
 
 
 def _spool(body: bytes | memoryview) -> IO[bytes]:
-    """A file that lives as long as its job."""
+    """Unnamed temporary file with the body; it exists as long as its job."""
     file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
     try:
         view = memoryview(body)
@@ -121,11 +121,11 @@ def _spool(body: bytes | memoryview) -> IO[bytes]:
 
 
 class Job:
-    """One piece of long work, as it stands."""
+    """State of one job."""
 
     def __init__(self, owner: str | None) -> None:
-        """`owner` is the API key that it was sent with; None where the service has none."""
-        self.id = uuid.uuid4().hex  # 122 bits of the system's randomness: not to be guessed
+        """`owner` is the API key of the request; None if the service has no keys."""
+        self.id = uuid.uuid4().hex  # 122 random bits: cannot be guessed
         self.owner = owner
         self.state: JobState = "queued"
         self.stage: str | None = None
@@ -135,7 +135,7 @@ class Job:
         self.ended: datetime | None = None
         self.problem: dict[str, Any] | None = None
         self.revision = 0
-        """Counts the changes."""
+        """Number of changes."""
         self.answer: KeptAnswer | None = None
         self.expires_s = 0.0
         self.task: asyncio.Task[None] | None = None
@@ -148,17 +148,17 @@ class Job:
         return self.ended is not None
 
     async def wait(self) -> None:
-        """Return when the work has ended, in whatever way."""
+        """Return when the work has ended for any reason."""
         if self.task is not None:
             await asyncio.wait((self.task,))
 
     def abandon(self) -> None:
-        """Have the work stop, if it has not ended."""
+        """Stop the work if it has not ended."""
         if self.task is not None:
             self.task.cancel()
 
     def report(self, stage: str, fraction: float) -> None:
-        """Progress of the work, the first of which says that a worker has it; it never goes back."""
+        """Record progress. The first report means that a worker has started. The fraction never decreases."""
         if self.is_over:
             return
         if self.state == "queued":
@@ -167,23 +167,24 @@ class Job:
         self.note_change()
 
     def end(self, state: JobState, problem: dict[str, Any] | None = None) -> None:
-        """The last change."""
+        """Record the final state."""
         self.state, self.problem, self.ended = state, problem, datetime.now(UTC)
         if state == "succeeded":
             self.progress = 1.0
         self.note_change()
 
     def note_change(self) -> None:
-        """Wake whoever follows."""
+        """Notify all listeners."""
         self.revision += 1
         self.changed.set()
         self.changed = asyncio.Event()
 
 
 class Jobs:
-    """The jobs of one app: bounded in number, in the bytes of their answers, and in time.
+    """The jobs of one app, limited in number, in the bytes of their responses, and in time.
 
-    The oldest of those that are over leave first. Unfinished ones hold seats of the engine, which bounds them too.
+    Over a limit, finished jobs are removed in the order in which they ended. Unfinished jobs hold seats in the engine,
+    which also limits their number.
     """
 
     def __init__(self, limits: JobLimits, clock: Callable[[], float] = time.monotonic) -> None:
@@ -197,12 +198,12 @@ class Jobs:
         self._timer: asyncio.TimerHandle | None = None
 
     def start(self, work: Work, owner: str | None, tell: Tell) -> Job:
-        """Begin to work; `tell` says what a failure is answered with.
+        """Start a job and return it; `tell` turns a failure into a response.
 
         Raises
         ------
         Busy
-            When there are as many unfinished jobs as jobs may be.
+            When the number of unfinished jobs is at its limit.
         """
         self._sweep()
         while len(self._jobs) >= self._limits.max_jobs and self._over:
@@ -218,24 +219,24 @@ class Jobs:
         return job
 
     def find(self, id: str, owner: str | None) -> Job:
-        """The job of this id.
+        """The job with this id.
 
         Raises
         ------
         JobNotFound
-            Also when it is another owner's, who is not told of it.
+            When there is no such job, or another owner has it. Both cases look the same to the caller.
         """
         self._sweep()
         job = self._jobs.get(id)
         if job is None or job.owner != owner:
             raise JobNotFound(
-                f"There is no job {id[:64]}; jobs are kept for {self._limits.ttl_s:g} s (JOB_TTL_S) after their end, "
-                "the newest of them, and until the service is started again."
+                f"There is no job {id[:64]}. Jobs are kept for {self._limits.ttl_s:g} s (JOB_TTL_S) after their end; "
+                "a restart of the service, or too many newer jobs, removes them earlier."
             )
         return job
 
     async def answer(self, job: Job) -> Response:
-        """What the request would have been answered with.
+        """Response that the request would have received without a job.
 
         Raises
         ------
@@ -246,35 +247,35 @@ class Jobs:
         return await job.answer.response()
 
     async def cancel(self, job: Job) -> None:
-        """Stop the work if it is not over; return when it has stopped."""
+        """Stop the work if it has not ended; return when it has stopped."""
         if not job.is_over:
             job.is_unwanted = True
             job.abandon()
             await job.wait()
 
     def enter_listener(self) -> None:
-        """Make room for one more who follows.
+        """Count one more listener.
 
         Raises
         ------
         Busy
-            When there are too many.
+            When there are too many listeners.
         """
         if self._listeners >= self._limits.max_listeners:
             raise Busy(
-                f"There are {self._listeners} listeners (MAX_JOB_LISTENERS) already; ask for the job itself.",
+                f"There are already {self._listeners} listeners (MAX_JOB_LISTENERS). Request the job's state instead.",
                 COME_AGAIN_S,
             )
         self._listeners += 1
 
     def leave_listener(self) -> None:
-        """The opposite of `enter_listener`."""
+        """Count one listener less."""
         self._listeners -= 1
 
     async def follow(self, job: Job) -> AsyncIterator[bool]:
-        """True now and whenever the job has changed, False when nothing has happened for a heartbeat.
+        """Yield True now and after each change of the job, False after a heartbeat without a change.
 
-        Ends with the job, or when the service stops. Who is slow misses changes in between, never the last one.
+        Ends when the job ends or the service stops. A slow listener may miss intermediate changes, never the last one.
         """
         while True:
             changed = job.changed
@@ -290,7 +291,7 @@ class Jobs:
                     yield False
 
     async def close(self) -> None:
-        """Stop what still runs, send the listeners away, forget everything."""
+        """Stop the running work, disconnect the listeners, delete everything."""
         self._closed = True
         unfinished = [job for job in self._jobs.values() if not job.is_over]
         for job in unfinished:
@@ -302,7 +303,7 @@ class Jobs:
         if self._timer is not None:
             self._timer.cancel()
 
-    # Inside
+    # Internal
 
     async def _run(self, job: Job, work: Work, tell: Tell) -> None:
         try:
@@ -310,8 +311,8 @@ class Jobs:
             size = len(answer.body)
             if size > self._limits.max_result_bytes:
                 raise TooLarge(
-                    f"The result has {size} bytes; those of jobs may have {self._limits.max_result_bytes} together "
-                    "(MAX_JOB_RESULT_BYTES). Send the request without `Prefer: respond-async`."
+                    f"The result has {size} bytes; the results of all jobs may have {self._limits.max_result_bytes} "
+                    "bytes together (MAX_JOB_RESULT_BYTES). Send the request without `Prefer: respond-async`."
                 )
             job.answer = await KeptAnswer.of(answer)
             job.end("succeeded")
@@ -319,7 +320,9 @@ class Jobs:
             if job.is_unwanted:
                 self._fail(job, "cancelled", tell(JobCancelled("The job was cancelled.")))
             else:
-                stopping = ShuttingDown("The service stopped before the work was done; send it again.", 1)
+                stopping = ShuttingDown(
+                    "The service stopped before the work was done. Send the request again.", 1
+                )
                 self._fail(job, "failed", tell(stopping))
         except Exception as error:
             self._fail(job, "failed", tell(error))
@@ -334,7 +337,7 @@ class Jobs:
         job.end(state, json.loads(bytes(problem.body)))
 
     def _sweep(self) -> None:
-        """Drop what has expired and what there is no room for; come back when the next one expires."""
+        """Remove expired jobs and those over the size limit; call this again when the next job expires."""
         now = self._clock()
         while self._over and (self._over[0].expires_s <= now or self._bytes > self._limits.max_result_bytes):
             self._drop_oldest()

@@ -1,4 +1,4 @@
-"""The store, as routes reach it: away from the event loop, by a bounded number of threads."""
+"""Access of the routes to the store: in a limited number of threads, never in the event loop."""
 
 import asyncio
 import json
@@ -22,18 +22,18 @@ log = logging.getLogger(__name__)
 
 DATABASE = "layout.sqlite3"
 MOST_THREADS = 4
-"""Readers of SQLite run side by side, writers take turns: more threads would only wait for each other."""
+"""SQLite allows parallel reads and one write at a time. More threads would only wait for each other."""
 MOST_COMPETING_BYTES = 80 * 2**20
-"""Of the documents of models in one recognition: they are sent to a worker, which reads them (8 s) and keeps them. 200
-models of 15 labels have 40 MB, one of 60 labels has 2.5 MB."""
+"""Largest total size of the model documents of one recognition. A worker reads this much in 8 s, and then caches it.
+200 models of 15 labels have 40 MB; one model of 60 labels has 2.5 MB."""
 PURGE_EVERY_S = 60.0
 PURGE_EVERY_RESULTS = 100
-"""Results that are no longer kept are deleted whenever so much time or so many new ones have gone by."""
+"""Expired results are deleted after this many seconds or this many new results, whichever comes first."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadyModel:
-    """The newest version of a model, as workers take it, and its labels."""
+    """The newest version of a model, as sent to workers, and its labels."""
 
     document: ModelDocument
     labels: tuple[str, ...]
@@ -41,7 +41,7 @@ class ReadyModel:
 
 @dataclass(frozen=True, slots=True)
 class ResultLimits:
-    """For how long results and unknown pages are kept, and how many; `app.settings` documents each."""
+    """How long, and how many, results and unknown pages are kept; `app.settings` documents each limit."""
 
     ttl_s: float
     max_results: int
@@ -50,9 +50,9 @@ class ResultLimits:
 
 
 class LayoutStore:
-    """Layout models, samples, feedback and results, in one folder or in the database of a URL.
+    """Layout models, samples, feedback and results, in a folder or in the database of a URL.
 
-    What it answers is only there inside of `opened`.
+    Its methods work only inside the `opened` block.
     """
 
     def __init__(self, data_dir: Path, results: ResultLimits, database_url: str = "") -> None:
@@ -69,14 +69,14 @@ class LayoutStore:
 
     @asynccontextmanager
     async def opened(self) -> AsyncIterator[None]:
-        """Open the database, which is made if it is not there; it is closed with the block.
+        """Open the database, and create it if it does not exist. It is closed at the end of the block.
 
         Raises
         ------
         StoreError
-            When it cannot be opened or written; a service that cannot remember shall not start.
+            When it cannot be opened or written: a service that cannot store anything must not start.
         """
-        if self._database_url:  # which is not told: it may hold a password
+        if self._database_url:  # the URL is not logged: it may contain a password
             where, place = "the database of DATABASE_URL", {"database": "DATABASE_URL"}
         else:
             folder = self._folder.resolve()
@@ -90,7 +90,7 @@ class LayoutStore:
                 error.detail,
                 extra={**place, "code": error.code},
             )
-            raise error.with_traceback(None) from None  # the server writes the rest down, and it is long
+            raise error.with_traceback(None) from None  # the server logs the error; omit its traceback
         log.info("the store is open", extra=place)
         self._threads = ThreadPoolExecutor(MOST_THREADS, "store")
         try:
@@ -117,14 +117,14 @@ class LayoutStore:
         return store
 
     async def call(self, work: Callable[[Store], T]) -> T:
-        """Answer of `work`, one short transaction.
+        """Result of `work`, one short transaction.
 
-        When the caller is cancelled, work that has begun goes on to its end, and holds its thread so long.
+        If the caller is cancelled, work that has begun continues to its end and keeps its thread until then.
 
         Raises
         ------
         StoreError
-            What the work raised, and StoreUnavailable when the store is not open.
+            What `work` raised; StoreUnavailable when the store is not open.
         """
         store = self._store
         if store is None:
@@ -140,47 +140,48 @@ class LayoutStore:
         return True
 
     async def ready(self) -> Mapping[str, ReadyModel]:
-        """Newest versions of all models that have one, by name; only those that have changed are read anew."""
+        """Newest version of each model that has one, by name. Only changed models are read again."""
         async with self._loading:
             revision = await self.call(Store.revision)
             if revision != self._revision:
-                # Should a model change in between, the revision is the older one and they are read once more.
+                # A model may change between the two reads. Then the stored revision is too old, and the next call reads
+                # the model again.
                 known = self._ready
                 self._ready = await self.call(lambda store: _read_ready(store, known))
                 self._revision = revision
             return self._ready
 
     async def ready_models(self, names: Sequence[str] | None) -> list[ModelDocument]:
-        """Newest versions of these models (None: of all), in the order of the names.
+        """Newest versions of the named models (None: of all models), in the order of the names.
 
         Raises
         ------
         ModelNotFound
-            When one of them does not exist.
+            When one of the models does not exist.
         InvalidOption
-            When one of them has no version yet, or they are too large to compete all at once.
+            When a model has no version yet, or the models are too large together.
         """
         ready = await self.ready()
         for name in names or ():
             if name not in ready:
                 samples = await self.call(lambda store, name=name: store.sample_count(name))  # type: ignore[misc]
                 raise InvalidOption(
-                    f"models: {name} has {samples} samples and no version yet; "
-                    f"POST /layout/models/{name}/initialize makes one.",
+                    f"models: {name} has {samples} samples and no version yet. "
+                    f"Create one with POST /layout/models/{name}/initialize.",
                     "models",
                 )
         documents = [ready[name].document for name in (sorted(ready) if names is None else names)]
         size = sum(len(model.document) for model in documents)
         if size > MOST_COMPETING_BYTES:
             raise InvalidOption(
-                f"models: the {len(documents)} models that compete have {size / 2**20:.0f} MiB together and may have "
-                f"{MOST_COMPETING_BYTES / 2**20:.0f}; name fewer of them.",
+                f"models: the {len(documents)} competing models have {size / 2**20:.0f} MiB together; the limit is "
+                f"{MOST_COMPETING_BYTES / 2**20:.0f}. Name fewer models.",
                 "models",
             )
         return documents
 
     async def keep_result(self, document: dict[str, Any]) -> str:
-        """Keep what a recognition found, and its page also among the unknown ones if it fits no class; its id."""
+        """Store a recognition result and return its id. A page that fits no class is also stored as an unknown page."""
         draft, ttl_s = self._draft(document), self._results.ttl_s
         result_id = await self.call(lambda store: store.add_result(draft.document, ttl_s, draft.unknown))
         await self._purge_when_due(1)
@@ -189,7 +190,7 @@ class LayoutStore:
     async def keep_document(
         self, document: dict[str, Any], pages: Sequence[dict[str, Any]]
     ) -> tuple[str, list[str]]:
-        """Keep what was found of a document and of each of its pages, all or nothing; its id, and theirs."""
+        """Store a document's result and those of its pages in one transaction; their ids."""
         drafts = [self._draft(page) for page in pages]
         ids = await self.call(lambda store: store.add_document(document, drafts, self._results.ttl_s))
         await self._purge_when_due(1 + len(pages))
@@ -199,7 +200,7 @@ class LayoutStore:
         return ResultDraft(document, self.unknown_page(document["page"]) if _is_unknown(document) else None)
 
     async def _purge_when_due(self, new: int) -> None:
-        """Delete what is no longer kept, from time to time. When that fails, what was kept is there all the same."""
+        """Delete expired results at intervals. A failure is logged only, because nothing else depends on it."""
         now = time.monotonic()
         self._results_since_purge += new
         if now - self._last_purge_s <= PURGE_EVERY_S and self._results_since_purge <= PURGE_EVERY_RESULTS:
@@ -208,10 +209,10 @@ class LayoutStore:
         try:
             await self.call(lambda store: store.purge_results(keep_newest=self._results.max_results))
         except StoreError as error:
-            log.error("results that are no longer kept could not be deleted: %s", error.detail)
+            log.error("expired results could not be deleted: %s", error.detail)
 
     def unknown_page(self, page: dict[str, Any]) -> UnknownPageDraft:
-        """A page that fits no class, as the store keeps it within the limits."""
+        """A page that fits no class, with the store's limits for such pages."""
         return UnknownPageDraft(page, self._results.max_unknown_pages, self._results.unknown_ttl_s)
 
 
@@ -222,7 +223,7 @@ def _is_unknown(document: Mapping[str, Any]) -> bool:
 
 
 def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, ReadyModel]:
-    """Newest versions of all models; what is `known` is not read again, for no version ever changes."""
+    """Newest version of each model. Versions in `known` are not read again, because a version never changes."""
     ready = {}
     for summary in store.models():
         if summary.version is None:
@@ -231,13 +232,13 @@ def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, Read
         if newest is None or newest.document.version != summary.version:
             try:
                 model = store.model(summary.name, summary.version)
-            except ModelNotFound:  # deleted just now
+            except ModelNotFound:  # deleted since the names were read
                 continue
             assert model.document is not None
-            # What it has seen is for learning alone, and half of it.
+            # The sufficient statistics are used by learning only. They are half of the document.
             recognizing = replace(model, document=model.document | {"memory": None})
             newest = ReadyModel(document_of(recognizing), labels_of(model.document))
-        # Settings are not the version's: they change under it.
+        # Settings belong to the model, not to the version: they may have changed.
         settings = summary.settings
         document = replace(newest.document, genre=settings.genre, continues=settings.continues)
         ready[summary.name] = replace(newest, document=document)
@@ -245,7 +246,7 @@ def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, Read
 
 
 def document_of(model: StoredModel) -> ModelDocument:
-    """A version of a model, as workers take it."""
+    """A version of a model, as sent to workers."""
     assert model.version is not None
     assert model.document is not None
     document = json.dumps(model.document, ensure_ascii=False, separators=(",", ":")).encode()
@@ -261,5 +262,5 @@ def document_of(model: StoredModel) -> ModelDocument:
 
 
 def labels_of(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """The labels of a layout model, in its own order; its node null has none."""
+    """The labels of a layout model, in the model's order; the null node has none."""
     return tuple(str(node["label"]) for node in document["nodes"] if node["label"] is not None)

@@ -1,4 +1,4 @@
-"""Structured logs: a JSON object a line, one line a request, bound together by request ids."""
+"""Structured logs: one JSON object per line, one line per request, with the request id."""
 
 import json
 import logging
@@ -21,7 +21,7 @@ log = logging.getLogger("app.requests")
 
 
 class JsonFormatter(logging.Formatter):
-    """A record as one line of JSON: time, level, logger, message, and whatever was given as `extra`."""
+    """Formats a record as one line of JSON: time, level, logger, message, and the fields of `extra`."""
 
     def format(self, record: logging.LogRecord) -> str:
         line: dict[str, object] = {
@@ -37,9 +37,9 @@ class JsonFormatter(logging.Formatter):
 
 
 def configure_logs(level: str) -> None:
-    """Send all logs of this process, the server's own included, to standard output as JSON lines.
+    """Send all logs of this process, including the server's, to standard output as JSON lines.
 
-    They are UTF-8 in any locale; half of a surrogate pair, which has no UTF-8, becomes an escape of JSON.
+    The encoding is UTF-8 in any locale. A single surrogate has no UTF-8 form; it is written as a JSON escape.
     """
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(encoding="utf-8", errors="backslashreplace")
@@ -49,13 +49,13 @@ def configure_logs(level: str) -> None:
 
 
 def request_id_of(headers: Headers) -> str:
-    """The client's own id if it is short and harmless, else a new one."""
+    """The client's request id if it is short and has safe characters only, else a new one."""
     offered = headers.get(HEADER, "")
     return offered if _GOOD_REQUEST_ID.fullmatch(offered) else uuid.uuid4().hex
 
 
 class RequestLog:
-    """Middleware: gives each request its id, sends it back, and writes the request's line and counts."""
+    """Middleware: gives each request an id, returns it in the response, and logs and counts the request."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
         self.app = app

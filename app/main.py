@@ -66,7 +66,7 @@ ROUTERS = (
     health.router,
 )
 LEARNING_LOCK = "learning.lock"
-"""File of the data folder by which services that share it take turns."""
+"""Lock file in the data folder, shared by the services that use that folder."""
 TAGS = {
     "rectify": "One photo of a page in, the flat page out.",
     "mosaic": "Overlapping photos of one page in, the whole page out.",
@@ -93,7 +93,7 @@ WORK = frozenset(
 )
 """Requests that need a seat in the engine before their body is read."""
 MAX_FIELD_BYTES = 64 * 1024
-"""Of one option; 200 points of a region need a tenth of it. The zones of a page have a limit of their own."""
+"""Largest option field. 200 points of a region need a tenth of it. The zones of a page have their own limit."""
 
 
 def create_app(settings: Settings | None = None, operations: Operations | None = None) -> FastAPI:
@@ -138,7 +138,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         _check_content_features(settings.content_features)
-        async with store.opened():  # first, so that a service that cannot remember does not start
+        async with store.opened():  # first: a service that cannot store anything must not start
             await engine.start()
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
             try:
@@ -161,9 +161,9 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     app.state.document_rectification = AppState(settings, engine, operations, store, metrics, locks, jobs)
     for router in ROUTERS:
         if router is layout.router:
-            # A field is refused by its own limit, which is told by name, before by that of all fields.
+            # The limit of one field must be reached before that of all fields, because its message names the field.
             spare = settings.max_zones_bytes + MAX_FIELD_BYTES
-            # One image too many is told of the pages and not of the form.
+            # The form accepts more files than MAX_PAGES, so that the error is about pages and not about the form.
             files = max(layout.FEWEST_FILES, 2 * settings.max_pages)
             app.include_router(router, form_limits={"max_part_size": spare, "max_files": files})
         else:
@@ -171,8 +171,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     answer = FrameworkErrors((route.path, route.methods or ()) for route in routes)
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
-    # The last one added is the outermost. A refusal that is raised inside of the boundary is answered there,
-    # on its way out the guard sees to the unread body, and the log writes down what became of the request.
+    # The middleware that is added last is the outermost: log, body limits, errors, API keys, admission.
     app.add_middleware(Admission, engine=engine, work=WORK)
     app.add_middleware(ApiKeys, keys=settings.api_keys)
     app.add_middleware(ProblemBoundary)
@@ -206,7 +205,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
 
 
 def _check_content_features(path: Path | None) -> None:
-    """Refuse to start with a settings file that no worker could use, and say which entry is wrong.
+    """Raise if workers could not use the settings file; the error names the wrong entry.
 
     Raises
     ------
@@ -218,11 +217,11 @@ def _check_content_features(path: Path | None) -> None:
         read_settings(path)
     except InvalidContentSettings as error:
         log.error("the content features (CONTENT_FEATURES) cannot be used: %s", error)
-        raise error.with_traceback(None) from None  # the server writes the rest down, and it is long
+        raise error.with_traceback(None) from None  # the server logs the error; omit its traceback
 
 
 def _describe(app: FastAPI, keys: bool) -> None:
-    """Have the OpenAPI document tell of problems and API keys, of which FastAPI knows nothing."""
+    """Add problem responses and API keys to the OpenAPI document; FastAPI does not know them."""
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
@@ -239,7 +238,7 @@ def _describe(app: FastAPI, keys: bool) -> None:
                 for path, methods in document["paths"].items()
                 for operation in methods.values()
             ]
-            for _, operation in operations:  # FastAPI foresees refusals in a form that is never sent
+            for _, operation in operations:  # FastAPI documents a validation response that is never sent
                 if "HTTPValidationError" in str(operation["responses"].get("422")):
                     del operation["responses"]["422"]
             schemas = components.setdefault("schemas", {})
@@ -262,7 +261,7 @@ def _describe(app: FastAPI, keys: bool) -> None:
 
 
 def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:
-    """Run the service until SIGTERM or SIGINT; what is in flight then finishes within the grace."""
+    """Run the service until SIGTERM or SIGINT. Requests in progress may then finish within the grace period."""
     settings = settings or Settings()
     configure_logs(settings.log_level)
     app = app or create_app(settings)
@@ -279,7 +278,7 @@ def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:
             timeout_graceful_shutdown=settings.shutdown_grace_s,
         )
     )
-    # uvicorn raises the signal again once it has shut down; this makes a clean exit of it.
+    # uvicorn raises the signal again after its shutdown; this handler makes the exit status 0.
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
     try:
         server.run()

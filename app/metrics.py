@@ -1,4 +1,4 @@
-"""What Prometheus reads at /metrics."""
+"""Metrics for Prometheus, served at /metrics."""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -15,10 +15,10 @@ METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"}
 
 
 class Metrics:
-    """The counters of one app; labels take few values, whatever clients send."""
+    """The metrics of one app. Labels take few values, regardless of what clients send."""
 
     def __init__(self, paths: Iterable[str] = ()) -> None:
-        """`paths` are the templates that are counted by name."""
+        """`paths` are the path templates that are counted separately."""
         self.paths = PathTemplates(paths)
         self.registry = CollectorRegistry()
         self._requests = Counter(
@@ -26,7 +26,7 @@ class Metrics:
         )
         self._latency = Histogram(
             "http_request_duration_seconds",
-            "From the request's head to the answer's.",
+            "From the request's head to the response's end.",
             ("method", "path"),
             buckets=SECONDS,
             registry=self.registry,
@@ -55,11 +55,11 @@ class Metrics:
         self._work.observe(record.work_s)
 
     def watch(self, status: Callable[[], EngineStatus]) -> None:
-        """Show the engine's own numbers too, as they are when Prometheus asks."""
+        """Export the engine's status too, read at each scrape."""
         self.registry.register(_EngineCollector(status))
 
     def exposition(self) -> bytes:
-        """All of it in Prometheus' text format."""
+        """All metrics in Prometheus' text format."""
         return generate_latest(self.registry)
 
 
@@ -72,16 +72,16 @@ class _EngineCollector(Collector):
         for name, value, meaning in (
             ("engine_live_workers", now.live_workers, "Worker processes that are up."),
             ("engine_capacity", now.capacity, "Seats: workers and places in the queue."),
-            ("engine_admitted", now.admitted, "Seats taken, bodies still arriving included."),
+            ("engine_admitted", now.admitted, "Seats taken, including requests whose bodies still arrive."),
             ("engine_queue_depth", now.waiting, "Jobs that wait for a worker."),
             ("engine_running", now.running, "Jobs that have a worker."),
         ):
             yield GaugeMetricFamily(name, meaning, value=value)
         yield CounterMetricFamily(
-            "engine_worker_deaths", "Workers that died unasked.", value=now.worker_deaths
+            "engine_worker_deaths", "Workers that ended unexpectedly.", value=now.worker_deaths
         )
         yield CounterMetricFamily(
             "engine_workers_recycled",
-            "Workers replaced after their share of jobs.",
+            "Workers replaced after their maximum number of jobs.",
             value=now.recycled_workers,
         )

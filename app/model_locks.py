@@ -1,7 +1,7 @@
-"""One task at a time that learns, for each model, so that no work is done twice.
+"""Locks of models: one learning task at a time for each model, so that no work is done twice.
 
-Tasks of a process wait for each other; processes for a short time only (`interprocess_lock`). What keeps a model
-consistent is the version that the store expects of a writer.
+Tasks of one process wait for each other. Processes wait for each other only a short time (`interprocess_lock`).
+Consistency does not depend on these locks: the store checks the version that a writer expects.
 """
 
 import asyncio
@@ -13,10 +13,11 @@ from app.interprocess_lock import InterprocessLock
 
 PATIENCE_S = 2.0
 """Seconds to wait for other processes, which need some 50 ms each; then a task goes on without their lock."""
+"""Longest wait for other processes, seconds; each needs about 50 ms. Then the task continues without their lock."""
 
 
 class ModelLocks:
-    """Locks by name; there are only those that somebody holds or waits for."""
+    """Locks by name. A lock exists only while a task holds it or waits for it."""
 
     def __init__(self, between_processes: InterprocessLock) -> None:
         self._between_processes = between_processes
@@ -25,12 +26,12 @@ class ModelLocks:
 
     @asynccontextmanager
     async def hold(self, names: Iterable[str], timeout_s: float, setting: str) -> AsyncIterator[None]:
-        """Hold the locks of all these models for the block; every caller takes them in the same order.
+        """Hold the locks of all these models during the block. All callers take them in the same order.
 
         Raises
         ------
         Busy
-            When others hold one of them for longer than `timeout_s` (the `setting`).
+            When another task holds one of them for longer than `timeout_s`; `setting` is the name of that limit.
         """
         async with AsyncExitStack() as held:
             wanted = sorted(set(names))
@@ -40,8 +41,8 @@ class ModelLocks:
                         await held.enter_async_context(self._one(name))
             except TimeoutError:
                 raise Busy(
-                    f"Others teach {' or '.join(wanted)} for longer than {timeout_s:g} s ({setting}); "
-                    "send the request again later."
+                    f"Other requests have updated {' or '.join(wanted)} for longer than {timeout_s:g} s ({setting}). "
+                    "Send the request again later."
                 ) from None
             for name in wanted:
                 await held.enter_async_context(self._between_processes.take(name, PATIENCE_S))

@@ -1,4 +1,4 @@
-"""URL templates of routes, and which of them a path is of."""
+"""Path templates of routes, and the template that matches a path."""
 
 from collections.abc import Iterable
 
@@ -6,7 +6,7 @@ from starlette.routing import compile_path
 
 
 class PathTemplates:
-    """The templates of one app, like `/layout/models/{name}`; a path is of one of them or of none."""
+    """The path templates of one app, for example `/layout/models/{name}`. At most one matches a path."""
 
     def __init__(self, templates: Iterable[str]) -> None:
         templates = frozenset(templates)
@@ -14,7 +14,7 @@ class PathTemplates:
         self._patterns = [(compile_path(template)[0], template) for template in templates - self._fixed]
 
     def match(self, path: str) -> str | None:
-        """The template that `path` is of."""
+        """The template that matches `path`; None if there is none."""
         if path in self._fixed:
             return path
         return next((template for pattern, template in self._patterns if pattern.match(path)), None)

@@ -1,4 +1,4 @@
-"""`If-Match` and `If-None-Match` -> what a writer expects of a model."""
+"""`If-Match` and `If-None-Match` as conditions on a model's version."""
 
 import re
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ _VERSION = re.compile("[1-9][0-9]{0,9}")
 
 
 class Conflict(DocumentError):
-    """The model is not what the writer takes it for."""
+    """The model is not in the state that the writer expects."""
 
     code = "conflict"
 
 
 class PreconditionFailed(Conflict):
-    """The model is not what the headers of the request say; the status is then another."""
+    """The model does not meet the request's precondition headers; the HTTP status is 412 instead of 409."""
 
 
 def entity_tag(version: int) -> str:
@@ -26,10 +26,10 @@ def entity_tag(version: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Precondition:
-    """What must be true of a model before it is written.
+    """Condition on a model before a write.
 
-    `versions` are those that `If-Match` names (None: it was not sent), `exists` is its `*`, and `is_new` that of
-    `If-None-Match`.
+    `versions` are those that `If-Match` names (None: not sent). `exists` is `If-Match: *`, `is_new` is
+    `If-None-Match: *`.
     """
 
     versions: frozenset[int] | None = None
@@ -37,34 +37,34 @@ class Precondition:
     is_new: bool = False
 
     def check(self, name: str, current: int | None) -> None:
-        """Judge the version that the model has, None: it has none.
+        """Check the condition against the model's `current` version (None: no version).
 
         Raises
         ------
         PreconditionFailed
-            When the precondition is not met.
+            When the condition is not met.
         """
         now = "no version" if current is None else f"version {current}"
         if self.is_new and current is not None:
-            raise PreconditionFailed(f"Model {name} exists already, with {now} (If-None-Match).")
+            raise PreconditionFailed(f"Model {name} already exists, with {now} (If-None-Match).")
         if self.exists and current is None:
             raise PreconditionFailed(f"Model {name} has no version yet (If-Match).")
         if self.versions is not None and current not in self.versions:
             raise PreconditionFailed(
-                f"Model {name} has {now} now, which is none of those in If-Match; read it again."
+                f"Model {name} has {now} now; If-Match does not name it. Read the model again."
             )
 
 
 def parse_precondition(if_match: str | None, if_none_match: str | None) -> Precondition:
-    """The precondition in these headers (RFC 9110, 13.1); weak and foreign tags match no version.
+    """The condition in these headers (RFC 9110, 13.1); weak or unknown tags match no version.
 
     Raises
     ------
     InvalidOption
-        When `If-None-Match` is another than `*`.
+        When `If-None-Match` is not `*`.
     """
     if if_none_match is not None and if_none_match.strip() != "*":
-        raise InvalidOption("If-None-Match: send * or leave it out.", "If-None-Match")
+        raise InvalidOption("If-None-Match: send * or omit the header.", "If-None-Match")
     is_new = if_none_match is not None
     if if_match is None:
         return Precondition(is_new=is_new)

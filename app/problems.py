@@ -1,4 +1,4 @@
-"""Errors -> `application/problem+json` (RFC 9457): the only place that knows a status code."""
+"""Errors as `application/problem+json` (RFC 9457). Only this module knows status codes."""
 
 import asyncio
 import logging
@@ -55,48 +55,48 @@ STATUS_OF_CODE: Mapping[str, int] = {
     "store-unavailable": 503,
     "timed-out": 504,
 }
-"""Every code that this service answers with; 499 is only ever logged, for nobody is left to read it."""
+"""HTTP status of every problem code. 499 appears only in logs, because the client has disconnected."""
 
 MEANING_OF_CODE: Mapping[str, str] = {
     "bad-request": "Not multipart/form-data, or a part is missing.",
     "unauthorized": "API keys are configured and the request has none.",
-    "forbidden": "The API key is not a good one.",
+    "forbidden": "The API key is not valid.",
     "not-found": "There is no such resource.",
-    "method-not-allowed": "The resource does not know this method; `Allow` lists what it knows.",
+    "method-not-allowed": "The resource does not support this method; `Allow` lists the supported ones.",
     "not-acceptable": "No representation fits `Accept`.",
     "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S.",
-    "conflict": "The model changed under the writer, or an Idempotency-Key came with another body.",
+    "conflict": "The model changed since it was read, or an Idempotency-Key came with a different body.",
     "not-finished": "The job has no result yet.",
     "cancelled": "The job was cancelled; it has no result and will have none.",
-    "store-full": "As many models or samples as MAX_MODELS or MAX_SAMPLES_PER_MODEL allow.",
-    "too-large": "More bytes, megapixels or pages than a limit allows; judged before decoding.",
+    "store-full": "The limit MAX_MODELS or MAX_SAMPLES_PER_MODEL is reached.",
+    "too-large": "More bytes, megapixels or pages than a limit allows; checked before decoding.",
     "out-of-memory": "The work needs more memory than WORKER_MEMORY_BYTES.",
-    "unsupported-media-type": "Not an image format that is accepted.",
-    "undecodable-image": "The image data is truncated or damaged, or a PDF is, or it is encrypted.",
+    "unsupported-media-type": "Not an accepted image format.",
+    "undecodable-image": "The image or PDF is truncated or damaged, or the PDF is encrypted.",
     "invalid-option": "An option is unknown, malformed or out of its range; `field` names it.",
-    "no-text": "The image shows too little printed text to see the page's shape, and no sheet's edges either.",
+    "no-text": "The image shows neither enough printed text nor sheet edges to find the page's shape.",
     "not-overlapping": "No two of the photos show the same part of a page.",
-    "invalid-model": "Not a layout model, or one of a newer form than this service reads.",
-    "no-samples": "The model has no samples to be made of.",
-    "not-storable": "A name or key with characters that cannot be kept.",
-    "client-closed-request": "The client closed the connection before the answer.",
+    "invalid-model": "Not a layout model, or a model in a newer format than this service reads.",
+    "no-samples": "The model has no samples to be initialized from.",
+    "not-storable": "A name or key has characters that cannot be stored.",
+    "client-closed-request": "The client closed the connection before the response.",
     "internal": "A defect of the service.",
-    "worker-died": "The process that did the work ended before it was done; try again.",
-    "busy": "All workers and the queue are taken; come again after `Retry-After` seconds.",
+    "worker-died": "The worker process ended before the work was done; try again.",
+    "busy": "All workers and the queue are in use; try again after `Retry-After` seconds.",
     "not-ready": "No worker is up.",
-    "shutting-down": "The service is stopping; come again after `Retry-After` seconds.",
-    "store-unavailable": "What is remembered cannot be read or written now; nothing was kept.",
-    "timed-out": "The work ran past its limit (JOB_TIMEOUT_S, MOSAIC_TIMEOUT_S, DOCUMENT_TIMEOUT_S, MODEL_TIMEOUT_S) "
+    "shutting-down": "The service is stopping; try again after `Retry-After` seconds.",
+    "store-unavailable": "The store cannot be read or written now; nothing was saved.",
+    "timed-out": "The work exceeded its limit (JOB_TIMEOUT_S, MOSAIC_TIMEOUT_S, DOCUMENT_TIMEOUT_S, MODEL_TIMEOUT_S) "
     "and was stopped.",
 }
 
 _CODE_OF_STATUS = {400: "bad-request", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
-"""Codes of what the framework itself refuses."""
+"""Problem codes of requests that the framework refuses."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A problem before it is bound to a request."""
+    """A problem, not yet bound to a request."""
 
     code: str
     detail: str
@@ -110,7 +110,7 @@ class Refusal:
 
 
 def refusal_of(error: BaseException) -> Refusal:
-    """What a client is told of `error`; nothing of an unforeseen one but that it happened."""
+    """Problem that a client receives for `error`. Unexpected errors give no details."""
     if isinstance(error, DocumentError) and error.code in MEANING_OF_CODE and error.code != "internal":
         is_precondition = isinstance(error, PreconditionFailed)
         return Refusal(error.code, error.detail, error.field, _headers_of(error), is_precondition)
@@ -126,7 +126,7 @@ def refusal_of(error: BaseException) -> Refusal:
 
 
 class ProblemBoundary:
-    """Middleware: whatever is raised inside, the client gets a problem document and never a traceback."""
+    """Middleware: turns every exception into a problem document, so that a client never sees a traceback."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -144,7 +144,7 @@ class ProblemBoundary:
 
         try:
             await self.app(scope, receive, noting_send)
-        except asyncio.CancelledError:  # the grace of a shutdown is over
+        except asyncio.CancelledError:  # the grace period of a shutdown has ended
             if not started:
                 refusal = Refusal(
                     "shutting-down", "The service is shutting down.", None, (("Retry-After", "1"),)
@@ -158,10 +158,10 @@ class ProblemBoundary:
 
 
 class FrameworkErrors:
-    """Exception handler for what the framework itself refuses."""
+    """Exception handler for requests that the framework refuses."""
 
     def __init__(self, routes: Iterable[tuple[str, Iterable[str]]]) -> None:
-        """`routes` are templates of paths and their methods; a template may come more than once."""
+        """`routes` are pairs of a path template and its methods; a template may appear more than once."""
         self._methods: dict[str, set[str]] = {}
         for template, methods in routes:
             self._methods.setdefault(template, set()).update(methods)
@@ -171,19 +171,19 @@ class FrameworkErrors:
         refusal = _told(error, request.scope)
         template = self._templates.match(request.scope["path"])
         if refusal.code == "method-not-allowed" and template is not None:
-            # The framework lists the methods of the first route of this path only.
+            # The framework lists only the methods of the first route with this path.
             allowed = ", ".join(sorted(self._methods[template]))
             refusal = replace(refusal, headers=(("Allow", allowed),))
         return _response_for(refusal, request.scope)
 
 
 def problem_response(error: Exception, scope: Scope) -> Response:
-    """The problem document for what befell a request; written to the log if it is our own fault."""
+    """The problem document for an error of a request; errors of the service itself are logged."""
     return _response_for(_told(error, scope), scope)
 
 
 def _told(error: Exception, scope: Scope) -> Refusal:
-    """The refusal of `error`; one that is our own fault goes to the log with its cause."""
+    """The problem of `error`; errors of the service itself are logged with their cause."""
     refusal = refusal_of(error)
     if refusal.status == 500 or isinstance(error, StoreUnavailable):
         extra = {"request_id": scope["state"]["request_id"], "code": refusal.code}
@@ -217,13 +217,13 @@ def response_for(refusal: Refusal, request_id: str) -> Response:
 
 
 def documented(*codes: str, conditional: bool = False) -> dict[int | str, dict[str, object]]:
-    """OpenAPI responses for these codes, with the problem media type; `conditional`: it takes If-Match."""
+    """OpenAPI problem responses for these codes; `conditional`: the route accepts If-Match, so 412 is added."""
     meanings = {
         status: [f"`{code}`: {MEANING_OF_CODE[code]}" for code in codes if STATUS_OF_CODE[code] == status]
         for status in sorted({STATUS_OF_CODE[code] for code in codes})
     }
     if conditional:
-        meanings[412] = ["`conflict`: The model is not the one that If-Match or If-None-Match names."]
+        meanings[412] = ["`conflict`: The model does not meet If-Match or If-None-Match."]
     responses: dict[int | str, dict[str, object]] = {}
     for status, meaning in meanings.items():
         responses[status] = {
@@ -243,7 +243,7 @@ _PHRASES = frozenset(status.phrase for status in HTTPStatus)
 
 def _internal() -> Refusal:
     return Refusal(
-        "internal", "The service failed on this request; its log has the cause under this request_id."
+        "internal", "The service failed on this request. Its log has the cause under this request_id."
     )
 
 
@@ -260,12 +260,12 @@ def _headers_of(error: DocumentError) -> tuple[tuple[str, str], ...]:
 
 
 def _refusal_of_http(error: HTTPException) -> Refusal:
-    """What the framework refuses, or what stopped it while it read the body."""
+    """Problem of an error of the framework; also of errors while it reads the body."""
     if isinstance(error.__cause__, DocumentError):
         return refusal_of(error.__cause__)
     if isinstance(error.__cause__, ClientDisconnect):
         return _gone()
-    if isinstance(error.__cause__, OSError):  # no place to spool the body to; nothing is wrong with it
+    if isinstance(error.__cause__, OSError):  # no disk space to spool the body; the request is valid
         return _internal()
     if error.status_code not in _CODE_OF_STATUS:
         return _internal()
@@ -275,7 +275,7 @@ def _refusal_of_http(error: HTTPException) -> Refusal:
 
 
 def _refusal_of_validation(error: RequestValidationError) -> Refusal:
-    """The first thing that is wrong with the form; a file that is missing is not an option out of range."""
+    """Problem of the first validation error. A missing file is `bad-request`, a wrong value `invalid-option`."""
     first = error.errors()[0]
     place = [str(part) for part in first["loc"]]
     field = place[1] if len(place) > 1 else None
@@ -298,11 +298,11 @@ _FILE_FIELDS = {
     "images": "each photo as a file part of this name",
     "zones_file": "the zones as a file part",
 }
-"""Fields that hold files, and what to send in them."""
+"""Fields that hold files, and what the client must send in them."""
 
 
 def _sentence(words: str) -> str:
-    """A detail of the store's, which begins small and has no full stop."""
+    """A detail from the store as a sentence: it starts with a small letter and has no full stop."""
     return words[:1].upper() + words[1:] + "."
 
 

@@ -1,4 +1,4 @@
-"""How many processors this process may use: by its affinity, and by the CPU quotas of its control groups."""
+"""Number of processors that this process may use, from its affinity and the CPU quotas of its control groups."""
 
 import math
 import os
@@ -8,10 +8,10 @@ from pathlib import Path
 
 
 def usable_processors(root: Path = Path("/")) -> int:
-    """Processors that this process may use, at least 1; a quota of 1.5 processors counts as 2.
+    """Number of processors that this process may use, at least 1; a quota of 1.5 processors counts as 2.
 
-    A container with `--cpus 2` may run on all processors of its machine, for the time of two: one worker for each
-    processor would only make the workers wait. `root` is where `proc` and `sys` are mounted.
+    A container with `--cpus 2` sees all processors of its machine, but gets the time of two. One worker for each
+    processor would be slower. `root` is the folder that contains `proc` and `sys`.
     """
     return max(1, math.ceil(min([len(os.sched_getaffinity(0)), *_quotas(root)])))
 
@@ -24,7 +24,7 @@ def _quotas(root: Path) -> Iterator[float]:
     for line in groups.splitlines():
         _, controllers, path = line.split(":", 2)
         mount = root / "sys/fs/cgroup"
-        if controllers:  # version 1 has a tree for each controller
+        if controllers:  # version 1 has one tree for each controller
             mount /= "cpu"
         if controllers and "cpu" not in controllers.split(","):
             continue
@@ -36,7 +36,7 @@ def _quotas(root: Path) -> Iterator[float]:
 
 
 def _quota(group: Path, *, is_first_version: bool) -> float:
-    """Time a period that a group may use, divided by the period. `ValueError` where it has no limit (`max`, -1)."""
+    """CPU time per period divided by the period, for one group. `ValueError` if it has no limit (`max`, -1)."""
     if is_first_version:
         used, period = ((group / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period"))
     else:

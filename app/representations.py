@@ -1,4 +1,4 @@
-"""`Accept` and `format` -> what is sent."""
+"""Format of a response, from `Accept` and the form field `format`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from services.contract.layout import LayoutFormat
 from services.errors import NotAcceptable
 
 MEDIA_TYPES: Mapping[AnswerFormat, str] = {name: PAGES_MEDIA_TYPES[name] for name in get_args(AnswerFormat)}
-"""In the order of preference among what a client likes equally well."""
+"""Media types by format. The order decides between formats of equal weight."""
 
 SEVERAL_MEDIA_TYPES: Mapping[SeveralFormat, str] = {
     name: PAGES_MEDIA_TYPES[name] for name in get_args(SeveralFormat)
 }
-"""Of formats that hold several pages, in the order of preference."""
+"""Media types of formats that hold several pages, in order of preference."""
 
 SNIFFED_BYTES = 32
 Name = TypeVar("Name", bound=str)
@@ -24,14 +24,14 @@ Name = TypeVar("Name", bound=str)
 
 @dataclass(frozen=True, slots=True)
 class MediaRange:
-    """One element of `Accept`: `type/subtype` with `*` for any, and its weight 0-1."""
+    """One element of `Accept`: `type/subtype`, with `*` for any, and its weight 0-1."""
 
     type: str
     subtype: str
     weight: float
 
     def precision(self, media_type: str) -> int:
-        """How exactly this range names `media_type`; 0: not at all."""
+        """How specifically this range names `media_type`; 0: not at all."""
         type_, subtype = media_type.split("/")
         if (self.type, self.subtype) == (type_, subtype):
             return 3
@@ -41,7 +41,7 @@ class MediaRange:
 
 
 def parse_accept(header: str) -> tuple[MediaRange, ...]:
-    """Elements of an `Accept` header (RFC 9110, 12.5.1); malformed ones are passed over."""
+    """Elements of an `Accept` header (RFC 9110, 12.5.1); malformed elements are ignored."""
     ranges = []
     for element in header.split(","):
         name, *parameters = (part.strip() for part in element.split(";"))
@@ -67,15 +67,21 @@ def _weight(parameters: list[str]) -> float | None:
 def choose_format(
     requested: AnswerFormat | None, accept: str | None, own: AnswerFormat | None
 ) -> AnswerFormat | None:
-    """Format to send; None: the upload's own format.
+    """Format of the response; None: the format of the upload.
 
-    `requested` is the form's `format` and wins over `accept`, the header; `own` is the upload's format where
-    it is known (`sniff_format`). Among formats that weigh the same the upload's own comes first.
+    Parameters
+    ----------
+    requested
+        The form field `format`; it overrides `accept`.
+    accept
+        The `Accept` header.
+    own
+        The upload's format, if known (`sniff_format`). It is preferred among formats of equal weight.
 
     Raises
     ------
     NotAcceptable
-        When `accept` has room for none of the formats.
+        When `accept` allows no format.
     """
     return _choose(requested, accept, own, MEDIA_TYPES)
 
@@ -83,15 +89,15 @@ def choose_format(
 def choose_pages_formats(
     requested: PagesFormat | None, accept: str | None, own: AnswerFormat | None
 ) -> tuple[PagesFormat | None, SeveralFormat | None]:
-    """Formats to send where the answer may have several pages: of a single page, as by `choose_format`, and of several.
+    """Formats of a response that may have several pages: for one page (as `choose_format`), and for several.
 
-    The second is None when the client takes none that holds several pages. A client that says nothing gets several
-    pages as a PDF (of a TIFF file: as a TIFF file).
+    The second is None when the client accepts no format for several pages. A client without a preference gets several
+    pages as a PDF, and those of a TIFF file as TIFF.
 
     Raises
     ------
     NotAcceptable
-        When `accept` has room for none of the formats.
+        When `accept` allows no format.
     """
     single = _choose(requested, accept, own, PAGES_MEDIA_TYPES)
     if requested is not None:
@@ -126,12 +132,12 @@ def _choose(
 
 
 def choose_layout_format(requested: LayoutFormat | None, accept: str | None) -> LayoutFormat:
-    """AnswerFormat of an answer of /layout: `requested`, the form's `format`, else by `accept`, the header, else JSON.
+    """Format of a response of /layout: `requested` (the form's `format`), else by the header `accept`, else JSON.
 
     Raises
     ------
     NotAcceptable
-        When `accept` has room for none of the formats.
+        When `accept` allows no format.
     """
     if requested is not None:
         return requested
@@ -140,28 +146,28 @@ def choose_layout_format(requested: LayoutFormat | None, accept: str | None) -> 
 
 
 def _liked(media_types: Mapping[Name, str], ranges: tuple[MediaRange, ...]) -> list[Name]:
-    """The formats that weigh most, in their own order."""
+    """The formats of the largest weight, in their own order."""
     weights = {name: _weight_of(media_type, ranges) for name, media_type in media_types.items()}
     best = max(weights.values())
     if best <= 0:
         raise NotAcceptable(
-            f"None of {', '.join(dict.fromkeys(media_types.values()))} fits the Accept header; send a form field "
-            "`format` to choose one."
+            f"None of {', '.join(dict.fromkeys(media_types.values()))} fits the Accept header. Choose a format with "
+            "the form field `format`."
         )
     return [name for name, weight in weights.items() if weight == best]
 
 
 def _weight_of(media_type: str, ranges: tuple[MediaRange, ...]) -> float:
-    """Weight by the most precise range that names `media_type`; 0 where none does."""
+    """Weight by the most specific range that matches `media_type`; 0 if none does."""
     named = [(range_.precision(media_type), range_.weight) for range_ in ranges]
     precision, weight = max(named, key=lambda pair: pair[0])
     return weight if precision else 0.0
 
 
 def sniff_format(head: bytes) -> AnswerFormat | None:
-    """AnswerFormat to answer in, by the first bytes of an upload; HEIC, which is not sent, becomes JPEG.
+    """Response format for an upload, from its first bytes. HEIC gives JPEG, because HEIC is never sent.
 
-    Only the choice of the representation hangs on it: what the upload really is, the decoder decides.
+    The result affects the choice of the response format only. The decoder checks what the upload really is.
     """
     if head.startswith(b"\xff\xd8\xff"):
         return "jpeg"
@@ -177,14 +183,14 @@ def sniff_format(head: bytes) -> AnswerFormat | None:
 
 
 def may_have_pages(head: bytes) -> bool:
-    """Whether an upload that begins so may hold several pages: a TIFF file, or no image at all, as PDFs are none."""
+    """Whether an upload with these first bytes may hold several pages: TIFF, or no known image (possibly a PDF)."""
     return sniff_format(head) in ("tiff", None)
 
 
 def image_headers(document: Mapping[str, object]) -> dict[str, str]:
-    """The essential facts of a result (a route's result as JSON) as headers of an image answer.
+    """Main values of a result as headers of an image response. `document` is the route's result as JSON.
 
-    Of several pages: of each, in their order.
+    For several pages, each header lists the values of the pages in their order.
     """
     pages = document.get("pages")
     if isinstance(pages, list | tuple):
@@ -218,10 +224,10 @@ def _headers_of_pages(
 
 
 def layout_headers(document: Mapping[str, object]) -> dict[str, str]:
-    """The essential facts of a result of /layout as headers of any answer."""
+    """Main values of a result of /layout as headers of any response."""
     headers = {"Vary": "Accept"}
     chosen = document.get("class")
-    if isinstance(chosen, Mapping):  # a page that goes on has a model of its own, and its document's class
+    if isinstance(chosen, Mapping):  # a continuation page has its own model; the class is the document's
         headers["Document-Class"] = str(document.get("document_class") or chosen["name"])
     return headers | _notices(document.get("warnings")) | _stages(document.get("timings_ms"))
 
@@ -229,7 +235,7 @@ def layout_headers(document: Mapping[str, object]) -> dict[str, str]:
 def _notices(warnings: object) -> dict[str, str]:
     if not isinstance(warnings, list | tuple):
         return {}
-    codes = dict.fromkeys(str(warning["code"]) for warning in warnings)  # photos share some
+    codes = dict.fromkeys(str(warning["code"]) for warning in warnings)  # without repetitions
     return {"Document-Warnings": ", ".join(codes)}
 
 

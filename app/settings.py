@@ -1,4 +1,4 @@
-"""Everything that an operator may set, from the environment; units are in the names."""
+"""All settings, read from the environment. Names contain units."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,40 +13,40 @@ MIB = 1024 * 1024
 
 
 class Settings(BaseSettings):
-    """Each field is an environment variable of the same name in capitals (`port`: PORT)."""
+    """Each field is an environment variable with the same name in capitals (`port`: PORT)."""
 
     model_config = SettingsConfigDict(frozen=True, extra="ignore")
 
-    # Where it listens
+    # Server
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
     port: int = Field(default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
     keep_alive_s: int = Field(default=30, ge=1, description="An idle connection is closed after this long.")
     shutdown_grace_s: int = Field(
-        default=30, ge=0, description="After SIGTERM, what is in flight may take this long to finish."
+        default=30, ge=0, description="After SIGTERM, requests in progress may take this long to finish."
     )
     log_level: str = Field(
-        default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$", description="Least level logged."
+        default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$", description="Lowest level that is logged."
     )
 
-    # Who may call
+    # Authentication
     api_keys: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Comma-separated keys; if set, a request must carry one of them as X-API-Key "
-        "(all but /health, /metrics, /docs).",
+        description="Comma-separated keys; if set, a request must send one of them as X-API-Key "
+        "(except to /health, /metrics, /docs).",
         repr=False,
     )
 
-    # What a request may bring
+    # Limits of a request
     max_upload_bytes: int = Field(default=32 * MIB, ge=1024, description="Largest request body.")
     max_mosaic_upload_bytes: int = Field(
         default=160 * MIB, ge=1024, description="Largest request body of /mosaic: 16 photos of 10 MiB."
     )
-    max_megapixels: float = Field(default=64.0, gt=0, description="Largest image, judged from its header.")
+    max_megapixels: float = Field(default=64.0, gt=0, description="Largest image, checked in its header.")
     max_mosaic_megapixels: float = Field(
         default=200.0,
         gt=0,
-        description="All photos of a mosaic together, judged from their headers: 16 of 12 megapixels. "
-        "They are in memory at once, 3 bytes a pixel.",
+        description="All photos of a mosaic together, checked in their headers: 16 of 12 megapixels. "
+        "They are in memory at the same time, 3 bytes a pixel.",
     )
     max_document_upload_bytes: int = Field(
         default=96 * MIB, ge=1024, description="Largest request body of /layout: 20 scans of 4.8 MiB."
@@ -55,17 +55,19 @@ class Settings(BaseSettings):
     max_document_megapixels: float = Field(
         default=200.0,
         gt=0,
-        description="All pages of a document together, judged before the first is decoded: 20 of A4 at 300 dpi are "
-        "174. One is in memory at a time.",
+        description="All pages of a document together, checked before the first is decoded: 20 of A4 at 300 dpi are "
+        "174. One page is in memory at a time.",
     )
     max_zones: int = Field(
-        default=500, ge=1, description="Most zones of a page; those of dense newspaper pages are some 300."
+        default=500, ge=1, description="Most zones of a page; a dense newspaper page has about 300."
     )
     max_zones_bytes: int = Field(
         default=2 * MIB, ge=1024, description="Largest description of a page's zones as JSON: 4 KiB a zone."
     )
     max_zones_file_bytes: int = Field(
-        default=8 * MIB, ge=1024, description="The same as PAGE-XML or ALTO, which may hold every word."
+        default=8 * MIB,
+        ge=1024,
+        description="Largest PAGE-XML or ALTO description; it may contain every word.",
     )
     max_model_bytes: int = Field(
         default=8 * MIB, ge=1024, description="Largest layout model that is imported."
@@ -77,99 +79,105 @@ class Settings(BaseSettings):
     max_drain_bytes: int = Field(
         default=8 * MIB,
         ge=0,
-        description="Of a refused body, so much is still read, so that a client that sends first and reads "
-        "later can read the refusal.",
+        description="Largest part of a refused body that is still read, so that a client that sends first and reads "
+        "later receives the refusal.",
     )
     drain_timeout_s: float = Field(
         default=10.0, gt=0, description="A refused body is read for at most this long."
     )
 
-    # How work runs
+    # Workers
     workers: int = Field(
         default_factory=usable_processors,
         ge=1,
         le=256,
-        description="Worker processes; default: the processors that the service may use, by its CPU quota too.",
+        description="Worker processes; default: the processors that the service may use, also by its CPU quota.",
     )
     queue_length: int = Field(
         default=16,
         ge=0,
-        description="Requests that may wait for a worker; beyond it the answer is 503 `busy`.",
+        description="Requests that may wait for a worker; further requests get 503 `busy`.",
     )
     queue_timeout_s: float = Field(
-        default=60.0, gt=0, description="A request that no worker takes within this long gets 503 `busy`."
+        default=60.0, gt=0, description="A request that gets no worker within this time gets 503 `busy`."
     )
     job_timeout_s: float = Field(
-        default=30.0, gt=0, description="Work that runs longer is killed: 504 `timed-out`."
+        default=30.0, gt=0, description="Work that takes longer is stopped: 504 `timed-out`."
     )
     mosaic_timeout_s: float = Field(
-        default=120.0, gt=0, description="The same for a mosaic; eight photos of 3 megapixels take 18 s."
+        default=120.0, gt=0, description="Time limit of a mosaic; eight photos of 3 megapixels take 18 s."
     )
     document_timeout_s: float = Field(
         default=300.0,
         gt=0,
-        description="The same for what may have several pages: several images, a TIFF file or a PDF. Reading takes "
-        "most of it, 2 to 8 s a page.",
+        description="Time limit of several images, a TIFF file or a PDF. Text recognition takes most of it, 2 to 8 s "
+        "a page.",
     )
     model_timeout_s: float = Field(
         default=120.0,
         gt=0,
-        description="The same for making a layout model of its samples, and for training one.",
+        description="Time limit of initializing and of training a layout model.",
     )
     worker_memory_bytes: int = Field(
         default=4096 * MIB, ge=0, description="Address space of a worker (RLIMIT_AS); 0: no limit."
     )
-    jobs_per_worker: int = Field(default=200, ge=1, description="A worker is replaced after so many jobs.")
+    jobs_per_worker: int = Field(default=200, ge=1, description="A worker is replaced after this many jobs.")
 
-    # Work whose answer is fetched later
+    # Jobs (`Prefer: respond-async`)
     job_ttl_s: int = Field(
-        default=3600, ge=1, description="A job and its result are kept for so long after its end."
+        default=3600, ge=1, description="A job and its result are kept this long after its end."
     )
     max_jobs: int = Field(
-        default=200, ge=1, description="Most jobs that are kept; beyond it those that ended first go first."
+        default=200,
+        ge=1,
+        description="Most jobs that are kept; over the limit, those that ended first are removed.",
     )
     max_job_result_bytes: int = Field(
         default=512 * MIB,
         ge=1024,
-        description="Of the results of all jobs together, in temporary files; beyond it those that ended first go.",
+        description="Results of all jobs together, in temporary files; over the limit, the oldest are removed.",
     )
     max_job_listeners: int = Field(
-        default=100, ge=1, description="Most clients that listen to the events of jobs; beyond it 503 `busy`."
+        default=100,
+        ge=1,
+        description="Most clients that listen to events of jobs; further ones get 503 `busy`.",
     )
 
-    # What layout recognition knows before it learns
+    # Content features
     content_features: FilePath | None = Field(
         default=None,
-        description="Settings file of content features (word lists and patterns), laid over those that come along.",
+        description="Settings file of content features (word lists and patterns); it overrides the built-in ones.",
     )
 
-    # What is remembered
+    # Store
     data_dir: Path = Field(
         default=Path("data"),
-        description="Folder of the database of layout models, samples, feedback and results; made if it is not there.",
+        description="Folder of the database of layout models, samples, feedback and results; created if missing.",
     )
     database_url: str = Field(
         default="",
-        description="A database of PostgreSQL (postgresql://user:password@host/name, in UTF-8) in the place of the "
+        description="PostgreSQL database (postgresql://user:password@host/name, in UTF-8), used instead of the "
         "file layout.sqlite3 in DATA_DIR; several services may share it.",
         repr=False,
     )
     max_models: int = Field(default=200, ge=1, description="Most layout models.")
     max_samples_per_model: int = Field(default=1000, ge=1, description="Most samples of one layout model.")
-    result_ttl_s: int = Field(default=86400, ge=1, description="A result of /layout is kept for so long.")
+    result_ttl_s: int = Field(default=86400, ge=1, description="A result of /layout is kept this long.")
     max_results: int = Field(
-        default=10_000, ge=1, description="Most results that are kept; beyond it the oldest go first."
+        default=10_000,
+        ge=1,
+        description="Most results that are kept; over the limit, the oldest are removed.",
     )
 
     max_unknown_pages: int = Field(
         default=200,
         ge=1,
-        description="Most pages of no known class that are kept, so that new classes can be proposed; the oldest go.",
+        description="Most unknown pages that are kept, to propose new classes; the oldest are removed first.",
     )
     unknown_ttl_s: int = Field(
         default=30 * 86400,
         ge=1,
-        description="They are kept for so long: new kinds of documents show in weeks.",
+        description="Unknown pages are kept this long: a new class of documents may need weeks to show.",
     )
 
     @property

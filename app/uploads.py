@@ -1,4 +1,4 @@
-"""Admission before a body is read, limits while it is read, and a readable refusal when it is not."""
+"""Request bodies: admission before they are read, limits while they are read, refusals that clients can read."""
 
 import asyncio
 import time
@@ -20,16 +20,16 @@ class BodyTooSlow(DocumentError):
 
 
 class ClientGone(DocumentError):
-    """Nobody waits for the answer any more."""
+    """The client has disconnected."""
 
     code = "client-closed-request"
 
 
 @dataclass(frozen=True, slots=True)
 class BodyLimits:
-    """How much of a body is read, and for how long; `app.settings` documents each under the same name.
+    """Size and time limits of a body; `app.settings` documents each under the same name.
 
-    `size_setting` is the setting behind `max_upload_bytes`, for whoever is refused by it.
+    `size_setting` is the name of the setting behind `max_upload_bytes`; error messages name it.
     """
 
     max_upload_bytes: int
@@ -40,15 +40,15 @@ class BodyLimits:
 
 
 class BodyGuard:
-    """Middleware: no body is larger or slower than its limits, and every refusal can be read.
+    """Middleware: enforces the body limits, and makes sure that a client can read every refusal.
 
-    A client that sends first and reads later would find its connection reset if the server closed it with
-    bytes still on their way. So when an answer is given before the body has been read, the answer goes out
-    whole, a bounded rest of the body is read and thrown away, and only then the connection is closed.
+    If a server closes a connection while bytes still arrive, the client sees a connection reset instead of the
+    response. Therefore a response that precedes the end of the body is sent completely. Then a limited rest of the body
+    is read and discarded, and the connection is closed.
     """
 
     def __init__(self, app: ASGIApp, limits: BodyLimits, of_path: Mapping[str, BodyLimits]) -> None:
-        """`limits` are those of every path that is of no template in `of_path`."""
+        """`limits` apply to every path without a template in `of_path`."""
         self.app = app
         self.limits = limits
         self.of_path = of_path
@@ -65,7 +65,7 @@ class BodyGuard:
 
 
 class _Exchange:
-    """One request's body and answer."""
+    """Body and response of one request."""
 
     def __init__(self, headers: Headers, receive: Receive, send: Send, limits: BodyLimits) -> None:
         length = headers.get("content-length", "")
@@ -79,12 +79,12 @@ class _Exchange:
         self._closing = False
 
     async def receive(self) -> Message:
-        """The next piece of the body.
+        """The next part of the body.
 
         Raises
         ------
         TooLarge, BodyTooSlow
-            When a limit is crossed.
+            When a limit is exceeded.
         """
         if self._body_over:
             return await self._receive()
@@ -119,7 +119,7 @@ class _Exchange:
         )
 
     async def send(self, message: Message) -> None:
-        """Pass the answer on; see to the rest of the body before its end."""
+        """Send the response; before its last message, read the rest of the body."""
         if message["type"] == "http.response.start" and not self._body_over:
             self._closing = True
             message = {**message, "headers": [*message.get("headers", ()), (b"connection", b"close")]}
@@ -142,10 +142,10 @@ class _Exchange:
 
 
 class Admission:
-    """Middleware: a request that means work takes a seat in the engine before its body is read.
+    """Middleware: a request for work takes a seat in the engine before its body is read.
 
-    The seat is `request.state.seat`, for the route to release when the work is done; at the latest it is
-    released with the answer. Raises what `Engine.admit` raises. `work` are methods and templates of paths.
+    The seat is `request.state.seat`. The route releases it when the work is done; at the latest it is released with the
+    response. `work` lists pairs of method and path template. Raises what `Engine.admit` raises.
     """
 
     def __init__(self, app: ASGIApp, engine: Engine, work: Collection[tuple[str, str]]) -> None:

@@ -1,1 +1,1 @@
-"""What the product knows: bytes or arrays in, results out; no HTTP, no SQL."""
+"""The algorithms: bytes or arrays in, results out; no HTTP, no SQL."""

@@ -1,4 +1,4 @@
-"""Array aliases; shapes and frames are told in `docs/conventions.md`."""
+"""Array type aliases; `docs/conventions.md` defines frames and units."""
 
 from typing import Any
 
@@ -18,4 +18,4 @@ Vector = NDArray[np.floating[Any]]
 Homography = NDArray[np.floating[Any]]
 """(3, 3) float64; `H_dst_src` maps homogeneous source points to destination points."""
 Floats = NDArray[np.floating[Any]]
-"""Any shape, float64 unless told."""
+"""Any shape, float64 unless documented otherwise."""

@@ -1,4 +1,4 @@
-"""The errors that a user can act on, one class each, with the stable codes of the HTTP contract."""
+"""Errors that a user can act on, one class each, with the stable codes of the HTTP contract."""
 
 from typing import ClassVar
 
@@ -6,9 +6,9 @@ from typing import ClassVar
 class DocumentError(Exception):
     """Base of all errors that the product raises on purpose.
 
-    Every subclass passes its arguments to `super().__init__` unchanged, so that it survives the
-    border of a worker process (pickle rebuilds an exception from `args`, then restores its attributes).
-    `field` is the part of the request that is wrong, where it is one.
+    Every subclass passes its arguments to `super().__init__` unchanged, so that it can be sent from a worker process
+    (pickle rebuilds an exception from `args`, then restores its attributes). `field` is the part of the request that
+    is wrong, if there is one.
     """
 
     code: ClassVar[str] = "internal"
@@ -26,7 +26,7 @@ class TooLarge(DocumentError):
 
 
 class UnsupportedMediaType(DocumentError):
-    """The bytes are not an image format that is accepted."""
+    """The bytes are not in an accepted image format."""
 
     code = "unsupported-media-type"
 
@@ -57,7 +57,7 @@ class InvalidOption(DocumentError):
 
 
 class NoText(DocumentError):
-    """The image shows too little printed text to see the page's shape, and no sheet's edges either."""
+    """The image shows neither enough printed text nor sheet edges to find the page's shape."""
 
     code = "no-text"
 
@@ -69,6 +69,6 @@ class NotOverlapping(DocumentError):
 
 
 class InvalidModel(DocumentError):
-    """The document is no layout model, is damaged, or has a form that this release does not know."""
+    """The document is not a layout model, is damaged, or has a format that this release does not know."""
 
     code = "invalid-model"

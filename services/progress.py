@@ -1,7 +1,7 @@
-"""How far long work has come, for whoever waits for it.
+"""Progress reports of long work.
 
-Work says where it stands; whether anybody listens is not its business. A sink belongs to the context that set it, so
-that threads which work starts of their own stay silent instead of speaking all at once.
+Work reports its progress without knowing whether a sink receives it. The sink belongs to the context that set it, so
+threads that the work starts report nothing.
 """
 
 from collections.abc import Callable, Iterator
@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 ProgressSink = Callable[[str, float], None]
-"""Takes the name of a stage, and the share 0-1 of the whole work that is done."""
+"""Takes the name of a stage, and the finished share 0-1 of the whole work."""
 
 _SINK: ContextVar[ProgressSink | None] = ContextVar("progress_sink", default=None)
 
 
 def report_progress(stage: str, fraction: float) -> None:
-    """Tell that `stage` has begun or goes on, with `fraction` (0-1, clipped) of the work done."""
+    """Report that `stage` has begun or continues, with `fraction` (0-1, clipped) of the work done."""
     sink = _SINK.get()
     if sink is not None:
         sink(stage, min(1.0, max(0.0, fraction)))
@@ -23,7 +23,7 @@ def report_progress(stage: str, fraction: float) -> None:
 
 @contextmanager
 def progress_to(sink: ProgressSink | None) -> Iterator[None]:
-    """Hand what the block reports to `sink`; None: to nobody."""
+    """Send reports of the block to `sink`; None: discard them."""
     token = _SINK.set(sink)
     try:
         yield
@@ -33,7 +33,7 @@ def progress_to(sink: ProgressSink | None) -> Iterator[None]:
 
 @contextmanager
 def progress_within(begin: float, end: float) -> Iterator[None]:
-    """Make what the block reports from 0 to 1 the part from `begin` to `end` of the work around it."""
+    """Map the block's fractions from 0 to 1 to `begin` to `end` of the enclosing work."""
     outer = _SINK.get()
     if outer is None:
         yield

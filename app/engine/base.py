@@ -1,4 +1,4 @@
-"""The seam behind which work runs, and what can befall a job there."""
+"""Interface of the engine that runs work, and the errors of its jobs."""
 
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class Busy(DocumentError):
-    """No seat is free; the detail names the limit, `retry_after_s` says when to come again."""
+    """No seat is free. The detail names the limit; `retry_after_s` is the recommended wait, seconds."""
 
     code = "busy"
 
@@ -28,25 +28,25 @@ class ShuttingDown(Busy):
 
 
 class JobTimedOut(DocumentError):
-    """The work ran past its limit and was stopped."""
+    """The work exceeded its time limit and was stopped."""
 
     code = "timed-out"
 
 
 class WorkerDied(DocumentError):
-    """The process that did the work ended before it was done (a crash, a kill)."""
+    """The worker process ended before the work was done (crash or kill)."""
 
     code = "worker-died"
 
 
 class OutOfMemory(DocumentError):
-    """The work needed more memory than a worker may take."""
+    """The work needed more memory than a worker may use."""
 
     code = "out-of-memory"
 
 
 class JobFailed(DocumentError):
-    """The work raised what nobody foresaw: a defect. `traceback` is for the log, never for a client."""
+    """The work raised an unexpected exception: a defect. `traceback` is for the log, never for a client."""
 
     code = "internal"
 
@@ -62,7 +62,7 @@ class EngineFailed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class TimeLimit:
-    """Longest that a job may run, and the setting that an operator would change."""
+    """Longest run time of a job, and the name of the setting that limits it."""
 
     seconds: float
     setting: str
@@ -70,7 +70,7 @@ class TimeLimit:
 
 @runtime_checkable
 class Spooled(Protocol):
-    """Bytes that wait outside of memory until a worker is free to take them."""
+    """Bytes that stay outside of memory until a worker is free."""
 
     async def read(self) -> bytes:
         """All the bytes."""
@@ -78,7 +78,7 @@ class Spooled(Protocol):
 
 
 async def unspool(argument: object) -> object:
-    """What a worker gets for `argument`: bytes for what is spooled, one after another for a list of it."""
+    """The value that a worker gets for `argument`: the bytes of a `Spooled`, a list of bytes for a list of them."""
     if isinstance(argument, Spooled):
         return await argument.read()
     if isinstance(argument, list) and all(isinstance(part, Spooled) for part in argument):
@@ -87,23 +87,23 @@ async def unspool(argument: object) -> object:
 
 
 STARTED = "started"
-"""Stage of a job that a worker has taken and that has said nothing itself yet."""
+"""Stage of a job that a worker has started and that has not reported a stage yet."""
 
 
 class Admission(Protocol):
-    """A seat in the engine, held from before a body is read until its job is over."""
+    """A seat in the engine, taken before a body is read and held until its job has ended."""
 
     def release(self) -> None:
-        """Give the seat back; more than once is harmless."""
+        """Release the seat; repeated calls have no effect."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class EngineStatus:
-    """What the engine holds right now, and what it has lost since it started.
+    """Present state of the engine, and counts since its start.
 
     `admitted` of `capacity` seats are taken; `waiting` jobs wait for a worker and `running` jobs have one.
-    `facts` is what the workers said of themselves when they were warm.
+    `facts` is what the workers reported after their warm-up.
     """
 
     ready: bool
@@ -120,7 +120,7 @@ class EngineStatus:
 
 @dataclass(frozen=True, slots=True)
 class JobRecord:
-    """How one job went: `done` or the `code` of its error, and its seconds in queue and at work."""
+    """Record of one job: `done` or the `code` of its error, seconds in the queue, and seconds of work."""
 
     outcome: str
     queue_s: float
@@ -128,20 +128,20 @@ class JobRecord:
 
 
 class Engine(Protocol):
-    """Runs operations, by their names, away from the event loop."""
+    """Runs operations, given by name, outside the event loop."""
 
     async def start(self) -> None:
-        """Return when workers are warm.
+        """Return when the workers have warmed up.
 
         Raises
         ------
         EngineFailed
-            When no worker can be brought up.
+            When no worker can be started.
         """
         ...
 
     def admit(self) -> Admission:
-        """A seat, at once.
+        """A seat, without waiting.
 
         Raises
         ------
@@ -157,17 +157,27 @@ class Engine(Protocol):
         time_limit: TimeLimit | None = None,
         progress: ProgressSink | None = None,
     ) -> T:
-        """Answer of `operation(*arguments)`, run in a worker within `time_limit` (None: the engine's own).
+        """Result of `operation(*arguments)`, run in a worker.
 
-        The worker imports the function that `operation` names; arguments and answer pickle. A `Spooled` argument
-        arrives as its bytes, which are read only when a worker is free, and a list of them as a list of theirs.
-        Cancelling the caller stops the work. `progress` is called in the event loop: with `STARTED` when a worker
-        takes the job, then with what the operation reports, never after the answer.
+        Cancelling the caller stops the work.
+
+        Parameters
+        ----------
+        operation
+            "module:function"; the worker imports it.
+        arguments
+            They must pickle, as must the result. A `Spooled` arrives as its bytes, a list of them as a list of bytes;
+            they are read only when a worker is free.
+        time_limit
+            None: the engine's own.
+        progress
+            Called in the event loop: with `STARTED` when a worker takes the job, then with the operation's own reports,
+            never after the result.
 
         Raises
         ------
         DocumentError
-            What the operation raised on purpose, and Busy, JobTimedOut, WorkerDied, OutOfMemory, JobFailed.
+            An error that the operation raised on purpose; Busy, JobTimedOut, WorkerDied, OutOfMemory, JobFailed.
         """
         ...
 
@@ -176,5 +186,5 @@ class Engine(Protocol):
         ...
 
     async def drain(self, grace_s: float) -> None:
-        """Take no more work, let what runs end within `grace_s` seconds, then stop every worker."""
+        """Accept no more work, wait up to `grace_s` seconds for running jobs, then stop every worker."""
         ...

@@ -1,4 +1,4 @@
-"""One call on its way through the pool."""
+"""One call in the pool."""
 
 import asyncio
 import time
@@ -11,7 +11,7 @@ from services.progress import ProgressSink
 
 @dataclass(slots=True, eq=False)
 class EngineJob:
-    """A call that waits for a worker or has one; `answer` is what its caller waits for."""
+    """A call that waits for a worker or has one. `answer` is the future that its caller awaits."""
 
     operation: str
     arguments: tuple[object, ...]
@@ -22,12 +22,12 @@ class EngineJob:
     queued_at: float = field(default_factory=time.monotonic)
 
     def tell(self, stage: str, fraction: float) -> None:
-        """Report progress to the caller, as long as it waits for the answer."""
+        """Report progress to the caller, unless it no longer waits for the answer."""
         if self.progress is not None and not self.answer.done():
             self.progress(stage, fraction)
 
     def listener(self, loop: asyncio.AbstractEventLoop) -> ProgressSink | None:
-        """`tell`, for a thread beside the loop; None where nobody asked."""
+        """Thread-safe form of `tell`; None if no progress is wanted."""
         if self.progress is None:
             return None
 

@@ -1,6 +1,6 @@
 """The default engine: a pool of processes on this machine.
 
-Whatever happens to a worker happens to it and to the one job that it holds: nothing is shared among workers.
+Workers share nothing, so a failure of one affects only that worker and its one job.
 """
 
 import asyncio
@@ -42,15 +42,15 @@ T = TypeVar("T")
 log = logging.getLogger(__name__)
 
 RESTART_PAUSE_S = 1.0
-"""Between two failed attempts to bring a worker up."""
+"""Pause between two failed attempts to start a worker."""
 MAX_RETRY_AFTER_S = 60
 
 
 @dataclass(frozen=True, slots=True)
 class PoolLimits:
-    """The bounds of the pool; `app.settings` documents each under the same name.
+    """Limits of the pool; `app.settings` documents each under the same name.
 
-    `worker_memory_bytes` 0 means no limit of our own; `start_timeout_s` bounds the warm start of one worker.
+    `worker_memory_bytes` 0 means no limit; `start_timeout_s` limits the start and warm-up of one worker.
     """
 
     workers: int = 1
@@ -63,7 +63,7 @@ class PoolLimits:
 
 
 class _Seat:
-    """One admission; counted from `admit` to the first `release`."""
+    """One admission, counted from `admit` until the first `release`."""
 
     def __init__(self, engine: "LocalEngine") -> None:
         self._engine: LocalEngine | None = engine
@@ -75,7 +75,7 @@ class _Seat:
 
 
 class LocalEngine:
-    """Pool of worker processes with bounded admission and a hard limit of time and memory per job."""
+    """Pool of worker processes with limited admission, and limits on the time and memory of each job."""
 
     def __init__(
         self,
@@ -85,14 +85,14 @@ class LocalEngine:
         preload: Sequence[str] = (),
         observe: Callable[[JobRecord], None] = lambda record: None,
     ) -> None:
-        """`warm_up(*warm_up_arguments)` runs in every new worker; modules of `preload` are imported once, for all."""
+        """`warm_up(*warm_up_arguments)` runs in every new worker; modules of `preload` are imported once for all."""
         self._limits = limits
         self._warm_up = None if warm_up is None else (str(warm_up), tuple(warm_up_arguments))
         self._preload = list(preload)
         self._observe = observe
         self._jobs: deque[EngineJob] = deque()
-        self._bells: deque[asyncio.Future[None]] = deque()  # one for each idle worker
-        self._open: set[asyncio.Future[Any]] = set()  # answers that somebody waits for
+        self._bells: deque[asyncio.Future[None]] = deque()  # one future for each idle worker
+        self._open: set[asyncio.Future[Any]] = set()  # answers that callers await
         self._hired: set[WorkerProcess] = set()
         self._tasks: list[asyncio.Task[None]] = []
         self._threads = ThreadPoolExecutor(limits.workers, thread_name_prefix="engine")
@@ -101,14 +101,14 @@ class LocalEngine:
         self._admitted = self._live = self._running = self._deaths = self._recycled = 0
         self._mean_work_s = 1.0
 
-    # The seam
+    # The Engine interface
 
     async def start(self) -> None:
-        # Read when the libraries are loaded, which happens in the fork server, before any worker exists.
+        # The libraries read these variables when the fork server loads them, before any worker exists.
         for name, value in inside.SINGLE_THREAD_ENVIRONMENT.items():
             os.environ.setdefault(name, value)
         multiprocessing.get_context("forkserver").set_forkserver_preload(self._preload)
-        # Workers ignore SIGTERM, so at a hasty exit multiprocessing would wait for them for ever.
+        # Workers ignore SIGTERM, so multiprocessing would wait for them without end if the server exits early.
         atexit.register(self._kill_all)
         hires = await asyncio.gather(
             *(self._hire() for _ in range(self._limits.workers)), return_exceptions=True
@@ -123,11 +123,11 @@ class LocalEngine:
 
     def admit(self) -> _Seat:
         if self._draining:
-            raise ShuttingDown("The service is shutting down; send the request again.", 1)
+            raise ShuttingDown("The service is shutting down. Send the request again.", 1)
         if self._admitted >= self._capacity:
             raise Busy(
                 f"All {self._limits.workers} workers and the queue of {self._limits.queue_length} "
-                "(QUEUE_LENGTH) are taken; send the request again later.",
+                "(QUEUE_LENGTH) are in use. Send the request again later.",
                 self._retry_after_s(),
             )
         self._admitted += 1
@@ -141,7 +141,7 @@ class LocalEngine:
         progress: ProgressSink | None = None,
     ) -> T:
         if self._stopped:
-            raise ShuttingDown("The service is shutting down; send the request again.", 1)
+            raise ShuttingDown("The service is shutting down. Send the request again.", 1)
         loop = asyncio.get_running_loop()
         job = EngineJob(
             str(operation),
@@ -163,13 +163,13 @@ class LocalEngine:
             if not job.started.done() and not job.answer.done():
                 self._observe(JobRecord(Busy.code, time.monotonic() - job.queued_at, 0.0))
                 raise Busy(
-                    f"No worker was free within {self._limits.queue_timeout_s:g} s (QUEUE_TIMEOUT_S); "
-                    "send the request again later.",
+                    f"No worker was free within {self._limits.queue_timeout_s:g} s (QUEUE_TIMEOUT_S). "
+                    "Send the request again later.",
                     self._retry_after_s(),
                 )
             return cast(T, await job.answer)
         finally:
-            job.answer.cancel()  # stops the work when the caller has gone; harmless when it is done
+            job.answer.cancel()  # stops the work if the caller was cancelled; no effect on a finished job
             self._open.discard(job.answer)
             with suppress(ValueError):
                 self._jobs.remove(job)
@@ -202,7 +202,7 @@ class LocalEngine:
         self._threads.shutdown(wait=False)
         atexit.unregister(self._kill_all)
 
-    # Inside
+    # Internal
 
     @property
     def _capacity(self) -> int:
@@ -217,7 +217,7 @@ class LocalEngine:
             worker.kill()
 
     def _ring(self) -> None:
-        """Wake one idle worker's attendant."""
+        """Wake the task of one idle worker."""
         while self._bells:
             bell = self._bells.popleft()
             if not bell.done():
@@ -225,7 +225,7 @@ class LocalEngine:
                 return
 
     async def _attend(self, worker: WorkerProcess) -> None:
-        """Keep one place in the pool filled, for ever."""
+        """Keep one place in the pool filled until the engine stops."""
         while True:
             try:
                 await self._employ(worker)
@@ -251,7 +251,7 @@ class LocalEngine:
         except BaseException as error:
             code = await self._dismiss(worker)
             if isinstance(error, WorkerGone):
-                raise EngineFailed(f"it ended while it warmed up (exit code {code})") from error
+                raise EngineFailed(f"it ended during its warm-up (exit code {code})") from error
             raise
         finally:
             alarm.cancel()
@@ -259,12 +259,12 @@ class LocalEngine:
         return worker
 
     async def _dismiss(self, worker: WorkerProcess) -> int | None:
-        worker.kill()  # first, so that no thread is left waiting for it
+        worker.kill()  # before anything else, so that no thread waits for it
         self._hired.discard(worker)
         return await asyncio.shield(asyncio.get_running_loop().run_in_executor(self._threads, worker.bury))
 
     async def _employ(self, worker: WorkerProcess) -> None:
-        """Give the worker one job after another, until it has gone or has done its share."""
+        """Give the worker one job after another, until it has died or reached its maximum number of jobs."""
         for _ in range(self._limits.jobs_per_worker):
             while not (job := self._next_job()):
                 if not await self._wait_for_job(worker):
@@ -287,7 +287,7 @@ class LocalEngine:
         return None
 
     async def _wait_for_job(self, worker: WorkerProcess) -> bool:
-        """True when there may be a job, False when the worker died meanwhile."""
+        """True when there may be a job, False when the worker has died."""
         loop = asyncio.get_running_loop()
         bell: asyncio.Future[None] = loop.create_future()
         gone: asyncio.Future[None] = loop.create_future()
@@ -304,14 +304,14 @@ class LocalEngine:
             loop.remove_reader(worker.fileno())
             if bell.done():
                 if gone.done():
-                    self._ring()  # the job that it announced is for another
+                    self._ring()  # pass the announced job to another worker
             else:
                 bell.cancel()
                 self._bells.remove(bell)
         return not gone.done()
 
     async def _run(self, worker: WorkerProcess, job: EngineJob) -> bool:
-        """Answer the job; True when the worker can take another one."""
+        """Run the job and set its answer; True if the worker can take another job."""
         loop = asyncio.get_running_loop()
         job.started.set_result(None)
         begin = time.monotonic()
@@ -335,8 +335,8 @@ class LocalEngine:
             arguments = [await unspool(argument) for argument in job.arguments]
             if job.answer.done():
                 return True
-            # The alarm covers the whole exchange, so that a worker that stops reading or that hangs in the
-            # middle of its answer is stopped like one that computes for ever.
+            # The timer covers the whole exchange, so that it also stops a worker that no longer reads or that
+            # blocks while it sends its answer.
             alarm = loop.call_later(job.time_limit.seconds, expire)
             job.answer.add_done_callback(abandon)
             outcome, value = await loop.run_in_executor(
@@ -347,7 +347,7 @@ class LocalEngine:
         except WorkerGone:
             error = self._error_of_loss(job, expired)
         except asyncio.CancelledError:
-            error = ShuttingDown("The service stopped before the work was done; send the request again.", 1)
+            error = ShuttingDown("The service stopped before the work was done. Send the request again.", 1)
             raise
         except Exception as unforeseen:
             log.exception("exchange with a worker failed")
@@ -365,25 +365,27 @@ class LocalEngine:
             return cast(DocumentError, value)
         if outcome == inside.OUT_OF_MEMORY:
             return OutOfMemory(
-                "The work needs more memory than a worker may take "
-                f"({self._limits.worker_memory_bytes} bytes, WORKER_MEMORY_BYTES); send a smaller image."
+                "The work needs more memory than a worker may use "
+                f"({self._limits.worker_memory_bytes} bytes, WORKER_MEMORY_BYTES). Send a smaller image."
             )
         detail, traceback = cast(tuple[str, str], value)
         return JobFailed(detail, traceback)
 
     def _error_of_loss(self, job: EngineJob, expired: bool) -> DocumentError | None:
         if job.answer.cancelled():
-            return None  # the caller left and the worker was stopped for it
+            return None  # the caller was cancelled, so the worker was stopped
         if expired:
             return JobTimedOut(
-                f"The work ran past its limit of {job.time_limit.seconds:g} s ({job.time_limit.setting}) "
+                f"The work exceeded its limit of {job.time_limit.seconds:g} s ({job.time_limit.setting}) "
                 "and was stopped."
             )
         self._deaths += 1
-        return WorkerDied("The process that did the work ended before it was done; nothing else is affected.")
+        return WorkerDied(
+            "The worker process ended before the work was done. Other requests are not affected."
+        )
 
     def _settle(self, job: EngineJob, value: object, error: DocumentError | None, begin: float) -> None:
-        """Hand the answer over and remember how it went."""
+        """Set the answer or error of the job, and record its times."""
         work_s = time.monotonic() - begin
         outcome = "cancelled" if job.answer.cancelled() else error.code if error is not None else "done"
         if not job.answer.done():

@@ -1,8 +1,8 @@
-"""The engine's end of one worker process.
+"""The engine's side of one worker process.
 
-Every worker has a pipe of its own. Pools whose workers share one pipe were tried first: in pebble 5.2 a
-worker that was killed while idle, or in the middle of sending its result, took the whole pool along, and
-concurrent.futures gives a pool up by design.
+Every worker has its own pipe. Pools whose workers share one pipe were tried first. In pebble 5.2, killing a worker
+that was idle or was sending its result broke the whole pool. concurrent.futures abandons a pool by design when one
+worker dies.
 """
 
 import multiprocessing
@@ -18,11 +18,11 @@ from services.progress import ProgressSink
 
 
 class WorkerGone(Exception):
-    """The worker hung up."""
+    """The worker closed its end of the pipe."""
 
 
 class WorkerProcess:
-    """The engine's end of one worker process. `start`, `call` and `bury` block and run in threads."""
+    """The engine's side of one worker process. `start`, `call` and `bury` block, so they run in threads."""
 
     _starting = threading.Lock()
 
@@ -36,8 +36,8 @@ class WorkerProcess:
         self._killed = self._buried = False
 
     def start(self) -> dict[str, object]:
-        """Facts that the worker tells when it is warm."""
-        with self._starting:  # multiprocessing's bookkeeping of children is not made for threads
+        """Start the process and wait for its warm-up; the facts that it reports."""
+        with self._starting:  # multiprocessing's list of children is not thread-safe
             self._process.start()
         self._far_end.close()
         if self._killed:
@@ -50,10 +50,10 @@ class WorkerProcess:
     def call(
         self, operation: str, arguments: list[object], listen: ProgressSink | None = None
     ) -> inside.Outcome:
-        """What became of `operation(*arguments)`; leaves `arguments` empty.
+        """Outcome of `operation(*arguments)`; empties `arguments`.
 
-        Uploads are large and work is long: this end forgets them when the worker has them. `listen` is told the
-        work's progress, in the calling thread.
+        Uploads are large, so the server's copy is deleted once the worker has it. `listen` receives the progress, in
+        the calling thread.
         """
         call = pickle.dumps(
             (operation, tuple(arguments), listen is not None), protocol=pickle.HIGHEST_PROTOCOL
@@ -77,14 +77,14 @@ class WorkerProcess:
         return cast(inside.Outcome, pickle.loads(answer))
 
     def kill(self) -> None:
-        """Stop the process and all it started, now; any thread inside of `start` or `call` comes back."""
+        """Kill the process and its children now; a blocked `start` or `call` in another thread returns."""
         self._killed = True
-        # Not if it `is_alive`: a worker whose fork server has been killed counts as dead, and is not.
+        # Not `is_alive`: it is False for a running worker whose fork server was killed.
         if self._process.pid is None or self._buried:
             return
         with suppress(ProcessLookupError):
             os.kill(self._process.pid, signal.SIGKILL)
-        with suppress(ProcessLookupError):  # not yet the leader of its group
+        with suppress(ProcessLookupError):  # the worker is not yet the leader of its process group
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def bury(self) -> int | None:
@@ -98,9 +98,9 @@ class WorkerProcess:
 
     @property
     def pid(self) -> int | None:
-        """Of the process; None before it was started."""
+        """Process id; None before the start."""
         return self._process.pid
 
     def fileno(self) -> int:
-        """Readable while idle only when the worker has gone."""
+        """Descriptor of the pipe. While the worker is idle, it is readable only if the worker has died."""
         return self._connection.fileno()

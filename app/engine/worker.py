@@ -1,6 +1,6 @@
-"""The inside of a worker process: one call after another, over one pipe to the engine.
+"""The worker's side: it runs one call after another, received over one pipe from the engine.
 
-This module is all that a worker imports of `app`, so that a worker starts fast and stays small.
+A worker imports nothing else of `app`, so that it starts fast and uses little memory.
 """
 
 import faulthandler
@@ -24,15 +24,15 @@ from services.progress import progress_to
 READY, DONE, REFUSED, FAILED, OUT_OF_MEMORY = "ready", "done", "refused", "failed", "out-of-memory"
 PROGRESS = "progress"
 Outcome = tuple[Literal["ready", "done", "refused", "failed", "out-of-memory", "progress"], object]
-"""What a worker says: one word when it is warm, one for each call, and before that any number of `PROGRESS`."""
+"""A worker's message: one after its warm-up, one for each call, and before that any number of `PROGRESS`."""
 
 NamedCall = tuple[str, tuple[object, ...]]
 """A function as "module:function", and its arguments."""
 
 REPORT_EVERY_S = 0.1
-"""Reports within one stage are no closer than this; nobody reads faster."""
+"""Shortest time between two reports of one stage; clients do not read faster."""
 MOST_REPORTS = 2000
-"""Of one call, beginnings of stages included; then it goes on in silence."""
+"""Largest number of reports of one call, including the starts of stages. Later ones are dropped."""
 
 SINGLE_THREAD_ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
@@ -40,18 +40,18 @@ SINGLE_THREAD_ENVIRONMENT = {
     "MKL_NUM_THREADS": "1",
     "OPENCV_FOR_THREADS_NUM": "1",
 }
-"""Workers are as many as processors; threads inside of them would only fight each other."""
+"""There is one worker for each processor, so several threads in one worker would only slow each other down."""
 
 COLLECTED_AFTER = 50_000
-"""Containers that come to stay before Python looks for cycles among them: a model has a tenth of that, and every look
-at 200 models that a worker keeps takes longer than learning from a page."""
+"""New container objects before Python's garbage collector runs. A model has a tenth of that. One run over the 200
+models that a worker caches takes longer than learning from a page."""
 
 OPENCV_NO_MEMORY = -4
-"""cv::Error::StsNoMem: OpenCV's own word for a failed allocation."""
+"""cv::Error::StsNoMem: OpenCV's code of a failed allocation."""
 
 
 def serve(connection: Connection, memory_bytes: int, warm_up: NamedCall | None) -> None:
-    """Say that this worker is warm, then answer calls until the engine hangs up."""
+    """Report the end of the warm-up, then run calls until the engine closes the pipe."""
     _settle(memory_bytes)
     facts = run(*warm_up) if warm_up is not None else {}
     collect_seldom()
@@ -61,21 +61,21 @@ def serve(connection: Connection, memory_bytes: int, warm_up: NamedCall | None) 
 
 
 def run(operation: str, arguments: tuple[object, ...]) -> object:
-    """Answer of the function that `operation` names as "module:function"."""
+    """Result of the function that `operation` names as "module:function"."""
     module, _, function = operation.partition(":")
     return getattr(import_module(module), function)(*arguments)
 
 
 def collect_seldom() -> None:
-    """Spare what is loaded now, which stays, from being looked at for cycles again and again."""
+    """Exclude the objects loaded so far from garbage collection; they live as long as the process."""
     gc.freeze()
     gc.set_threshold(COLLECTED_AFTER)
 
 
 def _settle(memory_bytes: int) -> None:
-    """Make the process one that can be killed at any moment without harm to its neighbours."""
-    # A group of its own: the terminal's Ctrl-C and the supervisor's SIGTERM reach the server, which lets
-    # jobs end; and a kill of the group takes whatever the worker may have started along.
+    """Prepare the process so that it can be killed at any time without effect on other processes."""
+    # An own process group. The terminal's Ctrl-C and the supervisor's SIGTERM then reach only the server, which lets
+    # jobs finish. Killing the group also kills the worker's children.
     os.setsid()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -85,16 +85,14 @@ def _settle(memory_bytes: int) -> None:
     if memory_bytes:
         resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
     with suppress(OSError):
-        # When the machine itself runs out of memory, a worker shall go before the server.
+        # If the machine runs out of memory, the kernel should kill a worker before the server.
         Path("/proc/self/oom_score_adj").write_text("500", encoding="ascii")
 
 
 def _answer_next(connection: Connection) -> bytes | None:
-    """Pickled `Outcome` of the next call, a pickled (operation, arguments, whether progress is asked for).
+    """Pickled `Outcome` of the next call, which is a pickled (operation, arguments, whether progress is wanted).
 
-    None when the engine hung up.
-
-    Never raises what can be told instead.
+    None when the engine has closed the pipe. Errors of the operation are returned as outcomes, not raised.
     """
     try:
         call = connection.recv_bytes()
@@ -102,7 +100,7 @@ def _answer_next(connection: Connection) -> bytes | None:
         return None
     try:
         operation, arguments, listens = pickle.loads(call)
-        del call  # uploads are large; while the operation runs they are here once
+        del call  # uploads are large: this leaves one copy while the operation runs
         with progress_to(ProgressReports(connection).send if listens else None):
             return pickle.dumps((DONE, run(operation, arguments)))
     except DocumentError as error:
@@ -110,14 +108,14 @@ def _answer_next(connection: Connection) -> bytes | None:
     except BaseException as error:
         if isinstance(error, MemoryError) or getattr(error, "code", None) == OPENCV_NO_MEMORY:
             return pickle.dumps((OUT_OF_MEMORY, None))
-        # Told as text: the server need not import what raised it, and cannot stumble over its pickle.
+        # Sent as text: the server need not import the exception's class, and cannot fail to unpickle it.
         return pickle.dumps((FAILED, (f"{type(error).__name__}: {error}", traceback.format_exc())))
 
 
 class ProgressReports:
-    """Progress on its way to the engine, before the answer, over the same pipe.
+    """Sends progress to the engine, before the answer, over the same pipe.
 
-    Work must not wait for a reader and must not fail for want of one: what does not fit into the pipe is left out.
+    Work must neither wait for a reader nor fail without one, so reports that do not fit into the pipe are dropped.
     """
 
     def __init__(self, connection: Connection) -> None:

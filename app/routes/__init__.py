@@ -1,1 +1,1 @@
-"""A file a resource, named as its URL: parse, call, map."""
+"""Routes, one file for each resource: parse the request, call, build the response."""

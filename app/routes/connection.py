@@ -1,4 +1,4 @@
-"""Work for a client who may leave before it is done."""
+"""Cancellation of work whose client disconnects."""
 
 import asyncio
 from collections.abc import Coroutine
@@ -12,12 +12,12 @@ T = TypeVar("T")
 
 
 async def while_connected(request: Request, work: Coroutine[Any, Any, T]) -> T:
-    """Answer of `work`, which is cancelled when the client leaves.
+    """Result of `work`, which is cancelled if the client disconnects.
 
     Raises
     ------
     ClientGone
-        When it left; nobody will read the answer to that.
+        When the client has disconnected; the response to this error is not read.
     """
     job = asyncio.ensure_future(work)
     leaving = asyncio.ensure_future(_until_disconnected(request))

@@ -30,10 +30,10 @@ from services.contract.layout_learning import Adaptation, VerifiedPage
 from services.errors import InvalidOption
 
 MOST_TRIES = 32
-"""A try fails when another process wrote a version of the model meanwhile: of four processes that do nothing else, one
-feedback in 10 000 fails every time."""
+"""Largest number of tries. A try fails when another process writes a version of the model at the same time. With four
+processes that do nothing else, one feedback in 10 000 fails every time."""
 LONGEST_PAUSE_S = 0.05
-"""Between two tries: about one adaptation."""
+"""Longest pause between two tries: about the time of one adaptation."""
 
 _MOST_NAMED = 20
 
@@ -41,18 +41,18 @@ _MOST_NAMED = 20
 async def learn_from_feedback(
     state: AppState, result_id: str, key: str | None, body: FeedbackBody
 ) -> StoredFeedback:
-    """Have the models concerned learn from the feedback on a result; once for each key, and for each body.
+    """Update the models concerned by the feedback on a result; only once for each key and for each body.
 
     Raises
     ------
     ResultNotFound, ModelNotFound
-        When the result is no longer kept, or there is no such class.
+            When the result has expired, or the class does not exist.
     InvalidOption
-        When the result has no such zone, or the class is neither found nor given.
+            When the result has no such zone, or no class was found and none is given.
     KeyReused
-        When the key came with another feedback.
+            When the key came with a different feedback before.
     Busy
-        When other processes write versions of the same models all the time.
+            When other processes keep writing versions of the same models.
     """
     request = body.model_dump(by_alias=True, include=body.model_fields_set | {"labels"})
     earlier = await state.store.call(lambda store: store.find_feedback(result_id, key, request))
@@ -67,29 +67,29 @@ async def learn_from_feedback(
             try:
                 feedback = await _learn_once(state, result_id, key, verified, request)
                 break
-            except VersionConflict:  # another process was faster; learn from its version
+            except VersionConflict:  # another process wrote a version first: start again from it
                 await asyncio.sleep(random.uniform(0.0, LONGEST_PAUSE_S))
-            except ModelNotFound as error:  # the wrong class was deleted meanwhile: it need not learn
+            except ModelNotFound as error:  # the found class was deleted: skip it
                 if error.what == verified.verified_class:
                     raise
         else:
-            raise Busy(f"Others teach {' and '.join(names)} all the time; send the feedback again later.")
+            raise Busy(f"Other requests keep updating {' and '.join(names)}. Send the feedback again later.")
     return feedback
 
 
 def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[dict[str, Any]]:
-    """The page of a kept result with the feedback on it.
+    """The page of a stored result, with the feedback applied.
 
     Raises
     ------
     InvalidOption
-        When the result is of a document of several pages, each of which has a result of its own; when it has no such
-        zone; when the class is neither found nor given.
+        When the result is of a document of several pages, each of which has its own result; when the result has no
+        such zone; when no class was found and none is given.
     """
     if "page" not in document:
         pages = ", ".join(document["pages"][:_MOST_NAMED])
         raise InvalidOption(
-            f"id: this document has {len(document['pages'])} pages; send the feedback on each page to the result of "
+            f"id: this document has {len(document['pages'])} pages. Send the feedback on each page to the result of "
             f"that page ({pages}).",
             "id",
         )
@@ -100,18 +100,18 @@ def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPa
         if zone not in found_labels:
             shown = zone[:80]
             raise InvalidOption(
-                f"labels: the result has no zone {shown!a}; its ids are those of `zones` in the result.",
+                f"labels: the result has no zone {shown!a}. Use the ids in `zones` of the result.",
                 f"labels.{shown}",
             )
         if label is not None and not (label and label.isprintable()):
             raise InvalidOption(
-                f"labels.{zone}: expected printable characters, or null for none of the model's; got {label!a}.",
+                f"labels.{zone}: expected printable characters, or null for no label of the model; got {label!a}.",
                 f"labels.{zone}",
             )
     has_class = "class_" in body.model_fields_set
     if not has_class and found_class is None:
         raise InvalidOption(
-            "class: the page was found to be of no class; say of which one it is, or null for none.", "class"
+            "class: no class was found for this page. Give its class, or null for none.", "class"
         )
     verified_class = body.class_ if has_class else found_class
     return VerifiedPage(document["page"], found_class, found_labels, verified_class, body.labels)
@@ -124,7 +124,7 @@ async def _learn_once(
     verified: VerifiedPage[dict[str, Any]],
     request: dict[str, Any],
 ) -> StoredFeedback:
-    """Read the models, adapt them in a worker, and store the outcome if they are still the same."""
+    """Read the models, adapt them in a worker, and store the outcome if their versions have not changed."""
     settings = layout_settings(state.settings)
     models, samples = await state.store.call(lambda store: _read_models(store, result_id, verified))
     adaptation = await state.engine.submit(state.operations.adapt_models, verified, models, settings)
@@ -150,10 +150,10 @@ async def _learn_once(
 def _read_models(
     store: Store, result_id: str, verified: VerifiedPage[dict[str, Any]]
 ) -> tuple[list[ModelDocument], list[StoredSample] | None]:
-    """Newest versions of the found and the verified class, and samples for a first version of the latter.
+    """Newest versions of the found and the verified class, and samples for a first version of the verified class.
 
-    The found class may be deleted, or have no version any more. The samples are None when the verified class has a
-    version, or when there is no such class.
+    The found class may have been deleted, or have no version. The samples are None when the verified class has a
+    version or does not exist.
     """
     models: list[ModelDocument] = []
     samples: list[StoredSample] | None = None
@@ -166,7 +166,7 @@ def _read_models(
         except ModelNotFound as error:
             if is_verified:
                 raise ModelNotFound(
-                    f"there is no model {name}; its first sample, to POST /layout/models/{name}/samples, creates it",
+                    f"there is no model {name}; create it with a first sample: POST /layout/models/{name}/samples",
                     name,
                 ) from error
             continue

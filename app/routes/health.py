@@ -1,4 +1,4 @@
-"""Is it up, can it work, how does it do."""
+"""Liveness, readiness and metrics."""
 
 from fastapi import APIRouter, Response
 
@@ -13,23 +13,23 @@ router = APIRouter(tags=["health"])
 
 
 class NotReady(DocumentError):
-    """No worker is up."""
+    """No worker is ready."""
 
     code = "not-ready"
 
 
 @router.get("/health/live", operation_id="live")
 async def live() -> Live:
-    """Answers as long as the server process does."""
+    """Returns 200 while the server process runs."""
     return Live()
 
 
 @router.get("/health/ready", operation_id="ready", responses=documented("not-ready"))
 async def ready(state: State) -> Ready:
-    """Answers 200 when workers are warm."""
+    """Returns 200 when workers have warmed up."""
     status: EngineStatus = state.engine.status()
     if not status.ready:
-        raise NotReady("No worker is up; work that is sent now would wait.")
+        raise NotReady("No worker is ready; work that is sent now would wait.")
     ocr = status.facts.get("ocr")
     return Ready(
         live_workers=status.live_workers,

@@ -1,4 +1,4 @@
-"""/jobs: state and result of long work, and its cancellation."""
+"""/jobs: state, result and cancellation of long work."""
 
 from collections.abc import AsyncIterator
 from typing import Annotated
@@ -20,7 +20,7 @@ router = APIRouter(prefix="/jobs/{id}", tags=["jobs"])
 
 @router.get("", operation_id="job", responses=documented("not-found", "internal"))
 async def job(request: Request, state: State, id: str) -> JobStatus:
-    """How the job stands; kept for JOB_TTL_S seconds after its end, and until the service is started again."""
+    """The state of the job. It is kept for JOB_TTL_S seconds after the job's end, or until the service restarts."""
     return status_of(state.jobs.find(id, owner_of(request, state.settings)))
 
 
@@ -30,11 +30,11 @@ async def job(request: Request, state: State, id: str) -> JobStatus:
     response_class=StreamingResponse,
     responses={
         200: {
-            "description": "Server-sent events: a JobStatus as `data` at once and with every change, the last one when "
-            "the job is over. Then the stream ends.",
+            "description": "Server-sent events: a JobStatus as `data` at once and after every change. "
+            "The stream ends when the job ends.",
             "content": {"text/event-stream": {"schema": {"type": "string"}}},
         },
-        204: {"description": "`Last-Event-ID` is that of the last event; there will be no more."},
+        204: {"description": "`Last-Event-ID` is that of the last event; no more events follow."},
         **documented("not-found", "internal", "busy"),
     },
 )
@@ -43,13 +43,13 @@ async def job_events(
     state: State,
     id: str,
     last_event_id: Annotated[
-        str | Absent, Header(description="Browsers send it when they connect again.")
+        str | Absent, Header(description="Sent by browsers when they reconnect.")
     ] = None,
 ) -> Response:
-    """Listen to the job: the same as GET /jobs/{id}, told when it changes."""
+    """Stream of the job's states: as GET /jobs/{id}, after each change."""
     found = state.jobs.find(id, owner_of(request, state.settings))
     if found.is_over and last_event_id == str(found.revision):
-        return Response(status_code=204)  # a browser would come again for ever
+        return Response(status_code=204)  # a browser would reconnect without end
     return _EventStream(state.jobs, found)
 
 
@@ -59,8 +59,8 @@ async def job_events(
     response_class=Response,
     responses={
         200: {
-            "description": "What the request would have been answered with: its status, headers and body. So are the "
-            "problems of a job that failed; their `request_id` is that of the request.",
+            "description": "The response that the request would have received without a job: its status, headers and "
+            "body. For a failed job this is the problem; its `request_id` is that of the request.",
             "content": {"*/*": {}},
         },
         **documented(
@@ -82,26 +82,26 @@ async def job_events(
     },
 )
 async def job_result(request: Request, state: State, id: str) -> Response:
-    """The answer, as if the request had waited for it."""
+    """The response of the job, as if the request had waited for it."""
     return await state.jobs.answer(state.jobs.find(id, owner_of(request, state.settings)))
 
 
 @router.delete("", operation_id="cancel_job", status_code=204, responses=documented("not-found", "internal"))
 async def cancel_job(request: Request, state: State, id: str) -> None:
-    """Cancel the job: its work is stopped. One that is over stays as it is.
+    """Cancel the job: its work is stopped. A finished job does not change.
 
-    What the work has written already (a version of a model) stays written.
+    Anything that the work has already written (a version of a model) remains.
     """
     await state.jobs.cancel(state.jobs.find(id, owner_of(request, state.settings)))
 
 
 class _EventStream(StreamingResponse):
-    """Server-sent events of one job; one of a bounded number of streams."""
+    """Server-sent events of one job; the number of such streams is limited."""
 
     def __init__(self, jobs: Jobs, job: Job) -> None:
         super().__init__(
             _events(jobs, job),
-            # A proxy that gathered events before it passes them on would make them useless.
+            # Proxies must not buffer events.
             headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
             media_type="text/event-stream",
         )

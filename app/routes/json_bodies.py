@@ -1,4 +1,4 @@
-"""Bodies of requests that are JSON: read, checked, and told of in the OpenAPI document."""
+"""JSON request bodies: reading, validation, and documentation in the OpenAPI document."""
 
 from typing import Any, TypeVar
 
@@ -9,12 +9,12 @@ from services.errors import InvalidOption, TooLarge
 
 Body = TypeVar("Body", bound=BaseModel)
 MOST_BYTES = 65_536
-"""Of a body that holds a few numbers and names."""
+"""Default size limit, for a body of a few numbers and names."""
 _LONGEST_FIELD = 80
 
 
 def json_request(model: type[BaseModel], *, required: bool = True) -> dict[str, Any]:
-    """The request's body for `openapi_extra`; `model` refers to no other."""
+    """Value of `openapi_extra` for a JSON request body; `model` must not refer to other models."""
     schema = model.model_json_schema()
     return {"requestBody": {"required": required, "content": {"application/json": {"schema": schema}}}}
 
@@ -27,14 +27,14 @@ async def read_json(
     most_bytes: int = MOST_BYTES,
     setting: str | None = None,
 ) -> Body:
-    """The body as a `model`; `default` when there is none. `setting` is what `most_bytes` comes from, if anything.
+    """The body as a `model`; `default` if the body is empty. `setting` is the name of the limit `most_bytes`, if any.
 
     Raises
     ------
     TooLarge
-        When it has more than `most_bytes`.
+        When the body has more than `most_bytes`.
     InvalidOption
-        When it is no JSON, or not what is expected; the field is named.
+        When the body is not JSON or does not match the model; the error names the field.
     """
     body = await request.body()
     if len(body) > most_bytes:
@@ -49,7 +49,7 @@ async def read_json(
 
 
 def _told(error: ValidationError) -> InvalidOption:
-    """The first thing that is wrong."""
+    """Error of the first problem in the body."""
     first = error.errors(include_url=False, include_context=False)[0]
     field = ".".join(map(str, first["loc"]))[:_LONGEST_FIELD] or "body"
     if first["type"] == "extra_forbidden":
@@ -57,7 +57,7 @@ def _told(error: ValidationError) -> InvalidOption:
     if first["type"] == "missing":
         return InvalidOption(f"{field}: it is missing.", field)
     if first["type"] == "json_invalid":
-        return InvalidOption("body: this is not JSON.", field)
+        return InvalidOption("body: the body is not valid JSON.", field)
     reason = str(first["msg"]).removeprefix("Value error, ")
     if not first["loc"]:
         return InvalidOption(f"body: {reason}.", field)

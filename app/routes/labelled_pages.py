@@ -1,4 +1,4 @@
-"""Pages with zones in requests: where they come from, what they may cost, what they count."""
+"""Labelled pages in requests: their upload, their limits, and counts of their labels."""
 
 from collections import Counter
 from collections.abc import AsyncIterator, Iterable, Mapping
@@ -27,12 +27,12 @@ LABELLED_PAGE_BODY: dict[str, Any] = {
                         "image": {
                             "type": "string",
                             "format": "binary",
-                            "description": "The page; what zones lack is measured and read in it.",
+                            "description": "The page; missing properties of zones are measured and read in it.",
                         },
                         "zones": {
                             "type": "string",
                             "contentMediaType": "application/json",
-                            "description": "The same JSON, as a field or as a file.",
+                            "description": "The JSON above, as a field or as a file.",
                         },
                     },
                 }
@@ -43,21 +43,21 @@ LABELLED_PAGE_BODY: dict[str, Any] = {
 
 
 class MissingPart(DocumentError):
-    """The request has nothing to work on."""
+    """The request lacks a required part."""
 
     code = "bad-request"
 
 
 @dataclass(frozen=True, slots=True)
 class LabelledPageUpload:
-    """A labelled page as it was sent, for a worker to read."""
+    """An uploaded labelled page, for a worker to read."""
 
     image: UploadFile | None
     zones: UploadFile | bytes
 
 
 def layout_settings(settings: Settings) -> LayoutSettings:
-    """What a page may cost, and how it is read."""
+    """Limits of a page, and settings of its recognition."""
     return LayoutSettings(
         image=settings.image_limits,
         max_zones=settings.max_zones,
@@ -69,12 +69,12 @@ def layout_settings(settings: Settings) -> LayoutSettings:
 
 
 def zones_upload(part: UploadFile | str | None, field: str, max_bytes: int) -> UploadFile | bytes | None:
-    """A description of zones, for a worker to read.
+    """An uploaded description of zones, for a worker to read.
 
     Raises
     ------
     TooLarge
-        When it has more than `max_bytes`.
+        When the description has more than `max_bytes`.
     """
     data = part.encode("utf-8", "surrogatepass") if isinstance(part, str) else part
     if data is not None:
@@ -84,12 +84,12 @@ def zones_upload(part: UploadFile | str | None, field: str, max_bytes: int) -> U
 
 @asynccontextmanager
 async def labelled_page(request: Request, max_zones_bytes: int) -> AsyncIterator[LabelledPageUpload]:
-    """The labelled page in the request's body, JSON or a form; its files are there inside of the block.
+    """The labelled page in the request's body, JSON or a form. Its files are open inside the block.
 
     Raises
     ------
     MissingPart, InvalidOption, TooLarge
-        When the body is neither, or not what is expected of it.
+        When the body is neither, or its content is not valid.
     """
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type == "application/json":
@@ -107,7 +107,7 @@ async def labelled_page(request: Request, max_zones_bytes: int) -> AsyncIterator
 
 
 _SPARE_BYTES = 65_536
-"""Beyond its limit a field is still read, so that the refusal can name the limit."""
+"""Bytes over its limit that are still read of a field, so that the error can name the limit."""
 
 
 def _parts(form: FormData, max_zones_bytes: int) -> LabelledPageUpload:
@@ -116,8 +116,8 @@ def _parts(form: FormData, max_zones_bytes: int) -> LabelledPageUpload:
         if name not in {"image", "zones"}:
             raise InvalidOption(f"{name[:80]}: there is no such option.", name[:80])
         if name in parts:
-            raise InvalidOption(f"{name}: it was sent more than once.", name)
-        if part != "":  # an empty field of a form is one that was left out
+            raise InvalidOption(f"{name}: this option was sent more than once.", name)
+        if part != "":  # an empty field of a form counts as absent
             parts[name] = part
     image = parts.get("image")
     if isinstance(image, str):
@@ -129,7 +129,7 @@ def _parts(form: FormData, max_zones_bytes: int) -> LabelledPageUpload:
 
 
 def count_labels(documents: Iterable[Mapping[str, Any]]) -> dict[str, int]:
-    """How many zones of these pages have each label, most frequent first."""
+    """Number of zones of these pages with each label, most frequent first."""
     labels = Counter(
         zone["label"] for page in documents for zone in page["zones"] if zone.get("label") is not None
     )

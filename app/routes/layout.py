@@ -1,4 +1,4 @@
-"""POST /layout: a page or its zones -> document class and labels; and what became of it."""
+"""POST /layout: a page or its zones -> document class and labels; GET of stored results."""
 
 from dataclasses import replace
 from typing import Annotated, Any
@@ -33,12 +33,12 @@ from services.progress import ProgressSink
 router = APIRouter(tags=["layout"])
 
 FEWEST_FILES = 64
-"""That a form may have in any case."""
+"""Smallest limit on the number of files in a form."""
 
 _STRING = {"schema": {"type": "string"}}
 _HEADERS: dict[str, Any] = {
-    "Document-Class": {"description": "Name of the class; left out when `class` is null.", **_STRING},
-    "Document-Result": {"description": "Where the result is kept as JSON.", **_STRING},
+    "Document-Class": {"description": "Name of the class; absent when `class` is null.", **_STRING},
+    "Document-Result": {"description": "Path of the stored result as JSON.", **_STRING},
     "Document-Warnings": {"description": "Codes, separated by commas.", **_STRING},
     "Server-Timing": {"description": "Milliseconds of each stage.", **_STRING},
 }
@@ -50,7 +50,7 @@ _HEADERS: dict[str, Any] = {
     response_class=Response,
     responses={
         200: {
-            "description": "Class and labels, as JSON, as PAGE-XML or ALTO (application/xml; of several pages an "
+            "description": "Class and labels, as JSON, as PAGE-XML or ALTO (application/xml; several pages give an "
             "archive of such files), or drawn on the page.",
             "model": LayoutResult | DocumentResult,
             "content": {
@@ -69,16 +69,17 @@ _HEADERS: dict[str, Any] = {
 async def layout(
     request: Request, state: State, form: Annotated[LayoutForm, Form(media_type="multipart/form-data")]
 ) -> Response:
-    """Tell the class of a document and the logical label of each of its zones.
+    """Recognize the class of a document and the logical label of each of its zones.
 
-    Send the page as `image`, or its zones as `zones` or `zones_file`, or the image and its zones; the pages of a
-    document as several parts `image` in their order, or as a TIFF file or PDF. What comes back
-    follows `format`, or `Accept` (application/xml: PAGE-XML); with neither, JSON. The result is kept for a while
-    under its id. Without any model, zones come back unlabelled and `class` is null; `class` is null too when the
-    page is more likely of none of the classes, and zones then have the labels of the nearest model.
+    Send the page as `image`, or its zones as `zones` or `zones_file`, or the image and its zones. Send the pages of a
+    document as several parts `image` in their order, or as a TIFF file or PDF. The response format follows `format`,
+    or `Accept` (application/xml: PAGE-XML), else it is JSON. The result is stored for a limited time under its id.
+    Without any model, zones have no labels and `class` is null. `class` is also null when the page more probably
+    belongs to none of the classes; its zones then have the labels of the best model.
 
-    Of several pages the answer is a `DocumentResult`. A model whose settings say that it `continues` a class describes
-    later pages of that class's documents: the class is the one whose models together fit all pages best.
+    The response for several pages is a `DocumentResult`. A model whose settings say that it `continues` a class
+    describes later pages of that class's documents. The chosen class is the one whose models together fit all pages
+    best.
     """
     settings = state.settings
     check_parts(form, settings.max_pages)
@@ -113,7 +114,7 @@ async def layout(
         request.state.seat.release()
         if isinstance(reply, DocumentReply):
             return await _answer_document(state, reply, chosen)
-        result_of(reply.document, "held to the contract before it is kept")
+        result_of(reply.document, "validated before it is stored")
         result_id = await state.store.keep_result({"result": reply.document, "page": reply.page})
         headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
         if chosen != "json":
@@ -134,7 +135,7 @@ async def layout(
     },
 )
 async def layout_result(state: State, id: str) -> Response:
-    """The same result again, as JSON; it is kept for RESULT_TTL_S seconds, and longest MAX_RESULTS results."""
+    """A stored result as JSON. It is kept for RESULT_TTL_S seconds, or until MAX_RESULTS newer results exist."""
     kept = await state.store.call(lambda store: store.result(id))
     result: LayoutResult | DocumentResult
     if "pages" in kept.document:
@@ -146,7 +147,7 @@ async def layout_result(state: State, id: str) -> Response:
 
 
 async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFormat) -> Response:
-    before = "held to the contract before it is kept"
+    before = "validated before it is stored"
     document_of(reply.document, before, [result_of(page.document, before) for page in reply.pages])
     result_id, page_ids = await state.store.keep_document(
         {"document": reply.document}, [{"result": page.document, "page": page.page} for page in reply.pages]
@@ -160,7 +161,7 @@ async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFor
 
 
 async def _time_limit(images: list[UploadFile], settings: Settings) -> TimeLimit | None:
-    """That of documents, for what may be one; None: that of any work."""
+    """Time limit of documents if the images may have several pages; None: the engine's default."""
     heads = []
     for image in images:
         heads.append(await image.read(SNIFFED_BYTES))
@@ -171,13 +172,13 @@ async def _time_limit(images: list[UploadFile], settings: Settings) -> TimeLimit
 
 
 def _limits(settings: Settings) -> LayoutSettings:
-    """What is sent to /layout may be a document, so a file may be as large as the whole body."""
+    """Limits of /layout: one file may be a whole document, so it may be as large as the whole body."""
     limits = layout_settings(settings)
     return replace(limits, image=replace(limits.image, max_bytes=settings.max_document_upload_bytes))
 
 
 def check_parts(form: LayoutForm, max_pages: int) -> None:
-    """Refuse parts that do not go together.
+    """Raise if the parts of the form do not fit together.
 
     Raises
     ------
@@ -191,23 +192,23 @@ def check_parts(form: LayoutForm, max_pages: int) -> None:
             "image",
         )
     if form.zones is not None and form.zones_file is not None:
-        raise InvalidOption("zones_file: send the zones once, as zones or as zones_file.", "zones_file")
+        raise InvalidOption("zones_file: send either zones or zones_file, not both.", "zones_file")
     if len(images) > max_pages:
         raise TooLarge(
-            f"image: a document may have {max_pages} pages (MAX_PAGES), and {len(images)} images were sent.",
+            f"image: a document may have {max_pages} pages (MAX_PAGES); {len(images)} images were sent.",
             "image",
         )
     if has_zones and (len(images) > 1 or form.page is not None):
         field = "image" if len(images) > 1 else "page"
-        raise InvalidOption(f"{field}: zones are of one page; send them with its image alone.", field)
+        raise InvalidOption(f"{field}: zones describe one page. Send them with one image.", field)
     if form.rectify and has_zones:
         raise InvalidOption(
-            "rectify: zones are in pixels of the image as it is; send the image alone to have it rectified.",
+            "rectify: zones are in pixels of the image before rectification. Send the image without zones.",
             "rectify",
         )
 
 
 def _image_name(images: list[UploadFile]) -> str:
-    """What PAGE-XML and ALTO call the image: its file's name without folders."""
+    """Name of the image in PAGE-XML and ALTO: its file name without folders."""
     name = (images[0].filename or "") if images else ""
     return name.replace("\\", "/").rpartition("/")[2][:200] or "page"

@@ -1,4 +1,4 @@
-"""What people say of results, and what models learn of it: POST /layout/results/{id}/feedback."""
+"""POST /layout/results/{id}/feedback: corrections of results, from which models learn."""
 
 from typing import Annotated
 
@@ -36,7 +36,7 @@ MOST_LISTED = 200
     response_class=Response,
     responses={
         200: {
-            "description": "What became of it; of one that had come before, the same again.",
+            "description": "The stored feedback; a repeated one gets the same response again.",
             "model": Feedback,
         },
         **documented("conflict", "invalid-model", "not-storable", *READING, *BODY, *WORK),
@@ -46,12 +46,12 @@ MOST_LISTED = 200
 async def give_layout_feedback(
     request: Request, state: State, id: str, idempotency_key: IdempotencyKey = None
 ) -> Response:
-    """Say what is right about a result: the class, and the labels of its zones, or of those that were wrong.
+    """Correct a result: its class, and the labels of its zones (of all zones, or only of the wrong ones).
 
-    The model of the class adapts at once, and the page becomes one of its samples. When the class was wrong, the model
-    that was chosen learns too, to leave such pages to the other. A class that has samples and no model yet gets its
-    first one, of them and this page; a class that does not exist is 404. `class` null says that the page is of none
-    of the classes: it is then kept among the unknown pages, of which new classes may be proposed.
+    The model of the class adapts at once, and the page becomes one of its samples. If the class was wrong, the model
+    of the found class also adapts, so that it fits such pages less. A class that has samples and no model yet gets its
+    first version, from the samples and this page; a class that does not exist is 404. `class` null means that the page
+    belongs to none of the classes. It is then stored as an unknown page, from which new classes may be proposed.
     """
     limit = state.settings.max_zones_bytes
     body = await read_json(request, FeedbackBody, most_bytes=limit, setting="MAX_ZONES_BYTES")
@@ -68,7 +68,7 @@ async def give_layout_feedback(
 async def layout_model_feedback(
     state: State, name: ModelName, limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50
 ) -> FeedbackList:
-    """The last feedbacks on pages that were found to be of this class, or are, newest first."""
+    """The latest feedbacks on pages whose found or verified class is this one, newest first."""
     feedbacks = await state.store.call(lambda store: store.feedbacks(name, limit))
     return FeedbackList(model=name, feedback=[_entry(feedback) for feedback in feedbacks])
 

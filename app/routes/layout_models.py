@@ -1,4 +1,4 @@
-"""/layout/models: what recognition knows of document classes, and the pages that it was learned from."""
+"""/layout/models: the models of document classes."""
 
 import json
 from functools import partial
@@ -44,7 +44,7 @@ _MODEL: dict[str, Any] = {
 
 @router.get("", operation_id="layout_models", responses=documented(*STORE))
 async def layout_models(state: State) -> ModelList:
-    """All layout models, by name, without what they hold; with their health, as feedback tells it."""
+    """All layout models, by name, without their content; with their health, computed from feedback."""
     ready = await state.store.ready()
     models, healths = await state.store.call(lambda store: (store.models(), store.healths()))
     return ModelList(
@@ -70,7 +70,7 @@ async def layout_models(state: State) -> ModelList:
     response_class=Response,
     responses={
         200: {
-            "description": "The model, which PUT takes back.",
+            "description": "The model, in the form that PUT accepts.",
             "content": {"application/json": {"schema": _MODEL}},
             "headers": ETAG,
         },
@@ -81,7 +81,7 @@ async def layout_model(
     state: State,
     name: ModelName,
     version: Annotated[
-        Annotated[int, Field(ge=1)] | Absent, Query(description="An earlier one; the newest when left out.")
+        Annotated[int, Field(ge=1)] | Absent, Query(description="An earlier version; default: the newest.")
     ] = None,
 ) -> Response:
     """Export a model: its newest version, or an earlier one."""
@@ -89,7 +89,7 @@ async def layout_model(
     if model.version is None or model.document is None:
         raise ModelNotFound(
             f"the model {name} has {model.samples} samples and no version yet; "
-            f"POST /layout/models/{name}/initialize makes one",
+            f"create one with POST /layout/models/{name}/initialize",
             name,
         )
     body = json.dumps(model.document, ensure_ascii=False, separators=(",", ":"))
@@ -120,9 +120,9 @@ async def import_layout_model(
     if_match: IfMatch = None,
     if_none_match: IfNoneMatch = None,
 ) -> Response:
-    """Import a model that GET exported, here or elsewhere: it becomes the newest version under this name.
+    """Import a model that GET exported, from this or another service, as the newest version under this name.
 
-    The name in the document, if it has one, must be that of the path.
+    If the document has a name, it must equal the name in the path.
     """
     precondition = parse_precondition(if_match, if_none_match)
     document = await request.body()
@@ -159,7 +159,7 @@ async def import_layout_model(
     responses=documented(*READING, conditional=True),
 )
 async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch = None) -> None:
-    """Delete a model with its samples. A model that is made under this name again goes on counting versions."""
+    """Delete a model with its samples. A later model of this name continues its version numbers."""
     expected = partial(parse_precondition(if_match, None).check, name)
     await state.store.call(lambda store: store.delete_model(name, expected_version=expected))
 
@@ -178,9 +178,10 @@ async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch =
 async def initialize_layout_model(
     request: Request, state: State, name: ModelName, if_match: IfMatch = None
 ) -> Response:
-    """Build the model from its samples; what it had learned otherwise stays in its earlier versions.
+    """Create a new version of the model from its samples. What it learned in other ways remains in earlier versions.
 
-    Of very many or very large samples the newest are taken, with 40000 zones in all; `samples` tells how many.
+    If the samples are very many or very large, only the newest are used, up to 40000 zones in all; `samples` in the
+    response counts them.
     """
     precondition = parse_precondition(if_match, None)
 

@@ -1,4 +1,4 @@
-"""/layout/unknown-pages and /layout/proposals: pages that fitted no class, and what the set of classes may lack."""
+"""/layout/unknown-pages and /layout/proposals: pages that fit no class, and proposed changes of the classes."""
 
 from itertools import islice
 from typing import Any
@@ -20,11 +20,12 @@ from services.progress import ProgressSink
 router = APIRouter(prefix="/layout", tags=["layout proposals"])
 
 MOST_SAMPLES = 24
-"""Of a model, the newest; more tell the same (`services.layout.discovery.class_samples`)."""
+"""Largest number of samples of one model; the newest are used. More add little
+(`services.layout.discovery.class_samples`)."""
 MOST_SAMPLES_TOGETHER = 1600
-"""Of all models: as documents they have 30 MB, and a worker looks at them for a minute."""
+"""Largest number of samples of all models: their documents have 30 MB, and a worker needs a minute for them."""
 LEAST_SAMPLES = 4
-"""Of a model, however many there are; two halves of fewer tell nothing."""
+"""Smallest number of samples of one model, however many models there are; smaller halves cannot be compared."""
 
 
 @router.get(
@@ -33,7 +34,7 @@ LEAST_SAMPLES = 4
     responses=documented(*STORE),
 )
 async def unknown_layout_pages(state: State) -> UnknownPageList:
-    """Pages that fitted no class, newest first, without their zones; the newest are kept for some weeks."""
+    """Pages that fit no class, newest first, without their zones. The newest are kept for some weeks."""
 
     def summarize(store: Store) -> list[UnknownPageSummary]:
         return [
@@ -48,7 +49,7 @@ async def unknown_layout_pages(state: State) -> UnknownPageList:
 
 @router.get("/unknown-pages/{id}", operation_id="unknown_layout_page", responses=documented(*READING))
 async def unknown_layout_page(state: State, id: str) -> UnknownPage:
-    """One page that fitted no class, to be labelled and sent to POST /layout/models/{name}/samples."""
+    """One page that fits no class, to be labelled and sent to POST /layout/models/{name}/samples."""
     page = await state.store.call(lambda store: store.unknown_page(id))
     return UnknownPage.model_validate(
         {**page.page, "id": page.id, "result": page.result_id, "created": page.created_at}
@@ -62,11 +63,11 @@ async def unknown_layout_page(state: State, id: str) -> UnknownPage:
     responses=documented(*READING),
 )
 async def forget_unknown_layout_page(state: State, id: str) -> None:
-    """Forget a page that has become a sample, or that nobody shall be asked about again."""
+    """Delete an unknown page, for example after it has become a sample."""
 
     def forget(store: Store) -> None:
         if not store.forget_unknown_pages([id]):
-            raise UnknownPageNotFound(f"there is no unknown page {id!r}, or no longer", id)
+            raise UnknownPageNotFound(f"there is no unknown page {id!r}, or it has expired", id)
 
     await state.store.call(forget)
 
@@ -76,17 +77,18 @@ async def forget_unknown_layout_page(state: State, id: str) -> None:
     operation_id="propose_layout_classes",
     response_class=Response,
     responses={
-        200: {"description": "What was found; nothing was changed.", "model": Proposals},
+        200: {"description": "The proposals; nothing was changed.", "model": Proposals},
         **ACCEPTED,
         **documented(*STORE, *BODY, *WORK),
     },
     openapi_extra=PREFER,
 )
 async def propose_layout_classes(request: Request, state: State) -> Response:
-    """Look for new classes among the unknown pages, for models to merge, and for models to split.
+    """Find new classes among the unknown pages, models to merge, and models to split.
 
-    A new class is three unknown pages or more that are alike. Models of three samples or more are compared with each
-    other, those of eight or more with themselves. Nothing changes: every proposal says which requests carry it out.
+    A new class is at least three similar unknown pages. Models with at least three samples are compared with each
+    other; models with at least eight are checked for a split. Nothing changes: every proposal lists the requests that
+    carry it out.
     """
 
     async def work(progress: ProgressSink | None) -> Response:
@@ -126,11 +128,11 @@ def _read_all(store: Store) -> tuple[list[StoredPage], dict[str, list[StoredPage
 
 def _steps_to_a_class(found: dict[str, Any]) -> list[str]:
     return [
-        f"GET /layout/unknown-pages/{found['typical']}: give its zones their labels, and the same labels to the "
-        "recurring zones of the other pages.",
+        f"GET /layout/unknown-pages/{found['typical']}: label its zones, and give the recurring zones of the other "
+        "pages the same labels.",
         "POST /layout/models/{name}/samples with each labelled page, under the name of the new class.",
-        "POST /layout/models/{name}/initialize makes its first model.",
-        "DELETE /layout/unknown-pages/{id} of each page.",
+        "POST /layout/models/{name}/initialize to make its first model.",
+        "DELETE /layout/unknown-pages/{id} for each page.",
     ]
 
 
@@ -139,7 +141,7 @@ def _steps_to_merge(found: dict[str, Any]) -> list[str]:
     rename = " with its labels renamed as `labels` says" if found["labels"] else ""
     return [
         f"GET /layout/models/{gone}/samples/{{id}}, then POST /layout/models/{kept}/samples: each sample{rename}.",
-        f"POST /layout/models/{kept}/initialize makes a model of all.",
+        f"POST /layout/models/{kept}/initialize to make a model from all samples.",
         f"DELETE /layout/models/{gone}.",
     ]
 
@@ -148,7 +150,7 @@ def _steps_to_split(found: dict[str, Any]) -> list[str]:
     name = found["model"]
     return [
         f"GET /layout/models/{name}/samples/{{id}}, then POST /layout/models/{{other}}/samples: each sample of the "
-        "smaller part, and those that were not looked at and belong to it.",
+        "smaller part, and other samples that belong to it but were not compared.",
         f"DELETE /layout/models/{name}/samples/{{id}}: the same samples.",
-        f"POST /layout/models/{name}/initialize and POST /layout/models/{{other}}/initialize make both models.",
+        f"POST /layout/models/{name}/initialize and POST /layout/models/{{other}}/initialize to make both models.",
     ]

@@ -1,4 +1,4 @@
-"""/layout/models/{name}/samples: the verified pages that a model is made of."""
+"""/layout/models/{name}/samples: the verified pages from which a model is made."""
 
 from fastapi import APIRouter, Request, Response
 
@@ -20,7 +20,7 @@ router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"
     operation_id="add_layout_sample",
     response_class=Response,
     responses={
-        200: {"description": "The sample was there already.", "model": SampleReceipt},
+        200: {"description": "The sample already existed.", "model": SampleReceipt},
         201: {
             "description": "The sample was added; the first one of a name creates the class.",
             "model": SampleReceipt,
@@ -33,11 +33,11 @@ router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"
 async def add_layout_sample(
     request: Request, state: State, name: ModelName, idempotency_key: IdempotencyKey = None
 ) -> Response:
-    """Add one verified page: its zones with the labels that are right, and the image if it is at hand.
+    """Add one verified page: its zones with the correct labels, and the image if available.
 
-    What the zones lack (lines, font size, text) is measured and read in the image. A label that is null or absent
-    means "none of the model's"; at least one zone must have a label. The model learns of it with
-    POST /layout/models/{name}/initialize.
+    Missing properties of zones (lines, font size, text) are measured and read in the image. A label that is null or
+    absent means that the zone has no label of the model; at least one zone must have a label. The model uses the
+    sample after POST /layout/models/{name}/initialize.
     """
     async with labelled_page(request, state.settings.max_zones_bytes) as page:
         work = state.engine.submit(
@@ -80,7 +80,7 @@ async def layout_samples(state: State, name: ModelName) -> SampleList:
 
 @router.get("/{id}", operation_id="layout_sample", responses=documented(*READING))
 async def layout_sample(state: State, name: ModelName, id: str) -> Sample:
-    """One sample, with all that was measured."""
+    """One sample, with all measured properties."""
     sample = await state.store.call(lambda store: store.sample(name, id))
     return Sample.model_validate(
         {**sample.document, "id": sample.id, "model": name, "created": sample.created_at}
@@ -89,5 +89,5 @@ async def layout_sample(state: State, name: ModelName, id: str) -> Sample:
 
 @router.delete("/{id}", operation_id="delete_layout_sample", status_code=204, responses=documented(*READING))
 async def delete_layout_sample(state: State, name: ModelName, id: str) -> None:
-    """Take a sample away; the model changes with the next POST .../initialize."""
+    """Delete a sample; the model changes with the next POST .../initialize."""
     await state.store.call(lambda store: store.delete_sample(name, id))

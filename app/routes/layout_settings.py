@@ -1,4 +1,4 @@
-"""/layout/models/{name}: what is set for a model beside its versions, and how well it does."""
+"""/layout/models/{name}/settings and /health: settings of a model, and its error rates."""
 
 from dataclasses import asdict
 
@@ -20,14 +20,14 @@ router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
 
 @router.get("/health", operation_id="layout_model_health", responses=documented(*READING))
 async def layout_model_health(state: State, name: ModelName) -> ModelHealthReport:
-    """How much recognition errs on pages of this class, by what feedback tells, lately and before that."""
+    """Error rates of recognition on pages of this class, computed from feedback: recent ones and earlier ones."""
     health = await state.store.call(lambda store: store.health(name))
     return ModelHealthReport(name=name, **health_of(health).model_dump())
 
 
 @router.get("/settings", operation_id="layout_model_settings", responses=documented(*READING))
 async def layout_model_settings(state: State, name: ModelName) -> Settings:
-    """What is set for a model; no version of it changes with that."""
+    """Settings of a model. They do not belong to a version."""
     settings = await state.store.call(lambda store: store.settings(name))
     return Settings(**asdict(settings))
 
@@ -39,7 +39,7 @@ async def layout_model_settings(state: State, name: ModelName) -> Settings:
     openapi_extra=json_request(SettingsBody),
 )
 async def change_layout_model_settings(request: Request, state: State, name: ModelName) -> Settings:
-    """Change the settings that are named, and leave the others; null takes one back (RFC 7396)."""
+    """Change the given settings and keep the others; null restores a default (RFC 7396)."""
     body = await read_json(request, SettingsBody)
     changes = body.model_dump(include=body.model_fields_set)
 
@@ -48,9 +48,7 @@ async def change_layout_model_settings(request: Request, state: State, name: Mod
             raise Conflict(f"continues: {name} cannot continue itself.", "continues")
         try:
             return store.change_settings(name, **changes)
-        except (
-            NotStorable
-        ) as error:  # names are checked already: what other classes continue stands against it
+        except NotStorable as error:  # the names are valid, so another class's `continues` conflicts
             raise Conflict(f"{error.detail}.", "continues") from error
 
     settings = await state.store.call(write)
@@ -58,7 +56,7 @@ async def change_layout_model_settings(request: Request, state: State, name: Mod
 
 
 def health_of(health: ModelHealth) -> Health:
-    """The contract's health."""
+    """Health as a part of responses."""
     return Health(
         feedbacks=health.feedbacks,
         recent=health.recent,

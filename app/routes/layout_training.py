@@ -1,4 +1,4 @@
-"""POST /layout/models/{name}/train: the model goes through its samples again."""
+"""POST /layout/models/{name}/train: training of a model on its samples."""
 
 import json
 
@@ -31,7 +31,7 @@ router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
     response_class=Response,
     responses={
         200: {
-            "description": "What training made of the model; a new version only when a round was better.",
+            "description": "Result of the training; a new version exists only if a round reduced the error.",
             "model": TrainedModel,
             "headers": ETAG,
         },
@@ -43,15 +43,15 @@ router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
 async def train_layout_model(
     request: Request, state: State, name: ModelName, if_match: IfMatch = None
 ) -> Response:
-    """Have the model go through its samples in rounds, and learn from every error that it makes (5.5, 5.6).
+    """Train the model on its samples in rounds; it learns from every error (5.5, 5.6).
 
-    The answer has the error of each round, on the samples and on held-out samples; training stops when the latter
-    rises, and the best round is kept. Of very many or very large samples the newest are taken, with 40000 zones in all.
-    When feedback changes the model meanwhile, training begins again with that.
+    The response has the error of each round, on the samples and on held-out samples. Training stops when the held-out
+    error rises, and the best round is kept. If the samples are very many or very large, only the newest are used, up to
+    40000 zones in all. If feedback changes the model meanwhile, training starts again from the new version.
     """
     precondition = parse_precondition(if_match, None)
     body = await read_json(request, TrainBody, default=TrainBody())
-    # So that nobody is sent away with a job for a model that is not there.
+    # Checked here too, so that no job starts for a model that does not exist.
     await state.store.call(lambda store: precondition.check(name, store.model_summary(name).version))
 
     async def work(progress: ProgressSink | None) -> Response:
@@ -65,7 +65,7 @@ async def train_layout_model(
 async def _train_and_store(
     state: AppState, name: str, rounds: int, precondition: Precondition, progress: ProgressSink | None
 ) -> Response:
-    """Train the newest version; if it was changed meanwhile, train the new one, under the model's lock.
+    """Train the newest version. If it has changed meanwhile, train the new one under the model's lock.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""/layout/models/{name}/versions: the history of a model, what changed in it, and the way back."""
+"""/layout/models/{name}/versions: history of a model, difference of two versions, and rollback."""
 
 from functools import partial
 from typing import Annotated
@@ -61,28 +61,28 @@ async def layout_model_diff(
     version: Annotated[int, Path(ge=1, le=MOST_VERSION)],
     against: Annotated[
         Annotated[int, Field(ge=1, le=MOST_VERSION)] | Absent,
-        Query(description="The other version; the one before when left out."),
+        Query(description="The other version; default: the previous one."),
     ] = None,
     limit: Annotated[
         int,
         Query(
             ge=0,
             le=MOST_CHANGES,
-            description="At most this many changes, the largest; `total` counts all.",
+            description="Largest number of changes in the response, largest first; `total` counts all.",
         ),
     ] = 100,
 ) -> Difference:
-    """What changed in a model from one version to another, what moves costs most first.
+    """Differences between two versions of a model, ordered by their effect on costs, largest first.
 
-    Old and new numbers of attributes, weights and look-up tables; a change is the larger the more it can move the
-    cost of a zone or of a pair of zones.
+    Each change has the old and the new number of an attribute, weight or look-up table. Its size is the largest
+    possible change of the cost of a zone or of a pair of zones.
     """
 
     def read(store: Store) -> tuple[ModelDocument, ModelDocument]:
         after = document_of(store.model(name, version))
         if against is None and version == 1:
             raise ModelNotFound(
-                f"the model {name} has no version before version 1; name another with against", name
+                f"the model {name} has no version before version 1; name another version in `against`", name
             )
         return document_of(store.model(name, version - 1 if against is None else against)), after
 
@@ -111,7 +111,7 @@ async def layout_model_diff(
 async def roll_layout_model_back(
     request: Request, state: State, name: ModelName, if_match: IfMatch = None
 ) -> Response:
-    """Make what an earlier version holds the newest version; the versions in between are kept."""
+    """Make the content of an earlier version the newest version; the versions between them are kept."""
     expected = partial(parse_precondition(if_match, None).check, name)
     body = await read_json(request, RollbackBody)
     model = await state.store.call(lambda store: store.rollback(name, body.version, expected))

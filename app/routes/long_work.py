@@ -1,4 +1,4 @@
-"""`Prefer: respond-async` (RFC 7240): the same work and the same answer, now or later."""
+"""`Prefer: respond-async` (RFC 7240): the response is sent after the work, or the work becomes a job."""
 
 from functools import partial
 from typing import Any
@@ -18,7 +18,7 @@ from app.settings import Settings
 RESPOND_ASYNC = "respond-async"
 ACCEPTED: dict[int | str, dict[str, Any]] = {
     202: {
-        "description": "With `Prefer: respond-async`: the work goes on as a job; `Location` says where to ask for it.",
+        "description": "With `Prefer: respond-async`: the work continues as a job; `Location` is its path.",
         "model": JobStatus,
         "headers": {
             "Location": {"description": "The job's path.", "schema": {"type": "string"}},
@@ -26,14 +26,14 @@ ACCEPTED: dict[int | str, dict[str, Any]] = {
         },
     }
 }
-"""OpenAPI response of a route that may answer later."""
+"""OpenAPI response of a route that may start a job."""
 PREFER: dict[str, Any] = {
     "parameters": [
         {
             "name": "Prefer",
             "in": "header",
             "required": False,
-            "description": f"`{RESPOND_ASYNC}`: accept the work now, answer at /jobs/{{id}}/result.",
+            "description": f"`{RESPOND_ASYNC}`: accept the work now, respond at /jobs/{{id}}/result.",
             "schema": {"type": "string"},
             "example": RESPOND_ASYNC,
         }
@@ -43,18 +43,25 @@ PREFER: dict[str, Any] = {
 
 
 async def answer_now_or_later(request: Request, state: AppState, work: Work) -> Response:
-    """The answer of `work`; if the client prefers that, 202 and a job whose result will be this answer.
+    """Response of `work`; if the client prefers a job, 202 and a job whose result will be this response.
 
-    `work` hands its sink on to `Engine.submit`; without a job it is None, and the work stops when the client leaves.
-    What the request brought (its files) and its seat are there until the work has ended, either way. What can be
-    judged at once should be judged before this, so that a client is not sent away with a job that cannot succeed.
+    The uploaded files and the seat remain available until the work has ended, in both cases. Checks that need no work
+    should come before this call, so that no job starts that cannot succeed.
+
+    Parameters
+    ----------
+    request, state
+        The request, and the state of its app.
+    work
+        Takes the progress sink for `Engine.submit`. Without a job the sink is None, and the work is cancelled when the
+        client disconnects.
 
     Raises
     ------
     ClientGone
-        When the client left before the answer.
+        When the client disconnected before the response.
     Busy
-        When there are as many unfinished jobs as there may be.
+        When the number of unfinished jobs is at its limit.
     """
     if not prefers_async(request.headers):
         return await while_connected(request, work(None))
@@ -64,7 +71,7 @@ async def answer_now_or_later(request: Request, state: AppState, work: Work) -> 
 
 
 def prefers_async(headers: Headers) -> bool:
-    """Whether one of the client's preferences is to be answered later."""
+    """Whether the client prefers a job (`respond-async`)."""
     preferences = ",".join(headers.getlist("prefer")).split(",")
     return any(
         preference.partition(";")[0].partition("=")[0].strip().lower() == RESPOND_ASYNC
@@ -73,19 +80,19 @@ def prefers_async(headers: Headers) -> bool:
 
 
 def owner_of(request: Request, settings: Settings) -> str | None:
-    """The API key that a request's jobs belong to; None where there are no keys."""
+    """API key that owns the request's jobs; None if the service has no keys."""
     return request.headers.get(API_KEY_HEADER) if settings.api_keys else None
 
 
 def status_of(job: Job) -> JobStatus:
-    """The job as it is told."""
+    """State of the job as a part of responses."""
     return JobStatus.model_validate(job, from_attributes=True)
 
 
 class _Accepted(Response):
-    """202 at once; the request ends, and gives back its files and its seat, with its job.
+    """202 at once. The request itself ends with its job, and then releases its files and its seat.
 
-    So the job is one of the requests in flight that the server waits for when it stops.
+    Therefore the server waits for the job at shutdown, as for any request in progress.
     """
 
     def __init__(self, job: Job) -> None:

@@ -1,4 +1,4 @@
-"""The headers that the routes of layout models share."""
+"""Headers that the routes of layout models have in common."""
 
 from typing import Annotated, Any
 
@@ -8,12 +8,12 @@ from pydantic import Field
 from app.schemas.options import Absent
 
 IfMatch = Annotated[
-    str | Absent, Header(description="The model's ETag: write only if it still has that version; else 412.")
+    str | Absent, Header(description="The model's ETag: write only if it still has this version; else 412.")
 ]
 IfNoneMatch = Annotated[
     str | Absent,
     Header(
-        description="*: write only if there is no such model yet; else 412.",
+        description="*: write only if no such model exists; else 412.",
         json_schema_extra={"enum": ["*"]},
     ),
 ]
@@ -21,11 +21,13 @@ IfNoneMatch = Annotated[
 IdempotencyKey = Annotated[
     Annotated[str, Field(min_length=1, max_length=200)] | Absent,
     Header(
-        description="The same key counts once, however often the request is sent. So does the same body without a key.",
+        description="Repeated requests with the same key count once. So do requests with the same body and no key.",
     ),
 ]
 
 ETAG: dict[str, Any] = {
-    "ETag": {"description": "The version, quoted; for If-Match.", "schema": {"type": "string"}}
+    "ETag": {"description": "The version in quotes; for If-Match.", "schema": {"type": "string"}}
 }
-LOCATION: dict[str, Any] = {"Location": {"description": "Its path.", "schema": {"type": "string"}}}
+LOCATION: dict[str, Any] = {
+    "Location": {"description": "Path of the new resource.", "schema": {"type": "string"}}
+}

@@ -1,4 +1,4 @@
-"""The samples that a model is made of, and learns from: as many as a worker can take."""
+"""The samples from which a model is made, as many as a worker can process."""
 
 from collections.abc import Container
 
@@ -7,19 +7,19 @@ from models.repository import Store
 from services.errors import DocumentError
 
 MOST_ZONES = 40_000
-"""Of all samples that a model is made of: 1000 pages of 40 zones, or 80 of the largest; they take two minutes."""
+"""Largest number of zones of all samples: 1000 pages of 40 zones, or 80 of the largest; they take two minutes."""
 MOST_CHARACTERS = 20_000_000
-"""Of their texts, which cross from here to the worker; ordinary pages of so many zones have a tenth of it."""
+"""Largest size of their texts, which are sent to the worker; ordinary pages have a tenth of it."""
 
 
 class NoSamples(DocumentError):
-    """There is nothing to make a model of."""
+    """The model has no samples."""
 
     code = "no-samples"
 
 
 def samples_to_learn_from(store: Store, name: str) -> list[StoredSample]:
-    """The newest samples within the bounds, oldest first; one at least.
+    """The newest samples within the limits, oldest first; at least one.
 
     Raises
     ------
@@ -27,12 +27,12 @@ def samples_to_learn_from(store: Store, name: str) -> list[StoredSample]:
     """
     samples = newest_samples(store, name)
     if not samples:
-        raise NoSamples(f"Model {name} has no samples; POST /layout/models/{name}/samples adds one.")
+        raise NoSamples(f"Model {name} has no samples. Add one with POST /layout/models/{name}/samples.")
     return samples
 
 
 def newest_samples(store: Store, name: str, without_results: Container[str] = ()) -> list[StoredSample]:
-    """The newest samples within the bounds, oldest first, but for those that verify one of these results."""
+    """The newest samples within the limits, oldest first, except those that verify one of these results."""
     samples: list[StoredSample] = []
     zones = characters = 0
     for sample in store.each_sample(name, newest_first=True):

@@ -16,7 +16,7 @@ from services.progress import ProgressSink
 router = APIRouter(tags=["mosaic"])
 
 MOST_FILES = 64
-"""More than a mosaic takes, so that the error for one photo too many is about the photos and not about the form."""
+"""Larger than the limit of a mosaic, so that the error for too many photos is about photos, not about the form."""
 
 
 @router.post(
@@ -37,8 +37,8 @@ async def mosaic(
 ) -> Response:
     """Join overlapping photos of one page, in any order and from any positions, into the whole flat page.
 
-    What comes back follows `Accept`, or the field `format`; with neither, an image in the first photo's own
-    format (HEIC: JPEG). A photo that could not be placed is named.
+    The response format follows `Accept`, or the field `format`; else it is an image in the first photo's own format
+    (HEIC: JPEG). Photos that could not be placed are listed.
     """
     parameters = form.parameters()
     encoding = await choose_encoding(request, form, form.images[0])

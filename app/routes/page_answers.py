@@ -1,4 +1,4 @@
-"""What the routes that answer with a page share: its representation, its headers, its documentation."""
+"""Responses with a page: their format, headers and documentation."""
 
 from typing import Any, Protocol
 
@@ -25,7 +25,7 @@ JSON = "application/json"
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _HEADERS: dict[str, Any] = {
     "Document-Rotation": {
-        "description": "Clockwise degrees that were applied so that it reads.",
+        "description": "Clockwise degrees by which the page was turned upright.",
         "schema": {"type": "string", "enum": ["0", "90", "180", "270"]},
     },
     "Document-Warnings": {"description": "Codes, separated by commas.", "schema": {"type": "string"}},
@@ -33,11 +33,11 @@ _HEADERS: dict[str, Any] = {
 }
 _PAGES_HEADERS: dict[str, Any] = {
     "Document-Rotation": {
-        "description": "Clockwise degrees that were applied so that it reads; of each page, separated by commas.",
+        "description": "Clockwise degrees by which each page was turned upright, separated by commas.",
         "schema": {"type": "string", "pattern": "^(0|90|180|270)(, (0|90|180|270))*$"},
     },
     "Document-Pages": {
-        "description": "With pages=both: the number of pages that were found.",
+        "description": "With pages=both: the number of pages found.",
         "schema": {"type": "string"},
     },
 }
@@ -45,7 +45,7 @@ _PROBLEMS = ("not-acceptable", "no-text", "internal", *FORM, *IMAGE, *WORK)
 
 
 class AskedEncoding(Protocol):
-    """The fields of a form that say how the answer is wanted."""
+    """Form fields that determine the format of the response."""
 
     format: AnswerFormat | None
     quality: int | None
@@ -53,7 +53,7 @@ class AskedEncoding(Protocol):
 
 
 class AskedPagesEncoding(Protocol):
-    """The same where the answer may have several pages."""
+    """Form fields that determine the format of a response that may have several pages."""
 
     format: PagesFormat | None
     quality: int | None
@@ -67,15 +67,23 @@ def documented_page(
     problems: tuple[str, ...] = (),
     pages_model: type[BaseModel] | None = None,
 ) -> Documentation:
-    """OpenAPI responses of a route that answers with a page or with `model`.
+    """OpenAPI responses of a route that responds with a page image or with `model`.
 
-    `header` is the one that only this route's images carry, a string; `problems` are codes beside the usual. With a
-    `pages_model` the answer may have several pages.
+    Parameters
+    ----------
+    model
+        The JSON response.
+    header, meaning
+        Name and description of the one string header that only this route's images have.
+    problems
+        Problem codes in addition to the common ones.
+    pages_model
+        The JSON response with several pages; None: there is always one page.
     """
     media_types = MEDIA_TYPES.values() if pages_model is None else PAGES_MEDIA_TYPES.values()
     return {
         200: {
-            "description": "The flat view, or its description as JSON; the headers are those of images.",
+            "description": "The flat page, or its description as JSON; the headers come with images only.",
             "model": model if pages_model is None else model | pages_model,
             "content": {media_type: _BINARY for media_type in media_types if media_type != JSON},
             "headers": {
@@ -90,12 +98,12 @@ def documented_page(
 
 
 async def choose_encoding(request: Request, asked: AskedEncoding, photo: UploadFile) -> Encoding:
-    """How the answer is sent: as asked for by the form or by `Accept`, else in the photo's own format.
+    """Format of the response: by the form or by `Accept`, else the photo's own format.
 
     Raises
     ------
     NotAcceptable
-        When `Accept` has room for no format.
+        When `Accept` allows no format.
     """
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
@@ -104,12 +112,12 @@ async def choose_encoding(request: Request, asked: AskedEncoding, photo: UploadF
 
 
 async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, photo: UploadFile) -> Encoding:
-    """As `choose_encoding`, where the answer may have several pages.
+    """Format as by `choose_encoding`, for a response that may have several pages.
 
     Raises
     ------
     NotAcceptable
-        When `Accept` has room for no format.
+        When `Accept` allows no format.
     """
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
@@ -118,7 +126,7 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
 
 
 def answer_page(reply: PageReply, model: type[BaseModel]) -> Response:
-    """The picture with its headers, or its description, held to `model`."""
+    """Response with the image and its headers, or with its description, validated by `model`."""
     if reply.media_type == JSON:
         body = model.model_validate(reply.document).model_dump_json()
         return Response(body, media_type=JSON, headers={"Vary": "Accept"})

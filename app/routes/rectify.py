@@ -20,7 +20,7 @@ router = APIRouter(tags=["rectify"])
     responses=documented_page(
         RectifyResult,
         "Document-Kind",
-        "planar or curved; of each page, separated by commas.",
+        "planar or curved; for several pages one value each, separated by commas.",
         pages_model=PagesResult,
     ),
     openapi_extra=PREFER,
@@ -30,12 +30,12 @@ async def rectify(
 ) -> Response:
     """Flatten one photo of a page, taken from any position.
 
-    What comes back follows `Accept`, or the field `format`; with neither, an image in the upload's own
-    format (HEIC: JPEG).
+    The response format follows `Accept`, or the field `format`; else it is an image in the upload's own format
+    (HEIC: JPEG).
 
-    With pages=both an opened book is answered as its two pages, left before right: as a PDF, a TIFF file of two pages,
-    an archive with an image a page (format=zip), or JSON; with neither `Accept` nor `format`, as a PDF. `jpeg`, `png`
-    and `webp` hold one page: they are refused (`not-acceptable`) when two are found.
+    With pages=both, the response for an open book is its two pages, left before right: as a PDF, a TIFF file of two
+    pages, an archive with one image per page (format=zip), or JSON; without `Accept` and `format`, as a PDF. `jpeg`,
+    `png` and `webp` hold one page: they are refused (`not-acceptable`) when two pages are found.
     """
     encoding = await choose_pages_encoding(request, form, form.image)
 

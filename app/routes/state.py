@@ -1,4 +1,4 @@
-"""What routes find in the app."""
+"""State of the app, as routes use it."""
 
 from dataclasses import dataclass
 from typing import Annotated, cast
@@ -16,7 +16,7 @@ from services.contract.operations import Operations
 
 @dataclass(frozen=True, slots=True)
 class AppState:
-    """Made once by `create_app`."""
+    """Objects of one app; `create_app` creates them."""
 
     settings: Settings
     engine: Engine

@@ -1,1 +1,1 @@
-"""Bodies of requests and answers, named as their routes."""
+"""Bodies of requests and responses, one module for each module of routes."""

@@ -1,4 +1,4 @@
-"""What the health probes answer."""
+"""Responses of the health routes."""
 
 from typing import Literal
 
@@ -6,20 +6,20 @@ from pydantic import BaseModel, Field
 
 
 class Live(BaseModel):
-    """The server answers."""
+    """The server responds."""
 
     status: Literal["alive"] = "alive"
 
 
 class Ready(BaseModel):
-    """The server can do work."""
+    """The server can process work."""
 
     status: Literal["ready"] = "ready"
-    live_workers: int = Field(ge=1, description="Worker processes that are up.")
-    workers: int = Field(ge=1, description="Worker processes that there should be.")
-    admitted: int = Field(ge=0, description="Requests that have a seat.")
+    live_workers: int = Field(ge=1, description="Worker processes that are ready.")
+    workers: int = Field(ge=1, description="Configured number of worker processes.")
+    admitted: int = Field(ge=0, description="Requests that have a seat in the engine.")
     capacity: int = Field(ge=1, description="Seats: workers and places in the queue.")
-    ocr: str | None = Field(description="The OCR engine that workers found, if any.")
+    ocr: str | None = Field(description="The OCR engine that workers use; null: none is installed.")
     store: Literal["ready", "unavailable"] = Field(
-        description="Whether what is remembered can be read; without it only /layout fails."
+        description="Whether the store can be read; if not, only /layout fails."
     )

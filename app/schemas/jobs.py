@@ -1,4 +1,4 @@
-"""What /jobs answers."""
+"""Responses of /jobs."""
 
 from datetime import datetime
 
@@ -9,15 +9,15 @@ from app.schemas.problem import Problem
 
 
 class JobStatus(BaseModel):
-    """Long work, as it stands."""
+    """State of a job."""
 
-    id: str = Field(description="Not to be guessed; whoever has it, and the API key, has the result.")
+    id: str = Field(description="Random. The id, together with the API key, gives access to the result.")
     state: JobState = Field(description="The last three are final.")
-    stage: str | None = Field(description="What is being done; `started` until the work says more.")
-    progress: float = Field(ge=0, le=1, description="Share of the work that is done; never goes back.")
+    stage: str | None = Field(description="Current stage of the work; `started` until the work reports one.")
+    progress: float = Field(ge=0, le=1, description="Share of the work that is done; it never decreases.")
     created: datetime
-    started: datetime | None = Field(description="When a worker took it.")
+    started: datetime | None = Field(description="When a worker started it.")
     ended: datetime | None
     problem: Problem | None = Field(
-        description="Why it failed or was cancelled; as /jobs/{id}/result answers."
+        description="Why it failed or was cancelled; /jobs/{id}/result responds with the same problem."
     )

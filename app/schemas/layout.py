@@ -1,4 +1,4 @@
-"""What POST /layout takes and answers."""
+"""Request and response of POST /layout."""
 
 import re
 from typing import Annotated, Any, Literal
@@ -13,7 +13,7 @@ from services.contract.layout import LayoutFormat
 MODEL_NAME_PATTERN = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,59}$"
 MOST_NAMES = 200
 MOST_PAGE = 10_000
-"""Of a long file one page may be recognized, however many a document may have."""
+"""Largest page number that can be selected from a file, independent of the limit on a document's pages."""
 _NAMES_PATTERN = (
     f"^{MODEL_NAME_PATTERN.strip('^$')}(, ?{MODEL_NAME_PATTERN.strip('^$')}){{0,{MOST_NAMES - 1}}}$"
 )
@@ -25,12 +25,12 @@ def parse_names(text: str) -> tuple[str, ...]:
     Raises
     ------
     ValueError
-        When one is no name of a model, or they are too many.
+        When one is not a valid model name, or there are too many.
     """
     names = [name.strip() for name in text.split(",")]
     if len(names) > MOST_NAMES or not all(re.fullmatch(MODEL_NAME_PATTERN, name) for name in names):
         raise ValueError(
-            f"expected at most {MOST_NAMES} names of models, separated by commas, each of 1-60 letters, digits, "
+            f"expected at most {MOST_NAMES} model names, separated by commas, each of 1-60 letters, digits, "
             "dots, underscores and hyphens (no dot first)"
         )
     return tuple(dict.fromkeys(names))
@@ -42,7 +42,7 @@ def _checked_names(text: str) -> str:
 
 
 class LayoutForm(BaseModel):
-    """Form of POST /layout: `image` (or several), `zones` or `zones_file`, or `image` and one of them."""
+    """Form of POST /layout: `image` (one or several), `zones` or `zones_file`, or `image` and one of them."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -60,40 +60,41 @@ class LayoutForm(BaseModel):
     zones: UploadFile | str | Absent = Field(
         default=None,
         description='JSON `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "font_size"?, "lines"?, '
-        '"text"?, "kind"?}]}`, as a field or as a file: zones from another segmenter. With `image` they are in '
-        "its pixels.",
+        '"text"?, "kind"?}]}`, as a field or as a file: zones from another segmenter. With `image`, they are in '
+        "pixels of the image.",
     )
     zones_file: UploadFile | Absent = Field(
-        default=None, description="The same as a file of PAGE-XML, ALTO or JSON."
+        default=None, description="Zones as a file of PAGE-XML, ALTO or JSON."
     )
     rectify: Switch = Field(
         default=False, description="Rectify the photo first; zones are then in pixels of the flat page."
     )
     ocr: Literal["auto", "off"] = Field(
-        default="auto", description="auto: read the page where an OCR engine is installed."
+        default="auto", description="auto: read the page if an OCR engine is installed."
     )
     models: Annotated[str, AfterValidator(_checked_names)] | Absent = Field(
         default=None,
-        description="The models that compete, separated by commas; all of them when left out.",
+        description="The models to compare, separated by commas; default: all.",
         json_schema_extra={"pattern": _NAMES_PATTERN},
     )
     format: LayoutFormat | Absent = Field(
         default=None,
-        description="What comes back; overrides `Accept`. png: the page with its labelled zones drawn on it. "
-        "Of several pages there is json, and an archive (application/zip) of a pagexml or alto file each.",
+        description="Format of the response; overrides `Accept`. png: the page with its labelled zones drawn on it. "
+        "Several pages can be json, or an archive (application/zip) with one pagexml or alto file per page.",
     )
     page: Annotated[int, Field(ge=1, le=MOST_PAGE)] | Absent = Field(
-        default=None, description="The only one of several pages that is wanted, counted from 1."
+        default=None, description="Number, from 1, of the only page to recognize."
     )
     explain: Switch = Field(
-        default=False, description="With JSON: the terms of the cost, largest first, in `match.explanation`."
+        default=False,
+        description="With JSON: list the terms of the cost, largest first, in `match.explanation`.",
     )
 
 
 class DocumentClass(Answer):
-    """How well the page fits one model; of a document, how well its pages fit the models of a class.
+    """How well the page fits one model; for a document, how well its pages fit the models of a class.
 
-    The version is then that of the model of its first page, and the cost the sum of its pages'.
+    For a document, the version is that of the model of the first page, and the cost is the sum over the pages.
     """
 
     name: str
@@ -103,25 +104,25 @@ class DocumentClass(Answer):
 
 
 class LabelledZone(Answer):
-    """One region of the page; null where a thing was not measured."""
+    """One region of the page; null where a property was not measured."""
 
     id: str
     box: tuple[float, float, float, float] = Field(description="x0, y0, x1, y1 in pixels of the page.")
-    label: str | None = Field(description="null: none of the model's labels, or there is no model.")
+    label: str | None = Field(description="null: the zone has no label of the model, or there is no model.")
     confidence: float = Field(ge=0, le=1, description="Probability of the label, given the class.")
     group: str | None = Field(description="Label of the model node that the zone is grouped with.")
     order: int = Field(ge=0, description="Place in reading order, from 0.")
     kind: Literal["text", "figure", "rule", "noise"]
     lines: int | None
     font_size: float | None = Field(description="Em, pixels.")
-    font_class: Literal["small", "normal", "large"] | None = Field(description="Beside the rest of the page.")
+    font_class: Literal["small", "normal", "large"] | None = Field(
+        description="Relative to the rest of the page."
+    )
     line_spacing: float | None = Field(description="Pixels from baseline to baseline.")
     weight: float | None = Field(description="Stroke width as a share of the font size.")
     alignment: Literal["left", "right", "centre", "justified"] | None
     text: str
-    content: dict[str, float] = Field(
-        description="Content features that it shows, each with a confidence of 0-1."
-    )
+    content: dict[str, float] = Field(description="Content features of the zone, each with a confidence 0-1.")
 
 
 class CostTerm(Answer):
@@ -134,59 +135,61 @@ class CostTerm(Answer):
 
 
 class MatchReport(Answer):
-    """The match of the page with the model whose labels its zones have."""
+    """The match of the page with the model that gives its zones their labels."""
 
     cost: float
     node_cost: float
     edge_cost: float
     count_cost: float
     optimal: bool = Field(description="Proved to be the least cost.")
-    gap: float = Field(ge=0, description="How far the cost may lie above the least; 0 when optimal.")
+    gap: float = Field(ge=0, description="Upper bound of the cost above the least cost; 0 when optimal.")
     backbone: dict[str, str] = Field(description="For each label of the model the zone that fits it best.")
     explanation: list[CostTerm] | None = Field(
-        description="Terms of the cost, largest first, a thousand at most; null: not asked for."
+        description="Terms of the cost, largest first, at most a thousand; null: not requested."
     )
 
 
 class LayoutResult(Answer):
     """Class of a document and labels of its zones.
 
-    `class` is null when no model is stored, and when none of those that competed fits the page: `classes` and
-    `unknown_probability` then tell what was considered, and the zones have the labels of the nearest model.
+    `class` is null when no model is stored, and when none of the compared models fits the page. In the second case
+    `classes` and `unknown_probability` describe the comparison, and the zones have the labels of the best model.
     """
 
     model_config = ConfigDict(
         extra="forbid", allow_inf_nan=False, validate_by_name=True, serialize_by_alias=True
     )
 
-    id: str = Field(description="Of the result, as in /layout/results/{id}.")
-    width: int | float = Field(gt=0, description="Pixels; whole but where zones came from elsewhere.")
+    id: str = Field(description="Id of the result, as in /layout/results/{id}.")
+    width: int | float = Field(gt=0, description="Pixels; an integer unless the zones were uploaded.")
     height: int | float = Field(gt=0)
     class_: DocumentClass | None = Field(alias="class")
-    classes: list[DocumentClass] = Field(description="All that competed, most probable first.")
+    classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
     unknown_probability: float = Field(
-        ge=0, le=1, description="That the page is of none of these classes; with `classes` it makes 1."
+        ge=0,
+        le=1,
+        description="Probability that the page is of none of these classes; the sum with `classes` is 1.",
     )
     zones: list[LabelledZone]
     match: MatchReport | None
     part: Literal["first", "continuation"] | None = Field(
         default=None,
-        description="Of its document; null: `class` is null, or the page is a blank one. Of several pages the first is "
-        "`first`; a page that comes alone is what its model describes.",
+        description="Part of the document; null: `class` is null, or the page is blank. The first of several pages is "
+        "`first`; for a single page its model decides.",
     )
     document_class: str | None = Field(
         default=None,
-        description="Class of the document that the page belongs to: `class.name`, or what that model continues.",
+        description="Class of the document of this page: `class.name`, or the class that this model continues.",
     )
     warnings: list[Warning]
     timings_ms: dict[str, float]
 
 
 class DocumentResult(Answer):
-    """Class of a document of several pages, and each page with a result of its own.
+    """Class of a document of several pages, and a result for each page.
 
-    A page's `class` is the model, among those of the document's class, that it was labelled by; null when the page does
-    not look like one of it. Its `classes` are all models that competed for the page.
+    A page's `class` is the model, among those of the document's class, that gives its labels; null when the page does
+    not fit that class. Its `classes` are all models that were compared with the page.
     """
 
     model_config = ConfigDict(
@@ -194,10 +197,10 @@ class DocumentResult(Answer):
     )
 
     id: str = Field(
-        description="Of the result, as in /layout/results/{id}; feedback is given on those of its pages."
+        description="Id of the result, as in /layout/results/{id}; feedback goes to the results of the pages."
     )
     class_: DocumentClass | None = Field(alias="class")
-    classes: list[DocumentClass] = Field(description="All that competed, most probable first.")
+    classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
     unknown_probability: float = Field(ge=0, le=1)
     pages: list[LayoutResult]
     warnings: list[Warning]
@@ -205,10 +208,10 @@ class DocumentResult(Answer):
 
 
 def document_of(document: dict[str, Any], result_id: str, pages: list[LayoutResult]) -> DocumentResult:
-    """The same of a document and its pages."""
+    """Validated response for a worker's or the store's `document`, with its id and the results of its pages."""
     return DocumentResult.model_validate({"id": result_id, "pages": pages, **document})
 
 
 def result_of(document: dict[str, Any], result_id: str) -> LayoutResult:
-    """A worker's or the store's document under its id, held to the contract."""
+    """Validated response for a worker's or the store's `document`, with its id."""
     return LayoutResult.model_validate({"id": result_id, **document})

@@ -1,4 +1,4 @@
-"""What /layout/results/{id}/feedback and /layout/models/{name}/feedback take and answer."""
+"""Requests and responses of /layout/results/{id}/feedback and /layout/models/{name}/feedback."""
 
 from datetime import datetime
 from typing import Annotated, Self
@@ -13,7 +13,7 @@ Label = Annotated[str, Field(min_length=1, max_length=LONGEST_LABEL), AfterValid
 
 
 class FeedbackBody(BaseModel):
-    """What a person says of a result."""
+    """A person's corrections of a result."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -24,14 +24,12 @@ class FeedbackBody(BaseModel):
     class_: NameInBody | None = Field(
         default=None,
         alias="class",
-        description="The document's class; null: none of those that there are. Left out: the one that was found is "
-        "right.",
+        description="The document's class; null: none of the existing classes. Absent: the found class is correct.",
     )
     labels: dict[str, Label | None] = Field(
         default={},
-        description="Labels of zones by their ids, in printable characters; null: none of the model's. Zones that are "
-        "left out keep the label that was found; when the class was wrong they take the one that the right class's "
-        "model finds.",
+        description="Labels of zones by their ids, in printable characters; null: no label of the model. Absent zones "
+        "keep the found label; if the class was wrong, they take the label that the correct class's model finds.",
     )
 
     @model_validator(mode="after")
@@ -42,7 +40,7 @@ class FeedbackBody(BaseModel):
 
 
 class FoundAndVerified(Answer):
-    """The class that was found, and the one that it is; null: none."""
+    """The found class and the verified class; null: none."""
 
     found: str | None
     verified: str | None
@@ -57,48 +55,48 @@ class WrongLabel(Answer):
 
 
 class CostChange(Answer):
-    """The cost of one labelling of the page under a model, before it adapted and after; null where there is none."""
+    """Cost of one labelling of the page under a model, before and after it adapted; null: no such version."""
 
     before: float | None
     after: float | None
 
 
 class AdaptedModel(Answer):
-    """A model that learned of the feedback.
+    """A model that learned from the feedback.
 
-    It has come nearer to what was verified when `cost_verified` less `cost_found` is smaller after than before.
+    It fits the verified labels better if `cost_verified` minus `cost_found` is smaller after than before.
     """
 
     name: str
-    old_version: int | None = Field(description="null: the page and the samples made the first.")
-    new_version: int
-    cost_found: CostChange | None = Field(
-        description="Of the labels that were found; null for a first version."
+    old_version: int | None = Field(
+        description="null: this is the first version, from the page and the samples."
     )
-    cost_verified: CostChange | None = Field(description="Of the labels that are right.")
+    new_version: int
+    cost_found: CostChange | None = Field(description="Cost of the found labels; null for a first version.")
+    cost_verified: CostChange | None = Field(description="Cost of the verified labels.")
 
 
 class Feedback(Answer):
-    """What became of a feedback."""
+    """Effect of a feedback."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, serialize_by_alias=True)
 
     id: str
-    result: str = Field(description="Id of the result that it is about.")
+    result: str = Field(description="Id of the result that the feedback corrects.")
     created: bool = Field(
-        description="false: it had come before; nothing changed, and this is its answer again."
+        description="false: the feedback was sent before; nothing changed, and this is the earlier response."
     )
     class_: FoundAndVerified = Field(alias="class")
-    zones: int = Field(ge=0, description="Of the page.")
+    zones: int = Field(ge=0, description="Number of zones of the page.")
     wrong: list[WrongLabel] = Field(description="Zones whose label was wrong.")
     models: list[AdaptedModel] = Field(description="The models that changed, by name.")
     sample: str | None = Field(
-        description="Id of the sample of the verified class that the page has become; null: none, or no longer."
+        description="Id of the sample of the verified class made from the page; null: none, or deleted since."
     )
 
 
 class FeedbackVersions(Answer):
-    """The version that a feedback made of a model."""
+    """The version of a model that a feedback created."""
 
     name: str
     old_version: int | None
@@ -114,14 +112,14 @@ class FeedbackEntry(Answer):
     result: str
     class_: FoundAndVerified = Field(alias="class")
     zones: int
-    wrong: int = Field(description="How many zones had a wrong label.")
+    wrong: int = Field(description="Number of zones with a wrong label.")
     models: list[FeedbackVersions]
     sample: str | None
     created: datetime
 
 
 class FeedbackList(Answer):
-    """The last feedbacks that found or verified a class, newest first."""
+    """The latest feedbacks that found or verified a class, newest first."""
 
     model: str
     feedback: list[FeedbackEntry]

@@ -1,4 +1,4 @@
-"""What /layout/models and /layout/models/{name} take and answer."""
+"""Requests and responses of /layout/models and /layout/models/{name}."""
 
 import re
 from datetime import datetime
@@ -12,7 +12,7 @@ from app.schemas.page import Answer
 
 
 def checked_name(name: str) -> str:
-    """The name of a model, as it is; ValueError when it is none."""
+    """The unchanged `name`; ValueError if it is not a valid model name."""
     if not re.fullmatch(MODEL_NAME_PATTERN, name):
         raise ValueError("expected 1-60 letters, digits, dots, underscores and hyphens, no dot first")
     return name
@@ -23,8 +23,8 @@ ModelName = Annotated[
     AfterValidator(checked_name),
     Path(
         json_schema_extra={"pattern": MODEL_NAME_PATTERN},
-        description="Of the model, that is of the document class: 1-60 letters, digits, dots, underscores and "
-        "hyphens, no dot first.",
+        description="Name of the model, which is the name of the document class: 1-60 letters, digits, dots, "
+        "underscores and hyphens, no dot first.",
     ),
 ]
 
@@ -35,17 +35,19 @@ NameInBody = Annotated[
 
 
 class Health(Answer):
-    """What feedback tells of a class: how much recognition errs, lately and before that.
+    """Error rates of recognition for a class, computed from feedback: recent ones and earlier ones.
 
-    Errors are shares, 0-1, null where there is nothing to look at: of zones whose label was wrong, of pages whose
-    class was. When `recent_zone_error` has grown over `earlier_zone_error` the class may have changed.
+    Zone errors are the share (0-1) of zones with a wrong label; class errors are the share of pages with a wrong class;
+    null without feedback. If `recent_zone_error` is larger than `earlier_zone_error`, the class may have changed.
     """
 
-    feedbacks: int = Field(ge=0, description="All that found or verified this class.")
-    recent: int = Field(ge=0, description="The last of them, which the recent errors are of.")
+    feedbacks: int = Field(ge=0, description="Number of feedbacks that found or verified this class.")
+    recent: int = Field(ge=0, description="Number of feedbacks in the recent error rates.")
     recent_zone_error: float | None = Field(ge=0, le=1)
     recent_class_error: float | None = Field(ge=0, le=1)
-    earlier_zone_error: float | None = Field(ge=0, le=1, description="Of as many feedbacks before those.")
+    earlier_zone_error: float | None = Field(
+        ge=0, le=1, description="From as many feedbacks before the recent ones."
+    )
     last_feedback: datetime | None
 
 
@@ -53,9 +55,11 @@ class ModelSummary(Answer):
     """A layout model, or a class that has samples and no model yet."""
 
     name: str
-    version: int | None = Field(ge=1, description="Its newest; null: POST .../initialize makes the first.")
+    version: int | None = Field(
+        ge=1, description="The newest version; null: POST .../initialize makes the first."
+    )
     samples: int = Field(ge=0)
-    labels: list[str] = Field(description="Of the newest version.")
+    labels: list[str] = Field(description="Labels of the newest version.")
     health: Health
     created: datetime
     updated: datetime
@@ -68,16 +72,18 @@ class ModelList(Answer):
 
 
 class InitializedModel(Answer):
-    """The version that was made of a model's samples."""
+    """The version that was made from a model's samples."""
 
     name: str
     version: int = Field(ge=1)
-    samples: int = Field(ge=1, description="So many pages it was made of.")
-    labels: dict[str, int] = Field(description="Its labels, and how many zones of the samples have each.")
+    samples: int = Field(ge=1, description="Number of pages that it was made from.")
+    labels: dict[str, int] = Field(
+        description="Its labels, and the number of zones of the samples with each."
+    )
 
 
 class ImportedModel(Answer):
-    """The version that an import became."""
+    """The version that an import created."""
 
     name: str
     version: int = Field(ge=1)

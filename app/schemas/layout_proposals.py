@@ -1,4 +1,4 @@
-"""What /layout/unknown-pages and /layout/proposals answer."""
+"""Responses of /layout/unknown-pages and /layout/proposals."""
 
 from datetime import datetime
 
@@ -9,24 +9,24 @@ from app.schemas.page import Answer
 
 
 class UnknownPageSummary(Answer):
-    """A page that fitted no class, without its zones."""
+    """A page that fits no class, without its zones."""
 
     id: str
-    result: str = Field(description="Id of the result in which it fitted no class; that may be gone.")
+    result: str = Field(description="Id of the result of the page; the result may have expired.")
     zones: int = Field(ge=0)
     created: datetime
 
 
 class UnknownPageList(Answer):
-    """Pages that fitted no class, newest first."""
+    """Pages that fit no class, newest first."""
 
     pages: list[UnknownPageSummary]
 
 
 class UnknownPage(Answer):
-    """A page that fitted no class, with all that was measured.
+    """A page that fits no class, with all measured properties.
 
-    With the labels that are right it may be sent to POST /layout/models/{name}/samples as it is.
+    After its zones are labelled, it can be sent to POST /layout/models/{name}/samples unchanged.
     """
 
     id: str
@@ -38,58 +38,59 @@ class UnknownPage(Answer):
 
 
 class NewClass(Answer):
-    """Unknown pages that are alike."""
+    """A group of similar unknown pages."""
 
     pages: list[str] = Field(min_length=1, description="Ids of the unknown pages, newest first.")
-    typical: str = Field(description="Id of the page that is most like the others: the one to label first.")
-    cohesion: float = Field(
-        ge=0, le=1, description="1: all pages are the same, 0: they have nothing in common."
-    )
+    typical: str = Field(description="Id of the page that is most similar to the others: label it first.")
+    cohesion: float = Field(ge=0, le=1, description="1: all pages are equal, 0: they have nothing in common.")
     recurring_zones: list[dict[str, str]] = Field(
-        description="Zones that most of the pages have: for each, its id on every page that has it, by the page's id. "
-        "Who labels the typical page has labelled these on all."
+        description="Zones that most of the pages have. Each entry maps page ids to the id of this zone on that page. "
+        "A label for the zone of the typical page applies to all of them."
     )
-    next: list[str] = Field(description="What to do if these pages are a class: requests, in their order.")
+    next: list[str] = Field(description="Requests, in their order, that make a class of these pages.")
 
 
 class Merge(Answer):
-    """Two models that recognition cannot tell apart."""
+    """Two models that recognition cannot distinguish."""
 
     models: list[str] = Field(min_length=2, max_length=2)
     fit: float = Field(
-        description="How well each one explains the other's samples beside its own, the lesser of both; 1: as well."
+        description="How well each model explains the other's samples compared with the other model; the smaller of "
+        "both values; 1: equally well."
     )
     unsure: float = Field(
-        ge=0, le=1, description="Share of both's samples whose class is decided wrongly or not clearly."
+        ge=0,
+        le=1,
+        description="Share of the samples of both whose class is decided wrongly or with low confidence.",
     )
     agreement: float = Field(ge=0, le=1, description="Share of zones on whose labels both models agree.")
     labels: dict[str, str | None] = Field(
-        description="Labels of the second model by the first one's, where they are not the same; null: no label."
+        description="Maps labels of the first model to different labels of the second; null: no label."
     )
-    next: list[str] = Field(description="What to do if they are one class: requests, in their order.")
+    next: list[str] = Field(description="Requests, in their order, that merge both models.")
 
 
 class ModelPart(Answer):
-    """Samples of a model that are of one kind."""
+    """Similar samples of a model."""
 
-    samples: list[str] = Field(min_length=1, description="Ids, of those that were looked at.")
-    typical: str = Field(description="Id of the sample that is most like the others.")
+    samples: list[str] = Field(min_length=1, description="Ids of the compared samples.")
+    typical: str = Field(description="Id of the sample that is most similar to the others.")
 
 
 class Split(Answer):
-    """A model whose samples are of two kinds."""
+    """A model whose samples form two groups."""
 
     model: str
     parts: list[ModelPart] = Field(min_length=2, max_length=2, description="The larger one first.")
     gain: float = Field(
-        description="By how much of their costs models of the parts explain samples better that they did not have."
+        description="Relative reduction of the costs of held-out samples by separate models of the parts."
     )
-    better: float = Field(ge=0, le=1, description="Share of the samples that they explain better.")
-    next: list[str] = Field(description="What to do if these are two classes: requests, in their order.")
+    better: float = Field(ge=0, le=1, description="Share of the held-out samples with a lower cost.")
+    next: list[str] = Field(description="Requests, in their order, that split the model.")
 
 
 class LookedAt(Answer):
-    """What the proposals are made of; very many pages or samples are not all looked at."""
+    """Numbers of compared pages, models and samples; some are left out if there are very many."""
 
     unknown_pages: int = Field(ge=0)
     models: int = Field(ge=0)
@@ -97,9 +98,9 @@ class LookedAt(Answer):
 
 
 class Proposals(Answer):
-    """What a person may want to change about the set of models; nothing was changed."""
+    """Proposed changes of the set of models; nothing was changed."""
 
     new_classes: list[NewClass] = Field(description="The largest first.")
-    merges: list[Merge] = Field(description="The most alike first.")
+    merges: list[Merge] = Field(description="The most similar first.")
     splits: list[Split]
     looked_at: LookedAt

@@ -1,4 +1,4 @@
-"""Labelled pages, and what /layout/models/{name}/samples takes and answers."""
+"""Labelled pages; requests and responses of /layout/models/{name}/samples."""
 
 from datetime import datetime
 from typing import Literal
@@ -9,13 +9,13 @@ from app.schemas.page import Answer
 
 
 class PageZone(BaseModel):
-    """One region of a labelled page; what is left out or null was not measured."""
+    """One region of a labelled page; a property that is absent or null was not measured."""
 
     id: str | int
     box: tuple[float, float, float, float] = Field(
         description="x0, y0, x1, y1 in pixels of the page, x0 < x1, y0 < y1."
     )
-    label: str | None = Field(default=None, description="null: none of the model's.")
+    label: str | None = Field(default=None, description="null: no label of the model.")
     kind: Literal["text", "figure", "rule", "noise"] | None = None
     lines: int | None = Field(default=None, ge=0)
     font_size: float | None = Field(default=None, ge=0, description="Em, pixels.")
@@ -24,14 +24,14 @@ class PageZone(BaseModel):
     alignment: Literal["left", "right", "centre", "justified"] | None = None
     text: str | None = None
     content: dict[str, float] | None = Field(
-        default=None, description="Content features, each a confidence of 0-1."
+        default=None, description="Content features, each with a confidence 0-1."
     )
 
 
 class PageBody(BaseModel):
-    """A labelled page: what /layout answers, with the labels that are right; at least one zone has a label.
+    """A labelled page: a response of /layout with corrected labels. At least one zone has a label.
 
-    Other keys are passed over.
+    Other keys are ignored.
     """
 
     width: float = Field(gt=0, description="Pixels.")
@@ -45,7 +45,7 @@ class SampleReceipt(Answer):
     id: str
     model: str
     zones: int = Field(ge=1)
-    labels: dict[str, int] = Field(description="How many zones have each label.")
+    labels: dict[str, int] = Field(description="Number of zones with each label.")
 
 
 class SampleSummary(Answer):
@@ -65,7 +65,7 @@ class SampleList(Answer):
 
 
 class Sample(Answer):
-    """A stored sample, with all that was measured; its page may be sent to POST .../samples again as it is."""
+    """A stored sample, with all measured properties. Its page can be sent to POST .../samples unchanged."""
 
     id: str
     model: str
@@ -75,6 +75,6 @@ class Sample(Answer):
     zones: list[PageZone]
     found: PageBody | None = Field(
         default=None,
-        description="The same page in the zones that were found in its image, with the labels of the verified zones "
-        "that cover them: the model learns from both. null: there was no image, or they are the same.",
+        description="The same page with the zones that segmentation found in its image, each with the label of the "
+        "verified zones that cover it; the model learns from both. null: no image, or the zones are the same.",
     )

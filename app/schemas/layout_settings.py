@@ -1,4 +1,4 @@
-"""What /layout/models/{name}/settings and /layout/models/{name}/health take and answer."""
+"""Requests and responses of /layout/models/{name}/settings and /layout/models/{name}/health."""
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -8,17 +8,17 @@ from services.contract.layout_learning import Learner
 
 
 class Settings(Answer):
-    """What is set for a model beside its versions."""
+    """Settings of a model. They do not belong to a version."""
 
-    learner: Learner = Field(description="How it learns from feedback and in training.")
-    genre: str | None = Field(description="The genre of the class; null: found by likeness.")
+    learner: Learner = Field(description="Learning method for feedback and training.")
+    genre: str | None = Field(description="The genre of the class; null: chosen by similarity.")
     continues: str | None = Field(
-        description="The model whose later pages this one describes; null: it describes first pages."
+        description="The class whose later pages this model describes; null: it describes first pages."
     )
 
 
 class SettingsBody(BaseModel):
-    """The settings to change; those that are left out stay."""
+    """The settings to change; absent ones keep their values."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -28,6 +28,6 @@ class SettingsBody(BaseModel):
 
 
 class ModelHealthReport(Health):
-    """The same of one model, with its name."""
+    """Error rates of one model, with its name."""
 
     name: str

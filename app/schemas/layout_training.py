@@ -1,4 +1,4 @@
-"""What POST /layout/models/{name}/train takes and answers."""
+"""Request and response of POST /layout/models/{name}/train."""
 
 from typing import Annotated
 
@@ -9,16 +9,16 @@ from app.schemas.page import Answer
 from services.contract.layout_learning import Learner, Stop
 
 MOST_ROUNDS = 100
-"""Of one training; the dissertation's curves (5.6) end there."""
+"""Largest number of rounds of one training, as in the dissertation's curves (5.6)."""
 
 
 class TrainBody(BaseModel):
-    """How a model is trained."""
+    """Parameters of a training."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
     rounds: Annotated[int, Field(ge=1, le=MOST_ROUNDS), WHOLE] = Field(
-        default=3, description="At most so many times all samples are shown; three are those of Figure 5.7."
+        default=3, description="Largest number of passes over all samples; three as in Figure 5.7."
     )
 
 
@@ -26,23 +26,23 @@ class Round(Answer):
     """Errors after one round, as shares of zones; round 0 is initialization from the samples."""
 
     round: int = Field(ge=0)
-    error: float = Field(ge=0, le=1, description="On the samples that it learns from.")
+    error: float = Field(ge=0, le=1, description="On the training samples.")
     held_out_error: float | None = Field(
-        ge=0, le=1, description="On samples that it does not learn from; null: too few to hold one out."
+        ge=0, le=1, description="On held-out samples; null: too few samples to hold one out."
     )
 
 
 class TrainedModel(Answer):
-    """What training made of a model."""
+    """Result of a training."""
 
     name: str
-    version: int = Field(ge=1, description="The newest: the one that training made, or the one that it left.")
+    version: int = Field(ge=1, description="The newest version, which may be the one before the training.")
     changed: bool = Field(description="false: no round was better, and there is no new version.")
-    samples: int = Field(ge=1, description="So many pages it was shown.")
+    samples: int = Field(ge=1, description="Number of pages in the training.")
     learner: Learner
     rounds: list[Round]
     kept_round: int = Field(ge=0, description="The round whose model is kept.")
     stopped: Stop = Field(
-        description="All rounds were done; the error on held-out samples rose; nothing was wrong any more; or the work "
-        "of one training was spent."
+        description="Reason for the end: all rounds were done; the held-out error rose; no error was left; or the work "
+        "limit of one training was reached."
     )

@@ -1,4 +1,4 @@
-"""What the versions of a model, their comparison and rollback take and answer."""
+"""Requests and responses of versions of a model, their difference, and rollback."""
 
 from datetime import datetime
 from typing import Annotated, Literal
@@ -12,13 +12,13 @@ MOST_VERSION = 2**31 - 1
 
 
 class Version(Answer):
-    """One of a model's versions; all are kept."""
+    """One version of a model; all versions are kept."""
 
     version: int = Field(ge=1)
     origin: Literal["initialize", "import", "feedback", "train", "rollback"] = Field(
-        description="What made it."
+        description="Operation that created it."
     )
-    note: str = Field(description="What its maker said about it.")
+    note: str = Field(description="Short description of its creation.")
     created: datetime
 
 
@@ -38,7 +38,7 @@ class RollbackBody(BaseModel):
 
 
 class RestoredModel(Answer):
-    """The version that a rollback made; it holds what the restored one holds."""
+    """The version that a rollback created; its content equals that of the restored one."""
 
     name: str
     version: int = Field(ge=1)
@@ -47,14 +47,14 @@ class RestoredModel(Answer):
 
 
 class Change(Answer):
-    """One number of a model that is another in the later version; null where there was or is none."""
+    """One number of a model that changed; null where it did not exist."""
 
     part: Literal["node", "edge", "model"]
     labels: list[str | None] = Field(
-        description="Of the node, or of the upper and lower node of the edge; null is the node of zones without label."
+        description="Label of the node, or of the upper and lower node of the edge; null: the node of unlabelled zones."
     )
     attribute: str = Field(
-        description="What changed: `left:value`, `left:variance`, `content:date`, `cost`, `count:2`, `zones` of a "
+        description="The number: `left:value`, `left:variance`, `content:date`, `cost`, `count:2`, `zones` of a "
         "node; `top-top:above` of an edge; `weight:left`, `calibration:mean`, `samples` of the model."
     )
     old: float | None
@@ -62,10 +62,10 @@ class Change(Answer):
 
 
 class Difference(Answer):
-    """What changed between two versions, what moves costs most first."""
+    """Differences between two versions, ordered by their effect on costs, largest first."""
 
     name: str
     version: int
     against: int
-    total: int = Field(ge=0, description="All changes.")
-    changes: list[Change] = Field(description="The largest of them.")
+    total: int = Field(ge=0, description="Number of all changes.")
+    changes: list[Change] = Field(description="The largest changes.")

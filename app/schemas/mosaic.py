@@ -1,4 +1,4 @@
-"""What POST /mosaic takes and answers."""
+"""Request and response of POST /mosaic."""
 
 import re
 from typing import Annotated, Literal
@@ -35,7 +35,7 @@ def _enough_photos(images: list[UploadFile]) -> list[UploadFile]:
 
 
 def _base(value: object) -> object:
-    """`auto`, or the number that a form's digits mean."""
+    """`auto`, or the integer that a form sends as digits."""
     if value == "auto" or isinstance(value, int):
         return value
     if isinstance(value, str) and _INDEX.fullmatch(value):
@@ -55,18 +55,18 @@ class MosaicForm(BaseModel):
     )
     rectify: Switch = Field(
         default=True,
-        description="false: the photos are flat already (scans); only shift, scale and a small turn differ.",
+        description="false: the photos are already flat (scans) and differ by shift, scale and a small rotation only.",
     )
     base: Annotated[
         Literal["auto"] | Annotated[int, Field(ge=0, le=MOST_PHOTOS - 1)], BeforeValidator(_base)
     ] = Field(
         default="auto",
-        description="Photo, counted from 0, whose part of the page is shown when the photos fall into parts "
-        "that do not connect; auto: the largest part.",
+        description="Index, from 0, of a photo. If the photos form parts that do not connect, the response shows the "
+        "part with this photo; auto: the largest part.",
     )
     composition: Composition = Field(
         default="selective",
-        description="Every word from the photo that shows it sharpest, or a feathered average (to compare).",
+        description="selective: each word from the sharpest photo; else a feathered average, for comparison.",
     )
     upright: Upright = True
     illumination: Illumination = "normalize"
@@ -75,17 +75,18 @@ class MosaicForm(BaseModel):
     embed: Embed = False
 
     def parameters(self) -> MosaicParameters:
-        """The options of the mosaic itself, without those of the answer's format.
+        """The options of the mosaic, without those of the response format.
 
         Raises
         ------
         InvalidOption
-            When the base is none of the photos.
+            When `base` is not the index of a photo.
         """
         base = None if self.base == "auto" else self.base
         if base is not None and base >= len(self.images):
             raise InvalidOption(
-                f"base: there is no photo {base}; {len(self.images)} were sent, counted from 0.", "base"
+                f"base: there is no photo {base}; {len(self.images)} photos were sent, counted from 0.",
+                "base",
             )
         return MosaicParameters(
             rectify=self.rectify,
@@ -99,7 +100,7 @@ class MosaicForm(BaseModel):
 class PatchMesh(Answer):
     """`target[r][c]` is the mosaic's point of photo pixel (c (width-1)/(columns-1), r (height-1)/(rows-1)).
 
-    Where the photo looks past the page, it is the point of the nearest node that does not.
+    Photo pixels outside the page get the point of the nearest node on the page.
     """
 
     rows: int = Field(ge=2)
@@ -108,36 +109,40 @@ class PatchMesh(Answer):
 
 
 class Patch(Answer):
-    """What one photo gives to the page."""
+    """Contribution of one photo to the page."""
 
     placed: bool
-    mesh: PatchMesh | None = Field(description="null: not placed, as with all that follows.")
-    scale: float | None = Field(description="Pixels of the mosaic per pixel of the photo, in its middle.")
-    sharpness: float | None = Field(ge=0, le=1, description="Of its print; the sharpest photo's is 1.")
+    mesh: PatchMesh | None = Field(
+        description="null: the photo is not placed; then all further fields are null too."
+    )
+    scale: float | None = Field(description="Pixels of the mosaic per pixel of the photo, at its centre.")
+    sharpness: float | None = Field(
+        ge=0, le=1, description="Sharpness of its text relative to the sharpest photo."
+    )
 
 
 class Pair(Answer):
-    """Two photos, `a` < `b`, that overlap, and the evidence for it."""
+    """Two overlapping photos, `a` < `b`, and the evidence for their overlap."""
 
     a: int = Field(ge=0)
     b: int = Field(ge=0)
     matches: int = Field(ge=0, description="Candidate matches of features.")
-    votes: int = Field(ge=0, description="Those in the largest group of one scale and displacement.")
-    runner_up_votes: int = Field(ge=0, description="Those in the largest other group.")
-    overlap_fraction: float = Field(description="Of the smaller photo's view.")
+    votes: int = Field(ge=0, description="Matches in the largest group of one scale and displacement.")
+    runner_up_votes: int = Field(ge=0, description="Matches in the second largest group.")
+    overlap_fraction: float = Field(description="Share of the smaller photo's view.")
     residual_px: float = Field(ge=0, description="RMS distance of block matches, pixels of the mosaic.")
 
 
 class MosaicResult(Answer):
-    """The whole page, and the evidence for how it was put together."""
+    """The whole page, and the evidence for its composition."""
 
     width: int = Field(ge=1)
     height: int = Field(ge=1)
-    base: int = Field(ge=0, description="The photo that the page was begun with.")
+    base: int = Field(ge=0, description="Index of the photo where the composition started.")
     orientation: Orientation
     patches: list[Patch] = Field(description="One for each photo, in the order of the upload.")
     pairs: list[Pair]
     unplaced: list[int] = Field(description="Photos that could not be placed; `warnings` say why.")
     warnings: list[Warning]
     timings_ms: dict[str, float]
-    image: str | None = Field(default=None, description="base64, if `embed` was asked for.")
+    image: str | None = Field(default=None, description="base64, if `embed` was set.")

@@ -1,4 +1,4 @@
-"""Options that requests share, and how a form says true, false and nothing, and JSON a whole number."""
+"""Options that several requests have in common, and conversions of form and JSON values."""
 
 from typing import Annotated
 
@@ -9,11 +9,11 @@ from services.contract import rectify
 from services.contract.images import AnswerFormat, PagesFormat
 
 WRONG_NUMBER_OF_FILES = "wrong_number_of_files"
-"""Type of the validation error of a field that holds too few or too many files."""
+"""Type of the validation error of a field with too few or too many files."""
 
 
 def _switch(value: object) -> object:
-    """A form's `true` or `false`, and none of the other words that may be taken for them."""
+    """The boolean of a form's `true` or `false`. Other spellings that pydantic accepts are refused."""
     if isinstance(value, str):
         if value.lower() not in {"true", "false"}:
             raise ValueError("expected true or false")
@@ -27,32 +27,33 @@ def _whole(value: object) -> object:
 
 Switch = Annotated[bool, BeforeValidator(_switch)]
 WHOLE = BeforeValidator(_whole)
-"""Of an integer in JSON, which does not tell 3.0 from 3; stands last, else the bounds are not documented."""
+"""Validator of an integer in JSON, which has no difference between 3.0 and 3. It must be the last annotation, because
+the OpenAPI document otherwise lacks the bounds."""
 Absent = SkipJsonSchema[None]
-"""A field that was left out; a form has no null."""
+"""An absent field; a form has no null."""
 
 Upright = Annotated[
     Switch,
     Field(
-        description="Turn (and un-mirror) the result so that it reads; false leaves the text lines "
-        "horizontal, whichever way up."
+        description="Rotate (and mirror) the result so that the text is upright; false: only make the text lines "
+        "horizontal."
     ),
 ]
 Illumination = Annotated[
     rectify.Illumination,
-    Field(description="Even out light and shadow to dark ink on white paper."),
+    Field(description="Remove uneven light and shadow: dark text on white paper."),
 ]
 AskedFormat = Annotated[
     AnswerFormat | Absent,
     Field(
-        description="What comes back; overrides `Accept`. Neither: an image in the (first) photo's own format."
+        description="Format of the response; overrides `Accept`. Default: an image in the (first) photo's own format."
     ),
 ]
 AskedPagesFormat = Annotated[
     PagesFormat | Absent,
     Field(
-        description="What comes back; overrides `Accept`. Neither: an image in the photo's own format, and several "
-        "pages as a PDF. `zip` has an image a page; `jpeg`, `png` and `webp` hold one page only."
+        description="Format of the response; overrides `Accept`. Default: an image in the photo's own format, or a PDF "
+        "for several pages. `zip` has one image per page; `jpeg`, `png` and `webp` hold one page only."
     ),
 ]
 Quality = Annotated[

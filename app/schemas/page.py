@@ -1,4 +1,4 @@
-"""What the answers that describe a page share."""
+"""Parts of responses that describe a page."""
 
 from typing import Literal
 
@@ -8,21 +8,21 @@ Point = tuple[float, float]
 
 
 class Answer(BaseModel):
-    """Part of an answer: nothing but what is documented, and no number that JSON cannot hold."""
+    """Part of a response. It allows documented fields only, and no infinite numbers or NaN."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class Orientation(Answer):
-    """How the flat view was turned so that it reads."""
+    """Rotation and mirroring that turned the flat view upright."""
 
     rotation_deg: Literal[0, 90, 180, 270] = Field(description="Clockwise, after the mirroring if any.")
     mirrored: bool
-    confidence: float | None = Field(ge=0, le=1, description="null: nothing was read.")
+    confidence: float | None = Field(ge=0, le=1, description="null: no text was read.")
 
 
 class Warning(Answer):
-    """Something that the caller should know of the result."""
+    """Remark on the quality of the result."""
 
     code: str
     detail: str

@@ -1,4 +1,4 @@
-"""The one form of every error."""
+"""Body of every error response."""
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -11,11 +11,11 @@ class Problem(BaseModel):
     )
 
     type: str = Field(
-        default="about:blank", description="RFC 9457: the problem has no more semantics than its status."
+        default="about:blank", description="RFC 9457: the status says all about the kind of problem."
     )
     title: str = Field(description="The status in words.")
     status: int = Field(ge=400, le=599, description="The HTTP status.")
     code: str = Field(description="Stable name of the problem, for programs.")
-    detail: str = Field(description="What went wrong and what to do, for people.")
-    field: str | None = Field(default=None, description="The form field concerned, if it is one.")
+    detail: str = Field(description="What happened and what to do, for people.")
+    field: str | None = Field(default=None, description="The request field concerned, if any.")
     request_id: str = Field(description="Also in the X-Request-ID header and in the server's log.")

@@ -1,4 +1,4 @@
-"""What POST /rectify takes and answers."""
+"""Request and response of POST /rectify."""
 
 import json
 import math
@@ -16,19 +16,19 @@ REGION_LIMIT_PX = 1e6
 _NUMBER = r"-?(0|[1-9][0-9]{0,5})(\.[0-9]{1,6})?"
 _POINT = rf"\[ ?{_NUMBER} ?, ?{_NUMBER} ?\]"
 REGION_PATTERN = rf"^(\[ ?{_POINT}( ?, ?{_POINT}){{2,199}} ?\])?$"
-"""What the OpenAPI document tells of `region`; the parser also takes other spellings of the same JSON.
+"""Pattern of `region` in the OpenAPI document. The parser also accepts other spellings of the same JSON.
 
-An empty field is one that was left out, as everywhere in a form.
+An empty field counts as absent, as for every field of a form.
 """
 
 
 def parse_region(text: str) -> tuple[tuple[float, float], ...]:
-    """Polygon ((x, y), ...) in pixels of JSON `[[x, y], ...]`.
+    """Polygon ((x, y), ...) in pixels, from JSON `[[x, y], ...]`.
 
     Raises
     ------
     ValueError
-        When it is not JSON, or not a list of 3 to 200 points of two finite numbers below a million.
+        When the text is not a JSON list of 3 to 200 points, each of two finite numbers of at most 1e6 in size.
     """
     expected = "expected JSON [[x, y], ...] of 3 to 200 points"
     try:
@@ -63,34 +63,34 @@ class RectifyForm(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     image: UploadFile = Field(description="The photo: JPEG, PNG, WebP, TIFF (first page) or HEIC/HEIF.")
-    kind: PageKind = Field(default="auto", description="Skip the planar/curved decision.")
+    kind: PageKind = Field(default="auto", description="planar or curved: skip the decision between both.")
     upright: Upright = True
     focal_length_px: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] | Absent = Field(
-        default=None, description="Known focal length; else EXIF where present, else estimated."
+        default=None, description="Known focal length; default: from EXIF if present, else estimated."
     )
     region: Annotated[str, AfterValidator(_checked_region)] | Absent = Field(
         default=None,
-        description="JSON [[x, y], ...] of 3 to 200 points, pixels of the upright-by-EXIF photo: polygon "
-        "round the page text, for guided text identification.",
+        description="JSON [[x, y], ...] of 3 to 200 points, pixels of the photo after its EXIF rotation: polygon "
+        "around the page's text, to guide text identification.",
         json_schema_extra={"contentMediaType": "application/json", "pattern": REGION_PATTERN},
     )
     illumination: Illumination = "keep"
     crop: Crop = Field(
         default="sheet",
-        description="What the view shows: the sheet cut at its edges, the text with margins, or all of the photo that "
-        "lies near the text.",
+        description="Content of the view: the sheet cut at its edges, the text with margins, or all of the photo "
+        "near the text.",
     )
     pages: Pages = Field(
         default="main",
-        description="Of an opened book: the page that the photo is about, or both, left before right; the answer is "
-        "then a list of pages, even if there is only one.",
+        description="For an open book: the main page of the photo, or both pages, left before right. With `both` the "
+        "response is a list of pages, even for one page.",
     )
     format: AskedPagesFormat = None
     quality: Quality = None
     embed: Embed = False
 
     def parameters(self) -> RectifyParameters:
-        """The options of the rectification itself, without those of the answer's format."""
+        """The options of the rectification, without those of the response format."""
         return RectifyParameters(
             kind=self.kind,
             upright=self.upright,
@@ -106,7 +106,7 @@ Direction = tuple[float, float, float]
 
 
 class Evidence(Answer):
-    """Why the page was taken for planar or curved, and what showed its shape."""
+    """Evidence for the decision between planar and curved, and for the shape."""
 
     major_convergence: float | None = Field(
         description="S3/S1 of the text lines' flow; null: too few samples."
@@ -114,23 +114,23 @@ class Evidence(Answer):
     minor_convergence: float | None = Field(description="S3/S1 of the strokes' flow; null: too few samples.")
     text_area_fraction: float = Field(ge=0, le=1, description="Share of the photo that is text.")
     source: list[Literal["text", "outline", "rules"]] = Field(
-        description="What decided the shape: the text, the sheet's edges, straight print that is no text."
+        description="Sources of the shape: text, the sheet's edges, straight lines of print other than text."
     )
     outline_confidence: float | None = Field(
-        ge=0, le=1, description="Of the sheet's edges; null: none were found."
+        ge=0, le=1, description="Confidence of the sheet's edges; null: none were found."
     )
-    sides_seen: int = Field(ge=0, le=4, description="Sides of the sheet of which an edge is seen.")
+    sides_seen: int = Field(ge=0, le=4, description="Number of sides of the sheet with a visible edge.")
 
 
 class Camera(Answer):
-    """The camera as known or estimated."""
+    """The camera, known or estimated."""
 
     focal_length_px: float | None
-    field_of_view_deg: float | None = Field(description="Of the diagonal.")
+    field_of_view_deg: float | None = Field(description="Along the diagonal.")
     source: Literal["estimated", "exif", "given", "assumed"]
     principal_point: Point | None = Field(description="Photo pixels.")
     principal_point_source: Literal["centre", "estimated"] = Field(
-        description="The photo's centre, or, of a cropped photo, where the page shows it to be."
+        description="The photo's centre, or, for a cropped photo, estimated from the page."
     )
 
 
@@ -142,7 +142,7 @@ class Plane(Answer):
 
 
 class Ruling(Answer):
-    """One straight line on a curved page."""
+    """Straight line on a curved page."""
 
     point: Point
     angle_deg: float
@@ -150,7 +150,7 @@ class Ruling(Answer):
 
 
 class Strips(Answer):
-    """A curved page, as planar strips between rulings."""
+    """A curved page as planar strips between rulings."""
 
     type: Literal["strips"] = "strips"
     normals: list[Direction]
@@ -158,19 +158,17 @@ class Strips(Answer):
 
 
 class CreasedSheet(Answer):
-    """A creased page, as a mesh whose nodes lie regularly on the flat sheet."""
+    """A creased page as a mesh with a regular grid of nodes on the flat sheet."""
 
     type: Literal["mesh"] = "mesh"
-    rows: int = Field(ge=2, description="Of nodes.")
+    rows: int = Field(ge=2, description="Rows of nodes.")
     columns: int = Field(ge=2)
-    points: list[list[Point]] = Field(description="The photo's point of every node.")
+    points: list[list[Point]] = Field(description="Photo point of every node.")
     normals: list[list[Direction]] = Field(description="Unit normal of every cell, camera frame.")
 
 
 class Mesh(Answer):
-    """`source[r][c]` is the photo's point that is shown at output pixel
-    (c (width-1)/(columns-1), r (height-1)/(rows-1)).
-    """
+    """`source[r][c]` is the photo point shown at output pixel (c (width-1)/(columns-1), r (height-1)/(rows-1))."""
 
     rows: int = Field(ge=2)
     columns: int = Field(ge=2)
@@ -190,12 +188,12 @@ class RectifyResult(Answer):
     mesh: Mesh
     warnings: list[Warning]
     timings_ms: dict[str, float]
-    image: str | None = Field(default=None, description="base64, if `embed` was asked for.")
+    image: str | None = Field(default=None, description="base64, if `embed` was set.")
 
 
 class PagesResult(Answer):
     """The flat views of all pages of one photo, in reading order (left before right)."""
 
     pages: list[RectifyResult] = Field(min_length=1)
-    warnings: list[Warning] = Field(description="About all pages together; each page has its own.")
-    timings_ms: dict[str, float] = Field(description="Of the whole work; each page has its own stages.")
+    warnings: list[Warning] = Field(description="About all pages together; each page also has its own.")
+    timings_ms: dict[str, float] = Field(description="Stages of the whole work; each page also has its own.")

@@ -15,11 +15,11 @@ TYPICAL_FOCAL_LENGTH = 28.0 / FULL_FRAME_DIAGONAL_MM
 
 @dataclass(frozen=True, slots=True)
 class PrincipalPointPrior:
-    """Where the principal point lies in centred coordinates, as far as it is known, and where a fit begins.
+    """Prior on the principal point in centred coordinates, and the initial value of a fit.
 
-    `deviations` (x, y) from the `mean` are standard deviations; an axis with a tiny one is held. Where `half_size` is
-    given, half the photo's width and height in the same units, the focal length is known as a multiple of the diagonal
-    that the photo had before it was cropped on one side of each axis.
+    `deviations` (x, y) from the `mean` are standard deviations; a tiny one fixes the axis. With `half_size` (half the
+    photo's width and height in the same units), the focal length is known as a multiple of the diagonal of the original
+    photo, before it was cropped on one side of each axis.
     """
 
     deviations: tuple[float, float]
@@ -45,7 +45,7 @@ def field_of_view(focal_length_px: float, width: int, height: int) -> float:
 def focal_length_from_vanishing_points(v_h: Floats, v_v: Floats) -> float | None:
     """f = sqrt(-v_h . v_v) for the vanishing points of two orthogonal directions (3.2.3).
 
-    The points are homogeneous (3,), relative to the principal point. None where f cannot be solved for:
+    The points are homogeneous (3,), relative to the principal point. None if there is no solution:
     a point at infinity, or v_h . v_v > 0 (noise).
     """
     third = v_h[2] * v_v[2]
@@ -68,7 +68,7 @@ def rotation_from_vector(vector: Floats) -> Floats:
 def rotation_from_flows(v_h: Floats, v_v: Floats, focal_length: float) -> Floats:
     """Rotation (3, 3) with columns V_h, V_v, N: the page's axes in the camera frame (Equation 3.1).
 
-    Noise leaves V_h and V_v not quite orthogonal; the nearest rotation shares the error between the two.
+    With noise V_h and V_v are not exactly orthogonal; the nearest rotation distributes the error over both.
     The signs are chosen so that the page faces the camera (N_z > 0) and V_h points to the right.
     """
     V_h = v_h * np.array([1.0, 1.0, focal_length])

@@ -6,7 +6,7 @@ from services.arrays import Floats, Homography, Points, Vector
 
 
 def transform_points(H: Homography, points: Points) -> Points:
-    """Points (N, 2) mapped by `H`; points on its vanishing line come out infinite."""
+    """Points (N, 2) mapped by `H`; points on its vanishing line become infinite."""
     p = np.asarray(points, np.float64)
     w = p[:, 0] * H[2, 0] + p[:, 1] * H[2, 1] + H[2, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -35,10 +35,10 @@ def scaling(s: float) -> Homography:
 
 
 def resizing(factor: float) -> Homography:
-    """From an image to the same image resized by `factor`: pixel centres map to (x + 0.5) factor - 0.5."""
+    """Homography from an image to the image resized by `factor`: pixel centres map to (x + 0.5) factor - 0.5."""
     return np.array([[factor, 0.0, 0.5 * factor - 0.5], [0.0, factor, 0.5 * factor - 0.5], [0.0, 0.0, 1.0]])
 
 
 def denominators(H: Homography, points: Points) -> Vector:
-    """Third homogeneous coordinate (N,) of the mapped points; its sign tells the side of the vanishing line."""
+    """Third homogeneous coordinate (N,) of the mapped points; its sign is the side of the vanishing line."""
     return np.asarray(points @ H[2, :2] + H[2, 2])

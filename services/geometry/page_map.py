@@ -1,4 +1,4 @@
-"""What every model of the page's shape offers: the way between the flat page and the photo."""
+"""Interface of page models: the map between the flat page and the photo."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -17,7 +17,7 @@ class PageMap(Protocol):
     """
 
     def to_photo(self, page: Points) -> Points:
-        """Photo points (N, 2) of page points (N, 2); NaN where the page cannot be seen or the model ends."""
+        """Photo points (N, 2) of page points (N, 2); NaN where the page is not visible or the model ends."""
         ...
 
     def to_page(self, centred: Points) -> Points:

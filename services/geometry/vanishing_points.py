@@ -1,4 +1,4 @@
-"""Vanishing points of direction samples, robustly (dissertation 3.2.2, 3.2.3)."""
+"""Robust estimation of vanishing points from direction samples (dissertation 3.2.2, 3.2.3)."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from services.robust import cauchy_weights, robust_scale
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VanishingPoint:
-    """A vanishing point, and how well the samples meet in it.
+    """A vanishing point, and how exactly the samples converge there.
 
     `direction` (3,) is the unit homogeneous point in centred, scaled coordinates (x / unit, y / unit, 1);
     a zero third coordinate is a point at infinity. `convergence` is S3/S1 of the inliers' tangent lines (3.2.2),
@@ -57,10 +57,10 @@ def estimate_vanishing_point(
 ) -> VanishingPoint:
     """Vanishing point of samples at `points` (N, 2), centred and scaled to about unit size.
 
-    The point at infinity in the mean direction starts: it stands three tenths of wild directions, where algebraic
-    least squares over all lines are drawn into the middle of the photo, which every line passes closely. Then the
-    angles themselves are minimised by reweighting: each line is divided by its distance to the point (Sampson's
-    weight) and Cauchy's loss, whose scale follows the residuals (never below `floor_rad`), takes the outliers.
+    The initial value is the point at infinity in the mean direction. It tolerates 30 % of random directions. Algebraic
+    least squares over all lines would instead be biased to the middle of the photo, because every line passes near it.
+    Then the angles are minimised by reweighting: each line is divided by its distance to the point (Sampson's weight),
+    and outliers get the weights of a Cauchy loss, whose scale follows the residuals (never below `floor_rad`).
     """
     lines = tangent_lines(points, angles)
     w = weights / max(float(weights.sum()), 1e-12)

@@ -1,20 +1,18 @@
-"""Bytes -> RGB pixels and back: the only place in the project that decodes or encodes an image.
+"""Decoding of images to RGB pixels, and encoding: the only module that does either.
 
-Decoding goes through gates, each judged from the header before a pixel is decoded: the type (Pillow's own
-header checks are the authority, for the accepted formats alone), bytes, structure and EXIF size
-(`containers`), pixels. Then one decoder per format: libjpeg-turbo by `simplejpeg` for JPEG (12 MP in a third
-of Pillow's time; and it tells of damage, which Pillow and OpenCV paint over), libheif for HEIC, Pillow for
-the rest and for JPEGs in CMYK.
+Decoding starts with checks of the header, before any pixel is decoded: the type (by Pillow's header checks, for the
+accepted formats only), bytes, structure and EXIF size (`containers`), pixels. Each format then has one decoder:
+libjpeg-turbo by `simplejpeg` for JPEG (12 MP in a third of Pillow's time, and it reports damage that Pillow and OpenCV
+hide), libheif for HEIC, Pillow for the rest and for JPEGs in CMYK.
 
-Damage is refused, not shown: truncated files of every format, JPEGs in which the decoder lost its place,
-PNGs whose checksums do not match. JPEG and WebP carry no checksum: damage that leaves a valid stream gives
-the picture that every viewer shows, always the same.
+Damaged files are refused: truncated files of every format, JPEGs whose decoder lost synchronization, PNGs with wrong
+checksums. JPEG and WebP have no checksum, so damage that leaves a valid stream gives the same picture as in any viewer.
 
-Colour: an RGB ICC profile (every iPhone's photos carry Display P3) is not applied but handed on, to be
-embedded in what is encoded: exact, and free. CMYK is converted by the plain formula, without its profile,
-and other profiles are dropped.
+Colour: an RGB ICC profile (iPhone photos have Display P3) is not applied but returned, and embedded again by the
+encoder: this is exact and costs no time. CMYK is converted by the plain formula, without its profile. Other profiles
+are dropped.
 
-Output carries pixels, resolution and colour profile: no EXIF, no XMP, no GPS position.
+Encoded files contain pixels, resolution and colour profile: no EXIF, no XMP, no GPS position.
 """
 
 import io
@@ -49,9 +47,9 @@ UploadFormat = Literal["jpeg", "png", "webp", "tiff", "heic"]
 OutputFormat = Literal["jpeg", "png", "webp", "tiff", "pdf"]
 
 DEFAULT_DPI = 300.0
-"""Resolution of what is encoded where the upload's is unknown: A4 from a 9 MP view of the page."""
+"""Resolution of encoded files if that of the upload is unknown: A4 from a 9 MP view of the page."""
 DEFAULT_QUALITY = 90
-"""Of JPEG, WebP and PDF: a photographed page of 12 MP takes 3 MB, a quarter of PNG's."""
+"""Quality of JPEG, WebP and PDF: a photographed page of 12 MP takes 3 MB, a quarter of PNG's size."""
 
 _PLUGINS: tuple[tuple[UploadFormat, str], ...] = (
     ("jpeg", JpegImagePlugin.JpegImageFile.format),
@@ -61,18 +59,18 @@ _PLUGINS: tuple[tuple[UploadFormat, str], ...] = (
     ("heic", "HEIF"),
 )
 _DAMAGE = ("premature end", "bad huffman", "bad arithmetic", "found marker")
-"""What libjpeg-turbo says when data is missing or made no sense; its other warnings are harmless."""
+"""Messages of libjpeg-turbo for missing or invalid data; its other warnings are harmless."""
 _BAND_PIXELS = 262_144
-"""Pixels converted at a time: 1 MiB of Pillow's RGBX stays in the cache (3 times faster than at once)."""
+"""Pixels converted at a time: 1 MiB of Pillow's RGBX stays in the cache (3 times faster than all at once)."""
 _MOST_PROFILE_BYTES = 1_048_576
 _FULL_CHROMA_QUALITY = 90
-"""From here on JPEG keeps chroma at full resolution: coloured print stays sharp for 10 % more bytes."""
+"""Quality from which JPEG keeps chroma at full resolution: coloured print stays sharp for 10 % more bytes."""
 _LOSSLESS_QUALITY = 100
 _LONGEST_SIDE_PX = {"jpeg": 65_500, "webp": 16_383, "png": 2**31 - 1, "tiff": 2**31 - 1, "pdf": 65_500}
 
-# The limits are ours and come with every call; Pillow's own is one number for the whole process.
+# The limits come with every call; Pillow's own limit is one number for the whole process.
 Image.MAX_IMAGE_PIXELS = None
-# One thread: the engine gives every core a worker of its own. Only the primary image is of interest.
+# One thread, because every core has its own worker. Only the primary image is used.
 pillow_heif.register_heif_opener(thumbnails=False, depth_images=False, aux_images=False, decode_threads=1)
 
 
@@ -80,9 +78,9 @@ pillow_heif.register_heif_opener(thumbnails=False, depth_images=False, aux_image
 class DecodedImage:
     """A decoded upload.
 
-    `pixels` is (H, W, 3) RGB uint8 with EXIF orientation applied, and owned by the caller;
-    `focal_length_px` is EXIF's in these pixels; `dpi` the resolution of a scan; `icc_profile` the
-    profile of the pixels. Each None where unknown.
+    `pixels` is (H, W, 3) RGB uint8 with EXIF orientation applied, and owned by the caller. `focal_length_px` is the
+    focal length by EXIF in these pixels; `dpi` the resolution of a scan; `icc_profile` the profile of the pixels. Each
+    is None if unknown.
     """
 
     pixels: RgbImage
@@ -93,19 +91,25 @@ class DecodedImage:
 
 
 def decode_image(data: bytes, limits: ImageLimits, directory: int = 0) -> DecodedImage:
-    """Picture in an upload: JPEG, PNG, WebP, TIFF (first page) or HEIC; of animations the first frame.
+    """Image of an upload: JPEG, PNG, WebP, TIFF (first page) or HEIC; the first frame of an animation.
 
-    `directory` is that of another page of a TIFF file, as `containers.tiff_pages` has found and judged it.
+    Samples of 16 bits are scaled to 8, transparency is blended with white, gray and palettes become RGB.
 
-    16 bits a sample are scaled to 8, transparency is laid over white, gray and palettes become RGB.
+    Parameters
+    ----------
+    data
+        The file.
+    limits
+        Largest size of the file and of the image.
+    directory
+        Number of another page of a TIFF file, as checked by `containers.tiff_pages`.
 
     Raises
     ------
     UnsupportedMediaType
-        When the bytes are none of these formats, or hold samples that are no picture's (floating point,
-        32 bits, Lab).
+        When the file has none of these formats, or samples of another kind (floating point, 32 bits, Lab).
     TooLarge
-        When a limit is crossed; judged from the header.
+        When a limit is exceeded; checked in the header.
     UndecodableImage
         When the data is truncated or damaged.
     """
@@ -115,10 +119,10 @@ def decode_image(data: bytes, limits: ImageLimits, directory: int = 0) -> Decode
         if pixels is None:
             pixels = _decode_with_pillow(picture)
             if upload_format == "png" and not pixels[-1].any():
-                containers.check_png_rows(data)  # Pillow leaves missing rows black
+                containers.check_png_rows(data)  # Pillow fills missing rows with black
         profile = _rgb_profile(picture)
-    # TIFF's plugin turns the picture itself, and so does libheif, by the container's own boxes: these alone
-    # count in HEIC (ISO/IEC 23008-12), whose EXIF repeats them.
+    # Pillow's TIFF plugin applies the orientation. So does libheif, from the container's boxes: in HEIC only these
+    # count (ISO/IEC 23008-12), and EXIF repeats them.
     orientation = 1 if upload_format in ("tiff", "heic") else facts.orientation
     return DecodedImage(
         _apply_orientation(pixels, orientation),
@@ -130,7 +134,7 @@ def decode_image(data: bytes, limits: ImageLimits, directory: int = 0) -> Decode
 
 
 def count_pixels(data: bytes, limits: ImageLimits) -> int:
-    """Pixels that `decode_image` would make of `data`, told by its header; raises what that raises of it."""
+    """Number of pixels that `decode_image` would return, from the header; raises the same errors."""
     with _open_image(data, limits) as (picture, _):
         width, height = picture.size
         return int(width * height)
@@ -140,14 +144,14 @@ def count_pixels(data: bytes, limits: ImageLimits) -> int:
 def _open_image(
     data: bytes, limits: ImageLimits, directory: int = 0
 ) -> Iterator[tuple[Image.Image, UploadFormat]]:
-    """The picture behind its gates, opened and not yet decoded; damage found inside is `UndecodableImage`."""
+    """The checked, opened, not yet decoded image. Damage found inside the block raises `UndecodableImage`."""
     upload_format, plugin = detect_format(data)
     if len(data) > limits.max_bytes:
         raise TooLarge(f"The image has {len(data)} bytes; the limit is {limits.max_bytes}.")
     _check_container(data, upload_format, limits)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of damaged metadata, which does not matter here
+            warnings.simplefilter("ignore")  # about damaged metadata, which is not used here
             with Image.open(io.BytesIO(data), formats=[plugin]) as picture:
                 if directory:
                     picture.seek(directory)
@@ -157,22 +161,22 @@ def _open_image(
         raise
     except UnidentifiedImageError as error:
         raise UndecodableImage(
-            f"The header of the {upload_format.upper()} image is damaged, or tells of a kind of pixels "
+            f"The header of the {upload_format.upper()} image is damaged, or describes a kind of pixels "
             "that is not supported."
         ) from error
-    except Exception as error:  # a plugin raises whatever the damaged bytes made it stumble over
+    except Exception as error:  # plugins raise various exceptions on damaged bytes
         raise UndecodableImage(
             f"The {upload_format.upper()} image is truncated or damaged ({error})."
         ) from error
 
 
 def detect_format(data: bytes) -> tuple[UploadFormat, str]:
-    """Format by the header check of Pillow's plugin for it, and the plugin's name.
+    """Format of the data by the header checks of Pillow's plugins, and the plugin's name.
 
     Raises
     ------
     UnsupportedMediaType
-        When it is none that is accepted.
+        When it is not an accepted format.
     """
     for upload_format, plugin in _PLUGINS:
         accept = Image.OPEN[plugin][1]
@@ -193,18 +197,18 @@ def _check_container(data: bytes, upload_format: UploadFormat, limits: ImageLimi
         case "tiff":
             containers.check_tiff(data, limits.max_pixels)
         case "heic":
-            pass  # libheif bounds what it reads by limits of its own
+            pass  # libheif has its own limits
 
 
 def _check_header(picture: Image.Image, limits: ImageLimits) -> None:
-    """Judge an opened, not yet decoded picture: pixels, sides, metadata, kind of samples."""
+    """Check an opened, not yet decoded image: pixels, sides, metadata, kind of samples."""
     width, height = picture.size
     if width < 1 or height < 1:
         raise UndecodableImage("The image has no pixels.")
     containers.check_pixels(width, height, limits.max_pixels)
     if max(width, height) > limits.max_side_px:
         raise TooLarge(f"The image is {width} x {height} pixels; the limit is {limits.max_side_px} a side.")
-    for name in ("exif", "Raw profile type exif"):  # the latter is ImageMagick's way in PNG, in hexadecimal
+    for name in ("exif", "Raw profile type exif"):  # ImageMagick writes the latter in PNG, in hexadecimal
         containers.check_exif_size(len(picture.info.get(name) or b""), limits.max_exif_bytes)
     if picture.mode in ("F", "I", "LAB", "HSV"):
         raise UnsupportedMediaType(
@@ -214,7 +218,7 @@ def _check_header(picture: Image.Image, limits: ImageLimits) -> None:
 
 
 def _decode_jpeg(data: bytes, picture: Image.Image) -> RgbImage | None:
-    """Pixels (H, W, 3) by libjpeg-turbo, strictly; None for what Pillow shall decode (CMYK, oddities)."""
+    """Pixels (H, W, 3) by libjpeg-turbo in strict mode; None if Pillow must decode the image (for example CMYK)."""
     if picture.mode not in ("L", "RGB"):
         return None
     try:
@@ -230,7 +234,7 @@ def _decode_jpeg(data: bytes, picture: Image.Image) -> RgbImage | None:
 
 
 def _decode_with_pillow(picture: Image.Image) -> RgbImage:
-    """Pixels (H, W, 3) of a picture in any mode, converted band by band so that no second copy is held."""
+    """Pixels (H, W, 3) of an image in any mode, converted band by band to avoid a second copy."""
     picture.load()
     width, height = picture.size
     pixels = np.empty((height, width, 3), np.uint8)
@@ -244,7 +248,7 @@ def _decode_with_pillow(picture: Image.Image) -> RgbImage:
 
 
 def _band_to_rgb(band: Image.Image) -> RgbImage:
-    """(H, W, 3) of 8 bits; what is transparent shows white paper."""
+    """(H, W, 3) of 8 bits; transparent pixels become white."""
     if not band.has_transparency_data:
         return np.asarray(band if band.mode == "RGB" else band.convert("RGB"))
     rgba = np.asarray(band.convert("RGBA"))
@@ -255,10 +259,12 @@ def _band_to_rgb(band: Image.Image) -> RgbImage:
 
 
 def _full_scale_of_16_bit(picture: Image.Image) -> tuple[int, bool]:
-    """Value of white (or of black, when the second is true) in a gray picture of more than 8 bits."""
+    """Sample value of white (or of black, if the second is true) in a gray image of more than 8 bits."""
     tags = getattr(picture, "tag_v2", {})
-    bits = tags.get(258, (16,))[0]  # BitsPerSample: Pillow leaves 12 bits as they are
-    return (1 << bits) - 1, tags.get(262) == 0  # PhotometricInterpretation WhiteIsZero, left as it is too
+    bits = tags.get(258, (16,))[0]  # BitsPerSample: Pillow does not scale 12 bits
+    return (1 << bits) - 1, tags.get(
+        262
+    ) == 0  # PhotometricInterpretation WhiteIsZero, which Pillow does not apply
 
 
 def _gray16_to_rgb(band: Image.Image, full_scale: int, is_inverted: bool) -> RgbImage:
@@ -270,7 +276,7 @@ def _gray16_to_rgb(band: Image.Image, full_scale: int, is_inverted: bool) -> Rgb
 
 
 def _rgb_profile(picture: Image.Image) -> bytes | None:
-    """ICC profile that describes the RGB pixels as they come out, else None."""
+    """ICC profile of the returned RGB pixels, else None."""
     profile = picture.info.get("icc_profile")
     if not isinstance(profile, bytes) or not 128 <= len(profile) <= _MOST_PROFILE_BYTES:
         return None
@@ -279,7 +285,7 @@ def _rgb_profile(picture: Image.Image) -> bytes | None:
 
 
 def _apply_orientation(pixels: RgbImage, orientation: int) -> RgbImage:
-    """Upright picture from EXIF's orientation 1-8 (Exif 2.32, 4.6.4)."""
+    """Upright image, from EXIF's orientation 1-8 (Exif 2.32, 4.6.4)."""
     match orientation:
         case 2:
             pixels = np.asarray(cv2.flip(pixels, 1), np.uint8)
@@ -305,16 +311,25 @@ def encode_image(
     dpi: float | None = None,
     icc_profile: bytes | None = None,
 ) -> bytes:
-    """File in `output_format` of (H, W, 3) RGB or (H, W) gray pixels.
+    """File in `output_format` with (H, W, 3) RGB or (H, W) gray pixels.
 
-    `quality` 1-100 (default 90) applies to JPEG, WebP and PDF; a PDF of quality 100 is lossless. PNG and
-    TIFF (LZW) are lossless at their fastest. `dpi` (default 300) is written where the format has a place
-    for it; a PDF's page measures pixels / dpi inches.
+    Parameters
+    ----------
+    pixels
+        uint8.
+    output_format
+        PNG and TIFF (LZW) are lossless, with the fastest settings.
+    quality
+        1-100 (default 90), for JPEG, WebP and PDF. A PDF of quality 100 is lossless.
+    dpi
+        Resolution (default 300), if the format can store it. A PDF page measures pixels / dpi inches.
+    icc_profile
+        Colour profile to embed.
 
     Raises
     ------
     InvalidOption
-        When `quality` is out of its range, or the picture is too large for the format.
+        When `quality` is out of range, or the image is too large for the format.
     """
     if quality is not None and not 1 <= quality <= 100:
         raise InvalidOption(f"quality must be from 1 to 100, not {quality}.", "quality")
@@ -334,10 +349,10 @@ def encode_image(
         case "png":
             return _encode_png(picture, dpi, icc_profile)
         case "webp":
-            # Method 2 of 0-6: 12 MP in 0.3 CPU s (4, the default: 0.8), 3 % larger. WebP has no resolution.
+            # Method 2 of 0-6: 12 MP in 0.3 CPU s (the default, 4: 0.8 s), 3 % larger. WebP stores no resolution.
             return _save(picture, "WEBP", quality=quality, method=2, icc_profile=icc_profile)
         case "tiff":
-            # Predictor 2 (differences of neighbours) halves what LZW alone makes of a photo.
+            # Predictor 2 (differences of neighbours) halves the size of photos under LZW.
             return _save(
                 picture,
                 "TIFF",
@@ -361,7 +376,7 @@ def encode_image(
 
 
 def _encode_jpeg(picture: Image.Image, quality: int, dpi: float, icc_profile: bytes | None) -> bytes:
-    # Not optimized: a second pass over 12 MP costs 45 ms for 2-3 % fewer bytes.
+    # Not optimized: a second pass over 12 MP takes 45 ms and saves only 2-3 %.
     return _save(
         picture,
         "JPEG",

@@ -1,9 +1,8 @@
-"""What a file's structure says before any decoder touches it: the gates against costly headers.
+"""Checks of a file's structure before it is decoded, against headers that are expensive to read.
 
-Pillow reads headers in Python, piece by piece: millions of tiny segments, EXIF spread over hundreds of
-segments (each one copies all those before it), directories of millions of entries, or progressive JPEGs
-of a thousand scans cost minutes for a few megabytes. Each gate here is one linear walk that stops at the
-first excess. Limits are far above what any honest writer makes.
+Pillow reads headers in Python, piece by piece. Millions of tiny segments, EXIF in hundreds of segments (each copies all
+earlier ones), directories of millions of entries, or progressive JPEGs of a thousand scans cost minutes for a few
+megabytes. Each check here is one linear pass that stops at the first excess. The limits are far above real files.
 """
 
 import re
@@ -14,24 +13,24 @@ from dataclasses import dataclass
 from services.errors import TooLarge, UndecodableImage
 
 _MOST_SEGMENTS = 4096
-"""JPEG header segments or PNG chunks other than IDAT; extended XMP and ICC need a few hundred at most."""
+"""Largest number of JPEG header segments, or of PNG chunks other than IDAT. Extended XMP and ICC need a few hundred."""
 _MOST_SCANS = 32
-"""Scans of one JPEG; the usual progressive script has 10. Every scan costs a pass over all pixels."""
+"""Largest number of scans of a JPEG; the usual progressive script has 10. Every scan is a pass over all pixels."""
 _MOST_IDAT_CHUNKS = 262_144
-"""64 MP of 16-bit RGBA in chunks of 8 KiB (libpng's default) are 65,536."""
+"""Largest number of IDAT chunks: 64 MP of 16-bit RGBA in chunks of 8 KiB (libpng's default) are 65,536."""
 _MOST_DIRECTORY_ENTRIES = 1024
 _MOST_STRIPS = 262_144
 _MOST_VALUES = 1_048_576
-"""Values of one TIFF tag that holds numbers, strips apart: a colour map of 16 bits has 196,608."""
+"""Largest number of values of a numeric TIFF tag other than strips: a colour map of 16 bits has 196,608."""
 
 _MOST_ENTRIES, _MOST_BYTES = 262_144, 256 * 2**20
-"""Of all directories of a TIFF file together: Pillow reads each of them, with its values, to reach a later page.
+"""Limits of all directories of a TIFF file together, because Pillow reads each with its values to reach a later page.
 A thousand pages of 1200 strips have 20,000 entries and 10 MB of values."""
 _TIFF_BYTES = {3: 2, 4: 4, 5: 8, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 16: 8, 17: 8, 18: 8}
-"""Bytes of a value by its type, where they are more than one (TIFF 6.0, section 2; BigTIFF)."""
+"""Bytes of a value by its type, if more than one (TIFF 6.0, section 2; BigTIFF)."""
 
 _MOST_STRAY_BYTES = 65_536
-"""Fill and other bytes between a JPEG's header segments, which Pillow reads one at a time (0.3 us each)."""
+"""Largest number of bytes between a JPEG's header segments; Pillow reads them one at a time (0.3 us each)."""
 
 _INFLATED_AT_ONCE = 1_048_576
 _ADAM7_PASSES = (
@@ -44,14 +43,14 @@ _ADAM7_PASSES = (
     (0, 1, 1, 2),
 )
 """First column and row, and steps right and down, of each pass of an interlaced PNG (8.2)."""
-
+"""First column and row, and column and row steps, of each pass of an interlaced PNG (8.2)."""
 _JPEG_MARKER = re.compile(rb"\xff[\x02-\xcf\xd8-\xfe]")
-"""Next marker; byte stuffing (FF 00), fill (FF FF), TEM and the restart markers (D0-D7) carry no segment."""
+"""Next marker. Byte stuffing (FF 00), fill (FF FF), TEM and the restart markers (D0-D7) have no segment."""
 
 
 @dataclass(frozen=True, slots=True)
 class TiffPage:
-    """A page of a TIFF file: the number of its directory, from 0, and its pixels."""
+    """A page of a TIFF file: the number of its directory, from 0, and its size in pixels."""
 
     directory: int
     width: int
@@ -75,19 +74,19 @@ class _TiffLayout:
 
 
 def check_jpeg(data: bytes, max_exif_bytes: int) -> None:
-    """Judge the segments and scans of the first image in a JPEG file.
+    """Check the segments and scans of the first image in a JPEG file.
 
     Raises
     ------
     TooLarge
-        When its EXIF segments together hold more than `max_exif_bytes`.
+        When its EXIF segments together have more than `max_exif_bytes`.
     UndecodableImage
-        When it has more segments, scans or stray bytes than any writer makes.
+        When it has more segments, scans or stray bytes than real files.
     """
     position, segments, scans, exif_bytes, stray_bytes = 2, 0, 0, 0, 0
     while found := _JPEG_MARKER.search(data, position):
         start, marker = found.start(), data[found.start() + 1]
-        if marker == 0xD9:  # EOI: what follows (previews, motion photos) belongs to no decoder here
+        if marker == 0xD9:  # EOI: later data (previews, motion photos) is not decoded
             return
         if marker == 0xD8:
             position = start + 2
@@ -108,15 +107,15 @@ def check_jpeg(data: bytes, max_exif_bytes: int) -> None:
 
 
 def check_png(data: bytes, max_exif_bytes: int) -> None:
-    """Judge the chunks of a PNG file: their number, their checksums, and that the last one is there.
+    """Check the chunks of a PNG file: their number, their checksums, and the presence of the last one.
 
     Raises
     ------
     TooLarge
         When the eXIf chunk is larger than `max_exif_bytes`.
     UndecodableImage
-        When the file is cut short, a critical chunk's CRC is wrong (Pillow does not check IDAT's), or
-        it has more chunks than any writer makes.
+        When the file is truncated, the CRC of a critical chunk is wrong (Pillow does not check IDAT), or the file has
+        more chunks than real files.
     """
     view = memoryview(data)
     position, others, pixel_chunks = 8, 0, 0
@@ -147,8 +146,7 @@ def check_png(data: bytes, max_exif_bytes: int) -> None:
 def check_png_rows(data: bytes) -> None:
     """Raise `UndecodableImage` when a PNG that `check_png` passed holds fewer rows than its header says.
 
-    Costs as much as inflating its data (0.1 s for 12 MP), hence for files of which a decoder shows
-    nothing in the last row.
+    It inflates all data (0.1 s for 12 MP), so it is used only if the decoder left the last row empty.
     """
     width, height, depth, colour_type, _, _, is_interlaced = struct.unpack_from(">IIBBBBB", data, 16)
     bits = depth * {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[colour_type]
@@ -173,14 +171,14 @@ def check_png_rows(data: bytes) -> None:
 
 
 def check_webp(data: bytes, max_pixels: int) -> None:
-    """Judge the canvas of a WebP file, whose decoder takes memory for two of them when it is only opened.
+    """Check the canvas of a WebP file. Opening the file alone takes memory for two canvases.
 
     Raises
     ------
     TooLarge
         When the canvas has more than `max_pixels` pixels.
     UndecodableImage
-        When the header holds no size.
+        When the header contains no size.
     """
     kind, width, height = data[12:16], 0, 0
     if kind == b"VP8X" and len(data) >= 30:  # two sizes less one, 24 bits each
@@ -196,16 +194,15 @@ def check_webp(data: bytes, max_pixels: int) -> None:
 
 
 def check_tiff(data: bytes, max_pixels: int) -> None:
-    """Judge the first directory of a TIFF or BigTIFF file.
+    """Check the first directory of a TIFF or BigTIFF file.
 
     Raises
     ------
     UndecodableImage
-        When the directory lies outside of the file, or has more entries, strips or values than any
-        writer makes.
+        When the directory lies outside of the file, or has more entries, strips or values than real files.
     TooLarge
-        When one tile has more than `max_pixels` pixels (a decoder holds a whole tile, however small
-        the picture).
+        When one tile has more than `max_pixels` pixels: a decoder needs memory for a whole tile even for a smaller
+        image.
     """
     try:
         entries, _ = _tiff_directory(data, *_tiff_start(data))
@@ -215,7 +212,7 @@ def check_tiff(data: bytes, max_pixels: int) -> None:
 
 
 def tiff_pages(data: bytes, max_pixels: int, most: int) -> list[TiffPage]:
-    """The pages of a TIFF or BigTIFF file in their order, `most` at most; masks and reduced views are none.
+    """The pages of a TIFF or BigTIFF file in their order, at most `most`, without masks and reduced views.
 
     Raises what `check_tiff` raises, of every directory up to the last page, and what `check_pixels` raises.
     """
@@ -249,7 +246,7 @@ def tiff_pages(data: bytes, max_pixels: int, most: int) -> list[TiffPage]:
 def _check_tiff_entries(entries: list[tuple[int, int, int, int]], max_pixels: int) -> None:
     tile_width, tile_height = 1, 1
     for tag, kind, count, value in entries:
-        is_bytes = kind in (1, 2, 6, 7)  # BYTE, ASCII, SBYTE, UNDEFINED: Pillow keeps them as they are
+        is_bytes = kind in (1, 2, 6, 7)  # BYTE, ASCII, SBYTE, UNDEFINED: Pillow does not convert them
         if (tag in (273, 279, 324, 325) and count > _MOST_STRIPS) or (not is_bytes and count > _MOST_VALUES):
             raise UndecodableImage(
                 f"The TIFF file's tag {tag} has {count} values, more than any writer makes."
@@ -262,7 +259,7 @@ def _check_tiff_entries(entries: list[tuple[int, int, int, int]], max_pixels: in
 
 
 def _tiff_start(data: bytes) -> tuple[_TiffLayout, int]:
-    """How numbers are written, and where the first directory is (TIFF 6.0, section 2)."""
+    """Byte order and offset size, and the position of the first directory (TIFF 6.0, section 2)."""
     layout = _TiffLayout("<" if data[:2] == b"II" else ">", 43 in data[2:4])
     (offset,) = struct.unpack_from(layout.order + layout.offset, data, 8 if layout.is_big else 4)
     return layout, int(offset)
@@ -271,7 +268,7 @@ def _tiff_start(data: bytes) -> tuple[_TiffLayout, int]:
 def _tiff_directory(
     data: bytes, layout: _TiffLayout, offset: int
 ) -> tuple[list[tuple[int, int, int, int]], int]:
-    """(tag, type, count, inline value) of a directory's entries, and where the next one is (0: there is none)."""
+    """(tag, type, count, inline value) of a directory's entries, and the position of the next one (0: none)."""
     order, is_big = layout.order, layout.is_big
     if offset > len(data):
         raise struct.error("directory outside of the file")
@@ -287,7 +284,7 @@ def _tiff_directory(
         entries.append((tag, kind, values, struct.unpack_from(order + letter, field)[0]))
         offset += entry.size
     following = data[offset : offset + layout.offset_bytes]
-    # What ends with its only directory has no place for a next one.
+    # A file that ends with its only directory has no offset of a next one.
     return entries, int.from_bytes(following, "little" if order == "<" else "big")
 
 

@@ -1,4 +1,4 @@
-"""What EXIF says about the camera: orientation, focal length, resolution. Advice, never an error."""
+"""Camera data from EXIF: orientation, focal length, resolution. Invalid data is ignored, never an error."""
 
 import math
 from collections.abc import Mapping
@@ -12,27 +12,27 @@ _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 """FocalPlaneResolutionUnit: inch, cm, mm, um."""
 _SHORTEST_DIAGONALS, _LONGEST_DIAGONALS = 0.2, 20.0
-"""Focal lengths believed, in image diagonals: a field of view of 136 to 2.9 degrees."""
+"""Range of accepted focal lengths in image diagonals: fields of view of 136 to 2.9 degrees."""
 _ASPECT_TOLERANCE = 0.01
-"""Sizes whose ratios differ by less are those of one picture, reduced."""
+"""Sizes whose aspect ratios differ by less belong to one image, reduced or not."""
 _LOWEST_DPI, _HIGHEST_DPI = 100.0, 2400.0
-"""Resolutions believed: below lie the placeholders of cameras and editors (1, 72, 96)."""
+"""Range of accepted resolutions. Cameras and editors write placeholders below it (1, 72, 96)."""
 
 
 class DiagonalFocalLength(float):
-    """A focal length in pixels that was told as a multiple of the picture's diagonal, as it is now.
+    """Focal length in pixels, known only as a multiple of the image's present diagonal.
 
-    If the picture was cropped, the focal length is longer by as much as its diagonal was.
+    If the image was cropped, the true focal length is larger by the ratio of the original to the present diagonal.
     """
 
 
 @dataclass(frozen=True, slots=True)
 class CameraFacts:
-    """What the metadata tells about a picture.
+    """Data about the camera from an image's metadata.
 
-    `orientation` is EXIF's 1-8; `focal_length_px` in pixels of the picture, None where unknown, a
-    `DiagonalFocalLength` where cropping would have changed it; `dpi`
-    is pixels per inch of the paper, None where unknown (always so for a camera's photo).
+    `orientation` is EXIF's 1-8. `focal_length_px` is in pixels of the image, None if unknown, and a
+    `DiagonalFocalLength` if cropping would change it. `dpi` is pixels per inch of paper, None if unknown (always so for
+    a camera's photo).
     """
 
     orientation: int
@@ -41,12 +41,12 @@ class CameraFacts:
 
 
 def read_camera_facts(picture: Image.Image) -> CameraFacts:
-    """Facts from the metadata of an opened, not yet decoded picture; whatever cannot be read is unknown."""
+    """Camera data of an opened, not yet decoded image; unreadable values are unknown."""
     try:
         exif = picture.getexif()
         orientation = exif.get(ExifTags.Base.Orientation, 1)
         camera = exif.get_ifd(ExifTags.IFD.Exif)
-    except Exception:  # a damaged block makes Pillow raise nearly anything; the picture does not need it
+    except Exception:  # Pillow raises various exceptions on a damaged block, which is not needed
         orientation, camera = 1, {}
     is_photo = any(tag in camera for tag in (ExifTags.Base.FocalLength, ExifTags.Base.ExposureTime))
     return CameraFacts(
@@ -59,10 +59,10 @@ def read_camera_facts(picture: Image.Image) -> CameraFacts:
 def focal_length_px(camera: Mapping[int, Any], width: int, height: int) -> float | None:
     """Focal length in pixels of a (height, width) picture, from the tags of its Exif directory.
 
-    FocalLengthIn35mmFilm f35 first: f = f35 / 43.2666 mm times the picture's diagonal. Else FocalLength
-    times FocalPlaneXResolution (pixels per unit in the picture as it was taken, whose size PixelXDimension
-    and PixelYDimension tell). Where that size has another aspect ratio, the picture was cropped from it.
-    None where neither is there, or the field of view would be absurd.
+    FocalLengthIn35mmFilm f35 is used first: f = f35 / 43.2666 mm times the image's diagonal. Else it is FocalLength
+    times FocalPlaneXResolution (pixels per unit in the original image, whose size is in PixelXDimension and
+    PixelYDimension). If that size has another aspect ratio, the image was cropped from it. None if both are missing, or
+    if the field of view is implausible.
     """
     diagonal = math.hypot(width, height)
     found = _positive(camera.get(ExifTags.Base.FocalLengthIn35mmFilm))
@@ -77,7 +77,7 @@ def focal_length_px(camera: Mapping[int, Any], width: int, height: int) -> float
         if focal_mm is None or resolution is None or unit_mm is None:
             return None
         sizes = [camera.get(tag) for tag in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)]
-        # Long sides are compared, since an editor may have turned the picture and left the sizes.
+        # Long sides are compared, because an editor may rotate an image without changing the stored sizes.
         full_long_side = max(_positive(size) or 0.0 for size in sizes) or max(width, height)
         reduction = 1.0 if full_diagonal else max(width, height) / full_long_side
         focal = focal_mm * resolution / unit_mm * reduction
@@ -85,17 +85,17 @@ def focal_length_px(camera: Mapping[int, Any], width: int, height: int) -> float
 
 
 def _diagonal_before_cropping(camera: Mapping[int, Any], width: int, height: int) -> float | None:
-    """Diagonal in pixels of the picture as it was taken, where its size shows that it was cropped since."""
+    """Diagonal of the original image in pixels, if its stored size shows that the image was cropped; else None."""
     sizes = [
         _positive(camera.get(tag)) for tag in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)
     ]
     if sizes[0] is None or sizes[1] is None:
         return None
-    # Long sides are compared, since an editor may have turned the picture and left the sizes.
+    # Long sides are compared, because an editor may rotate an image without changing the stored sizes.
     long, short = max(sizes[0], sizes[1]), min(sizes[0], sizes[1])
     now_long, now_short = max(width, height), min(width, height)
     same_aspect = abs(long / short * now_short / now_long - 1) < _ASPECT_TOLERANCE
-    # A crop that was also enlarged or reduced tells nothing.
+    # After a crop with enlargement or reduction the original size is unknown.
     is_crop = (now_long, now_short) != (long, short) and now_long <= long and now_short <= short
     return math.hypot(long, short) if is_crop and not same_aspect else None
 
@@ -110,7 +110,7 @@ def _positive(value: Any) -> float | None:
 
 
 def _believable_dpi(value: Any) -> float | None:
-    """Resolution of a (horizontal, vertical) pair, when both agree within 1 % and a scanner could have it."""
+    """Resolution of a (horizontal, vertical) pair, if both agree within 1 % and are plausible for a scanner."""
     if not isinstance(value, tuple) or len(value) != 2:
         return None
     horizontal, vertical = _positive(value[0]), _positive(value[1])

@@ -1,4 +1,4 @@
-"""Uneven light: its estimate, its removal for analysis, and its evening-out for the eye."""
+"""Uneven illumination: its estimation, its removal for analysis, and its removal for display."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,29 +10,29 @@ from services.arrays import GrayImage, Mask, RgbImage
 
 _NEIGHBOURS = tuple((rows, columns) for rows in range(3) for columns in range(3))
 _BAND_PIXELS = 1 << 20
-"""Full-resolution passes work on row bands of about this many pixels, so that memory stays bounded."""
+"""Full-resolution passes process row bands of about this many pixels, to limit memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class BackgroundParameters:
-    """How the background of a page is told from what is printed on it.
+    """Separation of a page's background from its print.
 
     Windows are fractions of the image's long side, or multiples of the text height where that is known.
     """
 
     working_long_side_px: int = 400
-    """Size of the copy on which windows are run; light varies slowly, so more only costs time."""
+    """Size of the copy for the filters; light varies slowly, so a larger copy only takes more time."""
     closing_fraction: float = 1 / 45
-    """Closing window, which must be wider than the widest stroke (6 mm on an A4 page)."""
+    """Closing window: wider than the widest stroke (6 mm on an A4 page)."""
     median_fraction: float = 1 / 16
-    """Median window, which must be wider than a word's leftovers and narrower than a shadow."""
+    """Median window: wider than the residue of a word, narrower than a shadow."""
     closing_text_heights: float = 1.0
-    """Closing window where the text height is given; strokes are at most about half of it."""
+    """Closing window if the text height is given; strokes are at most about half of it."""
     median_text_heights: float = 5.0
-    """Median window where the text height is given."""
+    """Median window if the text height is given."""
     largest_gain: float = 6.0
-    """No place is brightened by more than this against the brightest background: a dark desk or a
-    picture keeps its noise low, while a cast shadow (about a third of the light) is removed whole."""
+    """Largest gain relative to the brightest background. It limits the noise of a dark desk or a picture, while a cast
+    shadow (about a third of the light) is removed completely."""
 
 
 def estimate_background(
@@ -40,16 +40,15 @@ def estimate_background(
     text_height_px: float | None = None,
     parameters: BackgroundParameters = BackgroundParameters(),
 ) -> GrayImage:
-    """Brightness that the bare page would have at every pixel of `gray` (H, W) uint8.
+    """Brightness of the bare page at every pixel of `gray`.
 
-    A closing by a window wider than the strokes removes print, without the bias that a dilation has on a
-    slope; a large median removes what is left, and keeps the edge of a cast shadow where it is. Both run
-    on a reduced copy.
+    A closing with a window wider than strokes removes print, without the bias of a dilation on a slope. A large median
+    filter removes the rest, and keeps the edge of a cast shadow in place. Both run on a reduced copy.
 
     Parameters
     ----------
     gray : (H, W) uint8
-    text_height_px : height of the text (x-height plus ascender) in pixels of `gray`, where it is known.
+    text_height_px : height of the text (x-height plus ascender) in pixels of `gray`, if known.
 
     Returns
     -------
@@ -66,8 +65,8 @@ def flatten_illumination(
 ) -> NDArray[np.uint8]:
     """`image`, (H, W) or (H, W, 3) RGB uint8, divided by its background: bare paper becomes 255.
 
-    All channels of a colour image take the gain of its luminance, so that hues stay. Meant for analysis and
-    OCR (`normalize_illumination` is for the eye). Returns a new array of the same shape.
+    All channels of a colour image get the gain of the luminance, which keeps hues. For analysis and OCR; for display
+    use `normalize_illumination`. Returns a new array of the same shape.
     """
     gray = image if image.ndim == 2 else _luminance(image)
     small = _small_background(gray, text_height_px, parameters)
@@ -97,7 +96,7 @@ def _row_bands(height: int, width: int) -> list[slice]:
 
 
 def _reduce(image: NDArray[np.uint8], long_side_px: int) -> tuple[NDArray[np.uint8], float]:
-    """Copy of `image` with at most the given long side, by area averages, and the factor taken."""
+    """Copy of `image` with at most the given long side, by area averages, and the scale factor."""
     height, width = image.shape[:2]
     factor = min(1.0, long_side_px / max(height, width))
     if factor == 1.0:

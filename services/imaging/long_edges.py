@@ -1,8 +1,8 @@
-"""Long edges in a picture: steps of brightness that run straight, or slightly bent, down a text and on beyond its ends.
+"""Long edges in an image: steps of brightness along straight or slightly curved lines that extend beyond the text.
 
-Edges of sheets, of the pages in a stack, and gutters are such; rules, frames and pictures end with the print. Steps are
-averaged over bands of rows, paths through the bands are found by dynamic programming, and a path counts when it is
-supported nearly everywhere.
+Edges of sheets, edges of pages in a stack, and gutters are such lines. Rules, frames and pictures end with the print.
+Steps are averaged over bands of rows. Dynamic programming finds paths through the bands, and a path is accepted if
+nearly all of its bands support it.
 """
 
 from collections.abc import Iterator
@@ -60,9 +60,9 @@ class LongEdgeParameters:
     end_contrast: float = 0.08
     """The ground beyond the end of a sheet's edge differs by this from the one beside it."""
     ground_px: tuple[int, int] = (4, 10)
-    """The ground beside an edge is told at these distances."""
+    """Distances from an edge at which the background beside it is measured."""
     sheet_on_either_side: bool = False
-    """Else it is on the right."""
+    """False: the sheet is on the right."""
     min_bands: int = 6
 
 

@@ -1,4 +1,4 @@
-"""The pages of an upload: images, TIFF files of several pages and PDFs, counted and judged before any is decoded."""
+"""The pages of an upload (images, TIFF files, PDFs), counted and checked before any is decoded."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -16,18 +16,18 @@ from services.imaging import containers
 from services.imaging.codec import count_pixels, decode_image, detect_format
 
 RENDER_DPI = 200.0
-"""Of a PDF's pages: print of 8 pt is 22 px high, and a page of A4 has 3.9 megapixels."""
+"""Resolution for rendering PDF pages: print of 8 pt is 22 px high, and a page of A4 has 3.9 megapixels."""
 _POINTS_PER_INCH = 72.0
 _PDF_MARK, _PDF_MARK_WITHIN = b"%PDF-", 1024
-"""The header may stand after other bytes (PDF 1.7, implementation note 13)."""
+"""The header may follow other bytes (PDF 1.7, implementation note 13)."""
 _PASSWORD_ERROR = 4  # FPDF_ERR_PASSWORD
 
 
 @dataclass(frozen=True, slots=True)
 class PageLimits:
-    """What a document may cost: each page, their number, and all of them together; `TooLarge` beyond.
+    """Limits of each page of a document, of their number, and of all together; `TooLarge` if one is exceeded.
 
-    Pages are decoded one at a time, so the megapixels of all stand for time and not for memory.
+    Pages are decoded one at a time, so the limit on all megapixels limits time, not memory.
     """
 
     image: ImageLimits = field(default_factory=ImageLimits)
@@ -37,7 +37,7 @@ class PageLimits:
 
 
 class PagePicture(NamedTuple):
-    """A decoded page: (H, W, 3) RGB uint8, and its focal length in pixels where it is a photo that tells it."""
+    """A decoded page: (H, W, 3) RGB uint8, and its focal length in pixels if its metadata has one."""
 
     pixels: RgbImage
     focal_length_px: float | None
@@ -45,7 +45,7 @@ class PagePicture(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageSource:
-    """A page that was judged and not yet decoded.
+    """A page that is checked and not yet decoded.
 
     `upload` and `page` count from 0, `page` within its file; `label` names it among several (`image[1], page 3`),
     and `field` its part of the request; both are empty for a page that is alone.

@@ -1,4 +1,4 @@
-"""The sheet of paper round the text: its brightness and hue, and where it ends."""
+"""The sheet of paper around the text: its brightness, hue and outline."""
 
 from dataclasses import dataclass
 
@@ -64,7 +64,7 @@ class Paper:
         return np.asarray((np.abs(self.contrast[at]) < p.text_contrast) & (self.chroma[at] < p.text_chroma))
 
     def outline(self, text_points: Points, parameters: PaperParameters | None = None) -> Points | None:
-        """Outline (N, 2) in photo pixels of the sheet that holds the text; None when its edge cannot be told."""
+        """Outline (N, 2) in photo pixels of the sheet that holds the text; None if its edge cannot be determined."""
         p = parameters or PaperParameters()
         mask = self._sheet(text_points, p)
         if mask is None:

@@ -18,7 +18,7 @@ LEVEL = LongEdgeParameters(contrast=0.15, share_of_view=0.85)
 
 @dataclass(frozen=True, slots=True)
 class SheetEdgesParameters:
-    """Contrasts are differences of the logarithm of brightness; lengths are pixels or as told."""
+    """Contrasts are differences of the logarithm of brightness; lengths are pixels unless documented otherwise."""
 
     upright: LongEdgeParameters = UPRIGHT
     level: LongEdgeParameters = LEVEL

@@ -1,4 +1,4 @@
-"""What is told of every photo and every pair beside the page."""
+"""Descriptions of photos and pairs, and notices, that a mosaic's result contains in addition to the page."""
 
 from collections.abc import Mapping, Sequence
 
@@ -20,9 +20,18 @@ from services.rectify.results import Notice
 def describe_patches(
     count: int, placed: Sequence[PlacedPhoto], sharpness: Sequence[float], H_final_mosaic: Homography
 ) -> tuple[Patch, ...]:
-    """One patch for each of `count` photos; meshes are in the final page, after crop and turn.
+    """One patch for each of `count` photos. Meshes are in the pixels of the final page, after crop and rotation.
 
-    `sharpness` is that of the placed photos' print, relative to the sharpest, as `ComposedPage` has it.
+    Parameters
+    ----------
+    count
+        Number of uploaded photos.
+    placed
+        The placed photos.
+    sharpness
+        Sharpness of the placed photos' print, relative to the sharpest, as in `ComposedPage`.
+    H_final_mosaic
+        Mosaic pixels -> final page.
     """
     patches = [Patch(False)] * count
     for photo, sharp in zip(placed, sharpness, strict=True):
@@ -37,7 +46,7 @@ def describe_patches(
 
 
 def describe_pairs(flats: Mapping[int, FlatPhoto], part: PlacedPart) -> tuple[Pair, ...]:
-    """The pairs that the page hangs together by."""
+    """The pairs that connect the photos of the page."""
     return tuple(
         Pair(
             pair.a,
@@ -53,7 +62,7 @@ def describe_pairs(flats: Mapping[int, FlatPhoto], part: PlacedPart) -> tuple[Pa
 
 
 def notices_of(placed: Sequence[PlacedPhoto]) -> list[Notice]:
-    """What rectification said of the photos of the page, each with its name."""
+    """Notices of the rectification of each placed photo; each names its photo."""
     return [
         Notice(notice.code, f"images[{photo.flat.index}]: {notice.detail}")
         for photo in placed
@@ -64,7 +73,7 @@ def notices_of(placed: Sequence[PlacedPhoto]) -> list[Notice]:
 def unplaced_notices(
     unplaced: Sequence[int], textless: Mapping[int, DocumentError], pairs: Sequence[PairRegistration]
 ) -> list[Notice]:
-    """Why each photo that is not on the page is not."""
+    """For each photo that is not on the page, a notice with the reason."""
     beside = [pair for pair in pairs if pair.a in unplaced and pair.b in unplaced]
     parts = connect_photos(unplaced, [(pair.a, pair.b) for pair in beside])
     notices = []

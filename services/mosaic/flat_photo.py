@@ -1,4 +1,4 @@
-"""A photo together with its flat view, in which it is registered."""
+"""A photo and the flat view in which it is registered."""
 
 from dataclasses import dataclass
 
@@ -12,22 +12,21 @@ from services.sheet.framing import CurvedFrame
 class FlatPhoto:
     """A photo and its flat view.
 
-    *Flat pixels* are pixels of this view, which is `frame.width` x `frame.height` and never much larger than a few
-    megapixels; all of registration speaks of them. Views of one page differ, but for the error of their
-    rectification, by a shift, a scale, and quarter turns.
+    *Flat pixels* are pixels of this view, `frame.width` x `frame.height`, a few megapixels at most. Registration uses
+    them throughout. Apart from errors of rectification, views of one page differ by a shift, a scale and quarter turns.
 
     Attributes
     ----------
-    index : place in the upload.
+    index : index in the upload.
     photo : (H, W, 3).
     frame : flat pixels -> photo pixels.
     gray : (frame.height, frame.width) view in gray, flat-fielded: bare paper is 255.
-    shown : the same shape; where the view shows the page.
+    shown : (frame.height, frame.width), true where the view shows the page.
     text_height_px : typical size of a character, in flat pixels.
-    native_scale : flat pixels over photo pixels where the photo shows most detail (below 1: the view is reduced).
-    weight : how far its rectification is to be trusted, relative to the others' (its number of characters).
-    notices : what is to be said of it.
-    sheet : (N, 2) photo pixels, outline of the sheet where its edge is seen against what it lies on; else None.
+    native_scale : flat pixels per photo pixel where the photo has most detail (below 1: the view is reduced).
+    weight : confidence in its rectification relative to other photos: its number of characters.
+    notices : notices about the photo for the result.
+    sheet : (N, 2) photo pixels, outline of the sheet if its edge is visible against the background; else None.
     """
 
     index: int

@@ -1,4 +1,4 @@
-"""From a photo to its flat view, the first step of a mosaic."""
+"""Flattening of one photo, the first step of a mosaic."""
 
 from dataclasses import dataclass, replace
 
@@ -22,32 +22,32 @@ from services.texture_flow.text_identification import identify_text
 
 @dataclass(frozen=True, slots=True)
 class FlatteningParameters:
-    """Sizes of the view that a photo is registered in."""
+    """Sizes of the view in which a photo is registered."""
 
     view_pixels: float = 5e6
-    """More pixels do not make registration better: block matches are good to a twentieth of them."""
+    """More pixels do not improve registration: block matches are accurate to a twentieth of these pixels."""
     detail_percentile: float = 85.0
-    """Of photo pixels per flat pixel over the view: where the photo shows most detail (as in `FramingParameters`)."""
+    """Percentile over the view of photo pixels per flat pixel that sets the scale (as in `FramingParameters`)."""
     largest_reduction: float = 1.3
-    """Photo pixels per flat pixel up to which interpolation does not step over any."""
+    """Photo pixels per flat pixel up to which interpolation skips no photo pixel."""
     long_side_px: int = 1600
-    """Where the text height of a photo that is flat already is measured."""
+    """Size at which the text height of an already flat photo is measured."""
     text_height: float = 1 / 100
-    """Of the long side, where no text tells it."""
+    """Text height as a share of the long side, if no text is found."""
     min_components: int = 10
     rim_px: float = 2.0
-    """The photo's outermost pixels are left out: interpolation reaches beyond them."""
+    """Border of the photo that is left out, because interpolation reaches beyond the photo there."""
 
 
 def flatten_photo(
     index: int, photo: RgbImage, exif_focal_length_px: float | None, clock: StageClock
 ) -> FlatPhoto:
-    """The view of photo number `index` that rectification gives; text lines are horizontal, whichever way up.
+    """Flat view of photo number `index` by rectification. Text lines are horizontal, but may be upside down.
 
     Raises
     ------
     NoText
-        When the photo shows too little printed text to see the page's shape.
+        When the photo shows too little printed text to find the page's shape.
     """
     page = estimate_page(photo, RectifyParameters(upright=False), exif_focal_length_px, clock)
     with clock.stage("framing"):
@@ -58,7 +58,7 @@ def flatten_photo(
         frame = frame_photo(photo, page, sheet)
         flat = view_photo(index, photo, frame, page.analysis.text_height_px, float(len(characters)))
         if sheet is None:
-            # A picture may divide the sheet; its hull is still known where a desk lies beside it.
+            # A picture may divide the sheet. Its hull is still known where a background is visible around it.
             sheet = page.analysis.paper.hull(characters)
             sheet = None if sheet is None or _has_text_outside(page.analysis, sheet) else sheet
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
@@ -79,7 +79,7 @@ def _has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:
 def take_as_flat(
     index: int, photo: RgbImage, clock: StageClock, parameters: FlatteningParameters | None = None
 ) -> FlatPhoto:
-    """Photo number `index` as its own flat view: a scan, or a photo without text to rectify it by."""
+    """Photo number `index` as its own flat view: for scans, and for photos without text."""
     p = parameters or FlatteningParameters()
     height, width = photo.shape[:2]
     with clock.stage("text"):
@@ -103,7 +103,7 @@ def view_photo(
     weight: float,
     parameters: FlatteningParameters | None = None,
 ) -> FlatPhoto:
-    """`photo` seen through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
+    """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
     p = parameters or FlatteningParameters()
     frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
     shown = _shown(photo, frame, p.rim_px)
@@ -127,7 +127,7 @@ def view_photo(
 
 
 def _shown(photo: RgbImage, frame: FlatFrame | CurvedFrame, rim_px: float) -> Mask:
-    """Where the view shows the photo but for its rim."""
+    """Where the view shows the photo without its border."""
     black: GrayImage = np.zeros(photo.shape[:2], np.uint8)
     rim = int(np.ceil(rim_px))
     cv2.rectangle(black, (0, 0), (photo.shape[1] - 1, photo.shape[0] - 1), (255,), rim)
@@ -135,7 +135,7 @@ def _shown(photo: RgbImage, frame: FlatFrame | CurvedFrame, rim_px: float) -> Ma
 
 
 def _photo_px_per_flat_px(frame: FlatFrame | CurvedFrame, shown: Mask, step: int = 40) -> Floats:
-    """Square root of the map's area ratio (N,), on a grid over what is shown."""
+    """Photo pixels per flat pixel (N,), the square root of the map's area ratio, on a grid over the shown part."""
     x, y = np.meshgrid(np.linspace(0, frame.width - 1, step), np.linspace(0, frame.height - 1, step))
     grid = np.stack([x, y], axis=-1).reshape(-1, 2)
     at = np.round(grid).astype(int)

@@ -16,11 +16,11 @@ class OutsideTextParameters:
     """What is text of this page."""
 
     characters: int = 15
-    """Dark ones: a desk gives single ones of the text's size at most."""
+    """Least number of dark characters; a desk gives only single components of the text's size."""
     light_share: float = 0.3
-    """Light ones, of all dark ones: the grain of wood gives up to 0.15."""
+    """Least number of light characters relative to all dark ones; the grain of wood gives up to 0.15."""
     sizes: tuple[float, float] = (0.5, 2.5)
-    """Of the page's text: what is smaller is texture, what is larger an object."""
+    """Range of heights relative to the page's text; smaller components are texture, larger ones are objects."""
 
 
 def find_characters(

@@ -1,4 +1,4 @@
-"""Where the sheet ends on the whole mosaic: straight edges between paper and what it lies on."""
+"""Crop of the mosaic to the sheet: straight edges between paper and background."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,44 +19,47 @@ from services.texture_flow.text_identification import identify_text
 
 @dataclass(frozen=True, slots=True)
 class PageCroppingParameters:
-    """Lengths are cells: pixels of a reduced page of `long_side_px`, or shares of it."""
+    """Lengths are cells, which are pixels of a page reduced to `long_side_px`, or shares of the page."""
 
     long_side_px: int = 600
-    """The sheet is looked for at this size: a cell is then half a millimetre of an A4 page."""
+    """Size at which the sheet is detected: a cell is then half a millimetre of an A4 page."""
     text_long_side_px: int = 1600
     """As in `AnalysisParameters`."""
     min_components: int = 30
     steepest: float = 0.04
-    """Sheets are cut parallel to their print to two degrees."""
+    """Largest slope of an edge: sheets are cut parallel to their print within two degrees."""
     straightness: float = 1.5
-    """Cells by which points of an edge may lie off it."""
+    """Largest distance of an edge's points from its line, cells."""
     support: float = 0.05
-    """Share of the page's height (width) along which an edge must be seen between paper and ground."""
+    """Share of the page's height (width) along which paper and background must meet at an edge."""
     consent: float = 0.5
-    """Where paper is on the inner side of an edge, on so much of its length something else is on the outer one."""
+    """Smallest share of an edge's length with paper inside where the outside is not paper."""
     beyond: float = 0.004
-    """Of the paper at most this share lies beyond such an edge."""
+    """Largest share of the paper outside of such an edge."""
     sure_consent: float = 0.96
-    """On so much of its length a picture on the page has no straight end, nor the paper on its other side..."""
+    """An edge with at least this consent may have more paper outside. Neither a picture on the page nor the paper on
+    its other side has such a straight border."""
     sure_beyond: float = 0.15
-    """...so that this share of what is taken for paper may be a bright desk."""
+    """Largest share of the paper outside of an edge of `sure_consent`: it may be a bright desk."""
     step: float = 0.25
-    """Of the logarithm of a colour across an edge, in a photo's own light: paper on paper has 0.05, on wood 0.5."""
+    """Least step of a colour's logarithm across an edge in a photo's own colours: 0.05 on paper, 0.5 from paper to
+    wood."""
     hue: float = 0.15
-    """Of the logarithms of colours over their mean: the sheet's keep within 0.03 along an edge, wood has 0.2 to 0.6."""
+    """Largest deviation of the logarithms of colours over their mean along an edge: 0.03 on paper, 0.2 to 0.6 on
+    wood."""
     closing: int = 7
-    """Cells: wider than a line of print."""
+    """Size of the morphological closing, cells: more than the height of a text line."""
     candidates: int = 4
-    """Lines that are tried on each side: a bright spot of the desk has a border too."""
+    """Number of lines that are tested on each side, because a bright spot of the desk also has a border."""
     ground: int = 3
-    """Cells beside the paper that must be ground, so that a photo's border is not taken for the sheet's."""
+    """Width of the background beside the paper, cells, so that a photo's border is not mistaken for the sheet's."""
     inset: float = 0.75
-    """Cells by which the cut lies within the edge, whose own pixels are half paper, half ground."""
+    """Distance of the cut inside the edge, cells: pixels of the edge mix paper and background."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageCrop:
-    """Columns `left` to `right` and rows `top` to `bottom`, ends left out, and the edges of the sheet that are seen.
+    """Columns `left` to `right` and rows `top` to `bottom`, ends excluded, and the visible edges of the sheet.
 
     `edges` (K, 3) are lines a x + b y + c = 0 in pixels before cropping, positive on the sheet's side.
     """
@@ -70,9 +73,9 @@ class PageCrop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageCells:
-    """Reduced maps (h, w) of the mosaic: where photos show it, and where what they show is the sheet.
+    """Reduced maps (h, w) of the mosaic: where photos show it, and where most of them show the sheet.
 
-    `views` are (h, w, 3) each: what a photo shows of it, in its own light and free of print; black where it does not.
+    `views` are (h, w, 3), one for each photo: its background colours without print, black where it shows nothing.
     """
 
     seen: Mask
@@ -83,7 +86,7 @@ class PageCells:
 def see_sheet(
     placed: Sequence[PlacedPhoto], width: int, height: int, parameters: PageCroppingParameters | None = None
 ) -> PageCells:
-    """What the photos tell of the sheet on a page of `width` x `height`: most of those that show a cell decide."""
+    """Maps of the sheet on a page of `width` x `height` mosaic pixels. In each cell the majority of photos decides."""
     p = parameters or PageCroppingParameters()
     factor = min(1.0, p.long_side_px / max(width, height))
     columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
@@ -110,10 +113,10 @@ def find_page_crop(
 ) -> PageCrop:
     """The part of the mosaic `page` (H, W, 3) that is the sheet.
 
-    Ground is what the photos or the page itself tell from paper: a bright desk differs in the photos' own light, a dark
-    one where a photo shows too little of it. A desk that is like paper in places is known by the step across the edge
-    there in the photos' own light. What lies beyond an edge is not the page. Where no edge is seen the page goes on to
-    the end of the photos.
+    Background is what differs from paper in the photos or in the page. A bright desk differs in the photos' own
+    colours. A dark desk differs on the page, even where one photo shows too little of it. A desk that looks like paper
+    in places is recognized by the colour step across the edge. Everything beyond an edge is not the page. On a side
+    without a visible edge the page extends to the end of the photos.
     """
     p = parameters or PageCroppingParameters()
     height, width = page.shape[:2]
@@ -131,18 +134,18 @@ def find_page_crop(
     down, across = height / cells.seen.shape[0], width / cells.seen.shape[1]
     left, right = int(columns[0] * across), int(np.ceil((columns[-1] + 1) * across))
     top, bottom = int(rows[0] * down), int(np.ceil((rows[-1] + 1) * down))
-    # A line of cells holds at (x + 0.5) factor - 0.5 for pixel x.
+    # Cell coordinates are (x + 0.5) factor - 0.5 for pixel x.
     shift = (0.5 * factor - 0.5) * (edges[:, 0] + edges[:, 1])
     in_pixels = np.column_stack([edges[:, :2] * factor, edges[:, 2] + shift])
     return PageCrop(left, top, right, bottom, in_pixels)
 
 
 def crop_page(page: RgbImage, crop: PageCrop) -> RgbImage:
-    """The cropped page, a view; what lies beyond the sheet's edges becomes white, in place."""
+    """The cropped page, a view. Pixels beyond the sheet's edges become white, in place."""
     part = page[crop.top : crop.bottom, crop.left : crop.right]
     height, width = part.shape[:2]
     for a, b, c in crop.edges:
-        # The half plane beyond, cut to a box round the page.
+        # The half plane beyond the edge, clipped to a box around the page.
         box = np.array([[-1.0, -1.0], [width, -1.0], [width, height], [-1.0, height]])
         beyond = _clip(box, np.array([-a, -b, -(a * crop.left + b * crop.top + c)]))
         if len(beyond) >= 3:
@@ -151,7 +154,7 @@ def crop_page(page: RgbImage, crop: PageCrop) -> RgbImage:
 
 
 def _on_sheet(photo: FlatPhoto, points: Points, p: PageCroppingParameters) -> NDArray[np.bool_]:
-    """Which photo pixels (N, 2) lie on the sheet; all where its edge is not seen."""
+    """Which photo pixels (N, 2) lie on the sheet; all if its edge is not visible."""
     if photo.sheet is None:
         return np.ones(len(points), bool)
     height, width = photo.photo.shape[:2]
@@ -164,7 +167,7 @@ def _on_sheet(photo: FlatPhoto, points: Points, p: PageCroppingParameters) -> ND
 
 
 def _colours(photo: RgbImage, points: Points, p: PageCroppingParameters) -> NDArray[np.uint8]:
-    """Colours (N, 3) of a photo's ground at `points` (N, 2), never quite black."""
+    """Background colours (N, 3) of a photo at `points` (N, 2), never fully black."""
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
     size = (max(round(photo.shape[1] * factor), 1), max(round(photo.shape[0] * factor), 1))
     kernel = np.ones((p.closing, p.closing), np.uint8)
@@ -174,9 +177,9 @@ def _colours(photo: RgbImage, points: Points, p: PageCroppingParameters) -> NDAr
 
 
 def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tuple[Mask, list[Points]]:
-    """Cells of the page that are paper; all where no ground is told from it, or there is no text on it.
+    """Cells of the page that are paper (all if no background is found, or no text), and points of print in cells.
 
-    And, in cells, where print is, dark or light, on paper or not.
+    The points include dark and light print, on paper or elsewhere.
     """
     factor = min(1.0, p.text_long_side_px / max(page.shape[:2]))
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
@@ -187,7 +190,7 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
     characters = text.components.centres
     if len(characters) < p.min_components:
         return np.ones(seen.shape, bool), []
-    # What is white because no photo shows it is not paper.
+    # Areas that no photo shows are white, but not paper.
     mask = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     negative = flatten_illumination(np.where(mask > 0, 255 - gray, 0).astype(np.uint8))
     printed = [
@@ -209,7 +212,7 @@ def _find_edges(cells: PageCells, p: PageCroppingParameters) -> Floats:
     """Edges (K, 3) of the sheet in cells, positive on the sheet's side."""
     edges = []
     for quarters in range(4):
-        # Turned so that the side in question is the left one.
+        # Rotated so that the current side is the left one.
         views = tuple(np.rot90(view, quarters) for view in cells.views)
         turned = PageCells(np.rot90(cells.seen, quarters), np.rot90(cells.paper, quarters), views)
         edge = _find_left_edge(turned, p)
@@ -219,7 +222,7 @@ def _find_edges(cells: PageCells, p: PageCroppingParameters) -> Floats:
 
 
 def _find_left_edge(cells: PageCells, p: PageCroppingParameters) -> Floats | None:
-    """Line (a, b, c) along the left side of the sheet, where ground is seen beside it."""
+    """Line (a, b, c) along the left side of the sheet, if background is visible there; else None."""
     y, x = _left_borders(cells.paper, cells.seen, p)
     for _ in range(p.candidates):
         best = _on_one_line(y, x, p)
@@ -227,14 +230,14 @@ def _find_left_edge(cells: PageCells, p: PageCroppingParameters) -> Floats | Non
             return None
         slope, intercept = np.polyfit(y[best], x[best], 1)
         if _is_edge(cells, slope, intercept, y[best].astype(int), p):
-            # x counts the first cell of paper, whose left border is half a cell before.
+            # x is the first cell of paper; its left border is half a cell to the left.
             return np.array([1.0, -slope, -(intercept - 0.5 + p.inset)])
         y, x = y[~best], x[~best]
     return None
 
 
 def _left_borders(paper: Mask, seen: Mask, p: PageCroppingParameters) -> tuple[Floats, Floats]:
-    """Rows and columns (N,) of cells of paper with ground to the left of them, and more paper to the right."""
+    """Rows and columns (N,) of paper cells with background to their left and more paper to their right."""
     ground = seen & ~paper
     width = paper.shape[1] - 2 * p.ground + 1
     border = np.ones((len(paper), max(width, 0)), bool)
@@ -245,12 +248,12 @@ def _left_borders(paper: Mask, seen: Mask, p: PageCroppingParameters) -> tuple[F
 
 
 def _on_one_line(y: Floats, x: Floats, p: PageCroppingParameters) -> NDArray[np.bool_]:
-    """Which points (N,) lie on the steep line that most lie on."""
+    """Which points (N,) lie on the steep line with most points."""
     best = np.zeros(len(y), bool)
     if len(y) == 0:
         return best
     for slope in np.linspace(-p.steepest, p.steepest, 41):
-        # The line of this slope that most points lie on: the densest window of their intercepts.
+        # The line of this slope with most points: the densest window of their intercepts.
         intercept = x - slope * y
         order = np.sort(intercept)
         last = np.searchsorted(order, order + 2 * p.straightness, side="right")
@@ -263,12 +266,12 @@ def _on_one_line(y: Floats, x: Floats, p: PageCroppingParameters) -> NDArray[np.
 def _is_edge(
     cells: PageCells, slope: float, intercept: float, borders: NDArray[np.int_], p: PageCroppingParameters
 ) -> bool:
-    """Whether the sheet ends at x = slope y + intercept, which has ground beside paper in the rows `borders`."""
+    """Whether the sheet ends at x = slope y + intercept; in the rows `borders` background meets paper there."""
     paper, seen = cells.paper, cells.seen
     columns, lines = np.meshgrid(np.arange(paper.shape[1]), np.arange(paper.shape[0]))
     off = columns - (intercept + slope * lines)
     beyond = (paper & (off < -2 * p.straightness)).sum() / paper.sum()
-    # Rows in which the line has paper on its inner side and something seen on its outer one.
+    # Rows where the line has paper inside and any photo shows its outside.
     reach = 2 * p.straightness + 1
     inner = (paper & (off >= 0) & (off < reach)).any(axis=1)
     outer = (seen & (off < -1) & (off >= -reach)).any(axis=1)
@@ -276,7 +279,7 @@ def _is_edge(
     both = inner & outer
     if cells.views:
         differs, other = _steps(cells.views, slope, intercept, p)
-        # Past the sheet's corners the line has the desk on both sides.
+        # Beyond the sheet's corners the desk is on both sides of the line.
         both &= ~other
     differs[borders] = True
     consent = (both & differs).sum() / max(both.sum(), 1)
@@ -289,9 +292,8 @@ def _is_edge(
 def _steps(
     views: tuple[RgbImage, ...], slope: float, intercept: float, p: PageCroppingParameters
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Rows (h,) in which photos show something else left of the line than right of it: most of those that show both.
-
-    And rows in which what they show right of it has another hue than along most of the line.
+    """Rows (h,) in which most photos that show both sides of the line show different colours there, and rows in which
+    the colour to its right has another hue than along most of the line.
     """
     height, width = views[0].shape[:2]
     rows = np.arange(height)
@@ -315,10 +317,10 @@ def _steps(
 
 
 def _turned_back(edge: Floats, quarters: int, shape: tuple[int, ...]) -> Floats:
-    """`edge` of an image turned counter-clockwise by `quarters`, in the image of `shape` before."""
+    """`edge` of an image that was rotated counter-clockwise by `quarters`, in the image of `shape` before."""
     height, width = shape
     for left in range(quarters, 0, -1):
-        # The turned point (x, y) was (w - 1 - y, x) in the image of width w before.
+        # The rotated point (x, y) was (w - 1 - y, x) in the image of width w before.
         w = width if left % 2 else height
         a, b, c = edge
         edge = np.array([-b, a, c + b * (w - 1)])

@@ -1,4 +1,4 @@
-"""Where the pixels of a photo come to lie on the mosaic."""
+"""Mesh of mosaic points over a photo."""
 
 import numpy as np
 
@@ -10,13 +10,13 @@ from services.mosaic.placing.placement import Placement
 from services.rectify.framing import FlatFrame
 
 LARGEST_REACH = 3.0
-"""In sizes of the view, how far beyond it a photo's point may lie: what is further is near the horizon of the page."""
+"""Largest distance of a photo's point from the view, in sizes of the view. Points farther out are near the horizon."""
 
 
 def mesh_of_patch(photo: FlatPhoto, placement: Placement, columns: int = 49, rows: int = 65) -> Floats:
     """Mesh (rows, columns, 2) of mosaic points over the photo, corner to corner.
 
-    A node that does not show the page's plane or surface takes the point of the nearest node that does.
+    A node where the photo does not show the page gets the point of the nearest node that does.
     """
     height, width = photo.photo.shape[:2]
     x, y = np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows)
@@ -26,12 +26,12 @@ def mesh_of_patch(photo: FlatPhoto, placement: Placement, columns: int = 49, row
 
 
 def flat_points(photo: FlatPhoto, points: Points) -> Points:
-    """Flat pixels (N, 2) of photo pixels (N, 2); NaN beyond the page's horizon, or where its model ends."""
+    """Flat pixels (N, 2) of photo pixels (N, 2); NaN beyond the page's horizon or outside of the page model."""
     frame = photo.frame
     if isinstance(frame, FlatFrame):
         H_flat_photo = np.linalg.inv(frame.H_photo_flat)
         flat = transform_points(H_flat_photo, points)
-        # The view's own points lie on the near side of the horizon.
+        # The view's own points lie on the visible side of the horizon.
         middle = frame.to_photo(np.array([[(frame.width - 1) / 2, (frame.height - 1) / 2]]))
         beyond = np.asarray(denominators(H_flat_photo, points) * denominators(H_flat_photo, middle) <= 0)
     else:
@@ -44,7 +44,7 @@ def flat_points(photo: FlatPhoto, points: Points) -> Points:
 
 
 def scale_of_patch(photo: FlatPhoto, placement: Placement) -> float:
-    """Mosaic pixels per photo pixel in the middle of what the view shows."""
+    """Mosaic pixels per photo pixel at the centre of the shown part."""
     rows, columns = np.nonzero(photo.shown[::8, ::8])
     middle = 8.0 * np.array([[columns.mean(), rows.mean()]]) if len(rows) else np.array([photo.size]) / 2.0
     square = middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

@@ -1,4 +1,4 @@
-"""The graph of photos that overlap, and which of its parts is the page."""
+"""The graph of overlapping photos, and the choice of the part that becomes the page."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -12,7 +12,7 @@ from services.mosaic.flat_photo import FlatPhoto
 
 
 def connect_photos(indices: Iterable[int], pairs: Iterable[tuple[int, int]]) -> tuple[tuple[int, ...], ...]:
-    """Connected parts of the graph with nodes `indices` and edges `pairs`, each in rising order."""
+    """Connected components of the graph with nodes `indices` and edges `pairs`, each sorted."""
     part = {index: {index} for index in indices}
     for a, b in pairs:
         if part[a] is not part[b]:
@@ -25,14 +25,14 @@ def connect_photos(indices: Iterable[int], pairs: Iterable[tuple[int, int]]) -> 
 def choose_part(
     parts: Sequence[tuple[int, ...]], photos: Mapping[int, FlatPhoto], base: int | None
 ) -> tuple[tuple[int, ...], int]:
-    """The part that becomes the page, and its base photo: the one with most print.
+    """The component that becomes the page, and its base photo, the one with most print.
 
-    That of photo `base` if it is given, else the one of most photos; among such the one with most print.
+    With `base` it is the component of that photo. Else it is the one with most photos, then with most print.
 
     Raises
     ------
     NotOverlapping
-        When the part is a single photo.
+        When the component is a single photo.
     """
 
     def print_of(part: tuple[int, ...]) -> tuple[int, float]:
@@ -50,7 +50,7 @@ def choose_part(
 
 
 def overlap_fraction(a: FlatPhoto, b: FlatPhoto, H_a_b: Homography, points: int = 60) -> float:
-    """Area that both views show over that of the one that shows less, 0-1; `H_a_b` maps flat pixels of b to a."""
+    """Overlap area divided by the smaller of both shown areas, 0-1; `H_a_b` maps flat pixels of b to a."""
     return min(
         1.0, max(_share_within(b, a, H_a_b, points), _share_within(a, b, np.linalg.inv(H_a_b), points))
     )
@@ -64,7 +64,7 @@ def _share_within(of: FlatPhoto, other: FlatPhoto, H_other_of: Homography, point
 
 
 def is_shown(photo: FlatPhoto, flat: Points) -> NDArray[np.bool_]:
-    """Which flat pixels (N, 2) the photo's view shows."""
+    """Which of the flat pixels (N, 2) the photo's view shows."""
     width, height = photo.size
     with np.errstate(invalid="ignore"):
         inside = (flat >= 0).all(axis=1) & (flat[:, 0] <= width - 1) & (flat[:, 1] <= height - 1)
@@ -73,7 +73,7 @@ def is_shown(photo: FlatPhoto, flat: Points) -> NDArray[np.bool_]:
 
 
 def _shown_points(photo: FlatPhoto, points: int) -> Points:
-    """Grid of flat pixels (N, 2) that the view shows."""
+    """Grid of flat pixels (N, 2) in the shown part of the view."""
     width, height = photo.size
     x, y = np.meshgrid(np.linspace(0, width - 1, points), np.linspace(0, height - 1, points))
     grid = np.stack([x, y], axis=-1).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""The steps of `mosaic`, in their order."""
+"""The steps of a mosaic, in order."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -37,9 +37,9 @@ STAGE_BEGINS = {
     "composition": 0.75,
     "orientation": 0.95,
 }
-"""Shares of the time, measured on sets of three photos; until `FLATTENED` one photo after another is flattened."""
+"""Start of each stage as a share of the time, measured on sets of three photos. Flattening ends at `FLATTENED`."""
 READING_TEXT_HEIGHT_PX = 20.0
-"""Text height at which the page is read to tell which way up it is, as `AnalysisParameters` has it for photos."""
+"""Text height at which the page is read to find its orientation, as in `AnalysisParameters`."""
 
 
 def mosaic(
@@ -48,16 +48,16 @@ def mosaic(
     exif_focal_lengths_px: Sequence[float | None] | None = None,
     ocr: OcrEngine | None = None,
 ) -> MosaicResult:
-    """The one page that `photos`, each (H, W, 3), show parts of.
+    """The page of which `photos`, each (H, W, 3), show parts.
 
     Raises
     ------
     InvalidOption
-        When there are too few or too many photos, or the base is none of them.
+        When there are too few or too many photos, or `base` is not the index of a photo.
     NoText
-        When no two photos overlap, and fewer than two show enough printed text; the detail names the others.
+        When no two photos overlap, and at most one shows enough printed text; the detail names the others.
     NotOverlapping
-        When no two photos show the same part of a page, or none the same as the base.
+        When no two photos show the same part of a page, or no photo overlaps the base.
     """
     check_parameters(len(photos), parameters)
     clock = StageClock(STAGE_BEGINS)
@@ -99,7 +99,7 @@ def mosaic(
 
 
 def check_parameters(count: int, parameters: MosaicParameters) -> None:
-    """The number of photos, and the base among them."""
+    """Check the number of photos, and the index of the base photo."""
     if count < FEWEST_PHOTOS:
         raise InvalidOption(
             f"images: expected {FEWEST_PHOTOS} to {MOST_PHOTOS} photos, got {count}; a single photo is for "
@@ -123,9 +123,9 @@ def flatten_photos(
     exif_focal_lengths_px: Sequence[float | None] | None,
     clock: StageClock,
 ) -> tuple[dict[int, FlatPhoto], Mapping[int, DocumentError]]:
-    """Flat view of every photo by index, and why those that show no text could not be rectified.
+    """Flat view of every photo by index, and the errors of photos that could not be rectified because they lack text.
 
-    A photo without text is taken as it is: it may show a picture on the page, and be placed by its neighbours.
+    A photo without text is used without rectification: it may show a picture on the page, and overlap other photos.
     """
     flats, textless = {}, {}
     focal_lengths_px = exif_focal_lengths_px or [None] * len(photos)
@@ -147,7 +147,7 @@ def flatten_photos(
 def explain_refusal(
     refusal: NotOverlapping, textless: Mapping[int, DocumentError], count: int
 ) -> DocumentError:
-    """What a person can do about photos that do not connect."""
+    """Error that says what a person can do about photos that do not connect."""
     if not textless:
         return refusal
     named = " ".join(f"images[{index}]: {reason.detail}" for index, reason in sorted(textless.items()))
@@ -161,7 +161,7 @@ def explain_refusal(
 def match_light(
     flats: Mapping[int, FlatPhoto], part: PlacedPart, illumination: Illumination
 ) -> tuple[PlacedPhoto, ...]:
-    """The photos of the page, in their places and in one light, in the order of the upload."""
+    """The photos of the page with their placements and matched tones, in the order of the upload."""
     order = sorted(part.placements)
     photos, placements = [flats[index] for index in order], [part.placements[index] for index in order]
     tones = match_tones(photos, placements, illumination)
@@ -180,7 +180,7 @@ def typical_text_height_px(placed: Sequence[PlacedPhoto]) -> float:
 
 
 def draw_reading_view(page: RgbImage, text_height_px: float) -> GrayImage:
-    """The page in gray, flat-fielded, at the size at which it is read."""
+    """The page in gray, flat-fielded, at the size for text recognition."""
     factor = min(1.0, READING_TEXT_HEIGHT_PX / text_height_px)
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
     gray = cv2.cvtColor(cv2.resize(page, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
@@ -188,6 +188,6 @@ def draw_reading_view(page: RgbImage, text_height_px: float) -> GrayImage:
 
 
 def turn_image(page: RgbImage, orientation: Orientation) -> RgbImage:
-    """`page` flipped left to right if it was mirrored, then turned clockwise."""
+    """`page`, mirrored left to right if needed, then rotated clockwise."""
     flipped = page[:, ::-1] if orientation.mirrored else page
     return np.ascontiguousarray(np.rot90(flipped, -(orientation.rotation_deg // 90)))

@@ -1,4 +1,4 @@
-"""A flat view in its place on the mosaic, in its light."""
+"""A flat view with its placement on the mosaic and its tones."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from services.mosaic.placing.placement import Placement
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedPhoto:
-    """All that composition needs of one photo."""
+    """Input of the composition for one photo."""
 
     flat: FlatPhoto
     placement: Placement

@@ -1,4 +1,4 @@
-"""What `mosaic` answers: the page, and for every photo and every pair of photos the evidence."""
+"""Result of a mosaic: the page, and evidence for every photo and every pair of photos."""
 
 from dataclasses import dataclass, field
 
@@ -11,12 +11,14 @@ from services.rectify.results import Notice, Orientation
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Patch:
-    """One photo, in the order of the upload.
+    """One photo, in the order of the upload. The fields below are None for a photo that was not placed.
 
-    `mesh` is (rows, columns, 2): the mosaic point (x, y), pixels, of photo pixel
-    (c (width-1)/(columns-1), r (height-1)/(rows-1)); `scale` is the mosaic's pixels per photo pixel in the middle of
-    what the photo shows, and `sharpness` the mean gradient magnitude of its print, relative to the sharpest photo's
-    (0-1]. All three are None for a photo that was not placed.
+    Attributes
+    ----------
+    mesh : (rows, columns, 2) mosaic points (x, y), pixels, of photo pixels
+        (c (width-1)/(columns-1), r (height-1)/(rows-1)).
+    scale : mosaic pixels per photo pixel at the centre of the shown part.
+    sharpness : mean gradient magnitude of its print relative to the sharpest photo, in (0, 1].
     """
 
     placed: bool
@@ -27,11 +29,14 @@ class Patch:
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two photos, `a` < `b`, that were found to overlap.
+    """Two overlapping photos, `a` < `b`.
 
-    `matches` counts the candidate feature matches, `votes` those in the largest compatible group (4.3),
-    `runner_up_votes` those in the largest other one, `overlap_fraction` is the overlap's area over that of the smaller
-    photo's view, `residual_px` the RMS distance of block matches after the global adjustment, in mosaic pixels.
+    Attributes
+    ----------
+    matches : number of candidate feature matches.
+    votes, runner_up_votes : sizes of the largest and the second largest compatible group (4.3).
+    overlap_fraction : overlap area divided by the area of the smaller view.
+    residual_px : RMS distance of block matches after the global adjustment, mosaic pixels.
     """
 
     a: int
@@ -45,7 +50,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MosaicResult:
-    """The whole page. `base` is the photo that the page was begun with; `unplaced` are indices of photos."""
+    """The whole page. `base` is the photo where the composition started; `unplaced` are indices of photos."""
 
     image: RgbImage
     base: int

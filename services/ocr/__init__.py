@@ -1,1 +1,1 @@
-"""Reading text: a small seam, and the engines behind it."""
+"""OCR: an interface, and its implementations."""

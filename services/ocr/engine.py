@@ -1,4 +1,4 @@
-"""The seam behind which text is read; the service starts and works without any engine."""
+"""Interface of OCR engines; the service also works without one."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable

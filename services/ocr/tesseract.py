@@ -44,7 +44,7 @@ def find_tessdata(language: str) -> Path | None:
 
 
 def open_engine() -> OcrEngine | None:
-    """A new engine for the calling thread or process; None where none is installed (told once in the log)."""
+    """A new engine for the calling thread or process; None if none is installed (logged once)."""
     try:
         return TesseractEngine()
     except EngineUnavailable as error:

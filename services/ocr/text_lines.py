@@ -1,4 +1,4 @@
-"""Text lines of a flat page, found without reading them: enough to cut crops that an engine can read."""
+"""Detection of text lines on a flat page without OCR, to cut crops that an OCR engine can read."""
 
 from dataclasses import dataclass
 

@@ -189,7 +189,7 @@ def _select_characters(
     centroids: Points,
     p: TextIdentificationParameters,
 ) -> NDArray[np.intp]:
-    """Indices of the components that look like characters and stand among their like."""
+    """Indices of the components that look like characters and have similar components near them."""
     diagonal = float(np.hypot(*ink.shape))
     width, height = stats[:, cv2.CC_STAT_WIDTH].astype(float), stats[:, cv2.CC_STAT_HEIGHT].astype(float)
     area = stats[:, cv2.CC_STAT_AREA].astype(float)

@@ -1,1 +1,1 @@
-"""The page, drawn from the photo that shows each word best (4.4)."""
+"""Composition of the page from the photo that shows each word best (4.4)."""

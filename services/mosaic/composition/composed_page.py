@@ -1,4 +1,4 @@
-"""One page of many patches (4.4)."""
+"""Composition of one page from many patches (4.4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,19 +29,19 @@ from services.mosaic.placed_photo import PlacedPhoto
 
 @dataclass(frozen=True, slots=True)
 class CompositionParameters:
-    """Sizes of what is drawn at a time, and of borders."""
+    """Sizes of tiles and of transitions."""
 
     tile_px: int = 768
-    """Side of a tile: a few megabytes of maps and colours in floats."""
+    """Side of a tile, mosaic pixels: maps and colours of a tile then take a few megabytes."""
     fade: float = 1.5
-    """Text heights over which one photo's background becomes another's."""
+    """Width of the transition between two photos' backgrounds, text heights."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComposedPage:
-    """The page (H, W, 3), white where no photo shows it, and the sharpness of each photo's print, in their order.
+    """The page (H, W, 3), white where no photo shows it, and the sharpness of each photo's print, in input order.
 
-    Sharpness is relative to the sharpest photo's: 0-1, 0 where a photo shows no print.
+    Sharpness is relative to the sharpest photo: 0-1, 0 for a photo without print.
     """
 
     image: RgbImage
@@ -56,10 +56,21 @@ def compose_page(
     text_height_px: float,
     parameters: CompositionParameters | None = None,
 ) -> ComposedPage:
-    """The page of `width` x `height` mosaic pixels that `placed` show; text on it is `text_height_px` high.
+    """The page of `width` x `height` mosaic pixels, composed from `placed`. Memory is limited apart from the page.
 
-    `selective` takes every word from the one photo that shows it sharpest (4.4); `average` is the mean of all photos,
-    weighted by the distance to their borders (4.1), to compare. Besides the page itself memory is bounded.
+    Parameters
+    ----------
+    placed
+        The placed photos.
+    width, height
+        Size of the page, mosaic pixels.
+    composition
+        `selective` takes each word from the photo that shows it sharpest (4.4). `average`, for comparison, is the mean
+        of all photos, weighted by the distance to their borders (4.1).
+    text_height_px
+        Text height on the page, mosaic pixels.
+    parameters
+        Sizes of tiles and of transitions.
     """
     p = parameters or CompositionParameters()
     patches = [prepare_patch(one, width, height) for one in placed]
@@ -82,7 +93,7 @@ def select_photos(maps: Sequence[PatchMaps], grid: CellGrid, p: CompositionParam
 
 
 def _feather(patch: PatchMaps) -> GrayImage:
-    """Weights that fall towards the photo's border."""
+    """Weights that decrease towards the photo's border."""
     if patch.inset.size == 0:
         return np.zeros(patch.inset.shape, np.uint8)
     relative = patch.inset / max(float(patch.inset.max()), 1.0)
@@ -96,7 +107,7 @@ def _draw_page(
     grid: CellGrid,
     p: CompositionParameters,
 ) -> RgbImage:
-    """The mean of the patches by their weights, tile by tile."""
+    """Weighted mean of the patches, drawn tile by tile."""
     image = np.full((grid.height, grid.width, 3), 255, np.uint8)
     page = Rectangle(0, 0, grid.width, grid.height)
     step = max(p.tile_px // grid.side, 1)
@@ -116,7 +127,7 @@ def _draw_tile(
     tile: Rectangle,
     into: RgbImage,
 ) -> None:
-    """Draw one tile; only the part of a photo that has weight is drawn at all."""
+    """Draw one tile. Only the part of a photo with a positive weight is drawn."""
     parts = []
     for patch, box, weight in zip(patches, boxes, weights, strict=True):
         part = _weighted_part(box, weight, grid.cells(tile))
@@ -146,7 +157,7 @@ def _draw_tile(
 
 
 def _weighted_part(box: Rectangle, weight: GrayImage, cells: Rectangle) -> Rectangle:
-    """Of the photo's cells those among `cells` round which it has weight."""
+    """The cells of the photo, among `cells`, around those where it has weight."""
     reach = Rectangle(cells.left - 1, cells.top - 1, cells.width + 2, cells.height + 2).meet(box)
     if reach.width == 0 or reach.height == 0:
         return Rectangle(cells.left, cells.top, 0, 0)
@@ -159,7 +170,7 @@ def _weighted_part(box: Rectangle, weight: GrayImage, cells: Rectangle) -> Recta
 def _enlarge(
     box: Rectangle, weight: GrayImage, part: Rectangle, grid: CellGrid, pixels: Rectangle
 ) -> FloatMap:
-    """Weights (H, W) at `pixels`, which begin where the cells of `part` do, bilinear between the cells' centres."""
+    """Weights (H, W) at `pixels`, which begin at the start of `part`; bilinear between the cells' centres."""
     around = Rectangle(part.left - 1, part.top - 1, part.width + 2, part.height + 2)
     cells = np.zeros((around.height, around.width), np.float32)
     known = around.meet(box)

@@ -1,4 +1,4 @@
-"""A photo's patch of the mosaic, drawn a rectangle at a time by one remap of the photo."""
+"""Drawing of one photo's part of the mosaic, a rectangle at a time, by one remap of the photo."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from services.mosaic.light.tones import apply_tones
 from services.mosaic.placed_photo import PlacedPhoto
 
 LARGEST_REDUCTION = 1.3
-"""Photo pixels per mosaic pixel up to which interpolation does not step over any."""
+"""Photo pixels per mosaic pixel up to which interpolation skips no photo pixel."""
 RIM_PX = 2.0
-"""The photo's outermost pixels are left out: interpolation reaches beyond them."""
+"""Border of the photo that is left out, because interpolation reaches beyond the photo there."""
 MAX_REDUCTION = 12.0
-"""Photo pixels per mosaic pixel: more is no page."""
+"""Largest number of photo pixels per mosaic pixel; a larger value means that this is not the page."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """Pixels, or cells, of the mosaic."""
+    """Rectangle of pixels, or of cells, of the mosaic."""
 
     left: int
     top: int
@@ -31,16 +31,16 @@ class Rectangle:
 
     @property
     def right(self) -> int:
-        """First column beyond it."""
+        """First column to its right."""
         return self.left + self.width
 
     @property
     def bottom(self) -> int:
-        """First row beyond it."""
+        """First row below it."""
         return self.top + self.height
 
     def meet(self, other: "Rectangle") -> "Rectangle":
-        """What both share; its width and height are 0 where they share nothing."""
+        """Intersection with `other`; its width and height are 0 if it is empty."""
         left, top = max(self.left, other.left), max(self.top, other.top)
         right, bottom = min(self.right, other.right), min(self.bottom, other.bottom)
         return Rectangle(left, top, max(right - left, 0), max(bottom - top, 0))
@@ -53,16 +53,16 @@ class Rectangle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawablePatch:
-    """A placed photo, ready to be drawn.
+    """A placed photo with all that drawing needs.
 
     Attributes
     ----------
-    placed : the photo and its place.
-    source : (h, w, 3) photo, reduced by areas where it has more detail than the mosaic.
-    factor : source pixels over photo pixels, 0-1.
-    box : rectangle of the mosaic, within the page, that holds all that the photo shows.
+    placed : the photo and its placement.
+    source : (h, w, 3) photo, reduced by area averages if it has more detail than the mosaic.
+    factor : source pixels per photo pixel, 0-1.
+    box : rectangle of the page that contains all that the photo shows.
     shown : (height, width) of the flat view, 255 where it shows the page.
-    well_shown : the same without a rim of more than one step of the node grid.
+    well_shown : `shown` without a border of slightly more than one step of the node grid.
     """
 
     placed: PlacedPhoto
@@ -75,7 +75,7 @@ class DrawablePatch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PatchMap:
-    """Where a rectangle of the mosaic is seen.
+    """Source points of a rectangle of the mosaic.
 
     `source` (H, W, 2) float32 are source pixels; `covered` (H, W) is 255 where the photo shows the page, 0 elsewhere;
     `flat_nodes` (N, 2) are flat pixels of the nodes, in `shape` rows and columns.
@@ -88,7 +88,7 @@ class PatchMap:
 
 
 def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch:
-    """`placed` made ready to be drawn on a page of `width` x `height` mosaic pixels."""
+    """`placed`, prepared for drawing on a page of `width` x `height` mosaic pixels."""
     shown = np.asarray(placed.flat.shown, np.uint8) * np.uint8(255)
     points = _outline(shown)
     if len(points) == 0:
@@ -113,7 +113,7 @@ def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch
 
 
 def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
-    """Where `rectangle` of the mosaic is seen; None where the photo shows nothing of it."""
+    """Source points of `rectangle` of the mosaic; None if the photo shows nothing of it."""
     width, height = rectangle.width, rectangle.height
     nodes, shape = node_grid(rectangle.left, rectangle.top, width, height)
     flat = patch.placed.placement.to_flat(nodes)
@@ -141,12 +141,12 @@ def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
 
 
 def draw_gray_patch(gray_source: GrayImage, patch_map: PatchMap) -> GrayImage:
-    """The patch in gray, from the source in gray; beyond the photo its border goes on, so that no edge arises."""
+    """The patch in gray, from the gray source. Outside of the photo its border is repeated, to avoid false edges."""
     return _draw(gray_source, patch_map.source)
 
 
 def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
-    """The patch in its colours and its light; what is not covered is not to be shown."""
+    """The patch in colour, with its tones applied. Pixels outside of `covered` must not be used."""
     drawn = _draw(patch.source, patch_map.source)
     tones = patch.placed.tones
     if (tones.coefficients == np.array([1, 1, 1, 1, 0, 0], np.float32)).all():
@@ -163,7 +163,7 @@ def _cover(
     known: NDArray[np.bool_],
     scale: NDArray[np.float64],
 ) -> GrayImage:
-    """Where the photo, but for its rim, shows the page, pixel by pixel."""
+    """Mask of pixels where the photo, without its border, shows the page."""
     height, width = source.shape[:2]
     photo_height, photo_width = patch.placed.flat.photo.shape[:2]
     low = (RIM_PX + 0.5) * scale - 0.5
@@ -179,20 +179,20 @@ def _cover(
 
 
 def _draw(image: NDArray[np.uint8], at: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """`image` at pixels `at` (H, W, 2)."""
+    """Values of `image` at pixels `at` (H, W, 2)."""
     x, y = cv2.split(at)
     return np.asarray(cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.uint8)
 
 
 def _look_up(mask: GrayImage, at: NDArray[np.float32]) -> GrayImage:
-    """Values (H, W) of `mask` at flat pixels `at` (H, W, 2), 0 beyond it."""
+    """Values (H, W) of `mask` at flat pixels `at` (H, W, 2), 0 outside of it."""
     x, y = cv2.split(at)
     found = cv2.remap(mask, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
     return np.asarray(found, np.uint8)
 
 
 def _outline(shown: GrayImage) -> Points:
-    """Points (N, 2) round what is shown."""
+    """Points (N, 2) around the shown part."""
     contours, _ = cv2.findContours(shown, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     if not contours:
         return np.empty((0, 2))
@@ -200,7 +200,7 @@ def _outline(shown: GrayImage) -> Points:
 
 
 def _grid_inside(placed: PlacedPhoto, shown: GrayImage, count: int = 24) -> Points:
-    """Mosaic points (N, 2) on a grid over what is shown."""
+    """Mosaic points (N, 2) on a grid over the shown part."""
     height, width = shown.shape
     grid = np.stack(
         np.meshgrid(np.linspace(0, width - 1, count), np.linspace(0, height - 1, count)), axis=-1
@@ -211,7 +211,7 @@ def _grid_inside(placed: PlacedPhoto, shown: GrayImage, count: int = 24) -> Poin
 
 
 def _enlargement(to: Callable[[Points], Points], mosaic: Points) -> NDArray[np.float64]:
-    """Square root (N,) of the area that `to` makes of one mosaic pixel at points (N, 2)."""
+    """Linear enlargement (N,) of the map `to` at points (N, 2): the square root of the area of one mosaic pixel."""
     here, steps = to(mosaic), np.eye(2)
     right, down = to(mosaic + steps[0]) - here, to(mosaic + steps[1]) - here
     return np.sqrt(np.abs(right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]))

@@ -1,7 +1,7 @@
-"""How sharp each photo shows the print, on a reduced map of the mosaic (4.4).
+"""Sharpness of the print in each photo, on a reduced map of the mosaic (4.4).
 
-All photos are compared in *cells*, squares of mosaic pixels; what must be seen at full resolution (gradients, the exact
-border of a photo) is measured tile by tile and only its means are kept.
+Photos are compared in *cells*, which are squares of mosaic pixels. Gradients and the exact borders of photos need full
+resolution. They are measured tile by tile, and only their means are kept.
 """
 
 from dataclasses import dataclass
@@ -18,51 +18,51 @@ FloatMap = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class SharpnessParameters:
-    """Lengths in text heights, brightness relative to the bare paper's."""
+    """Lengths in text heights; brightness relative to the bare paper."""
 
     cells_per_text_height: float = 9.0
-    """A stroke is then about one cell wide, and the gap between two lines of text a few."""
+    """A stroke is then about one cell wide, and the gap between two text lines a few cells."""
     most_cells: float = 3e6
-    """Of the whole page, whatever its size: bounds the memory of all maps."""
+    """Largest number of cells of a page; limits the memory of all maps."""
     tile_px: int = 1024
     """Side of the tiles in which gradients are measured."""
     paper_window: float = 2.5
-    """Window, wider than any stroke of text, in which the brightest is the paper."""
+    """Window, wider than any stroke of text, whose brightest pixels are paper."""
     ink_contrast: float = 0.1
-    """What is darker than the paper by this, in the mean of a cell, is print; show-through is less."""
+    """Least contrast of print: mean darkness of a cell relative to paper. Show-through has less."""
     ink_gradient: float = 0.04
-    """RMS gradient per mosaic pixel, which light print and pictures have and paper has not."""
+    """Least RMS gradient of print per mosaic pixel. Light print and pictures have more, paper has less."""
     ink_share: float = 0.25
-    """Of the contrast, and of the gradient, of the strongest print within a text height: what is weaker beside it is
-    its blurred rim, which would tie words together."""
+    """Least contrast and gradient relative to the strongest print within a text height. Weaker cells are the blurred
+    border of that print and would connect words."""
     noise_factor: float = 3.0
-    """A gradient is none of print unless it is this much stronger than that of the bare paper."""
+    """Least gradient of print relative to the gradient of bare paper."""
     window: float = 3.0
-    """Over which sharpness is averaged: wide, since focus changes slowly and what is printed there quickly."""
+    """Window over which sharpness is averaged. It is wide, because focus varies slowly and print varies fast."""
 
 
 @dataclass(frozen=True, slots=True)
 class CellGrid:
-    """The page of `width` x `height` mosaic pixels in square cells of `side` pixels."""
+    """The page of `width` x `height` mosaic pixels, divided into square cells of `side` pixels."""
 
     width: int
     height: int
     side: int
     text_height: float
-    """In cells."""
+    """Text height in cells."""
 
     @property
     def columns(self) -> int:
-        """Cells across, the last one possibly beyond the page in part."""
+        """Number of cells across; the last one may extend beyond the page."""
         return -(-self.width // self.side)
 
     @property
     def rows(self) -> int:
-        """Cells down."""
+        """Number of cells down; the last one may extend beyond the page."""
         return -(-self.height // self.side)
 
     def cells(self, pixels: Rectangle) -> Rectangle:
-        """The cells that `pixels` touch."""
+        """The cells that overlap `pixels`."""
         left, top = pixels.left // self.side, pixels.top // self.side
         right, bottom = -(-pixels.right // self.side), -(-pixels.bottom // self.side)
         if pixels.width == 0 or pixels.height == 0:
@@ -78,16 +78,16 @@ class CellGrid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PatchMaps:
-    """What one photo shows, in cells.
+    """Maps of one photo, in cells.
 
     Attributes
     ----------
-    box : of the mosaic's cells, which the maps span.
-    covered : 255 where the photo shows the whole cell, 0 where nothing of it.
-    ink : strength of what is printed, relative to the strongest print within a text height (255); 0 where nothing is.
-    energy : (rows, columns, 2) mean squared gradient of brightness over the paper's, per mosaic pixel, across and down,
-        without that of noise.
-    inset : distance, in cells, to the next one that is not wholly shown.
+    box : rectangle of the mosaic's cells that the maps cover.
+    covered : 255 where the photo shows the whole cell, 0 where it shows nothing of it.
+    ink : strength of print relative to the strongest print within a text height (255); 0 without print.
+    energy : (rows, columns, 2) mean squared gradient of brightness relative to paper, per mosaic pixel, across and
+        down, minus that of noise.
+    inset : distance to the next cell that is not completely shown, cells.
     """
 
     box: Rectangle
@@ -100,7 +100,7 @@ class PatchMaps:
 def choose_cells(
     width: int, height: int, text_height_px: float, parameters: SharpnessParameters | None = None
 ) -> CellGrid:
-    """Cells in which text of `text_height_px` mosaic pixels can be told from its background."""
+    """Grid of cells fine enough to separate text of `text_height_px` mosaic pixels from its background."""
     p = parameters or SharpnessParameters()
     fine = max(1, round(text_height_px / p.cells_per_text_height))
     side = max(fine, int(np.ceil(np.sqrt(width * height / p.most_cells))))
@@ -110,7 +110,7 @@ def choose_cells(
 def measure_patch(
     patch: DrawablePatch, grid: CellGrid, parameters: SharpnessParameters | None = None
 ) -> PatchMaps:
-    """The maps of one photo, drawn in gray in tiles."""
+    """The maps of one photo, measured in gray, tile by tile."""
     p = parameters or SharpnessParameters()
     box = grid.cells(patch.box)
     shape = (box.height, box.width)
@@ -122,7 +122,7 @@ def measure_patch(
         for left in range(box.left, box.right, step):
             cells = Rectangle(left, top, step, step).meet(box)
             tile = grid.pixels(cells)
-            # One more pixel all round, for the gradient.
+            # One extra pixel on each side, for the gradient.
             found = map_patch(patch, Rectangle(tile.left - 1, tile.top - 1, tile.width + 2, tile.height + 2))
             if found is None:
                 continue
@@ -139,32 +139,32 @@ def measure_patch(
 def compare_sharpness(
     maps: PatchMaps, ink: GrayImage, text_height: float, parameters: SharpnessParameters | None = None
 ) -> FloatMap:
-    """Gradient of the print round each cell of `maps.box`; near 0 where nothing is printed.
+    """Gradient of the print around each cell of `maps.box`; near 0 where nothing is printed.
 
-    It is the geometric mean of the RMS gradients across and down: print seen obliquely, or blurred by motion, is sharp
-    in one direction only, and cannot be read. `ink` (rows, columns) of the whole mosaic is what any photo shows as
-    printed, so that all are asked about the same places.
+    It is the geometric mean of the RMS gradients across and down: print that is viewed obliquely, or blurred by motion,
+    is sharp in one direction only, and unreadable. `ink` (rows, columns) is the print of all photos together, so that
+    all photos are compared at the same places.
     """
     p = parameters or SharpnessParameters()
     printed = ink[maps.box.within(Rectangle(0, 0, ink.shape[1], ink.shape[0]))]
     asked = ((printed > 0) & (maps.covered == 255)).astype(np.float32)
     share = _average(asked, p.window * text_height)
     total = _average(maps.energy * asked[..., None], p.window * text_height)
-    # Where hardly anything is printed nothing is to be compared.
+    # Almost no print: no comparison.
     both = np.maximum(total[..., 0] * total[..., 1], 0) / np.square(share + np.float32(0.005))
     return np.asarray(np.sqrt(np.sqrt(both)), np.float32)
 
 
 def print_sharpness(maps: PatchMaps) -> float:
-    """The same of all print of the photo, 0 where it shows none."""
+    """Sharpness of all print of the photo, as in `compare_sharpness`; 0 without print."""
     printed = (maps.ink > 0) & (maps.covered == 255)
     return float(np.prod(maps.energy[printed].mean(axis=0)) ** 0.25) if printed.any() else 0.0
 
 
 def _squared_gradient(gray: GrayImage, size: tuple[int, int]) -> FloatMap:
-    """Squared gradients (rows, columns, 2), across and down (Sobel), per pixel within the outermost ones of `gray`.
+    """Mean squared gradients (rows, columns, 2), across and down (Sobel), of `gray` without its outermost pixels.
 
-    `size` are the columns and rows of the cells over which they are averaged.
+    `size` is the number of columns and of rows of cells over which they are averaged.
     """
     means = []
     for x, y in ((1, 0), (0, 1)):
@@ -181,7 +181,7 @@ def _relate_to_paper(
     text_height: float,
     p: SharpnessParameters,
 ) -> PatchMaps:
-    """Brightness and gradients relative to the paper's, so that neither light nor exposure counts."""
+    """Brightness and gradients relative to the paper, so that light and exposure have no effect."""
     if covered.size == 0:
         return PatchMaps(box, covered, gray, energy, energy[..., 0])
     shown = covered == 255
@@ -203,20 +203,20 @@ def _relate_to_paper(
     least = max(p.ink_gradient, p.noise_factor * float(np.sqrt(noise.sum())))
     ink = cv2.max(dark, _strength(np.sqrt(energy.sum(axis=2)), near, least, p.ink_share))
     without_noise = np.maximum(energy - noise.astype(np.float32), 0)
-    # Beyond the box the photo shows nothing; beyond the page there is nothing to be shown.
+    # Outside of its box the photo shows nothing; outside of the page nothing is needed.
     inset = cv2.distanceTransform(np.pad(shown.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
     return PatchMaps(box, covered, np.asarray(ink, np.uint8), without_noise, np.ascontiguousarray(inset))
 
 
 def _strength(values: FloatMap, near: GrayImage, least: float, share: float) -> GrayImage:
-    """`values` over the largest `near` (255); 0 below `share` of it and where they are below `least`."""
+    """`values` relative to the largest `near`, scaled to 255; 0 below `share` of it and below `least`."""
     largest = np.maximum(cv2.dilate(values, near), np.float32(least))
     relative = np.clip(values / largest, 0, 1)
     return np.where((values > least) & (relative > share), 255 * relative, 0).astype(np.uint8)
 
 
 def _average(values: FloatMap, window: float) -> FloatMap:
-    """Mean within about `window` cells, as smooth as two boxes make it; nothing lies beyond the border."""
+    """Mean within about `window` cells, by two box filters; the outside of the image counts as zero."""
     side = 2 * round(0.5 * window) + 1
     once = cv2.blur(values, (side, side), borderType=cv2.BORDER_CONSTANT)
     return np.asarray(cv2.blur(once, (side, side), borderType=cv2.BORDER_CONSTANT), np.float32)

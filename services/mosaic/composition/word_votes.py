@@ -1,4 +1,4 @@
-"""Which photo each cell of the mosaic is taken from: words decide as a whole (4.4)."""
+"""Choice of a photo for each cell of the mosaic; a word is taken from one photo (4.4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from services.mosaic.composition.patch_drawing import Rectangle
 from services.mosaic.composition.sharpness import FloatMap, PatchMaps, compare_sharpness
 
 Labels = NDArray[np.int16]
-"""(rows, columns) place of a photo in the sequence, -1 where none shows anything."""
+"""(rows, columns) index of a photo in the input sequence, -1 where no photo shows anything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,28 +26,28 @@ class VoteParameters:
         (0.0, 0.0, 0.5),
         (0.0, 0.0, 0.75),
     )
-    """Across and down, by which print is dilated, and the least strength of it, 0-1. Dilated by half the gap between
-    words and half that between lines at most, components are mostly words. What no photo shows whole falls apart at
-    lesser dilation, then into the dark parts of letters and lines that touch."""
+    """Per step: dilation of print across and down, and the least strength of print, 0-1. With a dilation of at most
+    half the gap between words, and half that between lines, components are mostly words. A component that no photo
+    shows completely is split by the next step, with less dilation, finally into dark parts of letters."""
     border_bonus: float = 0.15
-    """How much sharper a photo seems far from its border: of about equally sharp photos the border's distance then
-    decides, which is smooth."""
+    """Bonus on sharpness far from the photo's border. Between about equally sharp photos the distance to the border
+    then decides, which is a smooth function."""
     border_distance: float = 10.0
-    """Where half of the bonus is won."""
+    """Distance to the border with half of the bonus."""
     word_height: float = 3.5
-    """What is higher is no word, even of a heading: a picture, a table, merged lines."""
+    """Largest height of a word, including headings; a higher component is a picture, a table, or merged lines."""
     word_aspect: float = 6.0
-    """What is wider than this many heights is several words."""
+    """Largest ratio of width to height of a word; a wider component is several words."""
     rule_length: float = 6.0
-    """Thin lines longer than this tie words together."""
+    """Length from which a thin line is a rule; rules would connect words."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decisions:
-    """Where the mosaic's cells are taken from.
+    """The photo chosen for each cell of the mosaic.
 
-    `labels` (rows, columns); `whole` marks the cells of components (print with its margin) that were decided as one,
-    `broken` printed cells of no such component: a picture, a rule, a word that no photo shows whole.
+    `labels` is (rows, columns). `whole` marks cells of components (print and its margin) taken from one photo;
+    `broken` marks printed cells of other components: a picture, a rule, a word that no photo shows completely.
     """
 
     labels: Labels
@@ -56,9 +56,9 @@ class Decisions:
 
 
 def unite_ink(maps: Sequence[PatchMaps], rows: int, columns: int) -> GrayImage:
-    """Strength of the print, where any photo shows any.
+    """Strength of the print in any photo: the maximum over the photos.
 
-    This holds all that a threshold on the average image would (4.4), also ghosts, however many photos overlap.
+    It contains everything that a threshold on the average image would (4.4), for any number of overlapping photos.
     """
     ink = np.zeros((rows, columns), np.uint8)
     page = Rectangle(0, 0, columns, rows)
@@ -71,7 +71,7 @@ def unite_ink(maps: Sequence[PatchMaps], rows: int, columns: int) -> GrayImage:
 def decide_cells(
     maps: Sequence[PatchMaps], ink: GrayImage, text_height: float, parameters: VoteParameters | None = None
 ) -> Labels:
-    """The sharpest photo of each cell, by itself; among equals the one whose border is far."""
+    """The sharpest photo of each single cell; among equally sharp photos, the one whose border is farther away."""
     p = parameters or VoteParameters()
     page = Rectangle(0, 0, ink.shape[1], ink.shape[0])
     labels = np.full(ink.shape, -1, np.int16)
@@ -82,7 +82,7 @@ def decide_cells(
         at = patch.box.within(page)
         far = patch.inset / (patch.inset + np.float32(p.border_distance * text_height))
         score = compare_sharpness(patch, ink, text_height) * (1 + np.float32(p.border_bonus) * far)
-        # Nothing printed: the distance alone. A cell that is not wholly shown: only if nobody shows it better.
+        # Without print only the distance decides. A cell that a photo shows partly is used if no photo shows it better.
         score += np.float32(1e-3) * (1 + far)
         score *= patch.covered.astype(np.float32) / 255
         better = score > best[at]
@@ -98,10 +98,10 @@ def decide_words(
     text_height: float,
     parameters: VoteParameters | None = None,
 ) -> Decisions:
-    """Every component of print is taken from the photo that most of its `cells` vote for, among those that hold it.
+    """Choose one photo for each component of print: the majority of its `cells`, among photos that show all of it.
 
-    A component that no photo shows whole falls apart at lesser dilation; so does one of several words where its
-    majority's choice does not hold it all. What is left keeps the decisions of its cells.
+    A component that no photo shows completely is split by less dilation. So is a component of several words if the
+    majority's photo does not show all of it. The remaining cells keep their own choice.
     """
     p = parameters or VoteParameters()
     labels, whole = cells.copy(), np.zeros(ink.shape, bool)
@@ -136,7 +136,7 @@ def decide_words(
 
 
 def _widen(maps: Sequence[PatchMaps], labels: Labels, whole: Mask) -> None:
-    """Give components another cell of margin where no other photo's is claimed: for serifs too fine to be ink."""
+    """Extend components by one cell if no other component claims it, for serifs too thin to count as ink."""
     page = Rectangle(0, 0, labels.shape[1], labels.shape[0])
     claims, claimant = np.zeros(labels.shape, np.uint8), np.zeros(labels.shape, np.int16)
     for number, patch in enumerate(maps):
@@ -153,12 +153,12 @@ def _widen(maps: Sequence[PatchMaps], labels: Labels, whole: Mask) -> None:
 
 
 def _reach(length: float, text_height: float) -> int:
-    """In cells; what reaches at all reaches one."""
+    """`length` in cells, rounded; at least one if it is positive."""
     return max(round(length * text_height), 1) if length > 0 else 0
 
 
 def _rules(printed: Mask, length: float) -> Mask:
-    """Long thin lines, across or down."""
+    """Mask of long thin lines, across or down."""
     ink = printed.astype(np.uint8)
     side = max(round(length), 2)
     thick = cv2.morphologyEx(ink, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -171,7 +171,7 @@ def _rules(printed: Mask, length: float) -> Mask:
 def _votes(
     maps: Sequence[PatchMaps], components: NDArray[np.int32], count: int, cells: Labels, mask: GrayImage
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Per component (count) and photo (len(maps)): the cells that chose it, and those that it shows wholly."""
+    """Per component (count) and photo (len(maps)): number of cells that chose the photo, and that it shows whole."""
     photos = len(maps)
     page = Rectangle(0, 0, components.shape[1], components.shape[0])
     voters = (mask > 0) & (cells >= 0)
@@ -188,9 +188,9 @@ def _votes(
 def fade_weights(
     maps: Sequence[PatchMaps], decisions: Decisions, text_height: float, fade: float
 ) -> list[GrayImage]:
-    """Weight (0-255) of each photo in the cells of its box; decided borders fade over `fade` text heights.
+    """Weight (0-255) of each photo in the cells of its box; between photos weights change over `fade` text heights.
 
-    Near print they are as sharp as one cell, so that no letter is drawn from two photos.
+    Near print the transition is one cell wide, so that no letter is drawn from two photos.
     """
     page = Rectangle(0, 0, decisions.labels.shape[1], decisions.labels.shape[0])
     near_print = (decisions.whole | _thin(decisions.broken, text_height)).astype(np.uint8)
@@ -206,7 +206,7 @@ def fade_weights(
             weights.append(np.zeros(own.shape, np.uint8))
             continue
         soft: FloatMap = cv2.blur(cv2.blur(own, (side, side)), (side, side))
-        # A photo is faded out before it ends.
+        # The weight decreases to 0 before the photo's border.
         soft *= np.clip((patch.inset - 1) / width, 0, 1)
         mixed = own + softness[at] * (soft - own)
         weights.append(np.maximum(np.round(255 * mixed), 2 * own).astype(np.uint8))
@@ -214,7 +214,7 @@ def fade_weights(
 
 
 def _thin(broken: Mask, text_height: float) -> Mask:
-    """Of print that was not decided as one: what is not part of a picture, which has no gaps as text has."""
+    """Printed cells outside of components that are not part of a picture; text has gaps, a picture has none."""
     side = max(round(2 * text_height), 3)
     pictures = cv2.morphologyEx(broken.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
     return np.asarray(broken & (pictures == 0))

@@ -1,1 +1,1 @@
-"""One light over all photos: gains matched, levels normalized (4.4)."""
+"""Equal light in all photos: matched gains, normalized levels (4.4)."""

@@ -1,4 +1,4 @@
-"""Reduced views of photos in the mosaic's frame, on which their light is compared."""
+"""Reduced views of photos in the mosaic's frame, to compare their light."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ FloatImage = NDArray[np.float32]
 """(H, W) or (H, W, 3) float32."""
 
 CELL_PX = 4
-"""Canvas pixels on a side of a cell: light is told by the cell."""
+"""Side of a cell, canvas pixels; light is measured per cell."""
 BLOCK_PX = 24
-"""Canvas pixels on a side of a block; views begin and end with blocks, so that the cells of all of them coincide."""
+"""Side of a block, canvas pixels. Views start and end at blocks, so that the cells of all views coincide."""
 LARGEST_SIDE_PX = 2400
-"""Bound of the canvas, whatever the number and the size of the photos."""
+"""Largest side of the canvas, for any number and size of photos."""
 NODE_STEP_PX = 16
-"""The way from a view to its photo is exact at every 16th pixel, as in `rectify.drawing`."""
+"""The map from a view to its photo is exact at every 16th pixel, as in `rectify.drawing`."""
 RIM_PX = 2
-"""Pixels beside the border of what is shown mix with what is beyond it."""
+"""Border of the shown part that is left out; its pixels mix with the outside."""
 
 
 @dataclass(frozen=True, slots=True)
 class Canvas:
-    """The mosaic, reduced: canvas pixel p shows mosaic pixel (p + 1/2) / scale - 1/2 + origin."""
+    """The reduced mosaic: canvas pixel p shows mosaic pixel (p + 1/2) / scale - 1/2 + origin."""
 
     scale: float
     origin: tuple[float, float]
@@ -46,14 +46,14 @@ class Canvas:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CanvasView:
-    """One photo on the canvas: a box of it, whose sides are multiples of `BLOCK_PX`, as its corner is.
+    """One photo on the canvas, in a box whose corner and sides are multiples of `BLOCK_PX`.
 
     Attributes
     ----------
     left, top : canvas pixel of the view's first pixel.
     image : (h, w, 3) float32, 0-255.
-    shown : (h, w).
-    feather : (h, w) distance to the border of what is shown, in pixels; 0 beyond it.
+    shown : (h, w) true where the photo shows the page.
+    feather : (h, w) distance to the border of the shown part, pixels; 0 outside of it.
     """
 
     left: int
@@ -64,7 +64,7 @@ class CanvasView:
 
     @property
     def box(self) -> tuple[slice, slice]:
-        """Rows and columns of the canvas."""
+        """Rows and columns of the view in the canvas."""
         height, width = self.shown.shape
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
 
@@ -72,7 +72,7 @@ class CanvasView:
 def frame_canvas(
     photos: Sequence[FlatPhoto], placements: Sequence[Placement], view_long_side_px: int
 ) -> tuple[Canvas, list[tuple[int, int, int, int]]]:
-    """A canvas on which a photo's long side has the given length, and the box of each: left, top, right, bottom."""
+    """A canvas on which a photo's long side has the given length, and each photo's box: left, top, right, bottom."""
     outlines = [
         place.to_mosaic(_border(*photo.size)) for photo, place in zip(photos, placements, strict=True)
     ]
@@ -90,7 +90,7 @@ def frame_canvas(
 
 
 def _border(width: int, height: int) -> Points:
-    """Points round a view of the given size."""
+    """Points along the border of a view of the given size."""
     x, y = np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     return np.concatenate([grid[0], grid[-1], grid[1:-1, 0], grid[1:-1, -1]])
@@ -99,7 +99,7 @@ def _border(width: int, height: int) -> Points:
 def draw_on_canvas(
     photo: FlatPhoto, placement: Placement, canvas: Canvas, box: tuple[int, int, int, int]
 ) -> CanvasView:
-    """`photo` within `box` of the canvas."""
+    """View of `photo` in `box` of the canvas."""
     left, top, right, bottom = box
     corner = np.array([left, top])
     image, shown = draw_reduced(
@@ -113,9 +113,10 @@ def draw_on_canvas(
 def draw_reduced(
     photo: FlatPhoto, to_flat: Callable[[Points], Points], width: int, height: int
 ) -> tuple[RgbImage, Mask]:
-    """A small view (height, width, 3) of `photo`, whose pixel p shows flat pixel `to_flat(p)`, and where it shows any.
+    """A small view (height, width, 3) of `photo`, whose pixel p shows flat pixel `to_flat(p)`, and the mask of shown
+    pixels.
 
-    The photo is first reduced by area averages to the view's own resolution, so that nothing aliases.
+    The photo is first reduced by area averages to the view's resolution, to avoid aliasing.
     """
     columns, rows = -(-width // NODE_STEP_PX) + 2, -(-height // NODE_STEP_PX) + 2
     x = (np.arange(columns) - 0.5) * NODE_STEP_PX - 0.5
@@ -152,13 +153,13 @@ def draw_reduced(
 
 
 def _inside(points: Floats | FloatImage, shape: tuple[int, ...]) -> Mask:
-    """Where `points` (..., 2) lie in an image of the given shape."""
+    """Which of `points` (..., 2) lie in an image of the given shape."""
     x, y = points[..., 0], points[..., 1]
     return np.asarray((x >= 0) & (y >= 0) & (x <= shape[1] - 1) & (y <= shape[0] - 1))
 
 
 def _between_nodes(nodes: Floats, width: int, height: int) -> FloatImage:
-    """Values (height, width, 2) at all pixels from those at every `NODE_STEP_PX`-th."""
+    """Values (height, width, 2) at all pixels, interpolated from those at every `NODE_STEP_PX`-th pixel."""
     size = (nodes.shape[1] * NODE_STEP_PX, nodes.shape[0] * NODE_STEP_PX)
     dense = cv2.resize(nodes.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
     dense = dense[NODE_STEP_PX : NODE_STEP_PX + height, NODE_STEP_PX : NODE_STEP_PX + width]

@@ -1,4 +1,4 @@
-"""Smooth gains that bring the light of overlapping views in line (4.4)."""
+"""Smooth gains that equalize the light of overlapping views (4.4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from services.mosaic.light.canvas import BLOCK_PX, CELL_PX, CanvasView, FloatIma
 from services.robust import cauchy_weights
 
 DARKEST = 16.0
-"""Gray levels below which a colour is noise and the black level of the camera."""
+"""Gray level below which a colour is only noise and the camera's black level."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,28 +19,28 @@ class LightParameters:
     """Lengths relative to a view's long side; gains are compared as logarithms."""
 
     nodes: int = 7
-    """Nodes of the smooth field along the long side: a vignette is followed within half a per cent by them."""
+    """Nodes of the smooth field along the long side; they model vignetting to half a per cent."""
     stiffness: float = 1.0
-    """Cost of a unit difference between neighbouring nodes, against that of a block's residual: a twentieth of what
-    the blocks in a node's square weigh, so that data decide where there are any."""
+    """Cost of a unit difference between neighbouring nodes relative to a block's residual. It is a twentieth of the
+    weight of the blocks between the nodes, so that data decide if there are any."""
     robust_scale: float = 0.03
-    """Cauchy's scale of residuals: light that a smooth field follows leaves less, a shadow's edge or glare more."""
+    """Scale of the Cauchy loss. Smooth changes of light leave smaller residuals; shadow edges and glare larger ones."""
     iterations: int = 8
-    """Of reweighting; weights settle to a few per cent in six."""
+    """Iterations of reweighting; weights converge to a few per cent in six."""
     closing_px: int = 15
-    """Canvas pixels; wider than the strokes of a headline on a view of 600."""
+    """Size of the morphological closing, canvas pixels: wider than a headline's strokes on a view of 600 pixels."""
     bright_share: float = 0.85
-    """Light is compared where colours are at least this share of the brightest beside them: ink is deeper in a sharp
-    photo than in a blurred one, or one with haze, and says nothing of light."""
+    """Light is compared where colours have at least this share of the largest brightness nearby. Ink is darker in a
+    sharp photo than in a blurred or hazy one, so it gives no information about light."""
     gauge: float = 1e-6
-    """Pull of every node to 1, which decides what nothing else decides: the mean over all photos stays."""
+    """Weight of a prior of gain 1 at every node. It determines only what data leave free: the mean over all photos."""
 
 
 def fit_light(views: Sequence[CanvasView], parameters: LightParameters | None = None) -> list[Floats]:
     """Log gains (rows, columns, 3) of each view, at nodes that span its box corner to corner.
 
-    With them, views agree where they overlap: one robust least squares over the ratios of the colours of all blocks
-    that two of them share, with fields that are as even as that allows. Nothing depends on the order of the views.
+    The gains make overlapping views agree. They solve one robust least-squares problem over the colour ratios of all
+    blocks that two views share, with a smoothness cost. The result does not depend on the order of the views.
     """
     p = parameters or LightParameters()
     shapes = [_node_shape(view.shown.shape, p.nodes) for view in views]
@@ -88,7 +88,7 @@ def _roughness(rows: int, columns: int) -> Floats:
 
 
 def _interpolation(count: int, nodes: int) -> Floats:
-    """Linear interpolation (count, nodes) from nodes at both ends of a side to the middles of its `count` parts."""
+    """Linear interpolation (count, nodes), from nodes at both ends of a side to the centres of its `count` parts."""
     place = (np.arange(count) + 0.5) / count * (nodes - 1)
     return np.asarray(np.maximum(1 - np.abs(place[:, None] - np.arange(nodes)), 0))
 
@@ -100,14 +100,14 @@ def node_field(nodes: Floats, height: int, width: int) -> FloatImage:
 
 
 def bright_parts(image: FloatImage, parameters: LightParameters) -> FloatImage:
-    """1 where `image` (H, W, 3) is as bright as the brightest beside it, but for ink, else 0; (H, W)."""
+    """Mask (H, W) float: 1 where `image` (H, W, 3) is about as bright as its surroundings, without ink, else 0."""
     gray = strongest_channel(image)
     around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((parameters.closing_px,) * 2, np.uint8))
     return np.asarray((gray >= parameters.bright_share * around) & (gray >= DARKEST), np.float32)
 
 
 def strongest_channel(image: FloatImage) -> FloatImage:
-    """(H, W) of (H, W, 3)."""
+    """Largest channel (H, W) of (H, W, 3)."""
     red, green, blue = cv2.split(image)
     return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32)
 
@@ -115,8 +115,8 @@ def strongest_channel(image: FloatImage) -> FloatImage:
 def _shared_blocks(
     views: Sequence[CanvasView], shapes: Sequence[tuple[int, int]], p: LightParameters
 ) -> list[tuple[int, int, Floats, Floats, Floats, Floats]]:
-    """For every two views that share blocks: their indices, the blocks' interpolation (N, nodes) in each, the log of
-    the ratio of their colours (N, 3), and weights (N,)."""
+    """For every two views with shared blocks: their indices, the interpolation (N, nodes) of the blocks in each view,
+    the logarithm of the colour ratios (N, 3), and weights (N,)."""
     blocks = [_measure_blocks(view, p) for view in views]
     bases = [
         np.kron(_interpolation(color.shape[0], rows), _interpolation(color.shape[1], columns)).reshape(
@@ -149,7 +149,7 @@ def _shared_blocks(
 
 
 def _measure_blocks(view: CanvasView, p: LightParameters) -> tuple[Floats, Floats]:
-    """Log colour (rows, columns, 3) of the bright parts of every block, and its weight, 0 where it is not known."""
+    """Log colour (rows, columns, 3) of the bright parts of every block, and its weight, 0 if it is unknown."""
     bright = bright_parts(view.image, p) * view.shown
     size = (view.shown.shape[1] // BLOCK_PX, view.shown.shape[0] // BLOCK_PX)
     share = cv2.resize(bright, size, interpolation=cv2.INTER_AREA).astype(np.float64)
@@ -157,23 +157,23 @@ def _measure_blocks(view: CanvasView, p: LightParameters) -> tuple[Floats, Float
     color = cv2.resize(view.image * bright[..., None], size, interpolation=cv2.INTER_AREA).astype(np.float64)
     clipped = (strongest_channel(view.image) >= 254).astype(np.float32) * bright
     clipped_share = cv2.resize(clipped, size, interpolation=cv2.INTER_AREA) / np.maximum(share, 1e-6)
-    # A block that is half seen shows other paper in either photo; a clipped colour is a bound, not a measurement.
+    # Two photos see different parts of a half-shown block; a clipped colour is a lower bound, not a measurement.
     weight = np.where(shown > 0.7, share * (1 - 0.9 * clipped_share), 0.0)
     weight[share < 0.1] = 0.0
     return np.log(np.maximum(color / np.maximum(share, 1e-6)[..., None], 1.0)), weight
 
 
 def to_cells(image: FloatImage) -> FloatImage:
-    """Means over the cells of an image, of which at least one is left."""
+    """Means over the cells of an image; at least one cell remains."""
     size = (max(1, image.shape[1] // CELL_PX), max(1, image.shape[0] // CELL_PX))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
 def spread(weighted: FloatImage, weight: FloatImage, sigmas: Sequence[float]) -> FloatImage:
-    """Means of `weighted` / `weight`, (H, W, C) and (H, W), at each place by Gaussian windows of the given sizes.
+    """Smoothed means of `weighted` / `weight`, (H, W, C) and (H, W), with Gaussian windows of the given sizes.
 
-    Each window weighs a hundredth of the one before: the narrowest decides where it holds anything. The mean of
-    all is the last.
+    Each window has a hundredth of the weight of the previous one, so the narrowest window with data decides. The mean
+    over the whole image comes last.
     """
     total = 1e-12 + float(weight.mean())
     share = np.full(weight.shape, total, np.float32)

@@ -1,4 +1,4 @@
-"""Pictures of a page, told from shaded paper by its levels."""
+"""Detection of pictures on a page, as opposed to shaded paper, from the levels of paper and ink."""
 
 from dataclasses import dataclass
 
@@ -12,46 +12,47 @@ from services.imaging.illumination import Levels
 
 @dataclass(frozen=True, slots=True)
 class PictureParameters:
-    """Lengths are shares of the page's long side; levels of ink are shares of its paper's."""
+    """Lengths are shares of the page's long side; levels of ink are shares of the local paper level."""
 
     window: float = 0.45
-    """Pictures are narrower than this, one way."""
+    """Largest extent of a picture in one direction."""
     darkest_paper: float = 0.88
-    """Against the paper round about; wrinkles and see-through print take off less."""
+    """Brightest level of a picture relative to the surrounding paper. Wrinkles and show-through are brighter."""
     largest_paper_ink: float = 0.35
-    """Where the page's ink is lighter, strokes are not resolved: the depth of ink says nothing then."""
+    """Largest ink level of a page whose strokes are resolved; above it ink levels are not used."""
     similar_ink: tuple[float, float] = (1.3, 0.05)
-    """Ink in a shadow is at most so much lighter than elsewhere, as a factor and a summand: its share of its paper's
-    level is what it is in full light. In a picture the darks beside its lights are higher."""
+    """Largest ink level in a shadow as a factor and a summand of that elsewhere: in a shadow the ratio of ink to paper
+    is the same as in full light. In a picture the ratio of dark to light is larger."""
     other_ink: tuple[float, float] = (1.5, 0.1)
-    """Ink that is lighter than this is none."""
+    """Largest level of ink, as a factor and a summand; lighter print is not ink."""
     shadow_share: float = 0.9
-    """A dark part is a shadow only when more of it than this holds ink as dark as elsewhere."""
+    """Least share with similar ink for a dark part to count as a shadow."""
     picture_share: float = 0.5
-    """A dark part that the page's end cuts is a picture only when as much of it holds no such ink."""
+    """Least share without any ink for a dark part at the page's border to count as a picture."""
     holes: float = 1 / 24
-    """Lights within a picture, such as print in white on it, are narrower."""
+    """Largest width of bright parts within a picture, for example of white print."""
     ring: float = 1 / 60
-    """Width of the rings within and round about a dark part in which its edge is looked for."""
+    """Width of the rings inside and outside of a dark part, in which its edge is measured."""
     edge: float = 0.07
-    """A picture's edge is sharp: across the rings the logarithm of the level falls by this. What is darker than this
-    only further within is uneven light."""
+    """Least step of the level's logarithm across the rings: a picture's edge is sharp. Without this step near the
+    border, a dark part is uneven light."""
     sure_edge: float = 0.3
-    """Of its rings, so much lies within photos, or nothing is known of its edge."""
+    """Least share of the rings inside photos; below it nothing is known about the edge."""
     box_share: float = 0.8
-    """A picture that fills this share of its upright box fills it all: the rest are its lights."""
+    """A picture that covers this share of its upright bounding box is extended to the box; the rest is bright parts."""
     rim: float = 1 / 100
-    """Beside a picture the background is not yet the paper's."""
+    """Margin around a picture in which the background is not yet that of paper."""
 
 
 def find_pictures(
     levels: Levels, inner: Mask | None = None, parameters: PictureParameters | None = None
 ) -> Mask:
-    """Where the page (h, w as the levels) shows a picture, though its levels may look like paper's.
+    """Mask (h, w as the levels) of pictures on the page, even where their levels look like those of paper.
 
-    A picture is darker than the paper round about on all sides, and so is a shadow amid the page; but in a shadow ink
-    darkens as its paper does. What is dark up to the page's end is a picture only when its ink says so. An edge
-    is sure where it is `inner` (of any size) to a photo; at the borders of photos it may be one of their light.
+    A picture is darker than the surrounding paper, and so is a shadow inside the page. In a shadow, however, ink
+    darkens in proportion to paper. A dark part at the page's border is a picture only if its ink indicates it. An edge
+    is reliable where `inner` (of any size) is true, inside a photo. At the borders of photos it may be a difference of
+    their light.
     """
     p = parameters or PictureParameters()
     height, width = levels.paper.shape
@@ -62,7 +63,7 @@ def find_pictures(
     plain = ~to_border & (levels.measured > 0.5) & (levels.ink > 0)
     ink = float(np.median(levels.ink[plain])) if plain.any() else 1.0
     resolved = 0.0 < ink <= p.largest_paper_ink
-    # A shadow's paper is paper everywhere, whereas the levels of a picture look like paper's here and there.
+    # Paper in a shadow has similar ink everywhere; in a picture only some places look like paper with ink.
     is_similar = (
         resolved & (levels.measured > 0.5) & (levels.ink <= p.similar_ink[0] * ink + p.similar_ink[1])
     )
@@ -91,7 +92,7 @@ def find_pictures(
 def _parts(mask: Mask, holes: int) -> tuple[NDArray[np.int32], int]:
     """Label of the connected part of `mask` at every pixel, 0 for none, and the number of labels.
 
-    Holes of the given size are filled, and what is two pixels wide is dropped.
+    Holes up to the given size are filled; parts that are only two pixels wide are removed.
     """
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     padded = cv2.copyMakeBorder(opened, holes, holes, holes, holes, cv2.BORDER_CONSTANT, value=0)
@@ -110,12 +111,12 @@ def _shares(parts: NDArray[np.int32], count: int, evidence: Mask) -> Floats:
 def _edges(
     level: NDArray[np.float32], parts: NDArray[np.int32], count: int, ring: int, sure: Mask, least: float
 ) -> Floats:
-    """Mean of `level` in the ring round about each part less that in the ring within it, (count,).
+    """Mean of `level` in the ring around each part minus the mean in the ring inside it, (count,).
 
-    Only what is `sure` counts; 0 where that is less than the share `least` of both rings.
+    Only pixels that are `sure` count; 0 if they are less than the share `least` of both rings.
     """
     kernel = np.ones((2 * ring + 1,) * 2, np.uint8)
-    # Labels are small integers, which single precision holds exactly.
+    # Labels are small integers, which single precision represents exactly.
     round_about = cv2.dilate(parts.astype(np.float32), kernel).astype(np.int32)
     round_about[parts > 0] = 0
     within = np.where(cv2.erode((parts > 0).astype(np.uint8), kernel) > 0, 0, parts)
@@ -136,9 +137,9 @@ def _odd(size: float) -> int:
 
 
 def _dark_amid_paper(paper: NDArray[np.float32], window: int, darkest: float, to_border: bool) -> Mask:
-    """Where `paper` is a dip narrower than `window`; with `to_border` also one that the page's end cuts.
+    """Where `paper` has a dip narrower than `window`; with `to_border` also a dip that the page's border cuts.
 
-    A slope that only descends towards the page's end is no dip without `to_border`.
+    Without `to_border`, a slope that only descends towards the page's border is not a dip.
     """
     pad = window // 2
     padded = paper

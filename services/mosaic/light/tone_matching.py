@@ -1,4 +1,4 @@
-"""Light within and between photos: localized histogram normalization (4.4), gains matched."""
+"""Equal light within and between photos: matched gains and localized histogram normalization (4.4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -40,33 +40,31 @@ from services.mosaic.placing.placement import Placement
 
 @dataclass(frozen=True, slots=True)
 class ToneParameters:
-    """How light is matched and levels are taken."""
+    """Parameters of light matching and of levels."""
 
     light: LightParameters = field(default_factory=LightParameters)
     levels: NormalizationParameters = field(default_factory=NormalizationParameters)
     view_long_side_px: int = 600
-    """A photo's view on the canvas: what is left of text there still has paper between its lines."""
+    """Long side of a photo's view on the canvas. At this size text still has paper between its lines."""
     windows_cells: tuple[float, ...] = (1.5, 6.0, 24.0)
-    """Gaussians in which a photo's light follows the consensus: the first is as wide as two lines of text, and the
-    others decide in the dark parts of pictures."""
+    """Sizes of the Gaussian windows in which a photo's light is adapted to the mean. The first covers two text lines;
+    the others are used in dark parts of pictures."""
     brightest_paper: float = 250.0
-    """The light that photos agree on is lowered until paper stays below this, or as bright as in the brightest of
-    them."""
+    """Largest paper level after matching, unless the brightest photo has a larger one."""
     tints_of_light: tuple[float, float] = (1.25, 1.5)
-    """Ratio of paper's strongest channel to its weakest that white balance may leave, and from which on the paper
-    itself is coloured (lamps that a phone does not make up for leave 1.1 to 1.3; pink and blue forms have 1.3 to 2)."""
+    """Ratio of paper's strongest to its weakest channel: the largest that white balance may leave, and the least of
+    coloured paper. Lamps that a phone does not correct leave 1.1 to 1.3; pink and blue forms have 1.3 to 2."""
     map_long_side: int = 400
-    """Of a tone map that carries levels: these are measured on a copy of this size, and follow a shadow's edge."""
+    """Long side of a tone map with levels. The levels are measured at this size, and follow a shadow's edge."""
     gray_paper: float = 230.0
-    """Level to which paper is brought before each photo's own levels are measured: below white, so that nothing is
-    clipped."""
+    """Level of paper when each photo's own levels are measured: below white, to avoid clipping."""
     well_within: float = 1 / 30
-    """Of the page's long side: the rings in which the edge of a picture is looked for are half as wide each."""
+    """Share of the page's long side: twice the width of each ring in which the edge of a picture is measured."""
     largest_correction: float = 0.25
-    """Share by which a photo's own paper may differ from all photos': more is no paper."""
+    """Largest relative deviation of a photo's own paper level from that of all photos; beyond it, it is not paper."""
     lightest_ink: float = 0.55
-    """Share of its paper's level up to which ink is made dark: contrast is doubled then, and the strokes of a photo
-    that is more blurred than that would close up."""
+    """Largest ink level, as a share of the paper level, that is made dark. It doubles the contrast. In a more blurred
+    photo the strokes would merge."""
 
 
 def match_tones(
@@ -75,13 +73,21 @@ def match_tones(
     illumination: Illumination,
     parameters: ToneParameters | None = None,
 ) -> tuple[ToneMap, ...]:
-    """What brings the light of `photos`, which lie on the mosaic as `placements` say, in line; one map each.
+    """One tone map for each photo, such that the light of all photos agrees.
 
-    "keep": where two photos show the same place their colours agree, and the mean over all photos stays, unless paper
-    would be clipped. "normalize": paper becomes white besides, also in hue unless it is clearly coloured, and the ink
-    of every photo equally dark, by levels of the page as a whole: a photo that shows little paper takes them from the
-    photos around. Pictures take the light of the paper beside them. Without print on paper only the gains are matched.
-    Nothing depends on the order of photos.
+    Without print on paper only gains are matched. The result does not depend on the order of the photos.
+
+    Parameters
+    ----------
+    photos, placements
+        The flat views and their places on the mosaic.
+    illumination
+        "keep": overlapping photos get equal colours, and the mean over all photos stays, unless paper would be clipped.
+        "normalize": in addition, paper becomes white, also in hue unless it is clearly coloured, and the ink of all
+        photos becomes equally dark. The levels are those of the whole page, so a photo with little paper gets them
+        from its neighbours. Pictures get the light of the paper around them.
+    parameters
+        Parameters of light matching and of levels.
     """
     if not photos:
         return ()
@@ -118,10 +124,10 @@ def match_tones(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MatchedLight:
-    """Gains (h, w, 3) of every view at its cells, and the page in the light that results.
+    """Gains (h, w, 3) of every view at its cells, and the page after their application.
 
-    `page` (H, W, 3) float32 is the mean of all views, `shown` (H, W) where there is any, and `inner` (H, W) where one
-    shows it well within its borders.
+    `page` (H, W, 3) float32 is the mean of all views. `shown` (H, W) is true where any view exists, `inner` (H, W)
+    where a view exists far enough inside its borders.
     """
 
     fields: tuple[FloatImage, ...]
@@ -131,10 +137,11 @@ class MatchedLight:
 
 
 def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) -> MatchedLight:
-    """Gains that bring all views in line, first by smooth fields, then by following their mean where they overlap.
+    """Gains that equalize all views: first smooth fields, then the ratio to the mean where views overlap.
 
-    The mean weighs each view by the distance to its border. Therefore it passes into a view's own light where the
-    others end, and what shading fields do not follow, such as a shadow's edge, fades out towards the overlap's border.
+    The mean weights each view by the distance to its border. Therefore it changes gradually into a view's own light
+    where the others end. Light that smooth fields cannot model, such as a shadow's edge, fades out towards the border
+    of the overlap.
     """
     fields = [
         np.exp(node_field(nodes, *view.shown.shape))
@@ -162,7 +169,7 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) 
 
 
 def _with_neutral_paper(lights: MatchedLight, p: ToneParameters) -> MatchedLight:
-    """The same with paper gray where its tint may be one of the light; what is clearly coloured paper stays so."""
+    """`lights` with neutral paper if its tint may come from the light; clearly coloured paper keeps its colour."""
     bright = bright_parts(lights.page, p.light)[::CELL_PX, ::CELL_PX] * lights.shown[::CELL_PX, ::CELL_PX] > 0
     if not bright.any():
         return lights
@@ -177,7 +184,7 @@ def _with_neutral_paper(lights: MatchedLight, p: ToneParameters) -> MatchedLight
 def _overall_gain(
     views: Sequence[CanvasView], page: FloatImage, bright: FloatImage, brightest_paper: float
 ) -> float:
-    """Gain, at most 1, by which paper that the photos agree on stays below white."""
+    """Gain, at most 1, that keeps the common paper level below white."""
     reached = _paper_level(page, bright)
     limit = max(
         [brightest_paper] + [_paper_level(view.image, bright[view.box] * view.shown) for view in views]
@@ -186,13 +193,13 @@ def _overall_gain(
 
 
 def _paper_level(image: FloatImage, bright: FloatImage) -> float:
-    """Level that paper in good light reaches."""
+    """Level of well-lit paper."""
     levels = image[::CELL_PX, ::CELL_PX].max(axis=2)[bright[::CELL_PX, ::CELL_PX] > 0]
     return float(np.quantile(levels, 0.95)) if levels.size else 0.0
 
 
 def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
-    """Levels of the matched page, taken again with paper in the place of pictures; these count as not measured."""
+    """Levels of the matched page, measured again with pictures replaced by paper; pictures count as not measured."""
     image = _page_image(lights, p)
     levels = measure_levels(image, p.levels)
     if levels is None:
@@ -214,7 +221,7 @@ def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
 
 
 def _page_image(lights: MatchedLight, p: ToneParameters) -> NDArray[np.uint8]:
-    """The matched page, 8 bits; where no photo shows it, paper like that nearby."""
+    """The matched page, 8 bits; paper like that nearby where no photo shows the page."""
     known = bright_parts(lights.page, p.light) * lights.shown
     share = to_cells(known)
     around = spread(to_cells(lights.page * known[..., None]), share, p.windows_cells)
@@ -225,7 +232,7 @@ def _page_image(lights: MatchedLight, p: ToneParameters) -> NDArray[np.uint8]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _FlatGrid:
-    """Places on the canvas of the cells of a photo's tone map."""
+    """Cells of a photo's tone map, as points on the canvas."""
 
     points: Points
     rows: int
@@ -242,7 +249,7 @@ class _FlatGrid:
         return cls(canvas.from_mosaic(placement.to_mosaic(flat)), rows, columns)
 
     def sample(self, values: FloatImage, left: float, top: float, step: float) -> FloatImage:
-        """(rows, columns, C) of `values`, each of which stands for `step` canvas pixels, from (left, top) on."""
+        """Samples (rows, columns, C) of `values`, each of which covers `step` canvas pixels, from (left, top) on."""
         places = (self.points - (left, top) + 0.5) / step - 0.5
         places = places.reshape(self.rows, self.columns, 2).astype(np.float32)
         x, y = cv2.split(places)
@@ -260,7 +267,7 @@ def _normalizations(
     canvas: Canvas,
     p: ToneParameters,
 ) -> list[FloatImage]:
-    """Coefficients (rows, columns, 3) of `level_coefficients` for every photo, after its gains."""
+    """Coefficients (rows, columns, 3) of `level_coefficients` for every photo, applied after its gains."""
     step = canvas.width / levels.paper.shape[1]
     papers, inks, shares = [], [], []
     for photo, grid, gain in zip(photos, grids, gains, strict=True):
@@ -273,7 +280,7 @@ def _normalizations(
             rest = np.log(cv2.resize(own.paper, size) / p.gray_paper)
             trusted = cv2.resize(own.measured, size) * measured
             limit = np.log1p(p.largest_correction)
-            # It fades out at the limit: what differs more is no paper, or not this paper.
+            # Fade out at the limit: a larger difference is not paper, or not the same paper.
             trusted = trusted * np.clip(2 - 2 * np.abs(rest) / limit, 0, 1)
             paper = paper * np.exp(rest * trusted).astype(np.float32)
             ink = cv2.resize(own.ink, size) if own.ink.any() else None
@@ -293,9 +300,9 @@ def _normalizations(
 def _gray_paper_view(
     photo: FlatPhoto, gain: FloatImage, measured: FloatImage, p: ToneParameters
 ) -> NDArray[np.uint8]:
-    """Flat view, reduced, with paper brought to `gray_paper` by `gain` (rows, columns, 3).
+    """Reduced flat view with paper brought to `gray_paper` by `gain` (rows, columns, 3).
 
-    Bare paper where the page's was not `measured` (rows, columns): no desk and no pictures.
+    Where the page's paper was not `measured` (rows, columns), as on a desk or a picture, the view is bare paper.
     """
     width, height = photo.size
     factor = min(1.0, p.levels.working_long_side_px / max(width, height))

@@ -1,4 +1,4 @@
-"""How the light of one photo is brought in line with the others'."""
+"""Correction of one photo's light, applied at drawing."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,9 @@ from services.arrays import Points, RgbImage
 class ToneMap:
     """Change of a photo's colours, smooth over its flat view.
 
-    `coefficients` (rows, columns, 6) float32 are sampled at the centres of cells that divide the view, `width` x
-    `height` flat pixels, evenly. Three are gains of red, green and blue (white balance and light, matched between
-    photos). The others are the levels of localized histogram normalization (4.4), applied after them: gain of every
+    `coefficients` (rows, columns, 6) float32 are sampled at the centres of equal cells of the view, which has `width` x
+    `height` flat pixels. Three are gains of red, green and blue (white balance and light, matched between photos). The
+    other three are the levels of localized histogram normalization (4.4), applied after the gains: gain of every
     channel, slope of the strongest channel, offset.
     """
 
@@ -24,7 +24,7 @@ class ToneMap:
     height: int
 
     def at(self, flat: Points) -> NDArray[np.float32]:
-        """Coefficients (N, 6) at flat pixels (N, 2), bilinear, the border's beyond it."""
+        """Coefficients (N, 6) at flat pixels (N, 2), bilinear; constant beyond the border."""
         rows, columns = self.coefficients.shape[:2]
         x = ((flat[:, 0] + 0.5) * columns / self.width - 0.5).astype(np.float32)
         y = ((flat[:, 1] + 0.5) * rows / self.height - 0.5).astype(np.float32)
@@ -39,7 +39,7 @@ class ToneMap:
 
 
 def apply_tones(tile: RgbImage, coefficients: NDArray[np.float32]) -> RgbImage:
-    """`tile` (H, W, 3) with `coefficients` (H, W, 6) of a `ToneMap` at its pixels."""
+    """`tile` (H, W, 3), changed by `coefficients` (H, W, 6) of a `ToneMap` at its pixels."""
     balanced = cv2.multiply(tile.astype(np.float32), np.ascontiguousarray(coefficients[..., :3]))
     gain, slope, offset = cv2.split(np.ascontiguousarray(coefficients[..., 3:]))
     red, green, blue = cv2.split(balanced)

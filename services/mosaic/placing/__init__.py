@@ -1,1 +1,1 @@
-"""All photos in their places on one page, in the frame that they agree on."""
+"""Placement of all photos on one page, in a common frontal frame."""

@@ -1,9 +1,8 @@
-"""One robust adjustment of all photos over all pairs, so that nothing drifts.
+"""Robust global adjustment of all photos over all pairs, so that errors do not accumulate.
 
-The dissertation fits each pair by itself (4.3) and adds photo to photo (4.5); what is left at the end of
-such a chain is spread here over all pairs at once: a bundle of homographies, as for panoramas (Brown and Lowe 2007,
-section 4), its residual measured in the photos' own pixels, so that neither a choice of the world's frame nor a root
-has a say.
+The dissertation fits each pair separately (4.3) and adds photo after photo (4.5), so errors accumulate along the chain.
+Here they are distributed over all pairs by a bundle of homographies, as for panoramas (Brown and Lowe 2007, section 4).
+Residuals are measured in the photos' own pixels, so that neither the world frame nor the root photo affects the result.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,35 +30,35 @@ from services.mosaic.registration.pair_registration import PairRegistration
 
 @dataclass(frozen=True, slots=True)
 class AdjustmentParameters:
-    """Lengths are relative to the mean of the views' diagonals."""
+    """Lengths are relative to the mean diagonal of the views."""
 
     bundle: BundleParameters = field(default_factory=BundleParameters)
     contradicted_weight: float = 0.1
-    """A pair whose matches keep less than this on average is seven deviations off."""
+    """Mean weight of matches below which a pair is contradicted: it is off by seven standard deviations."""
     contradicted_residual: float = 0.001
-    """Of the diagonal; half a character: less is an inaccuracy, no contradiction."""
+    """Least residual of a contradicted pair, about half a character; a smaller one is only inaccurate."""
     least_departure: float = 0.0015
-    """RMS, relative to half a diagonal, by which good rectifications differ from a similarity: a pixel or two."""
+    """Least RMS departure from a similarity, relative to half a diagonal: good rectifications have a pixel or two."""
     prior_share: float = 0.7
-    """Of the median departure that is found, which holds errors of the matches too: it shrinks from pass to pass."""
+    """Factor on the median departure, which also contains match errors: the prior shrinks from pass to pass."""
     prior_passes: int = 4
-    """From a hundredth to the least."""
+    """Passes that shrink the prior, from a hundredth to the least departure."""
     suspicious_weight: float = 0.4
-    """A pair that keeps less is tried to be left out: three deviations off."""
+    """Mean weight below which a pair is left out on trial: it is off by three standard deviations."""
     most_suspects: int = 5
-    """That many are tried in turn; a false pair drags its neighbours along, hardly more."""
+    """Largest number of pairs tried in turn; a false pair affects hardly more neighbours."""
     most_left_out: int = 3
-    """Pairs are verified before: false ones are rare."""
+    """Largest number of pairs left out; pairs are verified before, so false ones are rare."""
     gain: float = 0.8
-    """A pair is left out where the loss of all falls to this share."""
+    """A pair is left out if this reduces the total loss to at most this share."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdjustedPair:
-    """What became of a pair.
+    """State of a pair after the adjustment.
 
-    `kept_weight` is the mean of its matches' weights under the robust loss (1: all agree with the other pairs), and
-    `contradicted` whether the other pairs place the two photos elsewhere, so that it was left without influence.
+    `kept_weight` is the mean of its matches' weights under the robust loss (1: all agree with the other pairs).
+    `contradicted`: the other pairs place the two photos differently, so the pair was left out.
     """
 
     a: int
@@ -70,9 +69,9 @@ class AdjustedPair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GlobalAdjustment:
-    """Photo index -> `H_world_flat`, up to one homography of the world, and the pairs in their order.
+    """Photo index -> `H_world_flat`, up to one common homography, and the pairs in their order.
 
-    `deviation_px` is the matches' standard deviation along an axis, in pixels of the views' mean resolution.
+    `deviation_px` is the matches' standard deviation per axis, in pixels of the views' mean resolution.
     """
 
     H_world_flat: dict[int, Homography]
@@ -86,10 +85,19 @@ def adjust_globally(
     pairs: Sequence[PairRegistration],
     parameters: AdjustmentParameters | None = None,
 ) -> GlobalAdjustment:
-    """Homographies of all photos of a connected part, from all its pairs at once.
+    """Homographies of all photos of a connected component, from all its pairs together.
 
-    `sizes` are widths and heights of the flat views by photo index. The result, up to one homography for all, depends
-    neither on the order of photos nor on that of pairs. Views are taken to be frontal but for errors that are alike.
+    The result, up to one common homography, does not depend on the order of photos or pairs. The views are assumed to
+    be frontal, except for errors of similar size.
+
+    Parameters
+    ----------
+    sizes
+        Photo index -> width and height of its flat view.
+    pairs
+        Registrations that connect the photos.
+    parameters
+        Parameters of the adjustment.
 
     Raises
     ------
@@ -109,7 +117,7 @@ def adjust_globally(
     for k, (pair, weight) in enumerate(zip(pairs, solution.weights, strict=True)):
         off = k in _suspects(bundle, solution, p.contradicted_weight, p)
         adjusted.append(AdjustedPair(pair.a, pair.b, float(weight), bool(off)))
-    # The world is, to a pixel, the view of a photo of the best pair.
+    # The world frame is the view of a photo of the best pair, to about a pixel.
     root = bundle.halves[int(np.argmax(bundle.evidence))][0].target
     H_world = np.linalg.inv(maps[root] @ bundle.normalisations[root])
     H_world_flat = {}
@@ -130,14 +138,14 @@ def residual_px(pair: PairRegistration, placement_a: Placement, placement_b: Pla
 def _without_contradictions(
     bundle: Bundle, count: int, own: Vector, p: AdjustmentParameters
 ) -> tuple[BundleSolution, frozenset[int]]:
-    """The solution of all pairs, or of all but the few that contradict them, and these.
+    """The solution of all pairs, or of all except a few that contradict them, and the set of those.
 
-    A false pair among few can bend the others so far that the loss alone finds no way back, so each suspicious one is
-    left out in turn; it stays out where the loss of all pairs together, its own included, then falls clearly.
+    With few pairs a false pair can distort the others so much that the loss alone does not recover. Therefore each
+    suspicious pair is left out on trial. It stays out if the loss of all pairs, including its own, then falls clearly.
     """
     left_out: frozenset[int] = frozenset()
     best = solve_bundle(bundle, _chain(bundle, count, left_out), own, p.bundle, left_out)
-    # Which pair it is shows long before the last digit.
+    # A rough solution is enough to decide which pair it is.
     roughly = replace(p.bundle, step_px=0.01, most_steps=30)
     for _ in range(p.most_left_out):
         suspects = [k for k in _suspects(bundle, best, p.suspicious_weight, p) if k not in left_out]
@@ -164,12 +172,12 @@ def _without_contradictions(
 def _as_frontal_as_known(
     bundle: Bundle, solution: BundleSolution, own: Vector, p: AdjustmentParameters, left_out: frozenset[int]
 ) -> BundleSolution:
-    """The solution when the views' rectifications have a say beside the matches.
+    """The solution with a prior on the views' rectifications in addition to the matches.
 
-    Where two views share a strip, its matches hardly tell how either foreshortens, and a hundredth of a pixel in the
-    strip is pixels at the far end. That all views are nearly frontal tells it well enough. How nearly is learnt from
-    the views themselves (empirical Bayes), so that it says little where they are not; matches that say enough are not
-    overruled.
+    Matches in a narrow strip determine the foreshortening of both views poorly: a hundredth of a pixel in the strip is
+    several pixels at the far end. The knowledge that all views are nearly frontal determines it well enough. The width
+    of this prior is estimated from the views (empirical Bayes). It has little effect where views are not frontal, or
+    where matches determine the result.
     """
     points = PRIOR_POINTS[:, 0] + 1j * PRIOR_POINTS[:, 1]
     expected, prior = np.inf, None
@@ -181,7 +189,7 @@ def _as_frontal_as_known(
         if usual > 0.8 * expected:
             break
         expected = usual
-        # One that departs further than the others is expected to.
+        # A view with a larger departure than the others gets a wider prior.
         prior = FrontalPrior(usual / np.sqrt(np.maximum(agreed.trust / agreed.trust.max(), 1e-12)))
         start = agreed.H_frontal_world @ solution.maps
         solution = solve_bundle(bundle, start, own, roughly, left_out, prior)
@@ -189,7 +197,7 @@ def _as_frontal_as_known(
 
 
 def _disagreement(bundle: Bundle, maps: Floats, widths: Vector) -> float:
-    """Cauchy's loss of all pairs. The matches of a pair are right or wrong together: many count as their root."""
+    """Cauchy loss of all pairs. Matches of one pair are right or wrong together, so n of them count as sqrt(n)."""
     losses = []
     for distances, width, confidence in zip(
         transfer_distances(bundle, maps), widths, bundle.confidences, strict=True
@@ -201,14 +209,14 @@ def _disagreement(bundle: Bundle, maps: Floats, widths: Vector) -> float:
 
 
 def _suspects(bundle: Bundle, solution: BundleSolution, weight: float, p: AdjustmentParameters) -> list[int]:
-    """Pairs that keep less than `weight` and disagree visibly, the lightest first."""
+    """Pairs with a weight below `weight` and a visible residual, the smallest weight first."""
     order = np.argsort(solution.weights, kind="stable")
     far = p.contradicted_residual * bundle.diagonal
     return [int(k) for k in order if solution.weights[k] < weight and solution.medians[k] > far]
 
 
 def _graph(bundle: Bundle, count: int, left_out: frozenset[int]) -> csr_array:
-    """Photos (count, count) joined by the pairs that count, their lengths falling with the evidence."""
+    """Graph (count, count) of the photos with the pairs that are not left out; more evidence gives a shorter edge."""
     ends = np.array([(first.target, first.source) for first, _ in bundle.halves])
     kept = np.array([k not in left_out for k in range(len(ends))])
     lengths = 1.0 / (1.0 + bundle.evidence[kept])
@@ -220,7 +228,7 @@ def _connected(bundle: Bundle, count: int, left_out: frozenset[int]) -> bool:
 
 
 def _chain(bundle: Bundle, count: int, left_out: frozenset[int]) -> Floats:
-    """First maps (count, 3, 3) along the spanning tree of the strongest evidence."""
+    """Initial maps (count, 3, 3) along the spanning tree of the strongest evidence."""
     tree = minimum_spanning_tree(_graph(bundle, count, left_out))
     root = bundle.halves[int(np.argmax(bundle.evidence))][0].target
     order, parents = breadth_first_order(tree, root, directed=False)
@@ -238,7 +246,7 @@ def _chain(bundle: Bundle, count: int, left_out: frozenset[int]) -> Floats:
 
 
 def _own_deviation(bundle: Bundle, k: int, p: BundleParameters) -> float:
-    """Standard deviation of a pair's matches about its own best homography, common pixels."""
+    """Standard deviation of a pair's matches from its own best homography, common pixels."""
     first = bundle.halves[k][0]
     pair = replace(bundle, halves=(bundle.halves[k],), confidences=(bundle.confidences[k],))
     maps = np.tile(np.eye(3), (len(bundle.units), 1, 1))

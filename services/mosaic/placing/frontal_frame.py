@@ -1,8 +1,8 @@
-"""The frontal frame that all photos agree on.
+"""The frontal frame of the page, estimated from all photos.
 
-In the dissertation the base photo's rectification is the page's, so that mosaics of different bases differ by a
-projective map (4.5). Here every photo's rectification has a say: its flat view is frontal but for an error of its own,
-so the page is the one frame in which all views together are as near to similarities as can be.
+In the dissertation the page's frame is that of the base photo's rectification, so mosaics with different bases differ
+by a projective map (4.5). Here all rectifications contribute: each flat view is frontal except for an error of its own,
+so the page's frame is the one in which all views together are closest to similarities.
 """
 
 from collections.abc import Mapping
@@ -24,34 +24,34 @@ class FrontalFrameParameters:
     """Departures are RMS, relative to half a view's diagonal."""
 
     usual_departure: float = 0.004
-    """What a good rectification leaves; a view must depart further before it is trusted less."""
+    """Departure of a good rectification; views with a larger one get less trust."""
     spread: float = 2.0
-    """Or this many times the departure that most keep within, where all are worse."""
+    """Factor on the departure of most views; it replaces the usual departure if all are worse."""
     most: float = 0.6
-    """Two of three, three of four: two against two are no majority."""
+    """Share of a majority: two of three, three of four; two against two are no majority."""
     usual_turn_deg: float = 0.5
-    """The same for the direction of the text."""
+    """Usual deviation of the text direction."""
     detail_share: float = 0.85
-    """This share of the area keeps all its pixels, as in framing; with few photos the finest one is among it."""
+    """Share of the area that keeps all its pixels, as in framing; with few photos it includes the finest one."""
     max_growth: float = 4.0
-    """Mosaic pixels over those of all photos: photos that lie on a diagonal leave corners empty."""
+    """Largest ratio of mosaic pixels to those of all photos; photos along a diagonal leave empty corners."""
     max_pixels: float = 1e8
-    """Some 16 photos of 12 megapixels with the usual overlap."""
+    """Largest mosaic: about 16 photos of 12 megapixels with the usual overlap."""
     max_side_px: int = 20000
-    """As in framing."""
+    """Largest side, as in framing."""
     most_steps: int = 60
-    """Reweighting wins about a digit in three steps."""
+    """Largest number of iterations; reweighting gains about a digit in three steps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontalFrame:
-    """The page's frame: `width` x `height` mosaic pixels.
+    """Frame of the page: `width` x `height` mosaic pixels.
 
     Attributes
     ----------
     H_mosaic_world : world of the adjustment -> mosaic pixels.
     departures : photo index -> RMS distance of its view from a similarity, relative to half the view's diagonal.
-    trust : photo index -> its share in the agreement, 0-1; they add up to 1.
+    trust : photo index -> its weight in the estimate, 0-1; the sum is 1.
     """
 
     H_mosaic_world: Homography
@@ -63,7 +63,7 @@ class FrontalFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewInWorld:
-    """Points of a view: normalised (N,), complex, with half its diagonal 1, and in the world (N, 2)."""
+    """Points of a view: normalised (N,), complex, with half its diagonal as unit, and in the world (N, 2)."""
 
     normalised: Complex
     world: Points
@@ -72,8 +72,8 @@ class ViewInWorld:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Agreement:
-    """The frame, and per view (n,): its best similarity as a complex factor (normalised over frontal), its departure
-    from that, RMS relative to half its diagonal, and its share in the agreement.
+    """The frame, and for each view (n,): its best similarity as a complex factor (normalised over frontal), its RMS
+    departure from that relative to half its diagonal, and its weight.
     """
 
     H_frontal_world: Homography
@@ -87,10 +87,10 @@ def agree_on_frontal_frame(
     H_world_flat: Mapping[int, Homography],
     parameters: FrontalFrameParameters | None = None,
 ) -> FrontalFrame:
-    """The frame that the views of `photos` agree on; `H_world_flat` places each, up to one homography of the world.
+    """The frontal frame of `photos`; `H_world_flat` places each view, up to one common homography.
 
-    The text of most photos reads along x, turned by no more than the agreement leaves; the photo with the finest detail
-    keeps its pixels; what the photos show begins at 0. None of it depends on the order of photos.
+    The text of most photos is parallel to x. The photo with the finest detail keeps its resolution. The shown area
+    starts at 0. The result does not depend on the order of the photos.
     """
     p = parameters or FrontalFrameParameters()
     order = list(H_world_flat)
@@ -115,7 +115,7 @@ def agree_on_frontal_frame(
         p.max_side_px / float(extent.max()),
     )
     H = scaling(scale) @ translation(-float(low[0]), -float(low[1])) @ upright @ agreed.H_frontal_world
-    # The last pixel centre within the bounds, whatever the last digit.
+    # The tolerance keeps the last pixel centre despite rounding errors.
     width, height = (int(np.floor(e * scale + 1e-3)) + 1 for e in extent)
     return FrontalFrame(
         H,
@@ -127,7 +127,7 @@ def agree_on_frontal_frame(
 
 
 def _outline(shown: Mask) -> Points:
-    """First and last shown pixels (N, 2) of every row and column: they hold all corners of the shown part."""
+    """First and last shown pixels (N, 2) of every row and column; they contain all corners of the shown part."""
     if not shown.any():
         shown = np.ones_like(shown)
     height, width = shown.shape
@@ -140,7 +140,7 @@ def _outline(shown: Mask) -> Points:
 
 
 def _view(outline: Points, H_world_flat: Homography, points: int = 7) -> ViewInWorld:
-    """A grid over the box that `outline` (flat pixels) fills."""
+    """A grid over the bounding box of `outline` (flat pixels)."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     grid = np.stack(np.meshgrid(*np.linspace(low, high, points).T), axis=-1).reshape(-1, 2)
     half_diagonal = max(0.5 * float(np.hypot(*(high - low))), 1.0)
@@ -153,12 +153,11 @@ def _view(outline: Points, H_world_flat: Homography, points: int = 7) -> ViewInW
 def agree_on_views(
     views: list[ViewInWorld], weights: Vector, parameters: FrontalFrameParameters | None = None
 ) -> Agreement:
-    """The frame that `views` of `weights` (n,), which add up to 1, agree on.
+    """The frontal frame of `views` with `weights` (n,) of sum 1.
 
-    Gauss-Newton on the departures from similarities, reweighted by Geman and McClure's loss.
-
-    Each view's own similarity is eliminated (variable projection, with Kaufman's Jacobian), so that four parameters of
-    the frame remain: its aspect, its shear and two of foreshortening.
+    Gauss-Newton on the departures from similarities, reweighted by the Geman-McClure loss. Each view's own similarity
+    is eliminated (variable projection, with Kaufman's Jacobian). Four parameters of the frame remain: aspect, shear and
+    two of foreshortening.
     """
     p = parameters or FrontalFrameParameters()
     H = _frontal_of(views[int(np.argmax(weights))])
@@ -188,7 +187,7 @@ def agree_on_views(
 
 
 def _frontal_of(view: ViewInWorld) -> Homography:
-    """The homography that makes one view, by itself, a similarity: world -> its normalised points."""
+    """The homography world -> normalised points that makes one view a similarity."""
     x, y, u, v = *view.world.T, view.normalised.real, view.normalised.imag
     zero, one = np.zeros_like(x), np.ones_like(x)
     shift, size = view.world.mean(axis=0), float(np.abs(view.world - view.world.mean(axis=0)).max())
@@ -204,14 +203,14 @@ def _frontal_of(view: ViewInWorld) -> Homography:
 
 
 def _motions(H: Homography, world: Points) -> tuple[Complex, Complex]:
-    """Frontal points (N,) and their motions (N, 4) under aspect, shear and foreshortening across and down."""
+    """Frontal points (N,) and their derivatives (N, 4) by aspect, shear and foreshortening across and down."""
     x, y = transform_points(H, world).T
     z = x + 1j * y
     return z, np.stack([x - 1j * y, y + 1j * x, -x * z, -y * z], axis=1)
 
 
 def _trusted(departures: Vector, weights: Vector, p: FrontalFrameParameters) -> Vector:
-    """Shares (n,) of the views: less for one that departs further than most. Of two, none can tell which is wrong."""
+    """Weights (n,) of the views, smaller for a larger departure than most. With two views neither is preferred."""
     if len(weights) < 3:
         return weights
     usual = max(p.usual_departure, p.spread * _percentile(departures, weights, p.most))
@@ -231,7 +230,7 @@ def _turn(angles: Vector, trust: Vector, weights: Vector, areas: Vector, p: Fron
         if abs(change) < 1e-13:
             break
     quarters = np.round((angles - mean) / (np.pi / 2)).astype(int) % 4
-    # Where two quarters hold as many characters, the heavier photo and then the larger area decides.
+    # If two quarters have equally many characters, the photo of larger weight decides, then the larger area.
     votes = [
         (
             float(weights[quarters == q].sum()),
@@ -253,7 +252,7 @@ def _percentile(values: Vector, weights: Vector, share: float) -> float:
 
 
 def _bounds(maps: list[Homography], outlines: list[Points]) -> tuple[Floats, Floats]:
-    """Lowest and highest coordinates (2,) of all outlines; what lies beyond a vanishing line is none."""
+    """Lowest and highest coordinates (2,) of all outlines; points beyond a vanishing line do not count."""
     seen = []
     for H, outline in zip(maps, outlines, strict=True):
         w = denominators(H, outline)

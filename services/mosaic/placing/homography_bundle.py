@@ -1,4 +1,4 @@
-"""A bundle of homographies: least squares over the matches of many pairs of views, and its robust loss."""
+"""Bundle of homographies: robust least squares over the matches of many pairs of views."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,14 +12,14 @@ from services.mosaic.registration.pair_registration import PairRegistration
 from services.robust import MEDIAN_LENGTH, cauchy_weights
 
 FREE = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1)]
-"""Entries of a homography near the identity, in the order of the parameters; the last, (2, 2), stays."""
+"""Entries of a homography near the identity, in the order of the parameters; the last entry, (2, 2), is fixed."""
 
 PRIOR_POINTS = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 7), np.linspace(-0.7, 0.7, 7)), axis=-1).reshape(
     -1, 2
 )
-"""Points (N, 2) that stand for a normalised view."""
+"""Points (N, 2) that represent a normalised view."""
 PRIOR_PRECISION = 4 * 0.5 / (0.5 * 2.385**2)
-"""Four independent errors, as likely as a match's in units of its loss."""
+"""Weight of the prior: four independent errors with the probability of a match's error, in units of its loss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,22 +27,22 @@ class BundleParameters:
     """Lengths are relative to the views' diagonals, or pixels of a common resolution (the views' geometric mean)."""
 
     loss_width: float = 2.385
-    """Cauchy's width over the standard deviation: 95 % efficiency on normal errors (Holland and Welsch 1977)."""
+    """Width of the Cauchy loss over the standard deviation: 95 % efficiency (Holland and Welsch 1977)."""
     least_deviation_px: float = 0.02
-    """Block matching is no better than this on print."""
+    """Accuracy of block matching on print."""
     greatest_deviation: float = 0.003
-    """Of the diagonal: what gently curved pages leave. More is a contradiction, to be taken out of some pair."""
+    """Largest deviation on gently curved pages, relative to the diagonal. A larger one is a contradiction."""
     annealing: float = 0.4
-    """The loss narrows by this factor a step, from the largest disagreement of a pair to the matches' own spread."""
+    """Factor of the loss width per step, from the largest disagreement of a pair to the matches' own spread."""
     most_steps: int = 80
-    """Enough for 20 halvings and as many steps that each win a digit or two."""
+    """Enough for 20 halvings and 20 steps that each gain a digit or two."""
     step_px: float = 1e-6
-    """Converged when no corner of a view moves further."""
+    """Convergence: no corner of a view moves more than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BundleSolution:
-    """Maps (n, 3, 3) normalised view -> world; per pair the mean weight and the median distance, common pixels."""
+    """Maps (n, 3, 3) normalised view -> world; for each pair the mean weight and the median distance, common pixels."""
 
     maps: Floats
     deviation_px: float
@@ -60,12 +60,12 @@ class _Half:
     x: Points
     y: Points
     basis: Floats
-    """(N, 2, 8) of the source's points."""
+    """(N, 2, 8) derivatives at the source's points."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bundle:
-    """The matches of all pairs, normalised (Hartley): a view's middle is 0 and half its diagonal 1."""
+    """The matches of all pairs, normalised (Hartley): a view's centre is 0 and half its diagonal 1."""
 
     normalisations: tuple[Homography, ...]
     halves: tuple[tuple[_Half, _Half], ...]
@@ -74,10 +74,10 @@ class Bundle:
     initial: tuple[Homography, ...]
     """Normalised `H_a_b` of each pair."""
     units: Vector
-    """Pixels of the common resolution per normalised unit of each photo."""
+    """Pixels of the common resolution per normalised unit, for each photo."""
     evidence: Vector
     diagonal: float
-    """Mean of the views', in pixels of the common resolution."""
+    """Mean diagonal of the views, in pixels of the common resolution."""
 
     @staticmethod
     def of(
@@ -85,7 +85,7 @@ class Bundle:
         sizes: Mapping[int, tuple[int, int]],
         pairs: Sequence[PairRegistration],
     ) -> "Bundle":
-        """The bundle of `pairs`, whose photos are numbered by their places in `photos`."""
+        """The bundle of `pairs`; photos are numbered by their index in `photos`."""
         place = {photo: k for k, photo in enumerate(photos)}
         ends = [(place[pair.a], place[pair.b]) for pair in pairs]
         half_diagonals = np.array([0.5 * np.hypot(*sizes[photo]) for photo in photos])
@@ -116,10 +116,10 @@ class Bundle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontalPrior:
-    """What is known of the views beforehand: each is a similarity of the frontal frame, but for its rectification.
+    """Prior on the views: each is a similarity of the frontal frame, except for its rectification error.
 
-    `deviations` (n,) are the RMS departures to be expected, relative to half a view's diagonal; infinite for a view of
-    which nothing is known. With a prior the world is the frontal frame.
+    `deviations` (n,) are the expected RMS departures relative to half a view's diagonal, infinite for a view without a
+    prior. With a prior the world is the frontal frame.
     """
 
     deviations: Vector
@@ -141,7 +141,7 @@ class FrontalPrior:
         return np.array(departures) / share, np.array(derivatives) / share
 
     def precisions(self) -> Vector:
-        """Weights (n,) of squared departures beside Cauchy's loss of the matches, four parameters to each view."""
+        """Weights (n,) of squared departures relative to the matches' Cauchy loss; a view has four parameters."""
         return PRIOR_PRECISION / self.deviations**2
 
 
@@ -153,11 +153,25 @@ def solve_bundle(
     left_out: frozenset[int] = frozenset(),
     prior: FrontalPrior | None = None,
 ) -> BundleSolution:
-    """Gauss-Newton on reweighted squares, Cauchy's loss.
+    """Solution by Gauss-Newton on reweighted squares (Cauchy loss).
 
-    Its width begins where all pairs count and narrows to the matches' own spread (graduated non-convexity), so that a
-    pair that contradicts the rest has no say in the end, nor has the tree that was begun with. `own` are deviations of
-    each pair that it is not judged below.
+    The loss width starts where all pairs count and decreases to the matches' own spread (graduated non-convexity).
+    Therefore neither a pair that contradicts the others nor the initial tree affects the result.
+
+    Parameters
+    ----------
+    bundle
+        The matches.
+    start
+        (n, 3, 3) initial maps.
+    own
+        Deviation of each pair about its own homography: the lower limit of its loss width, common pixels.
+    p
+        Parameters.
+    left_out
+        Indices of pairs without effect.
+    prior
+        Prior on the views, if any.
     """
     count = len(bundle.halves)
     counted = [k for k in range(count) if k not in left_out]
@@ -213,7 +227,7 @@ def _cost(
 
 
 def transfer_distances(bundle: Bundle, maps: Floats) -> list[Vector]:
-    """Distances (N,) of each pair's matches, common pixels: the root mean square of both directions."""
+    """Distances (N,) of each pair's matches, common pixels: root mean square of both directions."""
     distances = []
     for halves in bundle.halves:
         squares = [
@@ -224,18 +238,18 @@ def transfer_distances(bundle: Bundle, maps: Floats) -> list[Vector]:
 
 
 def _residuals(half: _Half, maps: Floats, unit: float) -> tuple[Vector, Vector, Homography]:
-    """Distances left (N, 2), common pixels, and where the source's points fall (N, 2), normalised, by which map."""
+    """Residuals (N, 2), common pixels; mapped source points (N, 2), normalised; and the map."""
     M = np.linalg.solve(maps[half.target], maps[half.source])
     there = transform_points(M, half.x)
     behind = (half.x @ M[2, :2] + M[2, 2]) * M[2, 2] <= 0
-    there[behind] = half.y[behind] + 1e3  # Beyond the vanishing line: as far as can be.
+    there[behind] = half.y[behind] + 1e3  # beyond the vanishing line: a very large distance
     return (half.y - there) * unit, there, M
 
 
 def _normal_equations(
     bundle: Bundle, maps: Floats, robust: Sequence[Vector], widths: Vector, prior: FrontalPrior | None
 ) -> tuple[Floats, Vector]:
-    """Matrix (8 n, 8 n) and right side of the step that each map makes in its own view."""
+    """Matrix (8 n, 8 n) and right side of the normal equations; each map changes in its own view."""
     size = 8 * len(maps)
     A, g = np.zeros((size, size)), np.zeros(size)
     for k, halves in enumerate(bundle.halves):
@@ -254,7 +268,7 @@ def _normal_equations(
         departures, derivatives = prior.departures(maps)
         for k, (r, J, precision) in enumerate(zip(departures, derivatives, prior.precisions(), strict=True)):
             own = slice(8 * k, 8 * k + 8)
-            # Matches count in both directions, so the prior twice.
+            # Each match counts in both directions, so the prior counts twice.
             A[own, own] += 2 * precision * J.T @ J
             g[own] -= 2 * precision * J.T @ r
     return A, g
@@ -263,7 +277,7 @@ def _normal_equations(
 def _step(A: Floats, g: Vector, damping: float) -> Floats:
     """Changes (n, 8) of all maps.
 
-    The world's own homography is free: the damping, relative to each parameter's weight, keeps it where it is.
+    The world's own homography is undetermined. Damping, relative to each parameter's weight, keeps it constant.
     """
     scale = np.sqrt(np.maximum(np.diag(A), 1e-12 * max(float(np.diag(A).max()), 1e-300)))
     scaled = A / np.outer(scale, scale) + damping * np.eye(len(A))
@@ -272,7 +286,7 @@ def _step(A: Floats, g: Vector, damping: float) -> Floats:
 
 
 def _moved(maps: Floats, step: Floats) -> Floats:
-    """Maps after each changed by I + D in its own view."""
+    """Maps after a change by I + D of each in its own view."""
     D = np.zeros_like(maps)
     for column, (i, j) in enumerate(FREE):
         D[:, i, j] = step[:, column]
@@ -281,13 +295,13 @@ def _moved(maps: Floats, step: Floats) -> Floats:
 
 
 def _resolutions(count: int, ends: Sequence[tuple[int, int]], pairs: Sequence[PairRegistration]) -> Vector:
-    """Flat pixels of each photo per common pixel: the scales between the pairs, least squares of their logarithms."""
+    """Flat pixels of each photo per common pixel, by least squares on the logarithms of the pairs' scales."""
     rows, right = np.zeros((len(pairs), count)), np.zeros(len(pairs))
     for k, ((a, b), pair) in enumerate(zip(ends, pairs, strict=True)):
         middle = np.median(pair.points_b, axis=0)[None]
         rows[k, a], rows[k, b] = 1.0, -1.0
         right[k] = 0.5 * np.log(abs(np.linalg.det(jacobians(pair.H_a_b, middle)[0])))
-    # The solution of least norm: the geometric mean is 1, whichever photo comes first.
+    # The minimum-norm solution has geometric mean 1, independent of the photos' order.
     return np.asarray(np.exp(np.linalg.lstsq(rows, right, rcond=None)[0]))
 
 
@@ -297,7 +311,7 @@ def _complex(vectors: Floats) -> NDArray[np.complex128]:
 
 
 def _basis(points: Points) -> Floats:
-    """Motions (N, 2, 8) of `points` (N, 2) under I + D, D small, by the entries `FREE` of D."""
+    """Derivatives (N, 2, 8) of `points` (N, 2) under I + D by the entries `FREE` of D, for small D."""
     x, y = points.T
     zero, one = np.zeros_like(x), np.ones_like(x)
     return np.stack(

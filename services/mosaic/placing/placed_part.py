@@ -1,4 +1,4 @@
-"""From pairs of photos to the place of each on the page."""
+"""Placement of photos on the page, from their pairs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from services.mosaic.registration.pair_registration import PairRegistration
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedPart:
-    """The photos that make the page, by index, in the mosaic's pixels of a page `width` x `height`."""
+    """The photos of the page, by index, placed in the pixels of a page of `width` x `height`."""
 
     base: int
     placements: Mapping[int, Placement]
@@ -26,14 +26,14 @@ class PlacedPart:
 def place_photos(
     photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration], base: int | None
 ) -> PlacedPart:
-    """The part of the photos that becomes the page, adjusted as a whole.
+    """The part of the photos that becomes the page, with all placements adjusted together.
 
-    Pairs that the others contradict are left out, and photos that only they connected with them.
+    Pairs that contradict the others are left out, and photos that are connected only by them.
 
     Raises
     ------
     NotOverlapping
-        When that part is a single photo.
+        When the part is a single photo.
     """
     agreeing = tuple(pairs)
     while True:

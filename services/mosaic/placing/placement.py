@@ -1,4 +1,4 @@
-"""Where a flat view lies on the mosaic."""
+"""Map between a flat view and the mosaic."""
 
 from dataclasses import dataclass, replace
 
@@ -8,15 +8,15 @@ from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import transform_points
 
 INVERSE_STEPS = 4
-"""Fixed-point steps of the inverse: displacements change by at most a few per cent of the way, so each step wins one or
-two digits."""
+"""Fixed-point steps of the inverse. Displacements vary by a few per cent of the distance, so each step gains one or two
+digits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DisplacementField:
     """Smooth displacement of flat pixels, bilinear between the nodes of a grid that spans the view corner to corner.
 
-    `nodes` (rows, columns, 2) are flat pixels; the view is `width` x `height`. Beyond its border the border's goes on.
+    `nodes` (rows, columns, 2) are flat pixels; the view is `width` x `height`. Beyond the border it is constant.
     """
 
     nodes: Floats
@@ -37,7 +37,7 @@ class DisplacementField:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placement:
-    """Flat pixels f -> mosaic pixels H (f + d(f)); `displacement` d is None where none is needed."""
+    """Flat pixels f -> mosaic pixels H (f + d(f)); `displacement` d is None if it is zero."""
 
     H_mosaic_flat: Homography
     displacement: DisplacementField | None = None
@@ -58,5 +58,5 @@ class Placement:
         return flat
 
     def within(self, H_new_mosaic: Homography) -> "Placement":
-        """The same in another frame of the mosaic."""
+        """This placement in another frame of the mosaic."""
         return replace(self, H_mosaic_flat=H_new_mosaic @ self.H_mosaic_flat)

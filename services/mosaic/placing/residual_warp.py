@@ -1,7 +1,7 @@
-"""What homographies leave between photos of a gently curved page, taken up by smooth displacements.
+"""Smooth displacements that correct the residuals of homographies between photos of a gently curved page.
 
-The dissertation leaves this open (4.6). Every view gets a displacement on a coarse grid; all are sought together, by
-linear least squares over the matches of all pairs, so that no photo is bent to fit one that is itself out of place.
+The dissertation leaves this open (4.6). Every view gets a displacement on a coarse grid. All are estimated together, by
+linear least squares over the matches of all pairs, so that no photo is warped to fit another one with an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,55 +20,54 @@ from services.mosaic.registration.pair_registration import PairRegistration
 from services.robust import MEDIAN_LENGTH, cauchy_weights
 
 Nodes = NDArray[np.intp]
-"""Numbers of nodes, any shape."""
+"""Indices of nodes, any shape."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualWarpParameters:
-    """Lengths are relative to the text height, shares to one."""
+    """Lengths are relative to the text height; shares are 0-1."""
 
     node_spacing: float = 4.0
-    """Pages curve over tens of text heights, creases over a few; blocks lie every two or so."""
+    """Pages curve over tens of text heights, creases over a few; block matches are about two apart."""
     most_nodes: int = 24
-    """Along a side."""
+    """Largest number of nodes along a side."""
     most_nodes_in_all: int = 3000
-    """Of all views, so that 16 photos take a second or two; about."""
+    """Largest number of nodes of all views, approximately; 16 photos then take a second or two."""
     reach: float = 0.1
-    """Of a view's diagonal: over this a displacement changes and, beyond the overlaps, dies out."""
+    """Length, relative to a view's diagonal, over which a displacement changes and, outside of overlaps, vanishes."""
     worthwhile: float = 0.02
-    """RMS that is worth it: half a pixel at 300 dpi."""
+    """Least RMS worth a correction: half a pixel at 300 dpi."""
     gain: float = 0.7
-    """Share that may be left of the RMS of matches that were held out."""
+    """Largest remaining share of the RMS of held-out matches."""
     harm: float = 1.1
-    """No pair's may rise by more, if it matters."""
+    """Largest factor by which the RMS of any pair may rise."""
     fewest: int = 8
-    """Held-out matches of a pair that has a say."""
+    """Least number of held-out matches of a pair that is evaluated."""
     held_out_cell: float = 3.0
-    """Matches are held out by cells a little larger than their blocks, one in five."""
+    """Cells by which matches are held out, one in five; slightly larger than the matched blocks."""
     trimmed: float = 0.75
-    """Share of the matches that an RMS is taken of: the rest may be wrong."""
+    """Share of the matches, the best ones, in an RMS: the others may be wrong."""
     greatest: float = 1.0
-    """Displacement; more is no residual."""
+    """Largest displacement; a larger one is not a residual."""
     greatest_of_diagonal: float = 0.02
-    """The same, of the view's diagonal."""
+    """Largest displacement relative to the view's diagonal."""
     greatest_gradient: float = 0.05
-    """Of a displacement: far from a fold, and the inverse's fixed point gains more than a digit a step."""
+    """Largest gradient of a displacement: far from a fold, and the inverse gains more than a digit per step."""
     loss_width: float = 2.385
-    """Cauchy's width over the standard deviation: 95 % efficiency on normal errors (Holland and Welsch 1977)."""
+    """Width of the Cauchy loss over the standard deviation: 95 % efficiency (Holland and Welsch 1977)."""
     least_deviation: float = 0.001
-    """Block matching is no better."""
+    """Accuracy of block matching."""
     reweightings: int = 4
-    """The weights hardly change after."""
+    """Number of reweightings; afterwards weights hardly change."""
     stiffer: float = 5.0
-    """Where the bounds do not hold the fields are made stiffer by this factor, twice, before none is taken."""
+    """If the limits are exceeded, the prior is strengthened by this factor, twice; then no displacement is used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResidualWarp:
-    """Photo index -> its displacement; None for all where it was not worth it or was not borne out.
+    """Photo index -> its displacement; None for all photos if displacements did not help on held-out matches.
 
-    `before_px` and `after_px` are RMS distances, mosaic pixels, of those matches of the worst pair that the
-    displacements were not fitted to.
+    `before_px` and `after_px` are RMS distances of the worst pair's held-out matches, mosaic pixels.
     """
 
     displacements: dict[int, DisplacementField | None]
@@ -78,7 +77,7 @@ class ResidualWarp:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Grid:
-    """Nodes of a view, from `first` on among all."""
+    """Node grid of a view; its nodes are numbered from `first`."""
 
     first: int
     rows: int
@@ -109,7 +108,7 @@ class _Grid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Matches:
-    """All matches: what separates them (N, 2), mosaic pixels, how the nodes' displacements would, and of which pair."""
+    """All matches: their separation (N, 2), mosaic pixels, its derivative by the nodes, and their pairs."""
 
     apart: Points
     pair: Nodes
@@ -124,10 +123,21 @@ def estimate_residual_warp(
     pairs: Sequence[PairRegistration],
     parameters: ResidualWarpParameters | None = None,
 ) -> ResidualWarp:
-    """Displacements of the views that close what `H_mosaic_flat` leave between the matches of `pairs`.
+    """Displacements of the views that reduce the residuals between the matches of `pairs`.
 
-    `pairs` are those that the adjustment did not find contradicted. The displacements keep within a text height, are
-    far from folding, and die out away from the overlaps, so that the page's frame stays.
+    Displacements are at most a text height, have no folds, and vanish away from overlaps, so that the page's frame does
+    not change.
+
+    Parameters
+    ----------
+    photos
+        The placed photos by index.
+    H_mosaic_flat
+        Their homographies.
+    pairs
+        Registrations that the adjustment has not found contradicted.
+    parameters
+        Parameters.
     """
     p = parameters or ResidualWarpParameters()
     none = dict.fromkeys(H_mosaic_flat)
@@ -140,7 +150,7 @@ def estimate_residual_warp(
     diagonal = float(np.mean([np.hypot(*photos[k].size) * s for k, s in scales.items()]))
     greatest = min(p.greatest * text_height, p.greatest_of_diagonal * diagonal)
     matches = _gather(grids, H_mosaic_flat, pairs, p.held_out_cell * text_height)
-    # Farther apart than two displacements may bring together: wrong.
+    # Separated by more than two displacements can correct: a wrong match.
     possible = np.hypot(*matches.apart.T) < 2 * greatest
     fitted, held_out = possible & ~matches.held_out, possible & matches.held_out
     of_pairs = _pair_rms(matches.apart, matches.pair, held_out, p)
@@ -166,7 +176,7 @@ def estimate_residual_warp(
 
 
 def _scale(photo: FlatPhoto, H_mosaic_flat: Homography) -> float:
-    """Mosaic pixels per flat pixel in the middle of a view."""
+    """Mosaic pixels per flat pixel at the centre of a view."""
     middle = 0.5 * (np.array([photo.size], np.float64) - 1)
     return float(np.sqrt(abs(np.linalg.det(jacobians(H_mosaic_flat, middle)[0]))))
 
@@ -195,7 +205,7 @@ def _gather(
     pairs: Sequence[PairRegistration],
     cell: float,
 ) -> _Matches:
-    """Matches of all pairs; which of them are held out is told by where on the mosaic they lie."""
+    """Matches of all pairs. The position on the mosaic decides which ones are held out."""
     apart, middles, confidence, nodes, weights = [], [], [], [], []
     for pair in pairs:
         on_a = transform_points(H_mosaic_flat[pair.a], pair.points_a)
@@ -222,10 +232,10 @@ def _gather(
 
 
 def _priors(grids: Mapping[int, _Grid], scales: Mapping[int, float], p: ResidualWarpParameters) -> csr_array:
-    """Quadratic form of what a displacement of size 1 costs: its height, slope and curvature over the reach.
+    """Quadratic form of the cost of displacements: their size, slope and curvature over the reach.
 
-    Differences over h are expected to be h / reach, second ones (h / reach)^2: beyond the data a field then falls off
-    within about the reach, and hardly overshoots.
+    Differences over h are expected to be h / reach, second differences (h / reach)^2. Therefore a field decreases to 0
+    within about the reach outside of data, and hardly overshoots.
     """
     blocks = []
     total = sum(grid.count for grid in grids.values())
@@ -267,10 +277,9 @@ def _fit(
     text_height: float,
     p: ResidualWarpParameters,
 ) -> Points:
-    """Displacements of all nodes (n, 2), mosaic pixels: reweighted least squares, Cauchy's loss.
+    """Displacements of all nodes (n, 2), mosaic pixels: reweighted least squares with the Cauchy loss.
 
-    The width of the loss follows the spread of what is left, so that a smooth pattern, however far from the rest, is
-    taken for what it is.
+    The loss width follows the spread of the residuals, so that a smooth pattern is fitted even if it is large.
     """
     rows, apart, confidence = matches.rows[chosen], matches.apart[chosen], matches.confidence[chosen]
     left = apart
@@ -287,7 +296,7 @@ def _fit(
 
 
 def _pair_rms(apart: Points, pair: Nodes, chosen: Mask, p: ResidualWarpParameters) -> Vector:
-    """RMS length of each pair's chosen vectors, of (N, 2), without the longest; 0 where they are too few."""
+    """RMS length of each pair's chosen vectors, of (N, 2), without the longest; 0 for too few."""
     rms = np.zeros(int(pair.max()) + 1)
     for k in range(len(rms)):
         squares = np.sort((apart[chosen & (pair == k)] ** 2).sum(axis=1))
@@ -304,7 +313,7 @@ def _field(grid: _Grid, H_mosaic_flat: Homography, nodes: Points) -> Displacemen
 
 
 def _gradient(field: DisplacementField) -> float:
-    """Greatest change of the displacement over the way between neighbouring nodes."""
+    """Largest gradient of the displacement between neighbouring nodes."""
     rows, columns = field.nodes.shape[:2]
     across = np.diff(field.nodes, axis=1) / (max(field.width - 1, 1) / (columns - 1))
     down = np.diff(field.nodes, axis=0) / (max(field.height - 1, 1) / (rows - 1))

@@ -1,1 +1,1 @@
-"""Which photos show the same print, and where it lies in both (4.3)."""
+"""Registration: which photos show the same print, and the map between them (4.3)."""

@@ -1,9 +1,9 @@
-"""Blocks of text of one view found again in another by normalized cross-correlation (4.3): verification.
+"""Verification of a homography by blocks of text, matched by normalized cross-correlation (4.3).
 
-A block of a few words is found again, near where a true homography puts it, with a correlation far above what other
-text of the same typeset reaches, and its neighbours are found beside it. That is asked of every pair. Where the page
-was not quite flat the blocks lie off the homography by a displacement that varies slowly; they are searched for, and
-held to their neighbours, not to the homography.
+Under a true homography, a block of a few words is found near its predicted place, with a much larger correlation than
+other text of the same typeface, and so are its neighbours. Every pair is verified this way. On a page that is not
+quite flat, blocks deviate from the homography by a slowly varying displacement. The search therefore allows a
+displacement, and compares it with those of neighbouring blocks, not with the homography.
 """
 
 from dataclasses import dataclass
@@ -23,44 +23,44 @@ class BlockParameters:
     """Pixels are those of the reduced views, in which text is `text_height_px` high."""
 
     text_height_px: float = 12.0
-    """At 8, narrow overlaps hold no block; at 16 the search costs twice as much."""
+    """At 8, narrow overlaps contain no block; at 16 the search takes twice as long."""
     block_px: float = 48.0
-    """Side of a block: some five characters by two or three lines."""
+    """Side of a block: about five characters by two or three lines."""
     few_blocks: int = 14
-    """Where fewer blocks than this find room, they are made smaller, twice at most, ..."""
+    """Number of blocks below which their side is reduced, at most twice, ..."""
     shrinking: float = 0.7
-    """... by this."""
+    """... by this factor."""
     least_side_px: float = 18.0
-    """Blocks of a narrow overlap are this narrow at least, and longer in return."""
+    """Least side of a block in a narrow overlap; the other side becomes longer."""
     longest_side_px: float = 112.0
     breadth_share: float = 0.45
-    """A block's side over the overlap's breadth, so that two find room beside each other."""
+    """Side of a block relative to the overlap's width, so that two fit beside each other."""
     most_blocks: int = 280
-    """They are spread over the overlap."""
+    """Largest number of blocks, distributed over the overlap."""
     ink: float = 14.0
-    """Standard deviation of gray values in a block that holds print; bare paper's is below 5."""
+    """Least standard deviation of gray values in a block with print; bare paper is below 5."""
     detail: float = 4.0
-    """Gray values a pixel: root of the structure tensor's smaller eigenvalue in a block that can be found again. Text
-    has 5.6 and more, paper, rules and soft pictures, which are found in many places or in none, at most 3."""
+    """Least detail, in gray values a pixel: the root of the structure tensor's smaller eigenvalue in a block. Text has
+    at least 5.6. Paper, rules and soft pictures, which match in many places or in none, have at most 3."""
     correlation: float = 0.7
-    """A found block's. Of true blocks 99 of 100 reach 0.82; of blocks of other text 90 of 100 stay below 0.55."""
+    """Least correlation of a match. 99 % of true blocks reach 0.82; 90 % of blocks of other text stay below 0.55."""
     distinct: float = 0.04
-    """By so much a block's best place beats every other place."""
+    """Least difference between the best and the second-best correlation of a block."""
     agreement_px: float = 1.5
     agreement_slope: float = 0.05
-    """Neighbours' displacements differ by at most this, and this share of their distance."""
+    """Largest difference of neighbours' displacements: a constant plus this share of their distance."""
     neighbours: int = 8
     supporters: int = 3
-    """Of so many nearest neighbours, so many must agree (or half, where there are fewer)."""
+    """Of so many nearest neighbours, so many must agree (or half, if there are fewer)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockMatches:
-    """Blocks of a, of which those `found` were found again in b.
+    """Blocks of a, and which of them were found in b.
 
-    `points_a` (N, 2) is where their print lies and `displacements` (N, 2) how far from the place that the homography
-    says, both in reduced pixels of a; `correlations` (N,) are those of the best place. Those that are `telling` (N,)
-    have detail in all directions: not to find them speaks against the homography.
+    `points_a` (N, 2) are the centres of their print and `displacements` (N, 2) their distances from the places that the
+    homography predicts, both in reduced pixels of a. `correlations` (N,) are those at the best place. `telling` (N,)
+    marks blocks with detail in all directions: if these are not found, the homography is probably wrong.
     """
 
     points_a: Points
@@ -93,7 +93,7 @@ def match_blocks(
     most_blocks: int | None = None,
     parameters: BlockParameters | None = None,
 ) -> BlockMatches:
-    """Blocks of text in the overlap, searched within `search_px` of where `H_a_b` (reduced pixels) puts them."""
+    """Blocks of text in the overlap, searched within `search_px` of their places by `H_a_b` (reduced pixels)."""
     p = parameters or BlockParameters()
     corners = transform_points(H_a_b, b.corners)
     low = np.floor(np.maximum(corners.min(axis=0), a.corners.min(axis=0))).astype(int)
@@ -142,10 +142,10 @@ def match_blocks(
 
 
 def ink_centres(image: GrayImage, corners: NDArray[np.intp], width: int, height: int) -> Points:
-    """Where in each block (N, 2), from its top left pixel on, the print lies that its displacement is measured by.
+    """Centroid of the print in each block (N, 2), from its top left pixel. The displacement is measured there.
 
-    A block with one line of text at its lower edge tells where that line is; taken for the block's middle's, its
-    displacement would make a wrong scale look right.
+    If a block has only one text line at its lower edge, its displacement is that of the line. Assigning it to the
+    block's centre would hide an error of scale.
     """
     x, y = np.arange(width), np.arange(height)
     blocks = image[corners[:, 1, None, None] + y[:, None], corners[:, 0, None, None] + x].astype(np.float32)
@@ -162,7 +162,7 @@ def centroids(weights: NDArray[np.float32]) -> Points:
 
 
 def _block_size(both: Mask, side: float, p: BlockParameters) -> tuple[int, int] | None:
-    """Width and height of the blocks of an overlap: narrow where it is narrow."""
+    """Width and height of the blocks of an overlap, adapted to its width."""
     framed = np.pad(both.view(np.uint8), 1)
     breadth = 2 * float(cv2.distanceTransform(framed, cv2.DIST_L2, 3).max())
     if breadth < p.least_side_px:
@@ -176,9 +176,10 @@ def _block_size(both: Mask, side: float, p: BlockParameters) -> tuple[int, int] 
 def _choose_blocks(
     own: GrayImage, other: GrayImage, both: Mask, block: tuple[int, int], most: int, p: BlockParameters
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Top left corners (N, 2) of blocks that both views show, with print in one at least, and which are telling (N,).
+    """Top left corners (N, 2) of blocks that both views show, with print in at least one, and the telling ones (N,).
 
-    What can be found in one place only has detail in all directions (Shi and Tomasi 1994, Good features to track).
+    Telling blocks have detail in all directions, so they match in one place only (Shi and Tomasi 1994, Good features to
+    track).
     """
     w, h = block
     height, width = both.shape
@@ -196,7 +197,7 @@ def _choose_blocks(
         ]
         for image in (own, other)
     ]
-    # Half a block apart, unless that is too many; the finest grid that is not.
+    # Blocks are half a block apart, or on the finest grid that keeps to their largest number.
     apart = np.array([max(4, w // 2), max(4, h // 2)])
     for _ in range(12):
         xs, ys = (np.arange(0, n - m + 1, s) for n, m, s in ((width, w, apart[0]), (height, h, apart[1])))
@@ -221,7 +222,7 @@ def _integral(values: NDArray[np.float32]) -> Floats:
 
 
 def _structure(image: GrayImage) -> tuple[Floats, Floats, Floats]:
-    """Integrals of the structure tensor's entries (xx, xy, yy) over `image`."""
+    """Integral images of the structure tensor's entries (xx, xy, yy) of `image`."""
     across = cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=1 / 8)
     down = cv2.Sobel(image, cv2.CV_32F, 0, 1, scale=1 / 8)
     return _integral(across * across), _integral(across * down), _integral(down * down)
@@ -233,7 +234,7 @@ def _least_eigenvalue(xx: Vector, xy: Vector, yy: Vector) -> Vector:
 
 
 def _peak(scores: NDArray[np.float32], p: BlockParameters) -> tuple[Vector, float]:
-    """Displacement (2,) of the best place from the middle, to a fraction of a pixel, and its score (0 if ambiguous)."""
+    """Subpixel displacement (2,) of the best place from the centre, and its score (0 if ambiguous)."""
     _, best, _, (x, y) = cv2.minMaxLoc(scores)
     rows, columns = scores.shape
     at = np.array([x - columns // 2, y - rows // 2], float)
@@ -248,7 +249,7 @@ def _peak(scores: NDArray[np.float32], p: BlockParameters) -> tuple[Vector, floa
 
 
 def _vertex(before: float, peak: float, after: float) -> float:
-    """Where the parabola through three values one apart is highest."""
+    """Position of the maximum of the parabola through three values at distance 1."""
     curvature = before - 2 * peak + after
     return 0.0 if curvature >= 0 else 0.5 * (before - after) / curvature
 
@@ -256,7 +257,7 @@ def _vertex(before: float, peak: float, after: float) -> float:
 def support_blocks(
     points: Points, displacements: Points, parameters: BlockParameters | None = None
 ) -> NDArray[np.bool_]:
-    """Which blocks (N,), displaced by (N, 2), enough of their nearest neighbours agree with."""
+    """Which blocks (N,), displaced by (N, 2), agree with enough of their nearest neighbours."""
     p, n = parameters or BlockParameters(), len(points)
     if n < 3:
         return np.zeros(n, bool)

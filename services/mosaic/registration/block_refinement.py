@@ -1,10 +1,10 @@
-"""Matched blocks to a small fraction of a pixel, by least squares on gray values.
+"""Refinement of matched blocks to a small fraction of a pixel, by least squares on gray values.
 
-The peak of a correlation, interpolated by a parabola, is biased toward whole pixels. From it on, Gauss-Newton steps
-minimize the squared difference of the two blocks after each is brought to mean 0 and deviation 1, which leaves gain
-and offset out, as the correlation does (Lucas and Kanade 1981; the reference's gradients serve all steps: Baker and
-Matthews 2004). At the true place the gradients are odd and a difference of sharpness is even about every stroke, so
-that a blurred view does not pull.
+The peak of a correlation, interpolated by a parabola, is biased toward whole pixels. From there, Gauss-Newton steps
+minimize the squared difference of the two blocks, each normalized to mean 0 and deviation 1. The normalization removes
+gain and offset, as in correlation (Lucas and Kanade 1981; the reference's gradients are used in all steps: Baker and
+Matthews 2004). At the true place gradients are odd and a difference of sharpness is even about every stroke, so a
+blurred view causes no bias.
 """
 
 from dataclasses import dataclass
@@ -24,17 +24,17 @@ class RefinementParameters:
     """Pixels are those of the reference view, reduced for this step."""
 
     text_height_px: float = 18.0
-    """Of the reference; finer costs more and gains nothing that can be measured."""
+    """Text height of the reference; a larger one takes longer without a measurable gain."""
     block_px: int = 48
     blur_px: float = 1.0
-    """Of both views: widens the reach and keeps interpolation from leaving its own pattern."""
+    """Blur of both views: it increases the range of convergence and suppresses interpolation artefacts."""
     steps: int = 5
     furthest_px: float = 3.0
-    """Blocks that move further were not at their place."""
+    """Largest movement; blocks that move farther were not at their true place."""
     least_shown: float = 0.25
-    """Share of a block that both views must show."""
+    """Least share of a block that both views show."""
     correlation: float = 0.7
-    """Least final correlation."""
+    """Least correlation after the refinement."""
 
 
 def refine_matches(
@@ -47,8 +47,8 @@ def refine_matches(
 ) -> tuple[Points, Points, Vector]:
     """Matched points (M, 2) of reference and other, and their correlations (M,); M <= N, in reduced pixels.
 
-    The block round `points_reference` (N, 2) is looked for at that place plus `displacements` (N, 2) in the other
-    view as `H_reference_other` lays it on the reference.
+    The block around each of `points_reference` (N, 2) is compared with the other view, warped by `H_reference_other`,
+    at the same place plus `displacements` (N, 2).
     """
     p = parameters or RefinementParameters()
     if not len(points_reference):
@@ -59,7 +59,7 @@ def refine_matches(
     own = cv2.GaussianBlur(reference.gray.astype(np.float32), (0, 0), p.blur_px)
     laid, seen = _lay(other, H_other_reference, width, height)
     blurred = np.asarray(cv2.GaussianBlur(laid.astype(np.float32), (0, 0), p.blur_px), np.float32)
-    # Blur and displacements reach beyond what is shown; blocks of a narrow overlap are used as far as it goes.
+    # Blur and displacements reach beyond the shown area. In a narrow overlap blocks extend to its border.
     rim = np.ones((2 * int(p.furthest_px) + 1,) * 2, np.uint8)
     both = cv2.copyMakeBorder(
         reference.shown.astype(np.uint8) & seen, *(half,) * 4, cv2.BORDER_CONSTANT, value=0
@@ -92,7 +92,7 @@ def refine_matches(
         moved = moved - np.clip(step, -1, 1) * good[:, None]
     far = np.linalg.norm(moved - displacements, axis=1)
     good &= (correlations >= p.correlation) & (far <= p.furthest_px)
-    # The displacement is that of the gradients that measured it, not of the block's middle.
+    # The displacement belongs to the centroid of the gradients, not to the block's centre.
     points = middles + centroids(gx**2 + gy**2 + np.float32(1e-9)) - half
     return points[good], transform_points(H_other_reference, points + moved)[good], correlations[good]
 
@@ -100,7 +100,7 @@ def refine_matches(
 def _lay(
     view: ReducedView, H_view_reference: Homography, width: int, height: int
 ) -> tuple[GrayImage, NDArray[np.uint8]]:
-    """The view as the reference's pixels see it, and where it shows the page."""
+    """The view warped to the reference's pixels, and the mask where it shows the page."""
     warp = cv2.WARP_INVERSE_MAP
     size = width, height
     laid = cv2.warpPerspective(
@@ -115,7 +115,7 @@ def _lay(
 def _normalized(
     blocks: NDArray[np.float32], mask: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Blocks (N, h, w) of mean 0 and deviation 1 where `mask` is 1, and the deviations (N,) they had."""
+    """Blocks (N, h, w) normalized to mean 0 and deviation 1 where `mask` is 1, and their deviations (N,) before."""
     area = np.maximum(mask.sum(axis=(1, 2)), 1)
     means = np.einsum("nij,nij->n", blocks, mask) / area
     centred = blocks - means[:, None, None]
@@ -126,7 +126,7 @@ def _normalized(
 def _sample(
     image: NDArray[np.float32], middles: NDArray[np.float32], steps: NDArray[np.intp]
 ) -> NDArray[np.float32]:
-    """Blocks (N, h, w) of `image` round `middles` (N, 2), cubic."""
+    """Blocks (N, h, w) of `image` around `middles` (N, 2), by cubic interpolation."""
     n, side = len(middles), len(steps)
     x = np.broadcast_to(middles[:, 0, None, None] + steps.astype(np.float32)[None, None, :], (n, side, side))
     y = np.broadcast_to(middles[:, 1, None, None] + steps.astype(np.float32)[None, :, None], (n, side, side))

@@ -1,16 +1,16 @@
-"""The vote over scale and displacement (4.3).
+"""Vote over scale and displacement (4.3).
 
-Between two rectified views a true match (p, q) has p = s q + d, the same scale s and displacement d as every other
-true match; we say that they are *compatible*. Text repeats itself, so nine matches of ten are false, which defeats
-sampling; but false matches agree with each other by chance only. For every scale of a range the displacements p - s q
-fill a histogram: at the true scale the true matches share one bin, the *compatible group*, and at others they scatter.
-The largest group over all scales gives the scale, the displacement and the true matches at once.
+Between two rectified views, a true match (p, q) satisfies p = s q + d, with the same scale s and displacement d for all
+true matches; such matches are *compatible*. Text repeats itself, so nine of ten matches are false: too many for
+random sampling. But false matches agree with each other only by chance. For every scale of a range, the displacements p
+- s q are counted in a histogram. At the true scale the true matches fall into one bin, the *compatible group*; at other
+scales they scatter. The largest group over all scales gives the scale, the displacement and the true matches together.
 
-Three things are added to the dissertation's procedure. A feature has a size, and the sizes of a true match tell its
-scale: a match votes for scales near the one it measures only, which takes most of the false votes away. False matches
-crowd at displacements under which the views overlap much, and hide the groups of small overlaps: groups are ranked by
-how far they stand out from their surroundings in the histogram. And several are returned, because the first of a small
-overlap may be a chance one; what follows verifies them.
+Three things extend the dissertation's procedure. First, features have sizes, so a match has a scale. It votes only for
+scales near its own, which removes most false votes. Second, groups are ranked by how much they exceed their
+surroundings in the histogram, because false matches concentrate at displacements with a large overlap and would hide
+the groups of small overlaps. Third, several groups are returned and verified later, because in a small overlap the
+first may be false.
 """
 
 import math
@@ -24,29 +24,29 @@ from services.arrays import Floats, Vector
 from services.mosaic.registration.features import FeatureMatches
 
 SURROUNDINGS = 13
-"""Bins across of what a group is compared with; 21 does as well."""
+"""Width, in bins, of the surroundings with which a group is compared; 21 works equally well."""
 
 
 @dataclass(frozen=True, slots=True)
 class VoteParameters:
-    """The range is what photos taken by hand differ by; the rest was measured on simulated and real sets."""
+    """The range covers photos taken by hand; the other values were measured on simulated and real sets."""
 
     least_scale: float = 0.55
     greatest_scale: float = 1.8
     scales: int = 41
-    """Steps of 3 %: within half a step, a match half a view off the middle moves by less than a bin. Where text sizes
-    tell that scales differ by more, the range goes on to them in the same steps."""
+    """Steps of 3 %: within half a step, a match at half a view from the centre moves by less than a bin. If text sizes
+    indicate a larger difference of scales, the range is extended in the same steps."""
     bins_per_diagonal: float = 90.0
-    """Bins are a's diagonal over this wide. The dissertation says 20 and that it is not critical; finer bins hold
-    fewer false matches: of pairs that share less than 8 % of the page, 90 rank the truth higher than 60, as 130 do."""
+    """Bins per diagonal of a. The dissertation uses 20 and calls it uncritical. Smaller bins contain fewer false
+    matches: for pairs that share less than 8 % of the page, 90 ranks the truth higher than 60, as does 130."""
     size_tolerance: float = math.log(1.4)
-    """A match votes for scales within this (logarithm) of its sizes' quotient."""
+    """Largest difference between the logarithms of a match's own scale and of the scale that it votes for."""
     reach: float = 2.5
-    """Bins round a group's middle that are the same place."""
+    """Radius around a group's centre, in bins, that counts as the same place."""
     groups: int = 4
-    """Returned groups."""
+    """Number of returned groups."""
     least_votes: int = 3
-    """Smaller groups are chance."""
+    """Least size of a group; smaller ones occur by chance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +59,7 @@ class CompatibleGroup:
 
     @property
     def votes(self) -> int:
-        """How many agree."""
+        """Number of matches in the group."""
         return len(self.members)
 
 
@@ -69,9 +69,9 @@ def vote_displacements(
     parameters: VoteParameters | None = None,
     expected_scale: float = 1.0,
 ) -> tuple[CompatibleGroup, ...]:
-    """Compatible groups in places that differ, the one that stands out most first; `diagonal` of view a in pixels.
+    """Compatible groups at different places, most significant first; `diagonal` of view a in pixels.
 
-    `expected_scale` is what the sizes of text in a and b say; headings and notes may make it wrong.
+    `expected_scale` is the ratio of text sizes in a and b; headings and notes may make it wrong.
     """
     p = parameters or VoteParameters()
     scales = _scales(p, expected_scale)
@@ -95,19 +95,19 @@ def vote_displacements(
 
 
 def _scales(p: VoteParameters, expected: float) -> Vector:
-    """The range and, as far beyond, what is expected."""
+    """The scales of the range, extended to the expected scale."""
     least, greatest = p.least_scale * min(expected, 1.0), p.greatest_scale * max(expected, 1.0)
     step = math.log(p.greatest_scale / p.least_scale) / (p.scales - 1)
     return np.geomspace(least, greatest, 1 + round(math.log(greatest / least) / step))
 
 
 def _outstanding_bin(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vector]:
-    """Scale (its row) and middle (2,), in bins, of the sum over 3 x 3 bins that stands out most."""
+    """Scale (its row) and centre (2,), in bins, of the most significant sum over 3 x 3 bins."""
     row, match = np.nonzero(voting)
     at = np.floor(bins[row, match]).astype(np.intp)
     low = at.min(axis=0)
     columns, rows = at.max(axis=0) - low + 1
-    # The histograms of all scales lie below each other, far enough apart not to see each other.
+    # The histograms of all scales are stacked with gaps, so that windows do not overlap two of them.
     pitch = rows + SURROUNDINGS
     flat = (row * pitch + at[:, 1] - low[1]) * columns + at[:, 0] - low[0]
     counts = np.bincount(flat, minlength=len(bins) * pitch * columns).astype(np.float32)
@@ -117,7 +117,7 @@ def _outstanding_bin(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vect
 
 
 def _surprise(histograms: NDArray[np.float32]) -> NDArray[np.float32]:
-    """By how many deviations of a Poisson count each sum over 3 x 3 bins exceeds what lies round it."""
+    """Excess of each sum over 3 x 3 bins over its surroundings, in standard deviations of a Poisson count."""
     near, wide = (
         np.asarray(cv2.boxFilter(histograms, -1, (n, n), normalize=False, borderType=cv2.BORDER_CONSTANT))
         for n in (3, SURROUNDINGS)

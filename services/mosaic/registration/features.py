@@ -15,23 +15,23 @@ from services.mosaic.registration.reduced_view import quarter_turn, reduce_view
 CELLS, DIRECTIONS = 4, 8
 """A descriptor is CELLS x CELLS histograms of DIRECTIONS gradient directions (rows, columns, directions)."""
 MATCH_ROWS = 512
-"""Rows of the matrix of similarities that are held at a time."""
+"""Number of rows of the similarity matrix that are computed at a time."""
 
 
 @dataclass(frozen=True, slots=True)
 class FeatureParameters:
-    """Measured on simulated and real sets: true matches drown among letters at full resolution."""
+    """Measured on simulated and real sets: at full resolution letters cause too many false matches."""
 
     long_side_px: float = 700.0
-    """The view is reduced to this, so that words and not letters are the structure (600-800 are alike)."""
+    """Size to which a view is reduced, so that features are words, not letters (600-800 work equally well)."""
     least_text_height_px: float = 6.0
     most_text_height_px: float = 14.0
-    """But text is kept between these heights: below, lines become bars; above, letters are the structure."""
+    """Range of the text height after the reduction: below it lines become bars, above it features are letters."""
     contrast: float = 0.04
-    """Least contrast of an extremum, the detector's own default."""
+    """Least contrast of an extremum, the detector's default."""
     ratio: float = 0.93
-    """A match counts when it is nearer than this share of the second nearest's distance. High, because the vote
-    tells true from false better than the ratio does."""
+    """Largest ratio of the nearest to the second nearest distance of a match. It is high, because the vote separates
+    true from false matches better than the ratio does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +64,7 @@ class FeatureMatches:
 def detect_features(
     photo: FlatPhoto, fineness: float = 1.0, parameters: FeatureParameters | None = None
 ) -> Features:
-    """Features of `photo`'s view where it shows the page; `fineness` multiplies the working resolution."""
+    """Features of `photo`'s view in the shown part; `fineness` multiplies the working resolution."""
     p = parameters or FeatureParameters()
     width, height = photo.size
     text = max(photo.text_height_px, 1e-6)
@@ -74,7 +74,7 @@ def detect_features(
     gray, shown, H_reduced_flat = reduce_view(photo.gray, photo.shown, reduction)
     detector = cv2.SIFT.create(0, 3, p.contrast, 10, 1.6, True)
     found = detector.detect(gray, shown.view(np.uint8) * 255)
-    # Text lines are horizontal: the dominant direction would add noise and copies of one feature.
+    # Text lines are horizontal: a dominant direction would add noise and duplicates of features.
     upright: dict[tuple[float, float, float], cv2.KeyPoint] = {}
     for keypoint in found:
         keypoint.angle = 0.0
@@ -91,7 +91,7 @@ def detect_features(
 
 
 def turn_features(features: Features, turns: int) -> Features:
-    """The features of the view turned counter-clockwise by `turns` quarters: their bins change places only."""
+    """Features of the view rotated counter-clockwise by `turns` quarters; descriptors are only permuted."""
     turns %= 4
     if not turns:
         return features
@@ -107,7 +107,7 @@ def turn_features(features: Features, turns: int) -> Features:
 
 
 def match_features(a: Features, b: Features, parameters: FeatureParameters | None = None) -> FeatureMatches:
-    """Exact nearest neighbours in b of the features of a, where they are clearly nearer than the second nearest."""
+    """Exact nearest neighbours in b of the features of a that pass the ratio test."""
     ratio = (parameters or FeatureParameters()).ratio
     if not len(a.points) or len(b.points) < 2:
         return FeatureMatches(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0))

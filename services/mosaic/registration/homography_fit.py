@@ -1,4 +1,4 @@
-"""A homography between two rectified views from matches of which some are false."""
+"""Robust fit of a homography between two rectified views to matches, some of which are false."""
 
 from dataclasses import dataclass
 
@@ -11,18 +11,18 @@ from services.robust import geman_mcclure_weights
 
 @dataclass(frozen=True, slots=True)
 class FitParameters:
-    """What rectification leaves between two views of one page, and how false matches are told."""
+    """Prior on the difference of two views of one page, and limits of the robust fit."""
 
     linear_deviation: float = 0.03
     """Remaining rotation, shear and change of aspect: 1-2 degrees or per cent at most, in real and simulated sets."""
     scale_deviation: float = 0.15
-    """Of the scale it began with, which is measured and not known."""
+    """Deviation of the logarithm of scale from the initial scale, which is a measurement."""
     projective_deviation: float = 0.03
     """Remaining change of scale over the span of the matches."""
     steps: int = 12
-    """Reweighted fits; the loss tightens in the first half of them."""
+    """Number of reweighted fits; the loss width decreases in the first half of them."""
     largest_stretch: float = 1.35
-    """Sanity: no direction is stretched by more or less than this against the scale it began with."""
+    """Largest factor, or its inverse, by which any direction is stretched relative to the initial scale."""
 
 
 def fit_homography(
@@ -34,18 +34,34 @@ def fit_homography(
     last_loss_px: float,
     parameters: FitParameters | None = None,
 ) -> tuple[Homography, Vector]:
-    """The homography a <- b nearest to `H_initial` that most of the weighted matches (N, 2) agree with.
+    """The homography a <- b close to `H_initial` with which most of the weighted matches (N, 2) agree.
 
-    Least squares with Geman-McClure weights; the loss narrows from `first_loss_px` to `last_loss_px` (pixels of a).
-    What two rectified views can differ by is prior knowledge, without which the matches of a narrow overlap would
-    leave the homography open across it. Returns the homography and the final weights (N,), 0-1 times the given ones.
+    Least squares with Geman-McClure weights. The prior on the difference of two rectified views determines what the
+    matches of a narrow overlap leave free.
+
+    Parameters
+    ----------
+    points_a, points_b
+        (N, 2) matched points.
+    weights
+        (N,) weights of the matches.
+    H_initial
+        Initial homography.
+    first_loss_px, last_loss_px
+        Range of the loss width, pixels of a.
+    parameters
+        The prior and limits.
+
+    Returns
+    -------
+    The homography, and the final weights (N,), 0-1 times the given ones.
     """
     p = parameters or FitParameters()
     H_similar = nearest_similarity(H_initial, np.average(points_b, axis=0, weights=weights))
     similar = transform_points(H_similar, points_b)
     middle = np.average(similar, axis=0, weights=weights)
     span = max(float(np.sqrt(np.average(np.sum((similar - middle) ** 2, axis=1), weights=weights))), 1.0)
-    # In normalized pixels of a, the unknown I + E moves points q, where the similarity maps b's, to the targets.
+    # In normalized pixels of a, I + E maps points q (those of b after the similarity) to the targets.
     q, target = (similar - middle) / span, (points_a - middle) / span
     x, y = q.T
     one, zero = np.ones_like(x), np.zeros_like(x)
@@ -71,7 +87,7 @@ def fit_homography(
 
 
 def nearest_similarity(H: Homography, middle: Vector) -> Homography:
-    """Shift, scale and quarter turn that do at `middle` (2,) what `H` does."""
+    """Shift, scale and quarter turn that approximate `H` at `middle` (2,)."""
     J = jacobians(H, middle[None])[0]
     scale = np.sqrt(max(abs(float(np.linalg.det(J))), 1e-12))
     turns = round(float(np.arctan2(J[1, 0] - J[0, 1], J[0, 0] + J[1, 1])) / (np.pi / 2)) % 4
@@ -83,7 +99,7 @@ def nearest_similarity(H: Homography, middle: Vector) -> Homography:
 
 
 def _prior(p: FitParameters) -> Floats:
-    """Inverse covariance (8, 8) of E; a shift is free, and a change of scale nearly so."""
+    """Inverse covariance (8, 8) of E. A shift is free; a change of scale is almost free."""
     aspect, shear, turn, scale = (np.zeros(8) for _ in range(4))
     aspect[[0, 4]], scale[[0, 4]] = (1, -1), (1, 1)
     shear[[1, 3]], turn[[1, 3]] = (1, 1), (1, -1)
@@ -96,7 +112,7 @@ def _prior(p: FitParameters) -> Floats:
 def is_sane(
     H_a_b: Homography, corners_b: Points, scale: float, parameters: FitParameters | None = None
 ) -> bool:
-    """Whether `H_a_b` keeps the sense and, within bounds, the scale and the angles of the view with `corners_b`."""
+    """Whether `H_a_b` has no reflection, and keeps scale and angles of the view with `corners_b` within limits."""
     p = parameters or FitParameters()
     w = corners_b @ H_a_b[2, :2] + H_a_b[2, 2]
     if not np.all(np.isfinite(H_a_b)) or not np.all(w * w[0] > 0):

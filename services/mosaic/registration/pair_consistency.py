@@ -1,4 +1,4 @@
-"""What a graph of pairs says about each of them: ways round, and contradictions."""
+"""Consistency of pairs in their graph: chains between photos, and contradictions."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -10,17 +10,17 @@ from services.mosaic.photo_graph import connect_photos
 from services.mosaic.registration.pair_registration import PairRegistration
 
 Pairs = Mapping[tuple[int, int], PairRegistration]
-"""By their photos' indices, the smaller one first."""
+"""Registrations by photo indices, the smaller index first."""
 Ways = dict[tuple[int, int], tuple[int, Homography]]
-"""By two photos' indices i, j: how many photos lie in between, and H_i_j along them."""
+"""By two photo indices i, j: the number of photos between them, and H_i_j along the chain."""
 MOST_BETWEEN = 3
-"""Errors of a chain are allowed to grow over so many photos."""
+"""Largest number of photos between two others along which errors may accumulate."""
 
 
 def find_ways(pairs: Pairs, order: Sequence[int]) -> Ways:
-    """Ways over as few photos as possible, and of such the one that begins with the strongest pairs.
+    """Chains with the fewest photos; among equal ones, the chain that starts with the strongest pairs.
 
-    `order` sorts the photos by content; it decides between pairs that are equally strong.
+    `order` sorts the photos by content; it decides between equally strong pairs.
     """
     return _follow(pairs, order, _by_strength(pairs, order))
 
@@ -28,9 +28,9 @@ def find_ways(pairs: Pairs, order: Sequence[int]) -> Ways:
 def drop_contradictions(
     pairs: Pairs, order: Sequence[int], text_heights_px: Mapping[int, float], tolerance: float
 ) -> dict[tuple[int, int], PairRegistration]:
-    """Pairs that agree with the tree of the strongest ones, to `tolerance` text heights per photo in between.
+    """Pairs that agree with the spanning tree of the strongest ones, to `tolerance` text heights per photo in between.
 
-    A pair outside that tree is the weakest of the loop that it closes: where the loop does not close, it goes.
+    A pair outside of that tree is the weakest of the loop that it closes. It is dropped if the loop does not close.
     """
     tree: list[tuple[int, int]] = []
     for edge in _by_strength(pairs, order):
@@ -55,11 +55,12 @@ def drop_lonely_lines(
     phrase: float,
     contradicted: Callable[[Pairs, tuple[int, ...], tuple[int, ...]], bool],
 ) -> dict[tuple[int, int], PairRegistration]:
-    """Pairs without those that join two parts of the graph by a piece of one line of text, and should not.
+    """Pairs without false ones that connect two parts of the graph by a piece of one text line.
 
-    A phrase may be printed twice: 33 characters at the borders of two photos of different places were seen. Print that
-    extends over `lines` text heights across the lines is not. A piece of one line joins two parts when it is as long as
-    `phrase` text heights, and the parts are not `contradicted` (pairs, photos, photos) where they then overlap.
+    A phrase may be printed twice: 33 equal characters were found at the borders of photos of different places. Print
+    across `lines` text heights perpendicular to the lines does not repeat. A piece of one line may connect two parts if
+    it is at least `phrase` text heights long, and the parts are not `contradicted` (pairs, photos, photos) where they
+    then overlap.
     """
 
     def size(edge: tuple[int, int]) -> Points:
@@ -86,7 +87,7 @@ def _by_strength(pairs: Pairs, order: Sequence[int]) -> list[tuple[int, int]]:
 
 
 def _follow(pairs: Pairs, order: Sequence[int], edges: Sequence[tuple[int, int]]) -> Ways:
-    """Ways along `edges`, breadth first, from every photo."""
+    """Chains along `edges`, breadth first, from every photo."""
     ways: Ways = {}
     for start in order:
         reached: dict[int, tuple[int, Homography]] = {start: (-1, np.eye(3))}

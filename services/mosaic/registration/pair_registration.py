@@ -1,4 +1,4 @@
-"""How two flat views lie on each other, and the evidence for it."""
+"""Registration of two flat views, and the evidence for it."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from services.arrays import Homography, Points, Vector
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairRegistration:
-    """Two photos, indices `a` < `b`, that were verified to overlap.
+    """Two photos, indices `a` < `b`, with a verified overlap.
 
     Attributes
     ----------
@@ -15,7 +15,7 @@ class PairRegistration:
     points_a, points_b : (N, 2) matched points, flat pixels, dense over the overlap, to a fraction of a pixel.
     weights : (N,) confidence of each match, 0-1.
     matches, votes, runner_up_votes : candidate matches, and the sizes of the two largest compatible groups (4.3).
-    agreement : share of the text blocks in the overlap that were found again where `H_a_b` says, 0-1.
+    agreement : share of the text blocks in the overlap that were found where `H_a_b` predicts them, 0-1.
     """
 
     a: int

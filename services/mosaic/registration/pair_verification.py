@@ -1,4 +1,4 @@
-"""Whether two views overlap as a homography says, and their dense matches if they do (4.3)."""
+"""Verification of a homography between two views, and their dense matches (4.3)."""
 
 import hashlib
 import math
@@ -21,7 +21,7 @@ from services.mosaic.registration.homography_fit import FitParameters, fit_homog
 from services.mosaic.registration.reduced_view import ReducedView
 
 LEVELS_PER_OCTAVE = 4
-"""Reductions are rounded to these, so that a photo's reduced views serve many pairs."""
+"""Reductions are rounded to these levels, so that several pairs share a photo's reduced views."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,38 +29,38 @@ class VerificationParameters:
     """Lengths are relative to the text height."""
 
     search: float = 2.0
-    """How far from where the homography says blocks are looked for at first."""
+    """Radius of the first search around the predicted place."""
     least_search: float = 0.7
     first_blocks: int = 40
     first_share: float = 0.25
-    """Of the first few blocks, so many are found where there is any truth in a homography (false: below 0.06)."""
+    """Least share of found blocks among the first ones if a homography is roughly true (false: below 0.06)."""
     rounds: int = 5
     settled: float = 0.04
-    """Blocks are matched and the homography is fitted until it moves them by no more than this."""
+    """Matching and fitting are repeated until the homography moves the blocks by at most this."""
     later_share: float = 0.4
-    """Of all blocks, so many are found while the homography still moves."""
+    """Least share of found blocks while the homography still moves."""
     agreement: float = 0.6
-    """Least share of found blocks: true pairs have 0.85-1, false ones below 0.1."""
+    """Least final share of found blocks: true pairs have 0.85-1, false ones below 0.1."""
     found: int = 8
-    """Least number of found blocks; they overlap each other by half."""
+    """Least number of found blocks; neighbouring blocks overlap by half."""
     coarse_loss: float = 0.25
-    """Of the fit on found blocks; what is smooth but not projective is kept as matches in any case."""
+    """Loss width of the fit to found blocks. Smooth deviations from a homography remain in the matches."""
     fine_loss: float = 0.04
     fine_agreement: float = 0.06
     fine_slope: float = 0.02
-    """Refined neighbours differ by at most this, and this share of their distance."""
+    """Largest difference of refined neighbours: a constant plus this share of their distance."""
     fit: FitParameters = field(default_factory=FitParameters)
     """How far two views may differ from a similarity."""
 
 
 class PreparedPhoto:
-    """A photo with its features and reduced views, made when they are asked for."""
+    """A photo with its features and reduced views, which are computed at first use."""
 
     def __init__(self, photo: FlatPhoto) -> None:
         self.photo = photo
         digest = hashlib.blake2b(photo.gray.tobytes(), digest_size=16)
         self.key = (round(photo.text_height_px, 6), photo.size, digest.hexdigest())
-        """Sorts photos by what they show, so that the order of the upload plays no part."""
+        """Sort key from the photo's content, so that the order of the upload has no effect."""
         self._features: dict[float, Features] = {}
         self._views: dict[tuple[int, int], ReducedView] = {}
 
@@ -81,7 +81,7 @@ class PreparedPhoto:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlap:
-    """A homography between flat pixels `H_a_b`, what was found of it, and the views in which."""
+    """A homography between flat pixels `H_a_b`, the block matches under it, and the views of the matching."""
 
     H_a_b: Homography
     turns: int
@@ -123,9 +123,9 @@ def verify_overlap(
     parameters: VerificationParameters | None = None,
     blocks: BlockParameters | None = None,
 ) -> Overlap | None:
-    """The overlap that `H_a_b` (flat pixels, b turned by `turns` quarters in it) is near to; None where there is none.
+    """The verified overlap close to `H_a_b`, in which b is rotated by `turns` quarters; None if there is none.
 
-    `search` in text heights is how far off `H_a_b` may be.
+    `search` is the possible error of `H_a_b` in text heights.
     """
     p, q = parameters or VerificationParameters(), blocks or BlockParameters()
     view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
@@ -157,9 +157,9 @@ def verify_overlap(
 
 
 def shows_otherwise(a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns: int, search: float) -> bool:
-    """Whether there is print in the overlap that `H_a_b` predicts, and it is not the same in both views.
+    """Whether the overlap that `H_a_b` predicts contains print that differs between both views.
 
-    `search` in text heights is how far off `H_a_b` may be.
+    `search` is the possible error of `H_a_b` in text heights.
     """
     p, q = VerificationParameters(), BlockParameters()
     view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
@@ -170,7 +170,7 @@ def shows_otherwise(a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns
 def _at_block_scale(
     a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns: int, blocks: BlockParameters
 ) -> tuple[ReducedView, ReducedView, Homography]:
-    """Both views, reduced to where blocks are matched, and `H_a_b` between their pixels."""
+    """Both views at the resolution of block matching, and `H_a_b` between their pixels."""
     scale = local_scale(H_a_b, b.photo)
     text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
     factor = min(blocks.text_height_px / max(text, 1e-6), 1.0, 1 / scale)
@@ -185,9 +185,9 @@ def refine_overlap(
     parameters: VerificationParameters | None = None,
     refinement: RefinementParameters | None = None,
 ) -> tuple[Homography, Points, Points, Vector] | None:
-    """`H_a_b`, points of a and b (N, 2) in flat pixels, and weights (N,), from the found blocks; None if too few hold.
+    """`H_a_b`, points of a and b (N, 2) in flat pixels, and weights (N,), from the found blocks; None if they are few.
 
-    The coarser view is the reference, because the finer one can be brought to its resolution and not the other way.
+    The coarser view is the reference, because only the finer one can be reduced to the resolution of the other.
     """
     p, q = parameters or VerificationParameters(), refinement or RefinementParameters()
     scale = local_scale(overlap.H_a_b, b.photo)

@@ -1,4 +1,4 @@
-"""Which photos overlap, and how (4.3)."""
+"""Search for all overlapping pairs of photos (4.3)."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,44 +36,44 @@ UnregisteredReason = Literal["few-matches", "not-verified", "ambiguous", "not-re
 
 @dataclass(frozen=True, slots=True)
 class RegistrationParameters:
-    """How pairs are looked for."""
+    """Parameters of the search for pairs."""
 
     group_loss_px: float = 5.0
-    """Of the first fit, in pixels of the word scale (as in the prototype)."""
+    """Loss width of the first fit, pixels of the word scale (as in the prototype)."""
     finer: float = 1.5
-    """The second pass's resolution over the first's."""
+    """Resolution of the second pass relative to the first."""
     most_retries: int = 45
-    """Pairs of ten photos: more that did not connect are not of one page, and the finer passes are left out."""
+    """Largest number of pairs in the finer passes: more unconnected pairs do not belong to one page."""
     largest_scale: float = 4.0
-    """Between two views by their text sizes; what is smaller than a quarter can hardly be read."""
+    """Largest scale between two views, by their text sizes; text below a quarter can hardly be read."""
     ambiguity: float = 0.7
-    """Two places of which the second has this share of the first's found blocks are not told apart."""
+    """A result is ambiguous if a second place has at least this share of the found blocks."""
     least_overlap: float = 0.01
-    """Predicted overlaps below this share of the smaller view are not looked for."""
+    """Least predicted overlap, as a share of the smaller view, that is searched."""
     guided_search: float = 2.5
-    """Text heights that a prediction may be off, per photo in between."""
+    """Largest error of a prediction in text heights, per photo in between."""
     guided_found: int = 5
-    """A predicted pair connects nothing that was not connected; fewer blocks do."""
+    """Least number of found blocks of a predicted pair. It is lower, because such a pair connects no new parts."""
     lines: float = 1.5
-    """Text heights across the lines, over which the matches of a pair extend if they are not of one line alone ..."""
+    """Extent of matches perpendicular to the lines, text heights, from which they are not of one line only ..."""
     phrase: float = 15.0
-    """... and along it, some twenty-five characters, which two parts must share at least."""
+    """... and least extent along a single line (about 25 characters) that may connect two parts."""
     contradicting_overlap: float = 0.03
-    """Share of the smaller view in which parts that were joined so must show the same."""
+    """Least overlap, as a share of the smaller view, in which two connected parts are compared."""
     skewed_votes: int = 40
-    """A group of so many votes, and so many times the second largest's, ..."""
+    """A group with so many votes, and so many times those of the second largest, ..."""
     skewed_lead: float = 3.0
-    """... that is not verified is of a view whose rectification failed, for pictures or for want of lines."""
+    """... that is not verified belongs to a view whose rectification failed (pictures, or too few lines)."""
     skewed: FitParameters = field(default_factory=lambda: FitParameters(0.2, 0.3, 0.3, largest_stretch=2.5))
-    """What such a view may differ by: it was taken at up to 40 degrees from upright."""
+    """Prior for such a view: it was taken at up to 40 degrees from the vertical."""
     contradiction: float = 4.0
-    """Text heights, per photo in between, by which a pair and a way round it may differ. True ones differ by less than
-    one; a false pair is off by words and lines at least."""
+    """Largest difference between a pair and a chain, text heights per photo in between. True pairs differ by less than
+    one; false ones by at least words or lines."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unregistered:
-    """Two photos that were not found to overlap, why, and the largest groups of compatible matches."""
+    """Two photos without a verified overlap, the reason, and the sizes of the largest compatible groups."""
 
     reason: UnregisteredReason
     matches: int
@@ -83,7 +83,7 @@ class Unregistered:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What the vote said."""
+    """Result of the vote."""
 
     matches: int = 0
     votes: int = 0
@@ -93,23 +93,23 @@ class Evidence:
 def register_pair(
     a: FlatPhoto, b: FlatPhoto, turns: int = 0, fineness: float = 1.0
 ) -> PairRegistration | Unregistered:
-    """How b, turned counter-clockwise by `turns` quarters, lies on a."""
+    """Registration of b, rotated counter-clockwise by `turns` quarters, to a."""
     return _register(PreparedPhoto(a), PreparedPhoto(b), turns, fineness, RegistrationParameters())
 
 
 def register_photos(
     photos: Sequence[FlatPhoto], parameters: RegistrationParameters | None = None
 ) -> tuple[PairRegistration, ...]:
-    """All pairs that overlap, whatever the order of `photos`.
+    """All overlapping pairs, independent of the order of `photos`.
 
-    Pairs are looked for at word scale with the text the same way up; for photos that are then still in separate parts,
-    turned upside down, at a finer scale, and on their sides. Pairs that the graph places on each other are matched
-    from there. A pair that contradicts stronger ones round it is dropped, and one that joins two parts by a piece of
-    a single line.
+    The search starts at word scale with the same text direction. Photos in separate parts are then searched upside
+    down, at a finer scale, and rotated by quarter turns. Pairs whose overlap the graph predicts are matched from there.
+    A pair that contradicts stronger ones in a loop is dropped. So is a pair that connects two parts by a piece of a
+    single line.
     """
     p = parameters or RegistrationParameters()
     prepared = {photo.index: PreparedPhoto(photo) for photo in photos}
-    # Nothing below depends on the order of the upload, but on the order of content.
+    # Everything below depends on the order of content, not on the order of the upload.
     order = sorted(prepared, key=lambda index: prepared[index].key)
     heights = {index: one.photo.text_height_px for index, one in prepared.items()}
     pairs: dict[tuple[int, int], PairRegistration] = {}
@@ -118,7 +118,7 @@ def register_photos(
         part_of = {i: part for part in connect_photos(order, pairs) for i in part}
         apart = [(i, j) for i, j in combinations(order, 2) if part_of[i] != part_of[j]]
         if number > 2:
-            # Photos that found others had several chances already.
+            # Photos that are already connected had several attempts.
             apart = [(i, j) for i, j in apart if min(len(part_of[i]), len(part_of[j])) == 1]
         if number > 1 and len(apart) > p.most_retries:
             continue
@@ -204,7 +204,7 @@ def _fit_group(
 def _fit_skewed(
     group: CompatibleGroup, matches: FeatureMatches, loss: float, p: RegistrationParameters
 ) -> Homography:
-    """A homography that may foreshorten, first to the group, then to all matches that agree with it further out."""
+    """A homography with foreshortening, fitted first to the group, then to all matches that agree with it."""
     points_a, points_b = matches.points_a, matches.points_b
     H: Homography = translation(*group.displacement) @ scaling(group.scale)
     for members, first_loss in ((group.members, 3 * loss), (np.arange(len(points_a)), 6 * loss)):
@@ -214,7 +214,7 @@ def _fit_skewed(
 
 
 def _elsewhere(best: Overlap, other: Overlap, b: PreparedPhoto, p: RegistrationParameters) -> bool:
-    """Whether another place is about as good."""
+    """Whether another place is nearly as good."""
     if other.found < p.ambiguity * best.found:
         return False
     width, height = b.photo.size
@@ -254,7 +254,7 @@ def _refined(
 def _guided(
     pairs: Pairs, order: Sequence[int], prepared: Mapping[int, PreparedPhoto], p: RegistrationParameters
 ) -> Iterator[tuple[tuple[int, int], PairRegistration]]:
-    """Pairs that were not found but should overlap as the others lie."""
+    """Pairs that were not found, but that overlap according to the other pairs."""
     ways = find_ways(pairs, order)
     for i, j in combinations(order, 2):
         key = min(i, j), max(i, j)
@@ -282,7 +282,7 @@ def _contradicted(
     prepared: Mapping[int, PreparedPhoto],
     p: RegistrationParameters,
 ) -> bool:
-    """Whether photos of two parts show different print where `pairs` lay them on each other."""
+    """Whether photos of two parts show different print where `pairs` predict an overlap."""
     ways = find_ways(pairs, order)
     for i, j in product(one, other):
         between, H = ways[i, j]
@@ -295,7 +295,7 @@ def _contradicted(
 
 
 def _quarter_turns(H_a_b: Homography, b: FlatPhoto) -> int:
-    """By how many quarters b is turned counter-clockwise on a."""
+    """Number of quarters by which b is rotated counter-clockwise on a."""
     width, height = b.size
     x, y = (width - 1) / 2, (height - 1) / 2
     start, end = transform_points(H_a_b, np.array([[x, y], [x + 1, y]]))

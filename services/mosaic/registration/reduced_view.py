@@ -1,4 +1,4 @@
-"""A flat view turned by quarters and reduced, as registration looks at it."""
+"""A flat view rotated by quarters and reduced, as used by registration."""
 
 from functools import cached_property
 
@@ -9,13 +9,13 @@ from services.arrays import GrayImage, Homography, Mask, Points
 from services.mosaic.flat_photo import FlatPhoto
 
 RULE_PX = 49
-"""Unbroken ink of this length, across or down, is a rule: four characters high, as wide as a block of text."""
+"""Least length of unbroken ink, across or down, that is a rule: four characters high, as wide as a block of text."""
 
 
 class ReducedView:
-    """A view turned counter-clockwise by quarters and reduced.
+    """A view rotated counter-clockwise by quarters and reduced.
 
-    `gray` and `shown` are (h, w); `H_reduced_flat` leads from the photo's flat pixels to this view's.
+    `gray` and `shown` are (h, w); `H_reduced_flat` maps the photo's flat pixels to this view's.
     """
 
     def __init__(self, photo: FlatPhoto, turns: int, factor: float) -> None:
@@ -29,7 +29,7 @@ class ReducedView:
 
     @cached_property
     def corners(self) -> Points:
-        """Corners (4, 2) of the box round what is shown."""
+        """Corners (4, 2) of the bounding box of the shown part."""
         columns, rows = np.flatnonzero(self.shown.any(axis=0)), np.flatnonzero(self.shown.any(axis=1))
         if not len(columns):
             return np.zeros((4, 2))
@@ -38,7 +38,7 @@ class ReducedView:
 
     @cached_property
     def unruled(self) -> GrayImage:
-        """`gray` without rules: one cell of a table or a grid looks like the others as long as these are in it."""
+        """`gray` without rules, because with them all cells of a table or grid look alike."""
         return remove_rules(self.gray)
 
 
@@ -56,18 +56,18 @@ def reduce_view(gray: GrayImage, shown: Mask, factor: float) -> tuple[GrayImage,
 
 
 def remove_rules(gray: GrayImage) -> GrayImage:
-    """`gray` with long straight lines, across and down, made as bright as what they lie on."""
+    """`gray` with long straight lines, across and down, replaced by their background."""
     ink = cv2.bitwise_not(gray)
     rules = np.zeros_like(ink)
     for long, thick in (((1, RULE_PX), (3, 1)), ((RULE_PX, 1), (1, 3))):
-        # A rule that is not quite straight passes from one row of pixels to the next.
+        # A rule that is not quite straight crosses from one row of pixels to the next.
         wide = cv2.dilate(ink, np.ones(thick, np.uint8))
         rules = cv2.max(rules, cv2.morphologyEx(wide, cv2.MORPH_OPEN, np.ones(long, np.uint8)))
     return np.asarray(cv2.bitwise_not(cv2.subtract(ink, rules)), np.uint8)
 
 
 def quarter_turn(turns: int, width: int, height: int) -> Homography:
-    """From a view of `width` x `height` to the view turned counter-clockwise by `turns` quarters (`np.rot90`)."""
+    """From a view of `width` x `height` to the view rotated counter-clockwise by `turns` quarters (`np.rot90`)."""
     H = np.eye(3)
     for _ in range(turns % 4):
         H = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, width - 1.0], [0.0, 0.0, 1.0]]) @ H
