@@ -1,1 +1,1 @@
-"""What is remembered: layout graph models and feedback."""
+"""The store of layout graph models, samples, feedback and results."""

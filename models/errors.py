@@ -1,13 +1,13 @@
-"""What can go wrong with what is remembered, one class for each thing that a caller can act on.
+"""Errors of the store, one class for each reaction of a caller.
 
-Every error has a stable `code` for the HTTP contract and a `detail` in words; `str(error)` is the detail.
+Every error has a stable `code` for the HTTP contract and a `detail` in words. `str(error)` is the detail.
 """
 
 from typing import ClassVar
 
 
 class StoreError(Exception):
-    """Base of all errors of the store. Arguments go to `super().__init__` unchanged (pickle needs them)."""
+    """Base of all errors of the store. `super().__init__` gets the arguments unchanged; pickle needs this."""
 
     code: ClassVar[str] = "internal"
 
@@ -17,7 +17,7 @@ class StoreError(Exception):
 
 
 class NotFound(StoreError):
-    """Nothing is stored under this name or id; `what` is the name or id that was asked for."""
+    """Nothing is stored under the requested name or id, which is `what`."""
 
     code = "not-found"
 
@@ -31,23 +31,23 @@ class NotFound(StoreError):
 
 
 class ModelNotFound(NotFound):
-    """There is no such document class, or it has no such version."""
+    """The document class, or this version of it, does not exist."""
 
 
 class SampleNotFound(NotFound):
-    """The document class has no such sample."""
+    """The document class has no sample with this id."""
 
 
 class ResultNotFound(NotFound):
-    """There is no such result, or it is no longer kept."""
+    """There is no result with this id, or it has expired."""
 
 
 class UnknownPageNotFound(NotFound):
-    """There is no such page that fitted no class, or it is no longer kept."""
+    """There is no unknown page with this id, or it has expired."""
 
 
 class VersionConflict(StoreError):
-    """The model has another version than the writer expected; `current` is the version it has, if any."""
+    """The model does not have the version that the writer expected. `current` is its version, None without any."""
 
     code = "conflict"
 
@@ -61,32 +61,32 @@ class VersionConflict(StoreError):
 
 
 class KeyReused(StoreError):
-    """An idempotency key came again, with another document than the first time."""
+    """An idempotency key was used again with another document."""
 
     code = "conflict"
 
 
 class NotStorable(StoreError):
-    """A name or a document that cannot be kept: not JSON, too long, characters that no database takes."""
+    """A name or a document cannot be stored: it is not JSON, too long, or has characters that databases refuse."""
 
     code = "not-storable"
 
 
 class StoreFull(StoreError):
-    """A bound of the caller's (samples of a class, number of classes) is reached."""
+    """A limit that the caller gave is reached: samples of a class, or number of classes."""
 
     code = "store-full"
 
 
 class StoreUnavailable(StoreError):
-    """The database cannot be read or written now: locked for too long, no room, no permission, gone."""
+    """The database cannot be read or written now: it is locked for too long, full, forbidden, or missing."""
 
     code = "store-unavailable"
 
 
 class StoreDamaged(StoreUnavailable):
-    """The database is there, and what it holds is not what was written."""
+    """The database exists, but its content is damaged."""
 
 
 class StoreTooNew(StoreUnavailable):
-    """The database was written by a newer release than this one."""
+    """A newer release has written the database."""

@@ -1,4 +1,4 @@
-"""The store's calls about feedback: what people said of results, and what models made of it."""
+"""The store's calls for feedback: people's corrections of results, and the model versions made from them."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -23,18 +23,18 @@ from models.tables import FeedbackModelRow, FeedbackRow, ModelRow, SampleRow, Un
 from models.transactions import Transactions
 
 HEALTH_WINDOW = 50
-"""Feedbacks that count as recent: an error of 5 % is then known within 3 % (one standard deviation)."""
+"""Number of recent feedbacks. With it an error of 5 % has a standard deviation of 3 %."""
 _MOST_ZONES = 2**31 - 1  # of the column
 Versions = dict[str, tuple[int | None, int]]
 
 
-class KeptFeedback(Transactions):
-    """Feedback, each in one transaction with the versions and the sample that it makes."""
+class FeedbackRepository(Transactions):
+    """Feedback. One transaction writes a feedback together with the versions and the sample that follow from it."""
 
     def find_feedback(self, result_id: str, key: str | None, request: Document) -> StoredFeedback | None:
-        """The feedback that came before with this key, or with this body on this result.
+        """The earlier feedback with this key, or with this body on this result; None without one.
 
-        `KeyReused` when the key came with another body or on another result, `NotStorable`.
+        Raises `KeyReused` when the key belongs to another body or another result, and `NotStorable`.
         """
         if key is not None:
             require_storable(key, "key")
@@ -50,15 +50,16 @@ class KeptFeedback(Transactions):
     def add_feedback(
         self, draft: FeedbackDraft, changes: Sequence[ModelChange], *, max_samples: int | None = None
     ) -> StoredFeedback:
-        """Keep a feedback with all that came of it: new versions of the models in `changes`, a sample, its report.
+        """Store a feedback with its report, the new versions of the models in `changes`, and its sample.
 
-        All of it is kept or nothing. What came before (`find_feedback`) is answered as it was, with `created` False,
-        and changes nothing. The verified page takes the place of the one that an earlier feedback on the same result
-        made a sample, and leaves the unknown pages. When the class has `max_samples` samples the oldest that came by
-        feedback makes room; if all were posted, no sample is made. The result need not be kept any longer.
+        One transaction writes all of it. A feedback that is stored already (`find_feedback`) is returned with `created`
+        False, and nothing changes. The verified page becomes a sample. It replaces the sample of an earlier feedback on
+        the same result, and is deleted from the unknown pages. When the class has `max_samples` samples, the oldest
+        sample from feedback is deleted first; if all samples were posted, the page does not become a sample. The result
+        itself may have expired.
 
-        `VersionConflict` when a model has another version than its change expects, `ModelNotFound`, `KeyReused`,
-        `NotStorable`.
+        Raises `VersionConflict` when a model does not have the version that its change expects, `ModelNotFound`,
+        `KeyReused`, `NotStorable`.
         """
         require_result_id(draft.result_id)
         if draft.key is not None:
@@ -87,7 +88,7 @@ class KeptFeedback(Transactions):
                 require_version(change.name, rows[change.name].version, change.expected_version)
             links = {
                 row.id: FeedbackModelRow(model_id=row.id, feedback_id=feedback_id)
-                for row in (*rows.values(), *_models_told(session, draft))
+                for row in (*rows.values(), *_models_of_feedback(session, draft))
             }
             for name, row in rows.items():
                 links[row.id].old_version = row.version
@@ -124,7 +125,7 @@ class KeptFeedback(Transactions):
             return _stored_feedback(session, feedback, created=True)
 
     def feedbacks(self, name: str, newest: int = 50) -> list[FeedbackSummary]:
-        """The last feedbacks that found or verified this class, newest first; `ModelNotFound`."""
+        """The last feedbacks whose found or verified class is this one, newest first. Raises `ModelNotFound`."""
         with self._reading() as session:
             of_model = select(FeedbackModelRow.feedback_id).where(
                 FeedbackModelRow.model_id == find_model(session, name).id
@@ -150,13 +151,13 @@ class KeptFeedback(Transactions):
         ]
 
     def health(self, name: str) -> ModelHealth:
-        """What feedback told of a class; `ModelNotFound`."""
+        """The error rates of a class, computed from its feedback. Raises `ModelNotFound`."""
         with self._reading() as session:
             model_id = find_model(session, name).id
             return _healths(session, [model_id])[model_id]
 
     def healths(self) -> dict[str, ModelHealth]:
-        """The same of all classes, by name."""
+        """The error rates of all classes, by name."""
         with self._reading() as session:
             alive = select(ModelRow.name, ModelRow.id).where(ModelRow.deleted_at.is_(None))
             names = {name: model_id for name, model_id in session.execute(alive)}
@@ -171,7 +172,7 @@ class KeptFeedback(Transactions):
         max_samples: int | None,
         now: datetime,
     ) -> str | None:
-        """The verified page becomes a sample in the place of the earlier one of its result; its id."""
+        """The id of the sample made from the verified page; it replaces the earlier sample of the same result."""
         model, digest = None, None
         if draft.verified_class is not None and sample is not None:
             model, digest = find_model(session, draft.verified_class), sample[1]
@@ -206,9 +207,9 @@ class KeptFeedback(Transactions):
 
 
 def _give_up_samples(session: Session, result_id: str, kept: tuple[int, str | None] | None) -> None:
-    """Samples that earlier feedback on this result made go, but for the one with this class and digest.
+    """Delete the samples of earlier feedback on this result, except the one with this class and digest.
 
-    One that feedback on another result verified as well is from now on that result's.
+    A sample that feedback on another result verified too is assigned to that result.
     """
     session.execute(update(FeedbackRow).where(FeedbackRow.result_id == result_id).values(sample_id=None))
     earlier = select(SampleRow).where(SampleRow.result_id == result_id, SampleRow.origin == "feedback")
@@ -224,8 +225,8 @@ def _give_up_samples(session: Session, result_id: str, kept: tuple[int, str | No
     session.flush()
 
 
-def _models_told(session: Session, draft: FeedbackDraft) -> list[ModelRow]:
-    """The classes that a feedback names; the found one may have been deleted, the verified one must be there."""
+def _models_of_feedback(session: Session, draft: FeedbackDraft) -> list[ModelRow]:
+    """The found and the verified class of a feedback. The found class may be deleted; the verified class must exist."""
     told = []
     if draft.verified_class is not None:
         told.append(find_model(session, draft.verified_class))
@@ -238,7 +239,7 @@ def _models_told(session: Session, draft: FeedbackDraft) -> list[ModelRow]:
 def _look_up_feedback(
     session: Session, result_id: str, key: str | None, digest: str, *, bind: bool = False
 ) -> FeedbackRow | None:
-    """The feedback with this key, or with this body on this result; `bind` gives it the key if it came without one."""
+    """The feedback with this key, or with this body on this result. `bind` stores the key in it if it has none."""
     if key is not None:
         row = session.execute(select(FeedbackRow).where(FeedbackRow.key == key)).scalar_one_or_none()
         if row is not None:
@@ -266,7 +267,7 @@ def _stored_feedback(session: Session, row: FeedbackRow, *, created: bool) -> St
 
 
 def _versions_of(session: Session, feedback_ids: list[str]) -> dict[str, Versions]:
-    """For every feedback that changed models, the version before and after of each, by its name."""
+    """For every feedback, the version before and after it of each model that it changed, by name."""
     wanted = (
         select(
             ModelRow.name,

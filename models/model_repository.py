@@ -1,4 +1,4 @@
-"""The store's calls about document classes: their versions and their settings."""
+"""The store's calls for document classes: versions and settings."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
@@ -47,11 +47,11 @@ from models.transactions import Transactions
 from services.contract.layout_learning import DEFAULT_LEARNER
 
 
-class KeptModels(Transactions):
+class ModelRepository(Transactions):
     """Models with all their versions, and their settings."""
 
     def revision(self) -> int:
-        """Grows with every version, new class and deletion: while it stays, `ready_models` stays."""
+        """A number that grows with every new version, new class and deletion."""
         with self._reading() as session:
             return session.execute(select(StateRow.revision)).scalar_one()
 
@@ -65,7 +65,7 @@ class KeptModels(Transactions):
             )
 
     def model(self, name: str, version: int | None = None) -> StoredModel:
-        """A class with its newest version, or with an earlier one; `ModelNotFound`."""
+        """A class with its newest version, or with version `version`. Raises `ModelNotFound`."""
         with self._reading() as session:
             row = find_model(session, name)
             version = row.version if version is None else version
@@ -75,18 +75,23 @@ class KeptModels(Transactions):
             return stored_model(row, samples, find_version(session, row, version))
 
     def model_summary(self, name: str) -> ModelSummary:
-        """A class without its document; `ModelNotFound`."""
+        """A class without its document. Raises `ModelNotFound`."""
         with self._reading() as session:
             row = find_model(session, name)
             samples = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
             return model_summary(row, samples)
 
     def ready_models(self, names: Sequence[str] | None = None) -> list[StoredModel]:
-        """The newest version of every class (or of those named) that has one, by name; `ModelNotFound`."""
+        """The newest version of every class, or of the classes in `names`, by name.
+
+        Classes without a version are left out.
+
+        Raises `ModelNotFound` when a named class does not exist.
+        """
         return list(self.each_ready_model(names))
 
     def each_ready_model(self, names: Sequence[str] | None = None) -> Iterator[StoredModel]:
-        """The same one after another, so that one document alone is unpacked at a time."""
+        """Iterates over `ready_models`. Only one document is unpacked at a time."""
         if names is not None and not names:
             return
         wanted = select(ModelRow, count_samples(), VersionRow).where(ModelRow.deleted_at.is_(None))
@@ -105,7 +110,7 @@ class KeptModels(Transactions):
                 yield stored_model(row, samples, found)
 
     def model_versions(self, name: str) -> list[VersionSummary]:
-        """The history of a class, oldest first; `ModelNotFound`."""
+        """The versions of a class, oldest first. Raises `ModelNotFound`."""
         with self._reading() as session:
             row = find_model(session, name)
             rows = session.execute(
@@ -128,9 +133,10 @@ class KeptModels(Transactions):
         note: str = "",
         max_models: int | None = None,
     ) -> StoredModel:
-        """Make `document` the newest version of a class; an import creates the class (`StoreFull` at the bound).
+        """Make `document` the newest version of a class. An import creates the class if it does not exist.
 
-        `VersionConflict` when the class has another version than expected, `ModelNotFound`, `NotStorable`.
+        Raises `VersionConflict` when the class does not have the expected version, `StoreFull` when there are
+        `max_models` classes, `ModelNotFound`, `NotStorable`.
         """
         require_storable(name, "name")
         packed = encode_document(document)
@@ -149,9 +155,10 @@ class KeptModels(Transactions):
         return stored_model(row, samples, version)
 
     def rollback(self, name: str, version: int, expected_version: ExpectedVersion = ANY) -> StoredModel:
-        """Make the document of an earlier version the newest one; the versions in between stay.
+        """Make the document of an earlier version the newest version. The versions in between are kept.
 
-        `VersionConflict` when the class has another version than expected, `ModelNotFound` without that version.
+        Raises `VersionConflict` when the class does not have the expected version, and `ModelNotFound` when it has no
+        version `version`.
         """
         with self._changing() as (session, state):
             row = find_model(session, name)
@@ -162,15 +169,15 @@ class KeptModels(Transactions):
         return stored_model(row, samples, made)
 
     def settings(self, name: str) -> ModelSettings:
-        """What is set for a class; `ModelNotFound`."""
+        """The settings of a class. Raises `ModelNotFound`."""
         with self._reading() as session:
             return settings_of(find_model(session, name))
 
     def change_settings(self, name: str, **changes: str | None) -> ModelSettings:
-        """Set what is named (of `ModelSettings`; None takes it back), and leave the rest; the settings then.
+        """Change the named fields of `ModelSettings` (None resets a field) and return all settings.
 
-        `ModelNotFound` also when the class that this one shall continue does not exist, `NotStorable` for what cannot
-        be set. A class that others continue cannot continue one itself.
+        A class that another class continues cannot continue a class itself. Raises `ModelNotFound`, also when the class
+        in `continues` does not exist, and `NotStorable` when a value is not allowed.
         """
         unknown = changes.keys() - {field.name for field in fields(ModelSettings)}
         if unknown:
@@ -195,7 +202,7 @@ class KeptModels(Transactions):
         return after
 
     def delete_model(self, name: str, *, expected_version: ExpectedVersion = ANY) -> None:
-        """Delete a class with its samples and the feedback on its pages; `ModelNotFound`, `VersionConflict`."""
+        """Delete a class, its samples and the feedback on its pages. Raises `ModelNotFound`, `VersionConflict`."""
         with self._changing() as (session, state):
             row = find_model(session, name)
             require_version(name, row.version, expected_version)
@@ -208,7 +215,7 @@ class KeptModels(Transactions):
 
 
 def _delete_feedback(session: Session, row: ModelRow) -> None:
-    """Feedback on pages of a class, and what is left of other feedback when it is about this class alone."""
+    """Delete the feedback on pages of a class, and other feedback that concerns no class but this one."""
     of_class = select(FeedbackModelRow.feedback_id).where(FeedbackModelRow.model_id == row.id)
     of_others = select(FeedbackModelRow.feedback_id).where(FeedbackModelRow.model_id != row.id)
     session.execute(

@@ -1,4 +1,4 @@
-"""Steps that the calls of the repository share: finding rows, judging what may be stored, rows as plain values."""
+"""Steps that several repositories use: they find rows, check values before storing, and convert rows to records."""
 
 from datetime import datetime, timedelta
 from typing import cast, get_args
@@ -24,7 +24,7 @@ from models.ulid import is_ulid
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 READ_AT_ONCE = 8
-"""Rows of documents, each of some MB at most."""
+"""Rows with documents; each has a few MB at most."""
 _MAX_VERSION = 2**31 - 1  # of the column
 
 
@@ -58,7 +58,7 @@ def find_sample(session: Session, name: str, sample_id: str) -> SampleRow:
 
 
 def create_model(session: Session, name: str, now: datetime, max_models: int | None) -> ModelRow:
-    """A class without samples and versions; one that was deleted comes back under its name, with no settings."""
+    """A class without samples and settings. A deleted class of the same name is used again."""
     alive = select(func.count()).select_from(ModelRow).where(ModelRow.deleted_at.is_(None))
     if max_models is not None and session.execute(alive).scalar_one() >= max_models:
         raise StoreFull(f"there are {max_models} models already")
@@ -90,7 +90,7 @@ def append_version(
 def add_unknown_page(
     session: Session, page_id: str, result_id: str, draft: UnknownPageDraft, now: datetime
 ) -> None:
-    """Keep a page that fits no class, once for its result; the oldest make room for it."""
+    """Store a page that fits no class, once for each result. The oldest pages are deleted for it."""
     of_result = select(UnknownPageRow.id).where(
         UnknownPageRow.result_id == result_id, UnknownPageRow.expires_at > now
     )
@@ -131,7 +131,7 @@ def require_version(name: str, current: int | None, expected: ExpectedVersion) -
 
 
 def is_text(text: str) -> bool:
-    """Whether every database takes these characters: no zero, no half of a surrogate pair."""
+    """Whether every database accepts these characters: no NUL, no half of a surrogate pair."""
     return "\0" not in text and not any("\ud800" <= character <= "\udfff" for character in text)
 
 
@@ -152,7 +152,7 @@ def require_result_id(result_id: str) -> None:
 
 
 def require_settings(name: str, settings: ModelSettings) -> None:
-    """`NotStorable` when the settings cannot be those of the class `name`."""
+    """Raises `NotStorable` when the class `name` cannot have these settings."""
     if settings.learner not in get_args(Learner):
         raise NotStorable(f"learner: there are {', '.join(get_args(Learner))}")
     for each in (settings.genre, settings.continues):

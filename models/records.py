@@ -1,4 +1,4 @@
-"""What the store answers with: plain values, with times that are aware and in UTC."""
+"""The records that the store returns: plain values. Times are aware and in UTC."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from models.documents import Document
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 Origin = Literal["initialize", "import", "feedback", "train", "rollback"]
-"""What made a version of a model."""
+"""The action that made a version of a model."""
 SampleOrigin = Literal["posted", "feedback"]
-"""Whether somebody sent a sample as such, or it is the verified page of a feedback."""
+""""posted": a client sent the sample. "feedback": it is the verified page of a feedback."""
 
 
 class AnyVersion(Enum):
@@ -22,18 +22,18 @@ class AnyVersion(Enum):
 
 
 ANY: Final = AnyVersion.ANY
-"""The writer does not mind which version the model has."""
+"""The writer accepts any version of the model."""
 ExpectedVersion = int | None | AnyVersion | Callable[[int | None], None]
-"""None: the class has no version yet. A function gets the version that the class has when it is written, and raises
-an error if it must not be written."""
+"""None: the class must have no version. A function gets the version of the class at the time of writing, and raises an
+error to prevent the write."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelSettings:
-    """What is set for a class beside its versions: it stays when they change.
+    """The settings of a class. A new version does not change them.
 
-    `genre` names the genre that the class belongs to (None: it is found by likeness). `continues` names the class
-    whose later pages this one describes (None: it describes whole documents, or first pages).
+    `genre` names the genre of the class; None: the service finds it by similarity. `continues` names the class whose
+    later pages this class describes; None: it describes whole documents, or first pages.
     """
 
     learner: Learner = DEFAULT_LEARNER
@@ -43,7 +43,7 @@ class ModelSettings:
 
 @dataclass(frozen=True, slots=True)
 class ModelSummary:
-    """A document class as a list shows it; `version` is None until it was initialized or imported."""
+    """A document class without its document. `version` is None before initialization or import."""
 
     name: str
     version: int | None
@@ -55,10 +55,10 @@ class ModelSummary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredModel:
-    """A document class with one version of its model; without one, `version`, `document`, `origin` are None.
+    """A document class with one version of its model. Without a version, `version`, `document` and `origin` are None.
 
-    `created_at` and `updated_at` (last version or change of samples) are the class's, whichever version was
-    asked for. A document never changes under its (name, version).
+    `created_at` and `updated_at` (last new version or change of samples) belong to the class, not to the version. The
+    document of a (name, version) never changes.
     """
 
     name: str
@@ -73,7 +73,7 @@ class StoredModel:
 
 @dataclass(frozen=True, slots=True)
 class VersionSummary:
-    """One version in a model's history; `note` is what its writer said about it, "" for nothing."""
+    """One version in a model's history. `note` is a remark of the writer, "" without one."""
 
     version: int
     origin: Origin
@@ -83,9 +83,9 @@ class VersionSummary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredSample:
-    """A labelled page of a class; `created` is False where it was there already (same key or same content).
+    """A labelled page of a class. `created` is False when it was stored before (same key or same content).
 
-    `result_id` names the result that it verifies, where it came by feedback.
+    `result_id` is the verified result if the sample comes from feedback.
     """
 
     id: str
@@ -98,7 +98,7 @@ class StoredSample:
 
 @dataclass(frozen=True, slots=True)
 class StoredResult:
-    """The answer to a recognition, kept until `expires_at`; `pages` are the answers about the pages of a document."""
+    """The result of a recognition, kept until `expires_at`. `pages` has the results of a document's pages."""
 
     id: str
     document: dict[str, Any]
@@ -109,7 +109,7 @@ class StoredResult:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnknownPageDraft:
-    """A page that fits no class, to be kept for `ttl_s` seconds; of more than `bound` such pages the oldest go."""
+    """A page that fits no class, kept for `ttl_s` seconds. The store keeps the `bound` newest ones."""
 
     page: Document
     bound: int
@@ -118,7 +118,7 @@ class UnknownPageDraft:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResultDraft:
-    """The answer to a recognition; `unknown` is its page, where it fits no class."""
+    """The result of a recognition. `unknown` is its page, if no class fits."""
 
     document: Document
     unknown: UnknownPageDraft | None = None
@@ -126,7 +126,7 @@ class ResultDraft:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelChange:
-    """A new document of a class, made from its version `expected_version` (None: it has samples, but no version)."""
+    """A new document of a class, made from version `expected_version` (None: the class has no version yet)."""
 
     name: str
     document: Document
@@ -135,12 +135,20 @@ class ModelChange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeedbackDraft:
-    """What a person said of a result, and what came of it.
+    """A person's feedback on a result, with its consequences.
 
-    `request` is the body as it was understood: the same one counts once for a result. `report` is answered again
-    when it comes again; the store does not read it. `zones` is how many zones the page has, `wrong_zones` of how
-    many the label was wrong. `sample`, the verified page, becomes a sample of `verified_class` where both are given.
-    `unknown_page` is kept beside the feedback, in the same transaction; once for each result.
+    Parameters
+    ----------
+    request
+        The parsed body. An equal body on the same result counts once.
+    report
+        The answer; a repeated request gets it again. The store does not read it.
+    zones, wrong_zones
+        Number of zones of the page, and of zones with a wrong label.
+    sample
+        The verified page. It becomes a sample of `verified_class` if both are given.
+    unknown_page
+        Stored in the same transaction, once for each result.
     """
 
     result_id: str
@@ -158,10 +166,10 @@ class FeedbackDraft:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredFeedback:
-    """A feedback that is kept; `created` is False where it was there already (same key, or same body and result).
+    """A stored feedback. `created` is False when it was stored before (same key, or same body and result).
 
-    `versions` has for every model that changed the version before (None: none) and after. `sample_id` is None
-    where no sample was made, or it is gone. The result itself may have been purged.
+    `versions` has the version before (None: none) and after the feedback for every model that it changed. `sample_id`
+    is None when there is no sample, or it was deleted. The result itself may have expired.
     """
 
     id: str
@@ -192,10 +200,10 @@ class FeedbackSummary:
 
 @dataclass(frozen=True, slots=True)
 class ModelHealth:
-    """What feedback told of a class: how much recognition erred, lately (`recent` feedbacks) and before that.
+    """Error rates of recognition for a class, from the last `recent` feedbacks and from the earlier ones.
 
-    Errors are shares, 0-1: of zones with a wrong label among all zones, of feedbacks with a wrong class among all;
-    None where there is nothing to look at.
+    Rates are shares, 0-1: zones with a wrong label among all zones, feedbacks with a wrong class among all feedbacks.
+    None: there is no feedback.
     """
 
     feedbacks: int
@@ -208,7 +216,7 @@ class ModelHealth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnknownPage:
-    """A page that fitted no class, as its result has it; `result_id` names the result, which may be purged."""
+    """A page that fitted no class, in the form of its result. The result `result_id` may have expired."""
 
     id: str
     result_id: str

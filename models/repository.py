@@ -1,24 +1,24 @@
-"""What is remembered of layout recognition: the only door to the database.
+"""The store of layout recognition: the only interface to the database.
 
-Every call is one short transaction, and may be made from any thread. Calls that write take their turn, on every
-database: what one of them reads is what it changes.
+Every call is one short transaction, and every thread may call. On every database, transactions that write run one
+after another: nothing changes between the reads and the writes of one of them.
 
-**Versions** of a model count 1, 2, 3 and are never used again. Deleting a class drops its samples and what feedback
-said of its pages at once (they are somebody's pages) and hides its versions; a class made anew under that name goes
-on counting, and its history shows the earlier versions again. So a document never changes under its (name, version),
-and may be cached by it.
+**Versions** of a model are numbered 1, 2, 3, and no number is used twice. Deleting a class deletes its samples and the
+feedback on its pages, since these are personal data, and hides its versions. A new class of the same name continues
+the numbers, and its history shows the earlier versions. So the document of a (name, version) never changes, and
+callers may cache it.
 
-**Feedback** is kept with the versions and the sample that it made, or not at all.
+**Feedback** is written in one transaction with the versions and the sample that follow from it.
 """
 
-from models.feedback_repository import KeptFeedback
-from models.model_repository import KeptModels
-from models.result_repository import KeptResults
-from models.sample_repository import KeptSamples
+from models.feedback_repository import FeedbackRepository
+from models.model_repository import ModelRepository
+from models.result_repository import ResultRepository
+from models.sample_repository import SampleRepository
 from models.transactions import utc_now
 
 __all__ = ["Store", "utc_now"]
 
 
-class Store(KeptModels, KeptSamples, KeptFeedback, KeptResults):
-    """Models, samples, feedback and results in one database; `with Store.open(...)` closes it."""
+class Store(ModelRepository, SampleRepository, FeedbackRepository, ResultRepository):
+    """Models, samples, feedback and results in one database. `with Store.open(...)` closes it."""

@@ -1,4 +1,4 @@
-"""The store's calls about what is kept for a while: results of recognition, and pages that fitted no class."""
+"""The store's calls for data that expires: results of recognition, and pages that fitted no class."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -16,11 +16,11 @@ from models.transactions import Transactions
 from models.ulid import is_ulid
 
 
-class KeptResults(Transactions):
-    """Results, which expire, and a ring of unknown pages."""
+class ResultRepository(Transactions):
+    """Results, which expire, and a limited number of unknown pages."""
 
     def add_result(self, document: Document, ttl_s: float, unknown: UnknownPageDraft | None = None) -> str:
-        """Keep the answer to a recognition for `ttl_s` seconds, with its page if it fits no class; its id."""
+        """Store a result for `ttl_s` seconds, and its page if no class fits; return the result's id."""
         now = self._clock()
         result_id = self._ulids.make(now)
         self._keep([result_id], [ResultDraft(document, unknown)], now, ttl_s)
@@ -29,10 +29,10 @@ class KeptResults(Transactions):
     def add_document(
         self, document: Document, pages: Sequence[ResultDraft], ttl_s: float
     ) -> tuple[str, list[str]]:
-        """Keep the answers about a document and about each of its pages, all or none; its id, and theirs.
+        """Store the results of a document and of its pages in one transaction; return their ids.
 
-        What is kept of the document has the ids of its pages under `pages`. Its own id is older than theirs: whatever
-        is purged, the document goes before its first page.
+        The stored document has the ids of its pages under `pages`. Its own id is older than theirs, so that a purge
+        deletes the document before its first page.
         """
         now = self._clock()
         document_id, *page_ids = (self._ulids.make(now) for _ in range(1 + len(pages)))
@@ -53,7 +53,7 @@ class KeptResults(Transactions):
                     add_unknown_page(session, self._ulids.make(now), row.id, draft.unknown, now)
 
     def result(self, result_id: str) -> StoredResult:
-        """An answer that is still kept; that about a document comes with those about its pages. `ResultNotFound`."""
+        """A result, for a document with the results of its pages. Raises `ResultNotFound`."""
         now = self._clock()
         with self._reading() as session:
             row = session.get(ResultRow, result_id) if is_ulid(result_id) else None
@@ -68,9 +68,9 @@ class KeptResults(Transactions):
         return replace(result, pages=tuple(_stored_result(page) for page in rows if page is not None))
 
     def purge_results(self, now: datetime | None = None, keep_newest: int | None = None) -> int:
-        """Delete what has expired by `now` (aware) and all but the newest; how many results went.
+        """Delete results that have expired at `now` (aware), and all but the `keep_newest` newest; return their number.
 
-        Unknown pages that have expired go with them.
+        Unknown pages that have expired are deleted too.
         """
         now = now or self._clock()
         gone: ColumnElement[bool] = ResultRow.expires_at <= now
@@ -84,7 +84,7 @@ class KeptResults(Transactions):
             return cast(CursorResult[None], session.execute(delete(ResultRow).where(gone))).rowcount
 
     def each_unknown_page(self) -> Iterator[UnknownPage]:
-        """Pages that fitted no class and are still kept, oldest first; never all are in memory."""
+        """Iterates over the unknown pages that have not expired, oldest first. Few are in memory at a time."""
         with self._reading() as session:
             wanted = select(UnknownPageRow).where(UnknownPageRow.expires_at > self._clock())
             wanted = wanted.order_by(UnknownPageRow.id)
@@ -93,7 +93,7 @@ class KeptResults(Transactions):
                 session.expunge(row)
 
     def unknown_page(self, page_id: str) -> UnknownPage:
-        """One of them; `UnknownPageNotFound`."""
+        """One unknown page. Raises `UnknownPageNotFound`."""
         with self._reading() as session:
             row = session.get(UnknownPageRow, page_id) if is_ulid(page_id) else None
         if row is None or row.expires_at <= self._clock():
@@ -101,7 +101,7 @@ class KeptResults(Transactions):
         return _unknown_page(row)
 
     def forget_unknown_pages(self, page_ids: Sequence[str]) -> int:
-        """Delete pages that have found a class, or that nobody shall be asked about again; how many went."""
+        """Delete unknown pages; return their number. Callers delete pages that now have a class, or need none."""
         ids = {page_id for page_id in page_ids if is_ulid(page_id)}
         with self._changing() as (session, _):
             gone = session.execute(delete(UnknownPageRow).where(UnknownPageRow.id.in_(ids)))

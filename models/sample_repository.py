@@ -1,4 +1,4 @@
-"""The store's calls about samples: labelled pages of document classes."""
+"""The store's calls for samples: labelled pages of document classes."""
 
 from collections.abc import Iterator
 
@@ -21,8 +21,8 @@ from models.tables import ModelRow, SampleRow
 from models.transactions import Transactions
 
 
-class KeptSamples(Transactions):
-    """Samples of models, posted as such or verified by feedback."""
+class SampleRepository(Transactions):
+    """Samples of models, posted by a client or made from feedback."""
 
     def add_sample(
         self,
@@ -33,10 +33,11 @@ class KeptSamples(Transactions):
         max_samples: int | None = None,
         max_models: int | None = None,
     ) -> StoredSample:
-        """Add a labelled page to a class, which its first sample creates.
+        """Add a labelled page to a class. The first sample creates the class.
 
-        The same key or the same content counts once: the answer is then the first sample, with `created` False.
-        `KeyReused` when a key comes with another content, `StoreFull` at a bound, `NotStorable`.
+        A key or a content that is stored already adds nothing: the stored sample is returned with `created` False.
+        Raises `KeyReused` when the key belongs to another content, `StoreFull` when `max_samples` or `max_models` is
+        reached, `NotStorable`.
         """
         require_storable(name, "name")
         if key is not None:
@@ -55,7 +56,7 @@ class KeptSamples(Transactions):
                     raise KeyReused(f"the idempotency key {key!r} came before, with another sample")
             same = session.execute(of_model.where(SampleRow.digest == digest)).scalar_one_or_none()
             if same is not None:
-                same.origin = "posted"  # from now on it stays, whatever feedback says
+                same.origin = "posted"  # feedback deletes samples of its own only
                 same.key = same.key or key
                 return stored_sample(same, created=False)
             count = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
@@ -75,7 +76,7 @@ class KeptSamples(Transactions):
             return stored_sample(sample, created=True)
 
     def samples(self, name: str) -> list[StoredSample]:
-        """All samples of a class with their documents, oldest first; `ModelNotFound`."""
+        """All samples of a class with their documents, oldest first. Raises `ModelNotFound`."""
         with self._reading() as session:
             row = find_model(session, name)
             of_model = select(SampleRow).where(SampleRow.model_id == row.id).order_by(SampleRow.id)
@@ -83,7 +84,7 @@ class KeptSamples(Transactions):
         return [stored_sample(sample, created=False) for sample in rows]
 
     def each_sample(self, name: str, *, newest_first: bool = False) -> Iterator[StoredSample]:
-        """The same one after another, so that never all are in memory; `ModelNotFound` at the first."""
+        """Iterates over the samples of a class, few in memory at a time. Raises `ModelNotFound` at the first step."""
         with self._reading() as session:
             row = find_model(session, name)
             order = SampleRow.id.desc() if newest_first else SampleRow.id
@@ -93,18 +94,18 @@ class KeptSamples(Transactions):
                 session.expunge(sample)
 
     def sample(self, name: str, sample_id: str) -> StoredSample:
-        """One sample of a class; `ModelNotFound`, `SampleNotFound`."""
+        """One sample of a class. Raises `ModelNotFound`, `SampleNotFound`."""
         with self._reading() as session:
             return stored_sample(find_sample(session, name, sample_id), created=False)
 
     def sample_count(self, name: str) -> int:
-        """How many samples a class has; `ModelNotFound`."""
+        """The number of samples of a class. Raises `ModelNotFound`."""
         with self._reading() as session:
             wanted = select(count_samples()).where(ModelRow.id == find_model(session, name).id)
             return session.execute(wanted).scalar_one()
 
     def delete_sample(self, name: str, sample_id: str) -> None:
-        """Take a sample away from a class, which stays; `ModelNotFound`, `SampleNotFound`."""
+        """Delete a sample; the class remains. Raises `ModelNotFound`, `SampleNotFound`."""
         with self._changing() as (session, _):
             session.delete(find_sample(session, name, sample_id))
             find_model(session, name).updated_at = self._clock()

@@ -1,4 +1,4 @@
-"""The tables, as SQLAlchemy maps them. What changes here needs a migration (a test compares the two)."""
+"""The tables, as SQLAlchemy maps them. Every change needs a migration; a test compares both."""
 
 from datetime import UTC, datetime
 
@@ -12,7 +12,7 @@ MAX_NAME = 200
 
 
 class UtcDateTime(TypeDecorator[datetime]):
-    """Aware times, in UTC: SQLite has no time zones, PostgreSQL answers in that of its session."""
+    """Aware times in UTC. SQLite has no time zones; PostgreSQL returns the time zone of its session."""
 
     impl = DateTime(timezone=True)
     cache_ok = True
@@ -41,7 +41,7 @@ class Table(DeclarativeBase):
 
 
 class StateRow(Table):
-    """One row. Writers of models lock it first, so that they queue on any database as they do on SQLite."""
+    """A single row. Writers of models lock it first, so that they queue on every database as on SQLite."""
 
     __tablename__ = "store_state"
 
@@ -50,7 +50,7 @@ class StateRow(Table):
 
 
 class ModelRow(Table):
-    """A document class. A deleted one stays, so that its versions are neither lost nor counted again."""
+    """A document class. The row of a deleted class remains, so that its version numbers are not used again."""
 
     __tablename__ = "layout_models"
 
@@ -61,7 +61,7 @@ class ModelRow(Table):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
     updated_at: Mapped[datetime] = mapped_column(UtcDateTime)
     deleted_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    # Settings; a learner that is NULL is the default of the release that runs.
+    # Settings. NULL as the learner means the default of the running release.
     learner: Mapped[str | None] = mapped_column(String(20))
     genre: Mapped[str | None] = mapped_column(String(MAX_NAME))
     continues: Mapped[str | None] = mapped_column(String(MAX_NAME))
@@ -81,9 +81,9 @@ class VersionRow(Table):
 
 
 class SampleRow(Table):
-    """A labelled page of a class: once for each content, once for each key.
+    """A labelled page of a class, once for each content and once for each key.
 
-    One that came by feedback names the result that it verifies, and goes when that result is verified anew.
+    A sample from feedback names the verified result, and is deleted when that result is verified again.
     """
 
     __tablename__ = "layout_samples"
@@ -100,7 +100,7 @@ class SampleRow(Table):
 
 
 class FeedbackRow(Table):
-    """What a person said of a result: once for each body, once for each key. The result itself may be gone."""
+    """A person's feedback on a result, once for each body and once for each key. The result itself may have expired."""
 
     __tablename__ = "layout_feedback"
     __table_args__ = (Unique("result_id", "digest"), Unique("key"))
@@ -123,7 +123,7 @@ class FeedbackRow(Table):
 
 
 class FeedbackModelRow(Table):
-    """A class that a feedback is about (found, verified, or both), and the versions between which it changed it."""
+    """A class of a feedback (found, verified, or both), with its version before and after the feedback."""
 
     __tablename__ = "layout_feedback_models"
 
@@ -136,7 +136,7 @@ class FeedbackModelRow(Table):
 
 
 class UnknownPageRow(Table):
-    """A page that fitted no class, for a while: once for each result."""
+    """A page that fitted no class, once for each result. It expires."""
 
     __tablename__ = "layout_unknown_pages"
 
@@ -148,7 +148,7 @@ class UnknownPageRow(Table):
 
 
 class ResultRow(Table):
-    """The answer to a recognition, for a while."""
+    """The result of a recognition. It expires."""
 
     __tablename__ = "layout_results"
 

@@ -1,4 +1,4 @@
-"""The transactions that all calls of the store are made of, and the beginning and the end of their connections."""
+"""The transactions of all calls of the store, and opening and closing the database."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from models.errors import StoreUnavailable
 from models.session import (
     BUSY_TIMEOUT_S,
-    WriterTurns,
+    WriterLock,
     check_intact,
     open_engine,
     storage_errors,
@@ -23,12 +23,12 @@ from models.ulid import UlidFactory
 
 
 def utc_now() -> datetime:
-    """The time, aware."""
+    """The current time in UTC, aware."""
     return datetime.now(UTC)
 
 
 class Transactions:
-    """An open database; `models.repository.Store` says what can be done with it."""
+    """An open database and its transactions; `models.repository.Store` has the calls."""
 
     @classmethod
     def open(
@@ -38,9 +38,9 @@ class Transactions:
         busy_timeout_s: float = BUSY_TIMEOUT_S,
         clock: Callable[[], datetime] = utc_now,
     ) -> Self:
-        """Open the SQLite file `where` (made when absent) or the database of a URL, and bring it up to date.
+        """Open the SQLite file `where` (created if missing) or the database of a URL, and run missing migrations.
 
-        `StoreTooNew`, `StoreDamaged` or, for any other obstacle, `StoreUnavailable`.
+        Raises `StoreTooNew`, `StoreDamaged`, and `StoreUnavailable` for every other failure.
         """
         return cls(where, busy_timeout_s, clock)
 
@@ -50,7 +50,7 @@ class Transactions:
         self._closed = False
         self._readers = open_engine(where, busy_timeout_s)
         self._writers = writers_of(self._readers)
-        self._turns = WriterTurns(self._readers, busy_timeout_s)
+        self._writer_lock = WriterLock(self._readers, busy_timeout_s)
         try:
             check_intact(self._readers)
             upgrade_schema(self._readers)
@@ -59,7 +59,7 @@ class Transactions:
             raise
 
     def close(self) -> None:
-        """Give the connections back; every later call is `StoreUnavailable`."""
+        """Close the connections. Every later call raises `StoreUnavailable`."""
         self._closed = True
         self._readers.dispose()
 
@@ -71,7 +71,7 @@ class Transactions:
 
     @contextmanager
     def _reading(self) -> Iterator[Session]:
-        """A transaction that sees one state of the database and changes nothing."""
+        """A read-only transaction; it sees one state of the database."""
         if self._closed:
             raise StoreUnavailable("the store is closed")
         with storage_errors(), Session(self._readers, expire_on_commit=False) as session:
@@ -79,11 +79,11 @@ class Transactions:
 
     @contextmanager
     def _writing(self) -> Iterator[Session]:
-        """A transaction that is kept when the block ends well, and leaves no trace when it does not."""
+        """A transaction that commits at the end of the block, and rolls back on an exception."""
         if self._closed:
             raise StoreUnavailable("the store is closed")
         with (
-            self._turns.take(),
+            self._writer_lock.hold(),
             storage_errors(),
             Session(self._writers, expire_on_commit=False) as session,
             session.begin(),
@@ -92,6 +92,6 @@ class Transactions:
 
     @contextmanager
     def _changing(self) -> Iterator[tuple[Session, StateRow]]:
-        """`_writing` for models, samples and feedback: one at a time."""
+        """A `_writing` transaction for models, samples and feedback. Only one runs at a time."""
         with self._writing() as session:
             yield session, session.get_one(StateRow, 1, with_for_update=True)

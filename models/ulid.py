@@ -1,4 +1,4 @@
-"""Identifiers that sort by the time of their making (ULID): 48 bits of milliseconds, 80 random bits."""
+"""Identifiers that sort by creation time (ULID): 48 bits of milliseconds, 80 random bits."""
 
 import re
 import secrets
@@ -12,23 +12,26 @@ _RANDOM_BITS = 80
 
 
 class UlidFactory:
-    """Makes identifiers that grow strictly within one process, also when its clock stands still or steps back."""
+    """Makes identifiers that increase strictly within one process, also when the clock stops or steps back."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._last = 0
 
     def make(self, moment: datetime) -> str:
-        """26 characters for this moment (aware); nobody who knows one can guess another of another millisecond."""
+        """An identifier of 26 characters for an aware time.
+
+        It does not help to guess the identifiers of other milliseconds.
+        """
         fresh = (int(moment.timestamp() * 1000) << _RANDOM_BITS) | secrets.randbits(_RANDOM_BITS)
         with self._lock:
             if fresh <= self._last:
-                # A step of 32 random bits, as an id of the same millisecond should not be the next number.
+                # The step is random (32 bits), so that the next id of the same millisecond cannot be guessed easily.
                 fresh = self._last + 1 + secrets.randbits(32)
             self._last = fresh
         return "".join(_ALPHABET[(fresh >> shift) & 31] for shift in range(125, -1, -5))
 
 
 def is_ulid(text: str) -> bool:
-    """Whether `text` has the form of an identifier made here."""
+    """Whether `text` has the form of such an identifier."""
     return _FORM.fullmatch(text) is not None

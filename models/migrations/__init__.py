@@ -1,1 +1,1 @@
-"""How a database of any earlier release becomes one of this release; run by `models.session` at start-up."""
+"""Migrations that bring the database of an earlier release up to date; `models.session` runs them at start-up."""

@@ -1,6 +1,6 @@
-"""Alembic's entry: runs the migrations on the connection that `models.session` hands over, in its transaction.
+"""Alembic's entry point: runs the migrations on the connection of `models.session`, in its transaction.
 
-Batch mode, since SQLite changes a table by making it anew.
+Batch mode is needed, since SQLite changes a table by creating a new one.
 """
 
 from alembic import context

@@ -1,1 +1,1 @@
-"""What crosses from the server to a worker and back: plain data, and the names of the operations. No arrays."""
+"""Data that the server sends to a worker and gets back, and the names of the operations. No arrays."""

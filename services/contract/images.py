@@ -1,4 +1,4 @@
-"""Limits of uploaded images, and how an answer that is a page is sent."""
+"""Limits of uploaded images, and the encoding of an answer that is a page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from typing import Literal
 
 AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
 PagesFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip"]
-"""The same where an answer may have several pages."""
+"""Formats of an answer that may have several pages."""
 SeveralFormat = Literal["pdf", "tiff", "zip", "json"]
-"""Of these, the ones that hold several pages."""
+"""The formats of `PagesFormat` that can hold several pages."""
 
 MEDIA_TYPES: Mapping[PagesFormat, str] = {
     "jpeg": "image/jpeg",
@@ -23,7 +23,7 @@ MEDIA_TYPES: Mapping[PagesFormat, str] = {
 
 @dataclass(frozen=True, slots=True)
 class ImageLimits:
-    """What an uploaded image may cost; crossing any limit is `TooLarge`, judged before pixels are decoded."""
+    """Limits of an uploaded image, checked before pixels are decoded. An image beyond a limit raises `TooLarge`."""
 
     max_megapixels: float = 64.0
     """Width times height / 10^6; phones of "50 MP" give 50.1."""
@@ -41,11 +41,18 @@ class ImageLimits:
 
 @dataclass(frozen=True, slots=True)
 class Encoding:
-    """How the answer is sent.
+    """The encoding of an answer.
 
-    `format` None is the upload's own format (JPEG for HEIC); `quality` 1-100 is for lossy formats; `embed` puts the
-    image into the JSON, in base64. `pages_format` is the format of an answer of several pages; None: the client
-    accepts no format that holds them.
+    Parameters
+    ----------
+    format
+        Format of one page; None: the format of the upload (JPEG for HEIC).
+    quality
+        1-100, for lossy formats.
+    embed
+        Whether the image is put into the JSON, in base64.
+    pages_format
+        Format of several pages; None: the client accepts no format that can hold several.
     """
 
     format: PagesFormat | None = None
@@ -56,9 +63,9 @@ class Encoding:
 
 @dataclass(frozen=True, slots=True)
 class PageReply:
-    """A flat page as it leaves the worker.
+    """A flat page, as a worker returns it.
 
-    `body` is the image file (empty when JSON was asked for), of type `media_type`; `document` is the result of the
+    `body` is the image file of type `media_type`, empty when the client wants JSON. `document` is the result of the
     HTTP contract, ready for JSON.
     """
 

@@ -1,4 +1,4 @@
-"""Recognition of a page or a document: options, models, limits in; the result and the measured pages out."""
+"""Input and output of layout recognition: options, models and limits; the result and the measured pages."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 LayoutFormat = Literal["json", "pagexml", "alto", "png"]
 
 LONGEST_LABEL = 60
-"""Characters; the longest label of the labelled pages has 16."""
+"""Characters. The longest label in the labelled pages has 16."""
 
 MEDIA_TYPES: Mapping[LayoutFormat, str] = {
     "json": "application/json",
@@ -23,11 +23,11 @@ MEDIA_TYPES: Mapping[LayoutFormat, str] = {
 
 @dataclass(frozen=True, slots=True)
 class LayoutOptions:
-    """How a page is recognized, and how the answer is sent.
+    """Options of one recognition.
 
-    `image_name` is the name of the first upload, which PAGE-XML and ALTO write down; `image_names` those of all
-    uploads. `page` is the only page of several that is wanted, counted from 1. `format_named` is False when `format`
-    follows from `Accept`.
+    `image_name` is the name of the first upload; PAGE-XML and ALTO files contain it. `image_names` are the names of all
+    uploads. `page` selects one page of several, counted from 1. `format_named` is False when `format` follows from the
+    header `Accept`.
     """
 
     rectify: bool = False
@@ -42,9 +42,9 @@ class LayoutOptions:
 
 @dataclass(frozen=True, slots=True)
 class LayoutSettings:
-    """Limits of one page (its image, its zones, a file of zones) and of one document, and how pages are read.
+    """Limits of one page (image, zones, zones file) and of one document, and the settings for content features.
 
-    `content_features` is the operator's settings file of content features; None: the file that comes with the code.
+    `content_features` is the operator's settings file; None: the file of this package.
     """
 
     image: ImageLimits = field(default_factory=ImageLimits)
@@ -57,10 +57,10 @@ class LayoutSettings:
 
 @dataclass(frozen=True, slots=True)
 class ModelDocument:
-    """A version of a layout model; `document` is its JSON.
+    """One version of a layout model; `document` is its JSON.
 
-    The rest are settings of the class: `genre`, None if it was given none; `continues`, the class whose later pages the
-    model describes; `learner`, how the model learns.
+    The other fields are settings of the class. `genre` is None when nobody has set it. `continues` names the class
+    whose later pages the model describes. `learner` names the algorithm by which the model learns.
     """
 
     name: str
@@ -73,10 +73,10 @@ class ModelDocument:
 
 @dataclass(frozen=True, slots=True)
 class LayoutReply:
-    """A recognized page as it leaves the worker.
+    """A recognized page, as a worker returns it.
 
-    `body` is the file that was asked for (empty for JSON), of type `media_type`; `document` is the `LayoutResult` of
-    the HTTP contract without its id; `page` is the page with all measurements, which feedback needs later.
+    `body` is the requested file of type `media_type`, empty for JSON. `document` is the `LayoutResult` of the HTTP
+    contract without its id. `page` is the page with all measurements; later feedback needs it.
     """
 
     body: bytes
@@ -87,7 +87,7 @@ class LayoutReply:
 
 @dataclass(frozen=True, slots=True)
 class DocumentPage:
-    """One page of a document: its `LayoutResult` without id, and the page with all measurements."""
+    """One page of a document: its `LayoutResult` without the id, and the page with all measurements."""
 
     document: dict[str, object]
     page: dict[str, object]
@@ -95,10 +95,10 @@ class DocumentPage:
 
 @dataclass(frozen=True, slots=True)
 class DocumentReply:
-    """A recognized document of several pages as it leaves the worker.
+    """A recognized document of several pages, as a worker returns it.
 
-    `body` is an archive with one file a page (empty for JSON), of type `media_type`; `document` is the
-    `DocumentResult` of the HTTP contract without its id and its pages, which are in `pages`.
+    `body` is an archive of type `media_type` with one file for each page, empty for JSON. `document` is the
+    `DocumentResult` of the HTTP contract without its id and its pages. `pages` has the pages.
     """
 
     body: bytes

@@ -1,16 +1,17 @@
-"""Models that learn: from the feedback on one page, and in rounds over all samples."""
+"""Input and output of learning: from feedback on one page, and in training rounds over all samples."""
 
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Literal, TypeVar
 
 Learner = Literal["passive-aggressive", "counting", "error-correction"]
-"""How a model learns from a verified page; `services.layout.learning.learners` has each."""
+"""Algorithms by which a model learns from a verified page; `services.layout.learning.learners` implements them."""
 DEFAULT_LEARNER: Final[Learner] = "passive-aggressive"
-"""Of models whose settings name none: fewest errors on streams of verified pages (docs/decisions.md, 2026-11-22)."""
+"""The learner of models whose settings name none. It made the fewest errors on streams of verified pages
+(docs/decisions.md, 2026-11-22)."""
 
 Stop = Literal["rounds", "held-out", "no-errors", "effort"]
-"""Why training ended: all rounds were done, the error on held-out pages rose, no error was left, or the work of one
-training was spent."""
+"""Why training ended: after the last round; the error on held-out pages rose; no error was left; the limit of work was
+reached."""
 
 P = TypeVar("P")
 Q = TypeVar("Q")
@@ -23,16 +24,17 @@ class VerifiedPage(Generic[P]):
     Parameters
     ----------
     page
-        The page of the kept result: its document between processes, a `Page` inside of the worker.
+        The page of the stored result: a JSON document between processes, a `Page` inside the worker.
     found_class
-        The class that recognition chose; None: no class.
+        The class that recognition chose; None: no class fitted.
     found_labels
-        The label of every zone by its id: of the model of `found_class`, or of the nearest one when that is None.
+        The recognized label of every zone, by zone id. It comes from the model of `found_class`, or from the nearest
+        model when `found_class` is None.
     verified_class
-        The class that is right; None: the page is of no class.
+        The correct class; None: the page belongs to no class.
     labels
-        The labels that the person gave, by zone id. The other zones keep their found label where the class was right,
-        and get the one that the model of the verified class finds otherwise.
+        The labels that the person gave, by zone id. If the class was right, the other zones keep their recognized
+        label. Otherwise the model of the verified class finds their label.
     """
 
     page: P
@@ -48,12 +50,21 @@ class VerifiedPage(Generic[P]):
 
 @dataclass(frozen=True, slots=True)
 class Adaptation:
-    """What a verified page changes.
+    """The changes that a verified page causes.
 
-    `documents` has the new document of every model that learned, by name. `wrong` has the zones with a wrong label,
-    each `{"zone", "found", "verified"}`. `costs` has the costs of both labellings under each model,
-    `{"model", "found": {"before", "after"}, "verified": {"before", "after"}}`. `sample` is the verified page as
-    `measure_sample` answers it, `zones` the number of its zones.
+    Parameters
+    ----------
+    documents
+        The new document of every model that learned, by name.
+    wrong
+        The zones with a wrong label, each `{"zone", "found", "verified"}`.
+    costs
+        The costs of both labellings under each model,
+        `{"model", "found": {"before", "after"}, "verified": {"before", "after"}}`.
+    sample
+        The verified page, in the form of `measure_sample`.
+    zones
+        Number of zones of the page.
     """
 
     documents: dict[str, dict[str, Any]]
@@ -65,9 +76,10 @@ class Adaptation:
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """Errors after a round of training, as shares of zones; `held_out_error` None: no page was held out.
+    """Errors after a round of training, as shares of zones; `held_out_error` is None when no page was held out.
 
-    Round 0 is initialization from the samples, or the model as it was if it has seen more pages than these.
+    Round 0 is initialization from the samples. If the model has learned from more pages than these, round 0 is the
+    unchanged model.
     """
 
     number: int
@@ -77,7 +89,7 @@ class Round:
 
 @dataclass(frozen=True, slots=True)
 class TrainingReport:
-    """All rounds of a training from round 0 on, the round whose model is kept, and why there were no more."""
+    """All rounds of a training, the round whose model is kept, and why training ended."""
 
     rounds: tuple[Round, ...]
     kept_round: int

@@ -1,4 +1,4 @@
-"""Layout models: made of labelled pages, compared, proposed."""
+"""Input and output of operations on layout models: initialization, comparison, proposals."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class ModelDraft:
-    """A layout model that has no version number yet, and its labels."""
+    """A layout model without a version number, and its labels."""
 
     document: dict[str, object]
     labels: list[str]
@@ -14,9 +14,9 @@ class ModelDraft:
 
 @dataclass(frozen=True, slots=True)
 class ModelDifference:
-    """What changed from one version of a model to another: `total` changes, of which `changes` are the largest.
+    """Differences between two versions of a model: their number `total`, and the largest ones as `changes`.
 
-    Each is `{"part", "labels", "attribute", "old", "new"}`; see `services.operations.layout_diff`.
+    Each change is `{"part", "labels", "attribute", "old", "new"}`; see `services.operations.layout_diff`.
     """
 
     total: int
@@ -25,7 +25,7 @@ class ModelDifference:
 
 @dataclass(frozen=True, slots=True)
 class StoredPage:
-    """A page as the store has it, an unknown page or a sample: its id, and its document."""
+    """A stored page (an unknown page or a sample): its id and its document."""
 
     id: str
     document: dict[str, Any]

@@ -1,4 +1,4 @@
-"""What a caller may ask of /mosaic."""
+"""Options and limits of /mosaic."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,10 +14,10 @@ MOST_PHOTOS = 16
 
 @dataclass(frozen=True, slots=True)
 class MosaicParameters:
-    """Options of one mosaic; the HTTP contract's fields of the same names.
+    """Options of one mosaic. The fields have the names of the HTTP contract.
 
-    `base` is the index of the photo whose part of the page is shown when the photos fall into parts that do not
-    connect; None leaves the choice to the largest part.
+    `base` is an index of a photo. When the photos form several parts that do not overlap, the mosaic shows the part
+    with this photo. None: the largest part.
     """
 
     rectify: bool = True
@@ -29,7 +29,7 @@ class MosaicParameters:
 
 @dataclass(frozen=True, slots=True)
 class MosaicLimits:
-    """What each photo of a mosaic may cost, and all of them together, which are in memory at once."""
+    """Limits of each photo of a mosaic, and of all photos together: they are in memory at the same time."""
 
     photo: ImageLimits
     max_megapixels: float

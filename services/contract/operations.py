@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class Operation(str, Generic[T]):
-    """The name of a function, "module:function", that answers a `T`. A worker imports the module and calls it."""
+    """The name "module:function" of a function that returns a `T`. A worker imports the module and calls it."""
 
     __slots__ = ()
 
@@ -26,7 +26,7 @@ class Operation(str, Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Operations:
-    """The operations of one service; a test puts others in their place. The arguments are those of the functions."""
+    """The operations of one service; a test can replace them. An operation has the arguments of its function."""
 
     rectify: Operation[PageReply] = Operation("services.operations.rectify:rectify_upload")
     mosaic: Operation[PageReply] = Operation("services.operations.mosaic:mosaic_uploads")
@@ -52,5 +52,5 @@ class Operations:
 
     @property
     def modules(self) -> list[str]:
-        """Modules of all operations; they are imported once, before the first worker starts."""
+        """The modules of all operations. The first worker starts after they were imported once."""
         return sorted({getattr(self, field.name).module for field in fields(self)})

@@ -1,4 +1,4 @@
-"""What a caller may ask of /rectify."""
+"""Options of /rectify."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,11 +11,11 @@ Pages = Literal["main", "both"]
 
 @dataclass(frozen=True, slots=True)
 class RectifyParameters:
-    """Options of one rectification; the HTTP contract's fields of the same names.
+    """Options of one rectification. The fields have the names of the HTTP contract.
 
-    `region` is a polygon ((x, y), ...) in pixels of the EXIF-upright photo, round the page text. `crop` says what the
-    view shows: the sheet cut at its edges, the text with margins, or all of the photo near it. `pages` "both" asks for
-    both pages of an opened book.
+    `region` is a polygon ((x, y), ...) around the text of the page, in pixels of the EXIF-upright photo. `crop` selects
+    the visible area: the sheet cut at its edges, the text with margins, or the photo around the page. `pages` "both"
+    selects both pages of an open book.
     """
 
     kind: PageKind = "auto"

@@ -1,4 +1,4 @@
-"""The entry points that a worker runs: bytes in, bytes and JSON out; a file for each flow.
+"""The functions that a worker runs: they take bytes and return bytes and JSON. Each flow has a module.
 
-`services.contract.operations` names them; `services.contract` has what goes in and what comes back.
+`services.contract.operations` has their names, `services.contract` the types of their arguments and results.
 """

@@ -1,4 +1,4 @@
-"""A page, or its zones -> document class and labels, by the models that the app hands in."""
+"""Recognition of one page: from its image or its zones, and the models, to its class and labels."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -39,12 +39,12 @@ from services.rectify.pipeline import rectify
 from services.rectify.results import Notice
 
 FLATTENED, MATCHING_BEGINS = 0.6, 0.8
-"""Shares of the work that are done, as a rule, when a photo is flat and when its zones are read."""
+"""Typical progress after flattening, and before matching."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredPage:
-    """A page with its zones measured, its picture if there is one, and warnings about it."""
+    """A page with measured zones, its picture (None without one), and warnings."""
 
     page: Page
     image: RgbImage | None
@@ -59,16 +59,16 @@ def recognize_upload(
     options: LayoutOptions,
     settings: LayoutSettings,
 ) -> LayoutReply:
-    """Class and labels of a page: of an `image`, of `zones` (JSON) or a `zones_file`, or of an image and its zones.
+    """Class and labels of a page, given as an `image`, as `zones` (JSON) or a `zones_file`, or as image and zones.
 
     Raises
     ------
     UnsupportedMediaType, TooLarge, UndecodableImage
-        When the image is none that is accepted.
+        When the image is not accepted.
     NoText
-        When it shall be rectified and shows too little printed text for that.
+        When the image shall be rectified and shows too little printed text.
     InvalidOption
-        When the zones are none, or are not in the image's pixels.
+        When the zones are invalid, or are not in pixels of the image.
     """
     decode = None if image is None else partial(_decode, image, settings)
     return recognize_picture(decode, zones, zones_file, models, options, settings)
@@ -87,7 +87,7 @@ def recognize_picture(
     options: LayoutOptions,
     settings: LayoutSettings,
 ) -> LayoutReply:
-    """The same of a picture that is still to be decoded."""
+    """Class and labels of a page; `decode` returns its picture. Otherwise like `recognize_upload`."""
     timings_ms: dict[str, float] = {}
     engine = ocr_engine() if options.ocr else None
     with timed("models", timings_ms, 0.0):
@@ -113,7 +113,7 @@ def recognize_picture(
 def describe_page(
     placed: PageInDocument, notices: tuple[Notice, ...], timings_ms: Mapping[str, float], *, explain: bool
 ) -> dict[str, object]:
-    """The contract's `LayoutResult`, but for its id."""
+    """The `LayoutResult` of the HTTP contract without its id."""
     document = describe_recognition(placed.recognition, explain=explain)
     document["part"] = placed.part
     document["document_class"] = placed.document_class
@@ -132,7 +132,10 @@ def measure_page(
     settings: LayoutSettings,
     timings_ms: dict[str, float],
 ) -> MeasuredPage:
-    """The page of a picture, flattened first if that is wanted, or of zones; what it takes goes into `timings_ms`."""
+    """The page with measured zones, from a picture (flattened if `options` say so) or from zones.
+
+    The function adds its timings to `timings_ms`.
+    """
     features = content_features(settings.content_features)
     picture: RgbImage | None = None
     seen = 0.05
@@ -179,7 +182,7 @@ def _encode(
 
 
 def _blank_page(page: Page, settings: LayoutSettings) -> RgbImage:
-    """White paper to draw zones on that came without an image."""
+    """A white image of the page's size, for zones without an image."""
     width, height = max(1, math.ceil(page.width)), max(1, math.ceil(page.height))
     if width * height > settings.image.max_pixels or max(width, height) > settings.image.max_side_px:
         raise TooLarge(

@@ -1,9 +1,9 @@
-"""What changed from one version of a layout graph model to another, largest change first.
+"""Differences between two versions of a layout graph model, largest difference first.
 
-Changes have the number that they concern, and are ordered by how much it can move the cost of a zone or a pair of
-zones: differences of look-up tables as they are, values in their standard deviations, variances by what they add to
-the cost (half their logarithm), expectation values by their log odds; each times the weight of its attribute. What
-costs nothing (numbers of zones and samples) comes last.
+Each change concerns one number. Changes are sorted by their largest effect on the cost of a zone or of a pair of zones:
+for look-up tables the difference of costs; for values the difference in standard deviations; for variances half the
+difference of logarithms; for expectation values the difference of log odds. Each is multiplied by the weight of its
+attribute. Numbers without an effect on costs (numbers of zones and samples) come last.
 """
 
 import math
@@ -26,10 +26,10 @@ _DESCRIPTORS = {relation.name: relation.descriptors for relation in RELATIONS}
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One number that is another now; None where there is none.
+    """One number that differs; `old` or `new` is None when that version does not have the number.
 
-    `labels` are the label of a node, or those of an edge's upper and lower node (None is null), or none for what
-    the whole model has. `size` is how much the cost can move by it, infinite for a node that came or went.
+    `labels` has the label of a node, or the labels of an edge's upper and lower node (None is null), or is empty for
+    a number of the whole model. `size` is the largest effect on the cost, infinite for an added or removed node.
     """
 
     part: Literal["node", "edge", "model"]
@@ -41,12 +41,12 @@ class Change:
 
 
 def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDifference:
-    """The `most` largest changes from `old` to `new`, versions of one model, and how many there are.
+    """The `most` largest changes from `old` to `new`, two versions of one model, and the number of all changes.
 
     Raises
     ------
     InvalidModel
-        When one of them cannot be read by this release.
+        When this release cannot read one of them.
     """
     before, after = read_model(old), read_model(new)
     changes = [*_model_changes(before, after), *_node_changes(before, after), *_edge_changes(before, after)]
@@ -79,7 +79,7 @@ def _model_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
 def _node_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
     nodes = _both({node.label: node for node in old.nodes}, {node.label: node for node in new.nodes})
     for label, was, became in nodes:
-        if was is None or became is None:  # all its numbers are new, or gone: one change tells of them
+        if was is None or became is None:  # an added or removed node is one change
             sizes = (None if was is None else was.zones, None if became is None else became.zones)
             yield Change("node", (label,), "zones", *sizes, math.inf)
         elif was != became:
@@ -98,7 +98,7 @@ def _changes_of_node(old: ModelNode, new: ModelNode, scales: Mapping[str, float]
         size = scales.get(content_scale_name(name), 1.0) * abs(_log_odds(became) - _log_odds(was))
         yield from _number("node", labels, content_scale_name(name), was, became, size)
     for number in range(max(len(old.count_costs), len(new.count_costs))):
-        # The last cost of a node is that of more zones too.
+        # The last cost of a node also applies to more zones.
         cost, other = (costs[min(number, len(costs) - 1)] for costs in (old.count_costs, new.count_costs))
         size = scales.get(COUNT, 1.0) * abs(other - cost)
         yield from _number("node", labels, f"{COUNT}:{number}", cost, other, size)
@@ -111,7 +111,7 @@ def _changes_of_expectation(
     new: NumericExpectation | None,
     scale: float,
 ) -> Iterator[Change]:
-    """Changes of the value and the variance of a numeric attribute; one that came or went moves by a deviation."""
+    """Changes of the value and the variance of a numeric attribute. An added or removed one has size 1 deviation."""
     value_size, variance_size = scale, 0.0
     if old is not None and new is not None:
         value_size = scale * abs(new.value - old.value) / math.sqrt(min(old.variance, new.variance))
@@ -124,12 +124,12 @@ def _changes_of_expectation(
 def _edge_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
     kept = set(old.labels) & set(new.labels)
     for (upper, lower), was, became in _both(_edges(old), _edges(new)):
-        if was == became or not {upper, lower} <= kept:  # a node that came or went is listed already
+        if was == became or not {upper, lower} <= kept:  # added and removed nodes are listed already
             continue
         for relation, a, b in _both(was or {}, became or {}):
             names = _DESCRIPTORS.get(relation, ())
             for index in range(max(len(a or ()), len(b or ()))):
-                # An edge that is not listed has no cost.
+                # A missing edge has no cost.
                 cost, other = (each[index] if each and index < len(each) else 0.0 for each in (a, b))
                 name = names[index] if index < len(names) else str(index)
                 size = old.scales.get(relation, 1.0) * abs(other - cost)
@@ -151,13 +151,13 @@ def _number(
     new: float | None,
     size: float,
 ) -> Iterator[Change]:
-    """The change of one number, if it changed."""
+    """The change of one number; nothing if it is equal."""
     if old != new:
         yield Change(part, labels, attribute, old, new, size)
 
 
 def _both(old: Mapping[K, V], new: Mapping[K, V]) -> Iterator[tuple[K, V | None, V | None]]:
-    """What each key has in both, None where it is not there; keys of `old` first."""
+    """Every key with its values in `old` and `new`, None where it is missing; keys of `old` first."""
     for key in dict.fromkeys((*old, *new)):
         yield key, old.get(key), new.get(key)
 
@@ -167,6 +167,6 @@ def _distance(old: float | None, new: float | None) -> float:
 
 
 def _log_odds(expectation: float | None) -> float:
-    """Of an expectation value within the bounds it counts with; one that is not there is neither here nor there."""
+    """Log odds of an expectation value, clipped to the bounds of its cost; 0 for a missing value."""
     sure = 0.5 if expectation is None else min(max(expectation, SUREST), 1 - SUREST)
     return math.log(sure / (1 - sure))

@@ -1,6 +1,6 @@
-"""Unknown pages, and samples of all classes -> proposals: new classes, classes to merge, classes to split.
+"""Proposals of new classes, of classes to merge, and of classes to split, from unknown pages and samples.
 
-The app reads them from the store and tells a person what was found; nothing changes by it.
+The app reads the pages from the store and shows the proposals to a person. Nothing is changed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,14 +27,14 @@ from services.progress import report_progress
 def propose_classes(
     unknown: Sequence[StoredPage], classes: Mapping[str, Sequence[StoredPage]], settings: LayoutSettings
 ) -> dict[str, Any]:
-    """What the pages that fit no class, and the samples of all classes, say of the set of classes, as JSON.
+    """Proposals for the set of classes, from the unknown pages and the samples of all classes, as JSON.
 
-    Work is bounded: of very many zones the first unknown pages are looked at, of each class 24 samples evenly from
-    all, and the 100 pairs of classes that are most alike. What is no page any more, by limits that have become
-    narrower, is left out; `looked_at` counts what was not.
+    The work is limited: the first unknown pages up to a number of zones, 24 evenly chosen samples of each class, and
+    the 100 most similar pairs of classes are compared. Stored pages that exceed the present limits are left out.
+    `looked_at` has the numbers of compared pages.
     """
     features = content_features(settings.content_features)
-    # Each was within its limits when it was stored.
+    # Limits may have been higher when the page was stored.
     limits = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
     report_progress("unknown pages", 0.0)
     read = [(kept.id, _read(kept.document, limits, features)) for kept in unknown]
@@ -96,7 +96,7 @@ def propose_classes(
 
 
 def _without_repeats(known: Sequence[tuple[str, Page]]) -> list[tuple[str, Page]]:
-    """One of each page: what was sent again is no second page of its kind."""
+    """The pages without duplicates: a page that was sent twice must not form a group with itself."""
     first: dict[tuple[object, ...], tuple[str, Page]] = {}
     for page_id, page in known:
         seen = (page.width, page.height, *((zone.box, zone.text) for zone in page.zones))
@@ -117,7 +117,7 @@ def _describe_group(group: PageGroup, known: Sequence[tuple[str, Page]]) -> dict
 
 
 def _read(document: Any, limits: ExchangeLimits, features: ContentFeatures) -> Page | None:
-    """The page with its content features; None where there is none, or none with zones."""
+    """The page with its content features; None when the document is no valid page or has no zones."""
     try:
         page = None if document is None else page_from_document(document, limits)
     except InvalidLayout:

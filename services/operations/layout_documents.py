@@ -1,4 +1,4 @@
-"""One page or several, sent as images, TIFF files or PDFs -> the document's class and the labels of every page."""
+"""Recognition of a document of one or more pages (images, TIFF files, PDFs): its class and its pages' labels."""
 
 import io
 import zipfile
@@ -45,21 +45,22 @@ def recognize_uploads(
     options: LayoutOptions,
     settings: LayoutSettings,
 ) -> LayoutReply | DocumentReply:
-    """Class and labels of a page, or of the pages of a document: of `images`, of zones, or of an image and its zones.
+    """Class and labels of the pages in `images`, in zones, or in an image with its zones.
 
-    Each image may hold several pages (TIFF, PDF). Of zones there is one page, and of their image the first one.
+    An image may hold several pages (TIFF, PDF). Zones describe one page, the first page of their image.
+
 
     Raises
     ------
     UnsupportedMediaType, TooLarge, UndecodableImage
-        When an image is none that is accepted, or all pages together are too large; the error names the page.
+        When an image is not accepted, or all pages together are too large. The error names the page.
     NoText
-        When a page shall be rectified and shows too little printed text for that.
+        When a page shall be rectified and shows too little printed text.
     InvalidOption
-        When the zones are none, or are not in the image's pixels; when there is no page `options.page`; when several
-        pages are wanted in a format of one.
+        When the zones are invalid, or not in pixels of the image; when the page `options.page` does not exist; when the
+        format holds one page and there are several.
     NotAcceptable
-        The same, when the format follows from what the client accepts.
+        When the format follows from `Accept`, holds one page, and there are several.
     """
     if zones is not None or zones_file is not None or not images:
         return recognize_upload(images[0] if images else None, zones, zones_file, models, options, settings)
@@ -72,7 +73,7 @@ def recognize_uploads(
 
 
 def _check_format(options: LayoutOptions, pages: int) -> None:
-    """Refuse several pages in a format of one, before they are read."""
+    """Raise an error when there are several pages and the format holds one; called before the pages are read."""
     if options.format == "json" or (options.format_named and options.format != "png"):
         return
     several = f"this document has {pages} pages"
@@ -132,7 +133,7 @@ def _recognize_pages(
 def _measure(
     source: PageSource, options: LayoutOptions, settings: LayoutSettings, timings_ms: dict[str, float]
 ) -> MeasuredPage:
-    """The page alone is kept, its picture is not: all pages together may be large."""
+    """The measured page without its picture, since the pictures of all pages need much memory."""
     engine = ocr_engine() if options.ocr else None
     try:
         measured = measure_page(source.decode, None, None, engine, options, settings, timings_ms)
@@ -144,7 +145,7 @@ def _measure(
 
 
 def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:
-    """What is odd about the document: pages that are unlike those of its class."""
+    """Warnings about pages that do not resemble the pages of the document's class."""
     if recognition.chosen is None:
         return ()
     return tuple(
@@ -161,7 +162,7 @@ def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:
 def _archive(
     recognition: DocumentRecognition, sources: Sequence[PageSource], options: LayoutOptions
 ) -> bytes:
-    """A file of PAGE-XML or ALTO for each page, `page-01.xml` the first."""
+    """A ZIP archive with a PAGE-XML or ALTO file for each page, the first one named `page-01.xml`."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for number, (placed, source) in enumerate(zip(recognition.pages, sources, strict=True), 1):

@@ -1,4 +1,4 @@
-"""Learning in a worker: documents of pages and models in, documents of models that have learned out."""
+"""Learning in a worker: from JSON documents of pages and models to JSON documents of adapted models."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +25,7 @@ from services.progress import report_progress
 def adapt_models(
     verified: VerifiedPage[dict[str, Any]], models: Sequence[ModelDocument], settings: LayoutSettings
 ) -> Adaptation:
-    """The models of the found and of the verified class after they have learned from a verified page.
+    """The models of the found and of the verified class, adapted to a verified page.
 
     Parameters
     ----------
@@ -34,21 +34,20 @@ def adapt_models(
     models
         The newest versions of both classes; a class without a version is left out.
     settings
-        Limits, and the content features.
+        Limits, and the settings file of content features.
 
     Raises
     ------
     InvalidModel
-        When this release cannot read one of them.
+        When this release cannot read a model.
     InvalidOption
-        When the page's labels and the model's own are more than a model may have, or zones have no given label and
-        there is no model that could find it.
+        When the model would have too many labels, or when zones have no label and no model can find it.
     """
     features = content_features(settings.content_features)
     read = verified.with_page(features.measure_page(_kept_page(verified.page, settings)))
     named = {stored.name: read_model(stored) for stored in models}
     right = named.get(verified.verified_class or "")
-    if right is not None:  # before it learns: tables of hundreds of labels take gigabytes
+    if right is not None:  # checked before learning: tables for hundreds of labels take gigabytes
         kept = verified.found_labels if verified.found_class == verified.verified_class else {}
         given = {verified.labels.get(zone.id, kept.get(zone.id)) for zone in read.page.zones}
         _check_labels(right.name, {*right.labels, *given})
@@ -89,7 +88,7 @@ def train_model(
     InvalidModel
         When this release cannot read the model.
     InvalidOption
-        When one of the samples is no page any more, or they have too many labels.
+        When a sample is not a valid page under the present limits, or the samples have too many labels.
     """
     pages, found = read_samples(samples, settings)
     trained, report = train_in_rounds(
@@ -106,7 +105,7 @@ def train_model(
 
 
 def _kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:
-    """The page as recognition has kept it: it was within its limits then."""
+    """The page of a stored result. Its zones are not limited again: it was within the limits at recognition."""
     bounds = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
     try:
         return page_from_document(document, bounds)

@@ -1,6 +1,6 @@
-"""Labelled pages -> a layout model; models from elsewhere.
+"""Initialization of a layout model from labelled pages, and import of models.
 
-The app keeps samples and models; here they come in as its documents, and leave as such.
+The app stores samples and models; the functions here take and return them as JSON documents.
 """
 
 import json
@@ -22,20 +22,20 @@ from services.operations.reader import ocr_engine
 from services.operations.replies import to_json_ready
 
 FOUND = "found"
-"""Key of a sample's second page: the zones that segmentation finds in its image, with the verified labels."""
+"""Key of a sample's second view: the zones that segmentation finds in its image, with the verified labels."""
 
 
 def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
-    """A labelled page with all that can be measured and read of it, as JSON; `FOUND` has it in our own zones.
+    """A labelled page with all measurements and texts, as JSON; the key `FOUND` has the page in segmented zones.
 
-    Content features of zones that have text are left out: they are computed when the model is made.
+    Content features of zones with text are left out: initialization computes them from the text.
 
     Raises
     ------
     UnsupportedMediaType, TooLarge, UndecodableImage
-        When the image is none that is accepted.
+        When the image is not accepted.
     InvalidOption
-        When the zones are none, have no label, or are not in the image's pixels.
+        When the zones are invalid, have no label, or are not in pixels of the image.
     """
     page = read_zones(zones, settings)
     if all(zone.label is None for zone in page.zones):
@@ -53,7 +53,7 @@ def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) 
 
 
 def sample_document(page: Page) -> dict[str, object]:
-    """A labelled page as samples are kept; content features of zones that have text are computed again."""
+    """The stored form of a labelled page, without the content features of zones with text."""
     kept = tuple(replace(zone, content={}) if zone.text else zone for zone in page.zones)
     document: dict[str, object] = to_json_ready(page_to_document(replace(page, zones=kept)))
     return document
@@ -62,12 +62,12 @@ def sample_document(page: Page) -> dict[str, object]:
 def initialize_from_samples(
     name: str, samples: Sequence[dict[str, Any]], settings: LayoutSettings
 ) -> ModelDraft:
-    """The layout model of these pages, as `measure_sample` has answered them.
+    """The layout model of `samples`, documents made by `measure_sample`.
 
     Raises
     ------
     InvalidOption
-        When one of them is no page any more, by limits that have become narrower.
+        When a sample is not a valid page under the present limits.
     """
     pages, found = read_samples(samples, settings)
     return draft_of(initialize_model(name, pages, content_features(settings.content_features), found))
@@ -76,14 +76,14 @@ def initialize_from_samples(
 def read_samples(
     samples: Sequence[dict[str, Any]], settings: LayoutSettings
 ) -> tuple[list[Page], list[Page | None]]:
-    """Labelled pages as they were stored, and for each the page in our own zones, if there is one.
+    """The labelled pages of stored samples, and for each the page in segmented zones (None without one).
 
     Raises
     ------
     InvalidOption
-        When one of them is no page any more, by limits that have become narrower, or they have too many labels.
+        When a sample is not a valid page under the present limits, or the samples have too many labels.
     """
-    # Each was within its limits when it was stored.
+    # Limits may have been higher when the sample was stored.
     bounds = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
     pages: list[Page] = []
     found: list[Page | None] = []
@@ -103,12 +103,12 @@ def read_samples(
 
 
 def import_model(name: str, document: bytes) -> ModelDraft:
-    """The layout model in a document, under `name`, as it will be kept.
+    """The layout model in a JSON document, under `name`, in its stored form.
 
     Raises
     ------
     InvalidModel
-        When it is no layout model, is damaged, has a form that is not known here, or has another name.
+        When the document is no layout model, is damaged, has an unknown format version, or has another name.
     """
     try:
         told = json.loads(document)
@@ -129,6 +129,6 @@ def import_model(name: str, document: bytes) -> ModelDraft:
 
 
 def draft_of(model: LayoutModel) -> ModelDraft:
-    """The model as the app stores it."""
+    """The model in the form that the app stores."""
     labels = [label for label in model.labels if label is not None]
     return ModelDraft(to_json_ready(model_to_document(model)), labels)

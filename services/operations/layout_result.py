@@ -1,4 +1,4 @@
-"""The contract's `LayoutResult`, ready for JSON."""
+"""The `LayoutResult` of the HTTP contract as values that JSON can hold."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from services.operations.replies import rounded
 
 
 def describe_recognition(recognition: Recognition, *, explain: bool) -> dict[str, object]:
-    """The contract's `LayoutResult`, but for its id, warnings and timings."""
+    """The `LayoutResult` of the HTTP contract without id, warnings and timings."""
     font_classes = dict(
         zip((zone.id for zone in recognition.page.zones), measure_font_classes(recognition.page), strict=True)
     )
@@ -48,7 +48,7 @@ def describe_recognition(recognition: Recognition, *, explain: bool) -> dict[str
 def describe_classes(
     chosen: ClassMatch | None, classes: Sequence[ClassMatch], unknown_probability: float
 ) -> dict[str, object]:
-    """The class of a page or a document, and all that competed."""
+    """The class of a page or a document, and all classes that were compared."""
     return {
         "class": None if chosen is None else _describe_class(chosen),
         "classes": [_describe_class(match) for match in classes],

@@ -1,4 +1,4 @@
-"""Several photos -> the whole page: gate, decode, pipeline, encode."""
+"""The page that several photos show: check, decode, run the pipeline, encode."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -30,19 +30,19 @@ def mosaic_uploads(
     encoding: Encoding,
     limits: MosaicLimits,
 ) -> PageReply:
-    """The one page that uploaded photos show parts of.
+    """The page whose parts the uploaded photos show.
 
     Raises
     ------
     UnsupportedMediaType, TooLarge, UndecodableImage
-        When one of the uploads is no picture that is accepted (the error names it), or all of them together
-        are too large; judged by every header before the first picture is decoded.
+        When an upload is not accepted (the error names it), or all uploads together are too large. All headers are
+        checked before the first picture is decoded.
     NoText
         When fewer than two of the photos show enough printed text.
     NotOverlapping
-        When no two of them show the same part of a page.
+        When no two photos show the same part of a page.
     InvalidOption
-        When `parameters` or `encoding` cannot be met.
+        When `parameters` or `encoding` are not possible.
     """
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
@@ -75,7 +75,7 @@ def _decode_photos(uploads: Sequence[bytes], limits: MosaicLimits) -> list[Decod
 
 @contextmanager
 def _naming(index: int) -> Iterator[None]:
-    """Say of which photo an error in the block speaks."""
+    """Add the name of the photo to an error that the block raises."""
     try:
         yield
     except DocumentError as error:
@@ -84,25 +84,24 @@ def _naming(index: int) -> Iterator[None]:
 
 
 def _colour_profile(photos: Sequence[DecodedImage]) -> bytes | None:
-    """The profile that all photos share.
+    """The colour profile that all photos share; None when they differ.
 
-    Words come from one photo and their neighbours from another, and tones are matched between them as the
-    numbers stand. So a profile that all share is the page's too; where they differ none of them is, and the
-    page goes without one (that is, as sRGB). Nothing is converted.
+    The mosaic mixes pixels of different photos and matches their tones without colour conversion. So a profile is
+    correct for the mosaic only if all photos have it. Without a profile the mosaic counts as sRGB.
     """
     profiles = {photo.icc_profile for photo in photos}
     return profiles.pop() if len(profiles) == 1 else None
 
 
 def _resolution(photos: Sequence[DecodedImage], result: MosaicResult) -> float | None:
-    """Pixels per inch of a page of scans that agree on theirs, at the scale at which the mosaic shows its base."""
+    """Pixels per inch of the mosaic, if all inputs have one resolution; it follows from the scale of the base photo."""
     resolutions = {photo.dpi for photo in photos}
     dpi, scale = resolutions.pop(), result.patches[result.base].scale
     return None if resolutions or dpi is None or scale is None else float(round(dpi * scale))
 
 
 def describe_mosaic(result: MosaicResult) -> dict[str, object]:
-    """The contract's `MosaicResult`, but for its timings and image."""
+    """The `MosaicResult` of the HTTP contract without timings and image."""
     height, width = result.image.shape[:2]
     return {
         "width": width,

@@ -1,4 +1,4 @@
-"""What may be asked of a page, and its zones as they come from outside: checked, and in the pixels of its image."""
+"""Zones from a request: parsed, checked, and in pixels of the page's image."""
 
 import json
 
@@ -12,7 +12,7 @@ from services.layout.page import InvalidLayout, Page
 
 
 def read_zones(zones: bytes, settings: LayoutSettings) -> Page:
-    """The page in the contract's JSON."""
+    """The page described by zones JSON of the HTTP contract."""
     try:
         return page_from_document(json.loads(zones), exchange_limits(settings))
     except InvalidLayout as error:
@@ -22,7 +22,7 @@ def read_zones(zones: bytes, settings: LayoutSettings) -> Page:
 
 
 def read_file(data: bytes, picture: RgbImage | None, settings: LayoutSettings) -> Page:
-    """The page of a zones file; `picture` gives its size where the file has other units than pixels."""
+    """The page of a zones file; the size of `picture` is needed when the file does not measure in pixels."""
     size = None if picture is None else (float(picture.shape[1]), float(picture.shape[0]))
     try:
         return read_zones_file(data, exchange_limits(settings), size)
@@ -32,12 +32,12 @@ def read_file(data: bytes, picture: RgbImage | None, settings: LayoutSettings) -
 
 
 def exchange_limits(settings: LayoutSettings) -> ExchangeLimits:
-    """What a description of zones may hold."""
+    """Limits of a description of zones."""
     return ExchangeLimits(max_zones=settings.max_zones, max_bytes=settings.max_zones_file_bytes)
 
 
 def check_frame(page: Page, picture: RgbImage | None) -> None:
-    """Zones and image must be of one size, for their pixels are the same."""
+    """Raise `InvalidOption` unless the page has the size of the image."""
     if picture is None:
         return
     height, width = picture.shape[:2]

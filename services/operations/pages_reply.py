@@ -1,4 +1,4 @@
-"""What leaves a worker when an answer may have several pages: one file of all, or a list of their descriptions."""
+"""Answers that may have several pages: one file with all pages, or a list of their descriptions."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from services.rectify.results import Notice
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedPage:
-    """One page of an answer: its picture (H, W, 3) RGB, and the contract's document but for `image`."""
+    """One page of an answer: its picture (H, W, 3) RGB, and its HTTP document without `image`."""
 
     image: RgbImage
     document: Mapping[str, object]
@@ -35,17 +35,18 @@ def make_pages_reply(
     timings_ms: dict[str, float],
     notices: tuple[Notice, ...] = (),
 ) -> PageReply:
-    """All `pages`, at least one, as they were asked for; a single one also in formats that hold one page only.
+    """The reply with all `pages` (one or more) in the requested encoding.
 
-    The document is the contract's `{"pages", "warnings", "timings_ms"}`: `notices` are about all pages together,
-    `timings_ms` is of the whole work, to which `encode` is added here.
+    A single page may also have a format that holds one page only. The document is `{"pages", "warnings",
+    "timings_ms"}` of the HTTP contract. `notices` concern all pages. The function adds `encode` to `timings_ms`.
+
 
     Raises
     ------
     NotAcceptable
-        When there are several pages and the client takes no format that holds them.
+        When there are several pages and the client accepts no format that can hold several.
     InvalidOption
-        When `encoding` cannot be met.
+        When `encoding` is not possible.
     """
     answer_format = encoding.format if len(pages) == 1 else encoding.pages_format
     if len(pages) > 1 and answer_format is None:
@@ -78,7 +79,7 @@ def make_pages_reply(
 
 
 def several_pages_refused(count: int) -> NotAcceptable:
-    """Of an answer of `count` pages, to a client that takes only images of one page."""
+    """The error for an answer of `count` pages when the client accepts only formats of one page."""
     return NotAcceptable(
         f"{count} pages were found, and the format that was asked for holds one; ask for pdf, tiff, zip or json "
         "(field `format`, or `Accept`), or send pages=main.",

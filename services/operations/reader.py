@@ -8,5 +8,5 @@ from services.ocr.tesseract import open_engine
 
 @functools.cache
 def ocr_engine() -> OcrEngine | None:
-    """This process's OCR engine, opened at first use; None where none is installed."""
+    """The OCR engine of this process, opened at first use; None when none is installed."""
     return open_engine()

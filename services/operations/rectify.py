@@ -1,4 +1,4 @@
-"""One photo -> its flat view: decode -> pipeline -> encode."""
+"""The flat view of one photo: decode, run the pipeline, encode."""
 
 import math
 
@@ -28,18 +28,18 @@ from services.sheet.surfaces import MeshSurface, StripsSurface
 def rectify_upload(
     upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: ImageLimits
 ) -> PageReply:
-    """Frontal flat view of the page in an uploaded photo, or of both pages of an opened book.
+    """Frontal flat view of the page in an uploaded photo, or of both pages of an open book.
 
     Raises
     ------
     UnsupportedMediaType, TooLarge, UndecodableImage
-        When the upload is no picture that is accepted.
+        When the upload is not accepted.
     NoText
-        When the photo shows too little printed text to see the page's shape, and no sheet's edges either.
+        When the photo shows too little printed text to estimate the page's shape, and no edges of a sheet.
     InvalidOption
-        When `parameters` or `encoding` cannot be met.
+        When `parameters` or `encoding` are not possible.
     NotAcceptable
-        When two pages were found and the client takes no format that holds them.
+        When there are two pages and the client accepts no format that can hold both.
     """
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
@@ -58,13 +58,13 @@ def rectify_upload(
 
 
 def describe_page(result: RectifyResult) -> DescribedPage:
-    """One page of several, with its own stages."""
+    """One page of a book, with the timings of its own stages."""
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
     return DescribedPage(result.image, {**describe_rectification(result), "timings_ms": timings_ms})
 
 
 def describe_rectification(result: RectifyResult) -> dict[str, object]:
-    """The contract's `RectifyResult`, but for its timings and image: degrees, pixels of the EXIF-upright photo."""
+    """The `RectifyResult` of the HTTP contract without timings and image; degrees, pixels of the EXIF-upright photo."""
     height, width = result.image.shape[:2]
     field_of_view_rad = result.camera.field_of_view_rad
     return {
@@ -124,7 +124,7 @@ def _describe_point(point: tuple[float, float] | None) -> list[float] | None:
 
 
 def _finite_point(homogeneous: Vector, limit_px: float = 1e7) -> list[float] | None:
-    """(x, y) of a homogeneous point (3,); None for one at infinity, or so far away that it may as well be."""
+    """(x, y) of a homogeneous point (3,); None at infinity or farther away than `limit_px`."""
     point, third = homogeneous[:2], float(homogeneous[2])
     if float(np.abs(point).max()) >= limit_px * abs(third):
         return None

@@ -1,6 +1,6 @@
-"""What leaves a worker: a page as a file, or its description, ready for JSON.
+"""Replies with a flat page: the page as a file, or its description as values that JSON can hold.
 
-Radians become degrees before they come here, and nothing leaves that JSON cannot hold.
+Callers convert radians to degrees before.
 """
 
 import base64
@@ -21,12 +21,12 @@ from services.progress import report_progress
 from services.rectify.results import Notice, Orientation
 
 ENCODING_BEGINS = 0.95
-"""The share of the work that is done when the page is encoded, as a rule."""
+"""Typical progress before encoding."""
 
 
 @dataclass(frozen=True, slots=True)
 class SourceFacts:
-    """What a page takes over from its upload: its format, its resolution, and what its colours mean."""
+    """Properties of the upload that the page keeps: format, resolution, and colour profile."""
 
     format: UploadFormat
     dpi: float | None
@@ -40,14 +40,16 @@ def make_reply(
     encoding: Encoding,
     timings_ms: dict[str, float],
 ) -> PageReply:
-    """The page as it was asked for.
+    """The reply with the page in the requested encoding.
 
-    `document` describes the page; `timings_ms`, to which `encode` is added, and `image` are put into it here.
+    `document` describes the page. The function adds `encode` to `timings_ms`, and puts `timings_ms` and `image` into
+    the document.
+
 
     Raises
     ------
     InvalidOption
-        When `encoding` cannot be met.
+        When `encoding` is not possible.
     """
     image_format = image_format_of(source, encoding.format)
     body, embedded = b"", None
@@ -66,14 +68,14 @@ def make_reply(
 
 
 def image_format_of(source: SourceFacts, asked: PagesFormat | None) -> OutputFormat:
-    """Format of a page's image: the one that was `asked` for, else the upload's own (HEIC: JPEG)."""
-    if asked is None or asked == "json" or asked == "zip":  # noqa: PLR1714 (mypy narrows by these alone)
+    """Format of a page's image: `asked`, or the format of the upload (JPEG for HEIC)."""
+    if asked is None or asked == "json" or asked == "zip":  # noqa: PLR1714 (mypy narrows the type by these comparisons only)
         return "jpeg" if source.format == "heic" else source.format
     return asked
 
 
 def describe_orientation(orientation: Orientation) -> dict[str, object]:
-    """The contract's `orientation`."""
+    """The `orientation` of the HTTP contract."""
     return {
         "rotation_deg": orientation.rotation_deg,
         "mirrored": orientation.mirrored,
@@ -82,17 +84,17 @@ def describe_orientation(orientation: Orientation) -> dict[str, object]:
 
 
 def describe_warnings(notices: tuple[Notice, ...]) -> list[dict[str, str]]:
-    """The contract's `warnings`."""
+    """The `warnings` of the HTTP contract."""
     return [{"code": notice.code, "detail": notice.detail} for notice in notices]
 
 
 def rounded(value: float | None) -> float | None:
-    """A number of the contract to four places, None where there is none."""
+    """A number with four decimals; None stays None."""
     return None if value is None else round(float(value), 4)
 
 
 def to_json_ready(value: Any) -> Any:
-    """`value` in the types of JSON; numbers that are not finite become None."""
+    """`value` in JSON types; NaN and infinite numbers become None."""
     if isinstance(value, dict):
         return {str(key): to_json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -106,7 +108,7 @@ def to_json_ready(value: Any) -> Any:
 
 @contextmanager
 def timed(stage: str, timings_ms: dict[str, float], begins: float | None = None) -> Iterator[None]:
-    """Write the milliseconds of the block down in `timings_ms`; it `begins` when that share of the work is done."""
+    """Add the time of the block to `timings_ms`, and report the progress `begins` (0-1) at its start."""
     if begins is not None:
         report_progress(stage, begins)
     started = time.perf_counter()

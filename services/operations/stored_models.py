@@ -1,4 +1,4 @@
-"""Layout models as the app has stored them: read, and kept ready by the process that has read them."""
+"""Parsing of stored layout models, and a cache of parsed models in each process."""
 
 import json
 from collections import OrderedDict
@@ -12,12 +12,12 @@ from services.layout.page import InvalidLayout
 from services.layout.pipeline import VersionedModel
 
 MOST_BYTES = 80 * 2**20
-"""Of the documents of the models that a process keeps ready; as objects they have five times as many. 200 models of
-15 labels have 40 MB, one of 60 labels has 2.5 MB."""
+"""Largest total size of the documents of cached models; the objects take five times as much memory. 200 models of 15
+labels have 40 MB of documents, one model of 60 labels 2.5 MB."""
 
 
-class ReadyModels:
-    """The models that were last used, each in one version, as many as their documents have `most_bytes` together."""
+class ModelCache:
+    """A cache of the models that were used last, one version of each, up to `most_bytes` of documents."""
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         self._most_bytes = most_bytes
@@ -25,14 +25,14 @@ class ReadyModels:
         self._models: OrderedDict[str, tuple[bytes, LayoutModel]] = OrderedDict()
 
     def read(self, name: str, document: bytes) -> LayoutModel:
-        """The model of a document of JSON, the same object as long as it is kept.
+        """The model in a JSON document; the same object while it is cached.
 
-        A model that learns has a new version with every feedback; the one before makes room at once.
+        Every feedback makes a new version of a model. The earlier version then leaves the cache.
 
         Raises
         ------
         InvalidLayout
-            When this release cannot read it.
+            When this release cannot read the document.
         """
         kept = self._models.get(name)
         if kept is None or kept[0] != document:
@@ -51,16 +51,16 @@ class ReadyModels:
             self._bytes -= len(kept[0])
 
 
-_READY = ReadyModels()
+_READY = ModelCache()
 
 
-def open_models(models: Sequence[ModelDocument], ready: ReadyModels = _READY) -> list[VersionedModel]:
-    """Models that were checked before they were stored, maybe by another release.
+def open_models(models: Sequence[ModelDocument], ready: ModelCache = _READY) -> list[VersionedModel]:
+    """The parsed models, from the cache where possible.
 
     Raises
     ------
     InvalidModel
-        When one of them cannot be read by this release.
+        When this release cannot read a model: another release may have stored it.
     """
     return [
         VersionedModel(_read(model, ready), model.version, model.genre, model.continues) for model in models
@@ -68,17 +68,17 @@ def open_models(models: Sequence[ModelDocument], ready: ReadyModels = _READY) ->
 
 
 def read_model(stored: ModelDocument) -> LayoutModel:
-    """One model that is not kept ready: one that learns, or is compared, is soon another.
+    """The parsed model, without the cache, since a model that learns soon has another version.
 
     Raises
     ------
     InvalidModel
-        When it cannot be read by this release.
+        When this release cannot read the model.
     """
-    return _read(stored, ReadyModels())
+    return _read(stored, ModelCache())
 
 
-def _read(stored: ModelDocument, ready: ReadyModels) -> LayoutModel:
+def _read(stored: ModelDocument, ready: ModelCache) -> LayoutModel:
     try:
         return ready.read(stored.name, stored.document)
     except InvalidLayout as error:

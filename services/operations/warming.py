@@ -1,4 +1,4 @@
-"""What a worker makes ready once."""
+"""Preparation of a worker before its first request."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -17,19 +17,19 @@ from services.operations.rectify import rectify_upload
 
 
 def warm_up(content_features: Path | None = None) -> dict[str, object]:
-    """Do once what every first request would pay for: imports, the OCR engine, one tiny picture.
+    """Import modules, open the OCR engine and rectify a small picture, so that the first request is not slower.
 
-    `content_features` is the operator's settings file of content features, if there is one.
-    Returns what is at hand: `ocr`, the engine's name or None.
+    `content_features` is the operator's settings file of content features (None: the file of this package). Returns
+    `{"ocr": name}` with the name of the OCR engine or None.
 
     Raises
     ------
     InvalidContentSettings
-        When that file cannot be used.
+        When that file is invalid.
     """
     engine = ocr_engine()
     sheet = encode_image(_draw_sheet(), "jpeg")
-    with suppress(DocumentError):  # if this is no text to the pipeline, the road to that answer is warm now
+    with suppress(DocumentError):  # the modules are loaded even if the pipeline finds no text
         rectify_upload(sheet, RectifyParameters(), Encoding("jpeg"), ImageLimits())
     recognize_upload(
         sheet, None, None, [], LayoutOptions(), LayoutSettings(content_features=content_features)
@@ -38,7 +38,7 @@ def warm_up(content_features: Path | None = None) -> dict[str, object]:
 
 
 def _draw_sheet() -> RgbImage:
-    """(480, 360, 3): dark strokes in words and lines on white, a page in miniature."""
+    """A small page (480, 360, 3): lines of words made of dark strokes on white."""
     sheet = np.full((480, 360, 3), 255, np.uint8)
     for line, top in enumerate(range(40, 440, 20)):
         for stroke, left in enumerate(range(40, 320, 5)):

@@ -224,7 +224,7 @@ def test_a_writer_that_waits_too_long_says_so_and_readers_do_not_wait(tmp_path: 
 
 def test_threads_that_wait_too_long_say_so(tmp_path: Path) -> None:
     with Store.open(tmp_path / "store.sqlite3", busy_timeout_s=0.05) as store:
-        with store._turns.take(), pytest.raises(StoreUnavailable, match="locked"):
+        with store._writer_lock.hold(), pytest.raises(StoreUnavailable, match="locked"):
             store.add_result({}, ttl_s=1)
         assert store.add_result({}, ttl_s=1)
 

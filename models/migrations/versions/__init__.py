@@ -1,1 +1,1 @@
-"""One module a change of the tables, in the order of their `down_revision`; none changes once released."""
+"""One module for each change of the tables, ordered by `down_revision`. A released module never changes."""

@@ -1,4 +1,4 @@
-"""Feedback, settings of a class, samples that came by feedback, pages that fitted no class."""
+"""Tables and columns for feedback, settings of a class, samples from feedback, and unknown pages."""
 
 from typing import Literal
 
@@ -14,7 +14,7 @@ MOMENT = sa.DateTime(timezone=True)
 
 
 def upgrade() -> None:
-    # A table of SQLite is made anew, so that a migrated database is the same as a fresh one.
+    # SQLite creates the table again, so that a migrated database equals a new one.
     recreate: Literal["always", "never"] = "always" if op.get_bind().dialect.name == "sqlite" else "never"
     with op.batch_alter_table("layout_models", recreate=recreate) as models:
         models.add_column(sa.Column("learner", sa.String(20), nullable=True))
