@@ -1,1 +1,1 @@
-"""Content features: what the texts of zones are about (5.6.2, Table 5.1)."""
+"""Content features: the kind of text in a zone, such as a date or a greeting (5.6.2, Table 5.1)."""

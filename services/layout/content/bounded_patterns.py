@@ -1,16 +1,15 @@
-"""Regular expressions whose work is bounded before they see a text.
+"""Regular expressions with a bounded number of matching steps.
 
-Python's engine backtracks without a limit. A pattern is accepted only when the number of ways in which it can be
-tried from one place of a text of `LONGEST_TEXT` characters, counted from above, is small: then no text can keep
-the engine busy for long.
+Python's engine backtracks without a limit. A pattern is accepted only if an upper bound of the number of its matching
+attempts, from one position of a text of `LONGEST_TEXT` characters, is small. Then matching is fast for every text.
 """
 
 import re
 
 LONGEST_TEXT = 2000
-"""Characters of a text that are looked at: some thirty lines, enough to tell what a zone is."""
+"""Characters of a text that are searched: about thirty lines, enough to recognize the kind of a zone."""
 MOST_WAYS = 20_000
-"""Ways to try a pattern from one place; three optional parts of a few words each stay far below."""
+"""Largest number of matching attempts from one position; three optional parts of a few words each need far fewer."""
 LONGEST_PATTERN = 2000
 _UNCOUNTED = 10**9
 _COUNT = re.compile(r"\{(\d{0,4})(?:(,)(\d{0,4}))?\}")
@@ -19,17 +18,17 @@ _FLAGS = re.compile(r"\(\?[ims]{1,3}\)")
 
 
 class UnboundedPattern(ValueError):
-    """A pattern that is no regular expression, or might take too long."""
+    """A pattern is no regular expression, or could take too long."""
 
 
 def compile_bounded(pattern: str) -> re.Pattern[str]:
-    """Compile a pattern after counting what it may cost.
+    """The compiled pattern; its matching attempts are counted first.
 
     Raises
     ------
     UnboundedPattern
-        When it is no regular expression of Python, is too long, refers back to a group, or has more than
-        `MOST_WAYS` ways to be tried (use `{0,5}` for `*`, or the possessive `*+`, which has one).
+        When it is no regular expression of Python, is too long, has a back reference, or needs more than `MOST_WAYS`
+        attempts (use `{0,5}` for `*`, or the possessive `*+`, which needs one).
     """
     if len(pattern) > LONGEST_PATTERN:
         raise UnboundedPattern(f"the pattern is longer than {LONGEST_PATTERN} characters")
@@ -46,7 +45,7 @@ def compile_bounded(pattern: str) -> re.Pattern[str]:
 
 
 class _Reader:
-    """Counts the ways of a pattern that compiles, by the structure of its groups and repetitions."""
+    """Counts the matching attempts of a valid pattern from the structure of its groups and repetitions."""
 
     def __init__(self, pattern: str) -> None:
         self._pattern = pattern
@@ -81,7 +80,7 @@ class _Reader:
             return ways
         if letter == "[":
             self._at += 2 if self._pattern[self._at + 1] == "^" else 1
-            # A bracket that stands first is a letter of the set.
+            # A closing bracket at the start is a member of the set.
             self._at += 1 if self._pattern[self._at] == "]" else 0
             while self._pattern[self._at] != "]":
                 self._at += 2 if self._pattern[self._at] == "\\" else 1
@@ -93,7 +92,7 @@ class _Reader:
         return 1
 
     def _repeated(self, ways: int) -> int:
-        """The ways of an atom with the repetition that follows it, if one does."""
+        """The attempts of an atom with its repetition, if it has one."""
         sign = self._pattern[self._at : self._at + 1]
         count = _COUNT.match(self._pattern, self._at) if sign == "{" else None
         if sign and sign in "*+?":
@@ -108,7 +107,7 @@ class _Reader:
         manner = self._pattern[self._at : self._at + 1]
         self._at += 1 if manner in {"?", "+"} else 0
         if manner == "+":
-            # Possessive: what was taken is never given back.
+            # A possessive repetition does not backtrack.
             return ways
         if ways == 1:
             return max(1, most - least + 1)

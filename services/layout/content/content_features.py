@@ -1,8 +1,7 @@
-"""Content features of zones (dissertation 5.6.2, Table 5.1): how surely a text has the marks of a date, a greeting...
+"""Content features of zones (dissertation 5.6.2, Table 5.1): the confidence that a text is a date, a greeting, ...
 
-A file of settings says what to look for (`content_settings`); this module says how. The texts are raw readings of a
-page: key words are matched with tolerance for misread letters (`fuzzy_words`), and no text, however long or
-strange, takes more than a bounded time.
+A settings file has the words and patterns (`content_settings`); this module searches for them. The texts come from
+OCR, so key words may have misread letters (`fuzzy_words`). The time for any text is bounded.
 """
 
 import re
@@ -19,23 +18,23 @@ from services.layout.content.fuzzy_words import ANCHORED, ANYWHERE, FuzzyWords
 from services.layout.page import Page
 
 WEAK = 0.5
-"""What a weak cue counts: as likely something else as this."""
+"""Confidence of a weak cue: it is as likely to be something else."""
 AFTER_NOISE = 0.8
-"""What a cue counts behind one scrap of up to two letters that is no part of the text."""
+"""Confidence of a cue after one word of up to two letters, which may be OCR noise."""
 LONGEST_END = 400
-"""Of the characters that are looked at in a longer text, those of its end."""
+"""Characters that are searched at the end of a text longer than `LONGEST_TEXT`."""
 MOST_LINES = 80
-"""Lines of a zone that are looked at; a column of a page has fewer."""
+"""Lines of a zone that are searched; a column of a page has fewer."""
 MOST_HITS = 600
-"""Places of one feature in one zone that are looked at."""
+"""Largest number of places of one feature in one zone."""
 _WORD = re.compile(r"[^\W_]++")
 _BLANKS = re.compile(r"[^\S\n]++")
 _LINE_ENDS = re.compile(r" ?\n\s*+")
 _EDGES = " \t\n'\"‘’“”`~_*|.-—–:;,"
-"""Specks that recognition reads around the whole of a zone's text."""
+"""Characters that OCR reads from dirt around the text of a zone."""
 
 Hit = tuple[int, int, float]
-"""First and behind-last character of a cue, and its confidence."""
+"""Start and end (exclusive) of a cue in characters, and its confidence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +49,7 @@ class _Pattern:
     feature: int
     at: Place
     every: bool
-    """Whether all places count, not only the first one."""
+    """Whether all places count, or only the first one."""
     pattern: re.Pattern[str]
     confidence: float
 
@@ -59,7 +58,7 @@ class _Pattern:
 class _Text:
     text: str
     bare: str
-    """Without the specks around it."""
+    """The text without `_EDGES` around it."""
     words: list[str]
     """Casefolded."""
     spans: list[tuple[int, int]]
@@ -72,7 +71,7 @@ class _Text:
 
 
 class ContentFeatures:
-    """Measures all features of the settings; may be shared between threads."""
+    """Measures all features of the settings. Threads can share it."""
 
     def __init__(self, settings: Iterable[FeatureSettings]) -> None:
         self._settings = tuple(settings)
@@ -100,12 +99,12 @@ class ContentFeatures:
 
     @classmethod
     def load(cls, path: Path | None = None) -> "ContentFeatures":
-        """The packaged features, with a user's file of settings laid over them.
+        """The features of this package, extended or replaced by a user's settings file.
 
         Raises
         ------
         InvalidContentSettings
-            Naming the file and the key that cannot be used.
+            When the file is invalid; the error names the file and the key.
         """
         return cls(read_settings(path))
 
@@ -115,11 +114,11 @@ class ContentFeatures:
         return tuple(feature.name for feature in self._settings)
 
     def measure(self, text: str) -> dict[str, float]:
-        """Confidence, 0 to 1, of every feature in a zone's text (of `LONGEST_TEXT` characters of it)."""
+        """Confidence, 0-1, of every feature in a zone's text; at most `LONGEST_TEXT` characters are searched."""
         read = _read(text)
         if not read.text:
             return dict.fromkeys(self.names, 0.0)
-        # A feature of short zones cannot be in a long one: it is not looked for.
+        # Features of short zones are not searched in long ones.
         sizes = [_size_factor(feature, len(read.words)) for feature in self._settings]
         hits: list[list[Hit]] = [[] for _ in self._settings]
         self._find_phrases(read, sizes, hits)
@@ -130,7 +129,7 @@ class ContentFeatures:
         }
 
     def measure_page(self, page: Page) -> Page:
-        """The page with the content of every zone that has a text and was not measured before."""
+        """The page with content features for every zone that has a text and no features yet."""
         measured: dict[str, Mapping[str, float]] = {}
         zones = []
         for zone in page.zones:
@@ -167,7 +166,7 @@ class ContentFeatures:
         if word in index:
             candidates = [word]
         elif word in self._fuzzy[True] or word in self._fuzzy[False]:
-            # A word that is known as another is no misreading.
+            # A listed word is not a misreading of another one.
             candidates = []
         else:
             candidates = [listed for listed in self._fuzzy[True].near(word) if listed in index]
@@ -184,7 +183,7 @@ class ContentFeatures:
         sizes: list[float],
         hits: list[list[Hit]],
     ) -> None:
-        """Add those of the phrases that stand at word `number`."""
+        """Add the hits of the phrases that begin at word `number`."""
         for phrase in phrases:
             feature = self._settings[phrase.feature]
             if sizes[phrase.feature] == 0.0 or len(hits[phrase.feature]) >= MOST_HITS:
@@ -214,7 +213,7 @@ class ContentFeatures:
 
 
 def _places(entry: _Pattern, read: _Text) -> Iterable[re.Match[str] | None]:
-    """Where a pattern is found, of the places that its feature allows."""
+    """Matches of a pattern at the places that its feature allows."""
     pattern = entry.pattern
     match entry.at:
         case "whole":
@@ -228,9 +227,9 @@ def _places(entry: _Pattern, read: _Text) -> Iterable[re.Match[str] | None]:
 
 
 def _read(text: str) -> _Text:
-    """One form of every character, one blank between words, no empty lines; of bounded length."""
+    """The normalized text: one form of every character, one blank between words, no empty lines, bounded length."""
     if len(text) > LONGEST_TEXT:
-        # Where a text begins and ends tells the most.
+        # The start and the end of a text have most of the cues.
         text = f"{text[: LONGEST_TEXT - LONGEST_END]} {text[-LONGEST_END + 1 :]}"
     if not text.isascii():
         text = unicodedata.normalize("NFKC", text)[:LONGEST_TEXT]
@@ -249,7 +248,7 @@ def _read(text: str) -> _Text:
 
 
 def _size_factor(feature: FeatureSettings, words: int) -> float:
-    """1 for zones of the feature's size; 0 from three times the words that it allows on."""
+    """1 for zones of the feature's size, falling to 0 at three times the allowed number of words."""
     if feature.words_at_most is not None and words > feature.words_at_most:
         return max(0.0, 1.5 - 0.5 * words / feature.words_at_most)
     return min(1.0, words / feature.words_at_least) if words else 1.0
@@ -261,7 +260,7 @@ def _graded(feature: FeatureSettings, hits: list[Hit], read: _Text, size: float)
         return round(size * max(confidence for *_, confidence in hits), 4)
     letters = len(read.text) - read.text.count(" ") - read.text.count("\n")
     full, best = feature.full_share * max(1, letters), 0.0
-    # Weak cues widen what sure ones cover, but make nothing surer than they are.
+    # Weak cues add to the covered letters with their own confidence only.
     for level in sorted({confidence for *_, confidence in hits}, reverse=True):
         if level > best:
             spans = sorted((start, end) for start, end, confidence in hits if confidence >= level)
@@ -282,11 +281,11 @@ def _covered(text: str, spans: Iterable[tuple[int, int]]) -> int:
 
 @lru_cache(maxsize=4)
 def content_features(settings: Path | None = None) -> ContentFeatures:
-    """The content features of a settings file (None: those that come along), read once.
+    """The content features of a settings file (None: those of this package), read once.
 
     Raises
     ------
     ValueError
-        When the file is no such settings file; the message names the key.
+        When the file is no valid settings file; the message names the key.
     """
     return ContentFeatures.load(settings)

@@ -1,7 +1,7 @@
-"""What content features look for: word lists and patterns, read from files of settings.
+"""Settings of content features: word lists and patterns, read from TOML files.
 
-A file is TOML with one table per feature; the packaged `content_features.toml` shows every key. A user's file is
-laid over it:
+A file has one table for each feature; `content_features.toml` of this package shows every key. A user's file changes
+it:
 
 - a table of a new name adds a feature;
 - a table of a known name adds its `phrases`, `weak_phrases`, `patterns` and `weak_patterns` to those of the
@@ -29,7 +29,7 @@ MOST_ENTRIES = 20_000
 
 
 class InvalidContentSettings(ValueError):
-    """A file of settings that cannot be used; `key` names the entry, as in `greeting.patterns[2]`."""
+    """A settings file is invalid; `key` names the entry, as in `greeting.patterns[2]`."""
 
     def __init__(self, path: Path, key: str, reason: str) -> None:
         super().__init__(path, key, reason)
@@ -43,7 +43,7 @@ class InvalidContentSettings(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class FeatureSettings:
-    """One feature: where it is looked for, by what, and how its confidence is graded.
+    """One feature: its phrases and patterns, where they are searched, and how they give a confidence.
 
     The cues are found at the `start` of a zone, of each `line`, `anywhere`, or must be the `whole` zone. A phrase
     or pattern counts 1, a weak one 0.5, a phrase with letters misread `fuzzy` times that (0: never). With
@@ -84,11 +84,11 @@ _GRADES: dict[str, tuple[Callable[[Any], bool], str]] = {
     "capitalised": (lambda value: isinstance(value, bool), "true or false"),
     "capitals_after": (lambda value: _whole(value, 0, 5), "a whole number from 0 to 5"),
 }
-"""What a key of a feature takes, and how to say it."""
+"""For each key of a feature: a check of its value, and the allowed values in words."""
 
 
 def read_settings(path: Path | None = None) -> tuple[FeatureSettings, ...]:
-    """The features of the packaged file, with a user's file laid over it.
+    """The features of this package, extended or replaced by a user's settings file.
 
     Raises
     ------

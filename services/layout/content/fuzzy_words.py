@@ -1,8 +1,8 @@
-"""Words of a list, found again after optical character recognition has misread them.
+"""Search for listed words in text with OCR errors.
 
-Letters that recognition confuses are folded into one; what still differs may differ by one or two edits, the
-more the longer the word. Candidates come from an index of the listed words with letters left out, so that a look-up
-costs a handful of dictionary accesses however long the list.
+Letters that OCR confuses are replaced by one letter. The result may differ from a listed word by one or two edits,
+depending on its length. Candidates come from an index of the listed words with letters deleted (as in SymSpell), so
+that the time of a look-up does not depend on the length of the list.
 """
 
 from collections.abc import Iterable
@@ -10,32 +10,32 @@ from dataclasses import dataclass
 from itertools import combinations
 
 LONGEST_WORD = 18
-"""Longer ones are looked for as they stand only: the index grows with the square of the length."""
+"""Longer words must match exactly, since the size of the index grows with the square of the length."""
 _FOLD = str.maketrans({"0": "o", "1": "l", "i": "l", "5": "s", "8": "b", "c": "e", "v": "u"})
 _CACHED = 20_000
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """From which length on a word may be misread, and how: by folded letters, by one edit, by two."""
+    """Least lengths of a word at which confused letters, one edit, or two edits are accepted."""
 
     folded_from: int
     one_edit_from: int
     two_edits_from: int
 
     def edits(self, length: int) -> int:
-        """Edits that a listed word of this length may be away."""
+        """Largest edit distance for a listed word of this length."""
         return int(length >= self.one_edit_from) + int(length >= self.two_edits_from)
 
 
 ANCHORED = Tolerance(folded_from=3, one_edit_from=4, two_edits_from=8)
-"""At a place where key words stand: `ene` is read as `enc`, `Deer` as `Dear`, `Sincersiy` as `Sincerely`."""
+"""At positions where key words are expected: `ene` matches `enc`, `Deer` `Dear`, `Sincersiy` `Sincerely`."""
 ANYWHERE = Tolerance(folded_from=4, one_edit_from=6, two_edits_from=10)
-"""Within running text, where `match` is no `March`."""
+"""Within running text, where `match` must not be taken for `March`."""
 
 
 def fold(word: str) -> str:
-    """A casefolded word with the letters that are confused made one: `rn` and `m`, `1` `i` `l`, `c` `e`."""
+    """The casefolded word with one letter for each set of confused letters: `rn` and `m`, `1` `i` `l`, `c` `e`."""
     return word.replace("rn", "m").replace("vv", "w").translate(_FOLD)
 
 
@@ -57,7 +57,7 @@ class FuzzyWords:
         return word in self._words
 
     def near(self, word: str) -> tuple[str, ...]:
-        """Listed words, other than itself, that `word` (casefolded) may be a misreading of."""
+        """The listed words, except `word` itself, of which `word` (casefolded) may be a misreading."""
         found = self._seen.get(word)
         if found is None:
             found = self._search(word)
@@ -76,7 +76,7 @@ class FuzzyWords:
         return _edits(fold(word), fold(listed), self._tolerance.edits(length))
 
     def _search(self, word: str) -> tuple[str, ...]:
-        # One letter alone or a number is nobody's misreading.
+        # A single letter or a number is never taken for a misreading.
         if word.isdigit() or not 2 <= len(word) <= LONGEST_WORD + 2:
             return ()
         keys = _shortened(fold(word), self._tolerance.edits(len(word) + 1))
@@ -95,7 +95,7 @@ def _shortened(word: str, count: int) -> set[str]:
 
 
 def _edits(first: str, second: str, most: int) -> bool:
-    """Whether the edit distance (with swaps of neighbours) is at most the given number."""
+    """Whether the edit distance (with transpositions) is at most `most`."""
     if first == second:
         return True
     if abs(len(first) - len(second)) > most:

@@ -1,4 +1,4 @@
-"""Texts of zones whose boxes came from elsewhere, out of the words that were read on the page."""
+"""Texts for zones from a client, taken from the words that OCR read on the page."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,9 +10,10 @@ from services.ocr.engine import Word
 
 
 def fill_texts(page: Page, words: Sequence[Word]) -> Page:
-    """The page with the words that lie in each zone as its text, one line a row of print, where it had none.
+    """The page; zones without a text get the words inside them, one line for each row of print.
 
-    A word belongs to the smallest zone that holds its centre. Words come in reading order, as engines tell them.
+    A word belongs to the smallest zone that contains its centre. `words` are in reading order, as OCR engines give
+    them.
     """
     if not words or not page.zones:
         return page

@@ -1,1 +1,1 @@
-"""What pages and samples say of the set of classes: pages of a class that has no model, classes that are one or two."""
+"""Proposals for the set of classes: new classes of unknown pages, classes to merge, classes to split."""

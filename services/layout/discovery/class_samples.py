@@ -1,4 +1,4 @@
-"""Samples of a class as discovery looks at them: what each would cost by models that it had no part in."""
+"""Samples of a class, and the cost of each sample by models that were made without it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,17 +22,18 @@ from services.layout.page import Page
 from services.layout.recognition.page_recognition import comparable_cost
 
 MOST_SAMPLES = 24
-"""Of a class; costs and distances of more tell the same."""
+"""Largest number of samples of a class; more do not change the mean costs and distances."""
 MOST_MATCHED = 5e7
-"""Entries of the tables of pairs of a class's samples together, 10 ns each; of larger pages fewer are looked at."""
+"""Largest number of table entries of pairs for the samples of a class, 10 ns each; it limits samples with many
+zones."""
 
 _QUICK = MatchingParameters(max_nodes=0, max_sweeps=0)
-"""Local search alone, as the decision about the class begins: proofs change costs by 0.2 a zone at most."""
+"""Local search only: the proof of the least cost changes costs by 0.2 a zone at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassSamples:
-    """A class with its samples, each seen in one view or two, and what they say of each label.
+    """The samples of a class, each in one or two views, and their statistics for each label.
 
     `labels` begin with None, as in every model; `statistics` has the sums of each sample, `total` those of all.
     """
@@ -52,7 +53,7 @@ class ClassSamples:
         return [views[0].graph for views in self.samples]
 
     def model(self, statistics: LabelStatistics | None = None) -> CompiledModel:
-        """Model of all samples, or of those in `statistics`, by the usual weights, which all classes share."""
+        """The model of all samples, or of those in `statistics`, with the default weights, which all classes share."""
         total = self.total if statistics is None else statistics
         return estimate_model(total, self.labels, default_scales(self.content_names))
 
@@ -60,7 +61,7 @@ class ClassSamples:
 def gather_samples(
     name: str, samples: Sequence[tuple[Page, Page | None]], content_names: Sequence[str]
 ) -> tuple[ClassSamples, tuple[int, ...]]:
-    """A class from its samples, and which of them were taken (indices, rising), if there are too many.
+    """The samples of a class with their statistics, and the indices (rising) of the chosen samples.
 
     Each sample is the verified page with its content features, and the page in the zones that segmentation found
     (None where it is not known).
@@ -103,7 +104,7 @@ class SampleCost:
 
 
 def match_sample(views: Sequence[LabelledGraph], model: CompiledModel) -> SampleCost:
-    """Least cost of a sample under a model; its own labels play no part."""
+    """Least cost of a sample under a model, over all labellings; the verified labels are not used."""
     found = [match_directly(build_cost_tables(view.graph, model), _QUICK).labels for view in views]
     costs = [
         comparable_cost(view.graph, model, labels) / view.graph.zones
@@ -113,7 +114,7 @@ def match_sample(views: Sequence[LabelledGraph], model: CompiledModel) -> Sample
 
 
 def held_out_costs(samples: ClassSamples) -> NDArray[np.float64]:
-    """Cost a zone (S,) of every sample by a model of the others; there are two at least."""
+    """Cost a zone (S,) of every sample by a model of the other samples; S >= 2."""
     return np.array(
         [
             match_sample(views, samples.model(samples.total - own)).cost

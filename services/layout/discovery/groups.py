@@ -1,4 +1,4 @@
-"""Pages that fit no class, grouped by likeness: each group may be a class that has no model yet (5.7, 6.2)."""
+"""Clustering of pages that fit no class: each group may be a class without a model (5.7, 6.2)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -17,21 +17,22 @@ class GroupingParameters:
     """Measured on the pages of eleven classes, with zones that people drew and zones that segmentation found."""
 
     least_pages: int = 3
-    """Two pages are alike by chance: among 50 single pages of different classes some pair is."""
+    """Two pages can be similar by chance: among 50 single pages of different classes there is such a pair."""
     most_distance: float = 0.5
     """Mean distance of two groups that are joined. Pages of one publication are 0.15 to 0.5 apart, of one kind of
     letters 0.4 to 0.7, of two publications 0.47 and more; at 0.5 groups are pure (99 %), at 0.55 no longer (96 %)."""
     most_apart: float = 1.8
-    """Two groups are one while they are no further apart than so many times the mean distance within them: so
-    publications that look alike are told by how strict each is. From 1.6 to 2 no class falls apart by it."""
+    """Largest distance of two joined groups, as a multiple of the mean distance within them. It separates publications
+    that look similar but vary little within each. Values of 1.6 to 2 split no class."""
     strictest: float = 0.1
-    """Distance within a group that counts as none: measures of one zone differ so much from scan to scan."""
+    """Least distance within a group: measurements of one zone differ so much between scans."""
     most_zones: int = 6000
-    """Of all pages together: the work grows with the square, 6000 take 20 s. They are 400 title pages, 12 of 500."""
+    """Zones of all pages together. The time grows with the square: 6000 take 20 s. These are 400 title pages, or 12
+    pages of 500 zones."""
     least_likeness: float = 0.5
-    """Zones of two pages that stand for each other: of those so much alike 98 % have one label."""
+    """Least similarity of corresponding zones of two pages: 98 % of such pairs have the same label."""
     least_share: float = 0.6
-    """Of the group's pages that have a zone which recurs."""
+    """Least share of the group's pages that have a recurring zone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ def choose_pages(graphs: Sequence[LayoutGraph], most_zones: int) -> int:
 def group_pages(
     graphs: Sequence[LayoutGraph], parameters: GroupingParameters = GroupingParameters()
 ) -> tuple[PageGroup, ...]:
-    """Groups of pages that are alike, the largest first; pages that are like few others are in none.
+    """Groups of similar pages, the largest first; a page that resembles few others is in no group.
 
     Average linkage: groups grow while the mean distance between their pages is small, whatever the order of the
     pages. Of more pages than `most_zones` allow only the first are looked at. A page without zones is in no group.

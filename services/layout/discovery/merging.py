@@ -1,4 +1,4 @@
-"""Classes that recognition cannot tell apart: each explains the other's samples as well as its own (5.7)."""
+"""Classes that recognition cannot distinguish: each model fits the other class's samples as well as its own (5.7)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ from services.layout.recognition.classification import ClassificationParameters
 
 @dataclass(frozen=True, slots=True)
 class MergingParameters:
-    """Measured on halves of eleven classes, which shall be merged, and on all pairs of classes, which shall not."""
+    """Measured on halves of eleven classes, which must be merged, and on all pairs of classes, which must not."""
 
     least_samples: int = 3
-    """Of each class; models of two samples do not part letters from memos."""
+    """Samples of each class; models of two samples do not separate letters from memos."""
     least_fit: float = 0.7
     """Costs of a class's samples by the other's model, as a share of those by its own: of halves 0.75 to 1, of
     different classes 0.6 at most."""
@@ -28,9 +28,9 @@ class MergingParameters:
     """Share of the samples whose class is decided wrongly or not clearly: of halves 0.17 to 1, of different classes
     none as a rule."""
     least_agreement: float = 0.7
-    """Share of zones whose labels by the one model stand for their labels by the other."""
+    """Share of zones whose labels by the two models correspond."""
     most_pairs: int = 100
-    """Pairs of classes that are looked at, those with the nearest typical pages; 0.1 s each."""
+    """Pairs of classes that are compared, those with the nearest typical pages; 0.1 s each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class MergeProposal:
 def propose_merges(
     classes: Sequence[ClassSamples], parameters: MergingParameters = MergingParameters()
 ) -> tuple[MergeProposal, ...]:
-    """Pairs of classes that cannot be told apart, those that are most alike first."""
+    """Pairs of classes that recognition cannot distinguish, the most similar first."""
     able = sorted(
         (each for each in classes if len(each.samples) >= parameters.least_samples),
         key=lambda each: each.name,
@@ -84,7 +84,7 @@ def propose_merges(
 def cannot_be_told_apart(
     proposal: MergeProposal, parameters: MergingParameters = MergingParameters()
 ) -> bool:
-    """Whether classes that compare so shall be proposed."""
+    """Whether a comparison of two classes is a reason to merge them."""
     return (
         proposal.fit >= parameters.least_fit
         and proposal.unsure >= parameters.least_unsure
@@ -99,7 +99,7 @@ def compare_classes(
     other_costs: NDArray[np.float64],
     parameters: MergingParameters = MergingParameters(),
 ) -> MergeProposal:
-    """How much two classes are alike; their costs are those of `held_out_costs`."""
+    """The similarity of two classes, given their costs from `held_out_costs`."""
     forth, forth_labels = _match_all(one, other)
     back, back_labels = _match_all(other, one)
     fit = min(
@@ -131,7 +131,7 @@ def _map_labels(
     """Share of zones with agreeing labels, and the second class's labels by the first one's where they differ.
 
     Each zone of both classes' samples has a label of its own class, given by a person, and one of the other's, found;
-    labels that meet most often stand for each other.
+    labels that occur together most often correspond.
     """
     met = np.zeros((len(one.labels), len(other.labels)))
     for samples, found, turned in ((one, forth, False), (other, back, True)):

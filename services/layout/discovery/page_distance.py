@@ -1,8 +1,8 @@
-"""How unlike two pages are whose zones have no labels: the pairing of their zones that says most for one class.
+"""Distance of two pages without labels, from the best one-to-one pairing of their zones.
 
-Of two zones it is told how much likelier they are as zones of one logical component than as two zones of any pages;
-all of it comes from what is usual of each attribute (5.6.1), so no class need be known. Relations of zones add nothing
-to it: the place of each zone on the page is among its own attributes already.
+The evidence for a pair of zones is a log likelihood ratio: both zones belong to one logical component, against both are
+zones of any pages. It needs only the usual distribution of each attribute (5.6.1) and no class. Relations between
+zones are not used: the attributes of a zone include its position.
 """
 
 from collections.abc import Sequence
@@ -18,14 +18,15 @@ from services.layout.model.compiled_model import default_scales
 from services.layout.model.cost import USUAL_CONTENT
 
 SPREAD_OF_DIFFERENCE = 3.0
-"""Variance of the difference of two zones of a component, in squares of an attribute's usual spread: 2 were the spread
-known. From 2 to 4 it parts pages of eleven classes alike."""
+"""Variance of the difference of two zones of a component, over the square of an attribute's usual spread. It would be 2
+if the spread were known. From 2 to 4 it separates pages of eleven classes equally well."""
 
 CONTENT_KEPT = 0.8
-"""How often a component that has a content feature on one page has it on the next for that reason."""
+"""Probability that a component keeps a content feature from one page to the next."""
 
 MOST_ZONES = 100
-"""Of a page, the largest: pairs of zones grow with the square, and small ones tell least."""
+"""Zones of a page that are compared, the largest first: small zones have the least evidence, and the number of pairs
+grows with the square."""
 
 _BACKGROUND = np.array([attribute.background for attribute in NUMERIC_ATTRIBUTES]).T
 _SPREADS = np.array([attribute.spread for attribute in NUMERIC_ATTRIBUTES])
@@ -37,11 +38,11 @@ _WIDTH, _HEIGHT = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageComparison:
-    """Two pages beside each other.
+    """A comparison of two pages.
 
-    `distance` is 0 for equal pages and 1 for pages that have nothing in common; `pairs` (K, 2) are zones of the
-    first and of the second page that stand for each other, and `likeness` (K,) how much alike they are: the share
-    of what the zones say of themselves that they say of each other, at most about 1.
+    `distance` is 0 for equal pages and 1 for pages with nothing in common. `pairs` (K, 2) are corresponding zones of
+    the first and of the second page. `likeness` (K,) is the similarity of each pair, at most about 1: its evidence over
+    the evidence of each zone with itself.
     """
 
     distance: float
@@ -54,7 +55,8 @@ def zone_evidence(one: LayoutGraph, other: LayoutGraph) -> NDArray[np.float64]:
 
     For every numeric attribute the log likelihood ratio of the two values, of their difference and of their mean, by
     Student's t: values that are alike say the more the rarer they are. For a content feature that of both having
-    it, one, or none. What is unknown of either says nothing. Symmetric; both graphs have the same content features.
+    it, one, or none. Unknown values add no evidence. The result is symmetric; both graphs have the same content
+    features.
     """
     means, variances = _BACKGROUND[0], _BACKGROUND[1] ** 2
     spreads = _SPREADS**2
@@ -84,7 +86,7 @@ def _content_evidence(one: LayoutGraph, other: LayoutGraph) -> NDArray[np.float6
 
 
 def compare_pages(one: LayoutGraph, other: LayoutGraph) -> PageComparison:
-    """Distance of two pages, and which of their zones correspond; symmetric, and independent of the order of zones.
+    """Distance of two pages and their corresponding zones; symmetric, whatever the order of zones.
 
     The pairing is the one-to-one assignment with the most evidence; zones may be left alone. Of pages with more
     than `MOST_ZONES` zones only the largest are compared.

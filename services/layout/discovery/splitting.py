@@ -1,4 +1,4 @@
-"""Classes that are two: models of two groups of the samples explain held-out samples better than one of all (5.7)."""
+"""Classes to split: models of two groups of samples fit held-out samples better than one model of all (5.7)."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ class SplitProposal:
 def propose_split(
     samples: ClassSamples, parameters: SplittingParameters = SplittingParameters()
 ) -> SplitProposal | None:
-    """The proposal to split a class, None where it is of one kind or has too few samples to tell."""
+    """The proposal to split a class; None if it is homogeneous or has too few samples."""
     proposal = compare_parts(samples, parameters)
     if proposal is None or proposal.gain < parameters.least_gain or proposal.better < parameters.least_better:
         return None
@@ -78,10 +78,10 @@ def compare_parts(
 
 
 def halve(distances: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which of P >= 2 things belong to the first of two groups (P,): those nearest to the one of two medoids.
+    """Whether each of P >= 2 items belongs to the first of two groups (P,), by 2-medoids clustering.
 
-    Of all pairs of medoids the one with the least sum of distances, so that a single outlier is no group where
-    there are two.
+    All pairs of medoids are tried. The least sum of distances wins, so that a single outlier does not form a group when
+    there are two groups.
     """
     one, other = np.triu_indices(len(distances), 1)
     best = np.argmin(np.minimum(distances[one], distances[other]).sum(axis=1))
@@ -89,7 +89,7 @@ def halve(distances: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _costs_by_parts(samples: ClassSamples, first: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Cost a zone (S,) of every sample by the nearer of both parts' models, neither of which knows it."""
+    """Cost a zone (S,) of every sample by the better of both parts' models, made without that sample."""
     totals = [
         total_statistics(
             own for own, is_first in zip(samples.statistics, first, strict=True) if is_first == part

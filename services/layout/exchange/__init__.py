@@ -1,1 +1,1 @@
-"""Zones from elsewhere and results for elsewhere: the contract's zones JSON, PAGE-XML and ALTO."""
+"""Reading and writing of zones and results: zones JSON of the HTTP contract, PAGE-XML and ALTO."""

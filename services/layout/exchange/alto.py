@@ -59,15 +59,15 @@ _ID = "id"
 def read_alto(data: bytes, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
     """Page of an ALTO file with one page, its zones in its reading order.
 
-    ReadingOrder tells the order, else IDNEXT, else the document. `pixels`, width and height of the page's image,
-    is needed where the file measures in tenths of a millimetre or 1/1200 inch, or does not tell the page's size.
-    Raises `InvalidLayout`; `zones[i]` counts the blocks from 0 in document order.
+    The order comes from ReadingOrder, else from IDNEXT, else from the document. `pixels`, width and height of the
+    page's image, is needed when the file measures in tenths of a millimetre or 1/1200 inch, or has no page size. Raises
+    `InvalidLayout`; `zones[i]` counts the blocks from 0 in document order.
     """
     return page_of_alto(read_xml(data, limits), limits, pixels)
 
 
 def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
-    """The same of a document that is read."""
+    """Page of a parsed ALTO document; otherwise like `read_alto`."""
     layout = next(children(root, "Layout"), None) if root.tag == "alto" else None
     pages = [] if layout is None else list(children(layout, "Page"))
     if len(pages) != 1:

@@ -1,4 +1,4 @@
-"""What zones from elsewhere may cost."""
+"""Limits of zones from a client."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from services.contract.layout import LONGEST_LABEL
 
 @dataclass(frozen=True, slots=True)
 class ExchangeLimits:
-    """Bounds of a page that is read; crossing any of them is `InvalidLayout`."""
+    """Limits of a page from a client. A page beyond a limit raises `InvalidLayout`."""
 
     max_zones: int = 500
     """The densest newspaper pages have some 300 blocks."""

@@ -1,4 +1,4 @@
-"""The contract's zones JSON: what a request gives as `zones`, a sample holds, and /layout answers.
+"""Zones JSON of the HTTP contract, used in the request field `zones`, in samples, and in answers of /layout.
 
 `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "label"?, "kind"?, "lines"?, "font_size"?,
 "line_spacing"?, "weight"?, "alignment"?, "text"?, "content"?}]}`; other keys are passed over.
@@ -27,7 +27,7 @@ _EXAMPLE = '{"width": 2480, "height": 3508, "zones": [{"id": "z1", "box": [300, 
 
 
 def page_from_document(document: Any, limits: ExchangeLimits) -> Page:
-    """The page that `document`, a value of JSON, tells of; its zones in the order given.
+    """The page that `document`, a JSON value, describes; its zones are in the given order.
 
     Ids may be strings or whole numbers and are kept as strings. A size of 0 means that it was not measured. Boxes
     are clipped to the page. A page without zones is one; whoever needs zones says so.
@@ -62,7 +62,7 @@ def check_count(zones: int, limits: ExchangeLimits) -> None:
 
 
 def page_to_document(page: Page) -> dict[str, Any]:
-    """The same as JSON; what was not measured is left away, an unknown label is null."""
+    """The page as a JSON document. Values that were not measured are left out; an unknown label is null."""
     return {
         "width": plain_number(page.width),
         "height": plain_number(page.height),
@@ -259,7 +259,7 @@ def _content(value: Any, field: str, limits: ExchangeLimits) -> dict[str, float]
 
 
 def _shown(value: Any) -> str:
-    """What was sent, short enough for a sentence, and in ASCII so that it can be told in any encoding."""
+    """The value for an error message: shortened, and in ASCII, which every encoding has."""
     if isinstance(value, list | tuple) and len(value) <= 4:
         return "[" + ", ".join(_shown_part(part) for part in value) + "]"
     return _shown_part(value)

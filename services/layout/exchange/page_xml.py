@@ -1,8 +1,8 @@
 """PAGE-XML (Page Analysis and Ground-truth Elements), 2019-07-15: read, also its forerunners, and written.
 
 S. Pletschacher and A. Antonacopoulos, The PAGE format framework, ICPR 2010; schema at primaresearch.org. The
-logical label stands where most tools look for it, in `custom="structure {type:...;}"`; what PAGE has no place for
-(lines and sizes in pixels, the zone's own id) in `custom="zone {...}"`.
+logical label is in `custom="structure {type:...;}"`, where most tools expect it. Values without an attribute in PAGE
+(lines and sizes in pixels, the zone's own id) are in `custom="zone {...}"`.
 """
 
 import re
@@ -48,7 +48,8 @@ _KINDS: Mapping[str, Kind] = {
     "FrameRegion": "figure",  # until 2010
 }
 _CONTAINERS = {"AdvertRegion", "UnknownRegion", "CustomRegion"}
-"""Regions that stand for the regions in them; in the others they are parts, as the cells of a table."""
+"""Regions that are replaced by their inner regions. In other regions, inner regions are parts, as the cells of a
+table."""
 _REGION_OF: Mapping[Kind, str] = {
     "text": "TextRegion",
     "figure": "ImageRegion",
@@ -97,7 +98,7 @@ def read_page_xml(data: bytes, limits: ExchangeLimits) -> Page:
 
 
 def page_of_page_xml(root: Element, limits: ExchangeLimits) -> Page:
-    """The same of a document that is read."""
+    """Page of a parsed PAGE-XML document; otherwise like `read_page_xml`."""
     page = next(children(root, "Page"), None) if root.tag == "PcGts" else None
     if page is None:
         raise InvalidLayout("The file is no PAGE-XML: it has no Page in a PcGts.", FIELD)
@@ -215,8 +216,8 @@ def _resolution(page: Element) -> float | None:
 def write_page_xml(recognition: Recognition, file_name: str, created: datetime) -> bytes:
     """The recognition as PAGE-XML 2019-07-15, the page being that of the image `file_name`.
 
-    `created` is a time with its zone. Boxes are rounded to whole pixels, as the schema demands. Text of zones that
-    are no text stands in a TextRegion inside of theirs. The class and its probability stand in the page's `custom`.
+    `created` is a time with its zone. Boxes are rounded to whole pixels, as the schema demands. Text in zones of
+    another kind is put into an inner TextRegion. The page's `custom` has the class and its probability.
     """
     page = recognition.page
     width, height = max(1, round(page.width)), max(1, round(page.height))

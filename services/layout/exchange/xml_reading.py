@@ -1,4 +1,4 @@
-"""XML from anywhere, read into a tree: no document types, no entities of their own, nothing fetched, all bounded."""
+"""Safe parsing of XML from clients: no DOCTYPE, no declared entities, no network access, bounded size."""
 
 import math
 from collections.abc import Iterator
@@ -45,7 +45,7 @@ def read_xml(data: bytes, limits: ExchangeLimits) -> Element:
 
 
 class _Tree:
-    """What the parser tells, built into a tree and counted."""
+    """A target of the XML parser that builds a tree and counts its elements."""
 
     def __init__(self, limits: ExchangeLimits) -> None:
         self.builder = TreeBuilder()

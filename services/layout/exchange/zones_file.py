@@ -14,7 +14,7 @@ _BYTE_ORDER_MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def read_zones_file(data: bytes, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
-    """Page of a file that tells by its first character, then by its root element, what it is.
+    """Page of a zones file. Its first character and its root element show its format.
 
     `pixels` are width and height of the page's image where there is one (see `read_alto`).
     Raises `InvalidLayout`.

@@ -1,1 +1,1 @@
-"""A page as an attributed graph: its zones, their pairs, and what is measured of both (5.3)."""
+"""A page as an attributed graph: zones, pairs of zones, and their attributes (5.3)."""

@@ -1,4 +1,4 @@
-"""Attributes of edges (5.3): how two zones of a page lie to each other, as qualitative descriptors.
+"""Attributes of edges (5.3): the relative position of two zones of a page, as qualitative descriptors.
 
 Of a pair the zone that starts higher is the *upper* one. Relations say where the *lower* zone is. A new relation is
 an entry of `RELATIONS`; matching and learning need not know of it.

@@ -24,13 +24,13 @@ class FontSizeParameters:
     measured_range: tuple[float, float] = (0.93, 1.075)
     """A measured size within this range of the body's is normal: half a step of print to either side."""
     estimated_range: tuple[float, float] = (0.75, 1.3)
-    """The same for a size estimated from the box, which varies by a fifth with ascenders and descenders."""
+    """The range for a size estimated from the box, which varies by a fifth with ascenders and descenders."""
 
 
 def estimate_font_size(zone: Zone, parameters: FontSizeParameters = FontSizeParameters()) -> float | None:
     """Em of a zone's print in pixels: measured, else from the distance or number of its lines.
 
-    None where `zone` is no text or nothing tells the number of its lines (`lines`, or lines of `text`).
+    None when `zone` is no text, or its number of lines is unknown (from `lines` or `text`).
     """
     if zone.kind != "text":
         return None

@@ -14,10 +14,10 @@ MOST_NEIGHBOURS = 40
 """Pages of more than twice as many zones are joined to their nearest only: 500 zones have 12 000 pairs, not 125 000."""
 
 KIND_FEATURES = {"kind:rule": "rule", "kind:noise": "noise"}
-"""Content features that are no words: zones which segmentation tells as rules or noise, mostly nobody's label."""
+"""Content features from the kind of a zone: rules and noise, which mostly have no label."""
 
 RELATION_OFFSETS = np.concatenate([[0], np.cumsum([len(relation.descriptors) for relation in RELATIONS])])
-"""Where the descriptors of each relation start when those of all stand in one row."""
+"""Index of the first descriptor of each relation in an array of the descriptors of all relations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""Attributes of nodes (5.3): what is measured of a zone, and how a difference costs.
+"""Attributes of nodes (5.3): measurements of a zone, and the cost functions of differences.
 
 A new attribute is an entry of `NUMERIC_ATTRIBUTES`; matching and learning need not know of it, and a model that
 was made without it gives it no cost.
@@ -98,7 +98,7 @@ class NumericAttribute:
 
     `measure` gives it for all zones (N,), NaN where unknown, which costs nothing. `background` is its mean and
     standard deviation over zones of any page, `spread` the standard deviation within one component that is
-    expected before samples tell; `scale` is its weight among the attributes until enough samples tell.
+    expected without samples; `scale` is its weight among the attributes until there are enough samples.
     """
 
     name: str
@@ -123,7 +123,7 @@ def _gaps(measures: ZoneMeasures) -> tuple[Values, Values]:
 
 
 def _beside(measures: ZoneMeasures) -> Values:
-    """How many zones stand beside each, on a common row of the page."""
+    """Number of zones next to each zone, on a common row of the page."""
     y0, y1 = measures.boxes[:, 1], measures.boxes[:, 3]
     shared = np.minimum(y1[:, None], y1) - np.maximum(y0[:, None], y0) > 0
     return np.asarray(np.minimum(shared.sum(axis=1) - 1.0, 5.0))
@@ -132,7 +132,7 @@ def _beside(measures: ZoneMeasures) -> Values:
 def order_from_top(boxes: Values) -> NDArray[np.intp]:
     """Place of each box (N, 4) when they are sorted by their upper, then their left edge.
 
-    Boxes that begin at one point stand in the order of their sizes: only equal ones in that of the zones.
+    Boxes with the same upper left corner are sorted by size; equal boxes keep the order of the zones.
     """
     x0, y0, x1, y1 = boxes.T
     place = np.empty(len(boxes), dtype=np.intp)
