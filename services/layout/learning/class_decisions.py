@@ -1,4 +1,4 @@
-"""Learning from a verified class: the mean cost of its pages, and a bias where the decision was wrong or close."""
+"""Learning from a verified class: the mean cost of its pages, and a bias when the decision was wrong or close."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,9 +13,10 @@ class DecisionParameters:
     """Margins are log odds of 1 between classes, and of fitting."""
 
     most_step: float = 0.5
-    """Of a bias by one page, in cost a zone: log odds of 1.5, so that one odd page changes no class much."""
+    """Largest change of a bias by one page, in cost a zone. It is 1.5 log odds, so that no single page changes a class
+    much."""
     most_pages: int = 200
-    """The usual cost is that of this many last pages."""
+    """The mean cost is the mean over this many last pages."""
     classification: ClassificationParameters = field(default_factory=ClassificationParameters)
 
 
@@ -24,7 +25,7 @@ def count_cost(
     cost_per_zone: float,
     parameters: DecisionParameters = DecisionParameters(),
 ) -> Calibration:
-    """The calibration with one page more that its model had not seen: as `calibrate` makes it of all."""
+    """The calibration after one more page, which the model has not learned from; like `calibrate` with all pages."""
     usual = parameters.classification
     weight, mean, pages = usual.usual_weight, calibration.mean, calibration.pages
     total = mean * (pages + weight) - weight * usual.usual_mean
@@ -47,7 +48,7 @@ def prefer_class(
     wrong: tuple[float, Calibration],
     parameters: DecisionParameters = DecisionParameters(),
 ) -> tuple[Calibration, Calibration]:
-    """Biases moved so that a page of the right class is decided for it by a margin: of both classes, by half each.
+    """The calibrations of both classes, their biases changed until the right class wins by a margin; each takes half.
 
     Each class is given as the page's cost a zone under its model, and the calibration. It is the step of PA-I for the
     difference of the two classes' excess costs (`classification.classify`), which is linear in their biases.
@@ -63,7 +64,7 @@ def accept_page(
     calibration: Calibration,
     parameters: DecisionParameters = DecisionParameters(),
 ) -> Calibration:
-    """The calibration by which a page of the class, which was taken for a page of none, rather fits it."""
+    """The calibration after a page of this class was rejected: the page now fits better."""
     usual = parameters.classification
     most = (usual.least_fit + 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
     loss = cost_per_zone + calibration.bias - most
@@ -75,7 +76,7 @@ def refuse_page(
     calibration: Calibration,
     parameters: DecisionParameters = DecisionParameters(),
 ) -> Calibration:
-    """The calibration by which a page of no class, which was taken for one of this class, rather does not fit it."""
+    """The calibration after a page of no class was accepted for this class: the page now fits worse."""
     usual = parameters.classification
     least = (usual.least_fit - 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
     loss = least - cost_per_zone - calibration.bias

@@ -19,9 +19,9 @@ from services.layout.recognition.page_recognition import comparable_cost
 Labels = tuple[str | None, ...]
 
 _QUICK = MatchingParameters(max_nodes=0, max_sweeps=0)
-"""For models that a page is not of: proofs take longest there, and move the least cost little."""
+"""For models of other classes: there a proof of the least cost takes longest and changes the cost little."""
 _FORBIDDEN = 1e6
-"""Cost of a label that a person has ruled out: more than all else of a page together."""
+"""Cost of a label that a person has excluded: more than all other costs of a page."""
 
 
 class LabelsMissing(ValueError):
@@ -34,9 +34,9 @@ class LabelsMissing(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class CostChange:
-    """Cost of one labelling under a model before and after it has learned, its class's bias for all zones added.
+    """Cost of one labelling under a model before and after learning, including the bias of its class for all zones.
 
-    None where the model has not all of its labels.
+    None: the model does not have all labels of the labelling.
     """
 
     before: float | None
@@ -45,7 +45,7 @@ class CostChange:
 
 @dataclass(frozen=True, slots=True)
 class LearnedModel:
-    """A model that has learned from a page, and what the found and the verified labelling cost under it."""
+    """A model after learning from a page, and the costs of the found and the verified labelling."""
 
     model: LayoutModel
     found: CostChange
@@ -60,18 +60,17 @@ def adapt_models(
 ) -> tuple[Labels, dict[str, LearnedModel]]:
     """The right labels of all zones, and the models that have learned from the page, by name.
 
-    The model of the verified class learns the page. If another class was chosen, or none, or one for a page of none,
-    the calibrations of the models concerned learn the decision (`class_decisions`). A page without zones teaches
-    nothing, as in initialization.
+    The model of the verified class learns from the page. If recognition chose the wrong class, the calibrations of both
+    classes learn from the decision (`class_decisions`). A page without zones changes nothing, as in initialization.
 
     Parameters
     ----------
     verified
         The page, whose zones carry their content features, and the feedback on it.
     models
-        The newest versions of the found and the verified class by name; a class without a version is left out.
+        The newest versions of the found and the verified class, by name. Classes without a version are left out.
     learners
-        How each of them learns; `DEFAULT_LEARNER` where it is left out.
+        The learner of each model, by name; `DEFAULT_LEARNER` if it is missing.
     content_names
         Names of the content features.
 
@@ -114,7 +113,7 @@ def adapt_models(
 def _all_labels(
     verified: VerifiedPage[Page], found: Labels, graph: LayoutGraph, right: LearningModel | None
 ) -> Labels:
-    """Labels that were given, and those of the other zones: as found where the class was right, else as matched."""
+    """The given labels; other zones have the found label if the class was right, else the label of a new matching."""
     ids = [zone.id for zone in verified.page.zones]
     given = verified.labels
     if verified.verified_class is None:
@@ -140,7 +139,7 @@ def _all_labels(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _CalibratedModel:
-    """A compiled model and its calibration: together they give the cost of a page of the class."""
+    """A compiled model and its calibration. Both are needed for the cost of a page."""
 
     model: CompiledModel
     calibration: Calibration
@@ -171,7 +170,7 @@ def _decide(
 def _changes(
     graph: LayoutGraph, before: _CalibratedModel, after: _CalibratedModel, found: Labels, verified: Labels
 ) -> tuple[CostChange, CostChange]:
-    """Of the cost of the found and of the verified labelling."""
+    """Cost changes of the found and of the verified labelling."""
     of_found, of_verified = (
         CostChange(_cost(graph, before, labels), _cost(graph, after, labels)) for labels in (found, verified)
     )
@@ -187,6 +186,6 @@ def _cost(graph: LayoutGraph, model: _CalibratedModel, labels: Labels) -> float 
 
 
 def _least_cost(graph: LayoutGraph, model: CompiledModel, parameters: MatchingParameters) -> float:
-    """Cost a zone of the page's best labelling, as classes are compared by it."""
+    """Least cost a zone of the page, by which classes are compared."""
     matching = match_directly(build_cost_tables(graph, model), parameters)
     return comparable_cost(graph, model, matching.labels) / max(1, graph.zones)

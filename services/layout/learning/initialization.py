@@ -21,10 +21,10 @@ from services.layout.recognition.classification import calibrate
 from services.layout.recognition.page_recognition import RecognitionParameters, comparable_cost, match_graph
 
 MOST_HELD_OUT = 40
-"""Samples that are held out in turn to see what pages of the class cost."""
+"""Largest number of held-out samples for the measurement of the class's costs."""
 MOST_MATCHED = 2e8
-"""Entries of their tables of pairs together: those of 40 pages of 200 zones with 15 labels; larger ones take seconds
-each, so that fewer are held out."""
+"""Largest number of table entries of pairs for all held-out samples: 40 pages of 200 zones with 15 labels. Larger pages
+take seconds each, so that fewer are held out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class View:
 
 
 Views = Sequence[View]
-"""Of one sample: as it was verified, and as segmentation finds it."""
+"""The views of one sample: in its verified zones, and in the zones of segmentation."""
 
 
 def initialize_model(
@@ -47,12 +47,11 @@ def initialize_model(
 ) -> LayoutModel:
     """Layout graph model of a class from verified pages.
 
-    Typical values are means, weights inverse variances, relations look-up tables of frequencies, expectations of
-    content frequencies. All are drawn to usual values, so that one sample is enough to begin. From two samples on,
-    the attributes' weights are fitted, and the cost of a page of the class is measured, on pages that were held
-    out.
+    Typical values are means, weights are inverse variances, relations have look-up tables of frequencies, and content
+    features have frequencies. All estimates have a prior, so that one sample is enough. From two samples on, held-out
+    pages serve to fit the attributes' weights and to measure the cost of a page of the class.
 
-    Every sample has two views, which count as one page: as it was verified, and as segmentation finds it.
+    Every sample has two views, which count as one page: in its verified zones, and in the zones of segmentation.
 
     Parameters
     ----------
@@ -90,7 +89,7 @@ def see_samples(
 def begin_model(
     name: str, seen: Sequence[Views], labels: Sequence[str | None] | None = None
 ) -> LearningModel:
-    """The model of the samples in `seen`, at least one, with a calibration that is assumed.
+    """The model of the samples in `seen` (one or more), with a default calibration.
 
     `labels` are those of its nodes, None first (None: those of the samples).
     """
@@ -118,7 +117,7 @@ def labels_of(seen: Sequence[Views]) -> tuple[str | None, ...]:
 
 
 def calibrate_model(begun: LearningModel, seen: Sequence[Views]) -> Calibration:
-    """What pages of the class cost, measured on the samples of `begun`, each held out in turn."""
+    """The cost of pages of the class, measured by cross-validation on the samples of `begun`."""
     if len(seen) < 2:
         return calibrate([])
     labels = begun.labels
@@ -136,7 +135,7 @@ def calibrate_model(begun: LearningModel, seen: Sequence[Views]) -> Calibration:
 
 def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
     if found is None or not found.zones:
-        # Of the page alone, so that neither the order of samples nor the day changes the model.
+        # The seed depends on the page only, so that the model does not depend on the order of samples.
         seed = zlib.crc32(repr([zone.box for zone in sample.zones]).encode())
         found = over_segment(content.measure_page(sample), np.random.default_rng(seed))
     return [

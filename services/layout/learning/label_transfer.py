@@ -10,9 +10,10 @@ from services.layout.page import Page, Zone
 
 
 def transfer_labels(truth: Page, found: Page) -> Page:
-    """`found` with the labels of `truth`: of the true zone that covers most of each found zone.
+    """`found` with labels: each zone has the label of the zone in `truth` that covers most of it.
 
-    None where no true zone covers at least half of it. Where two cover it alike, the smaller one counts.
+    The label is None when no true zone covers at least half of the found zone. Of two that cover it equally, the
+    smaller one counts.
     """
     if not truth.zones or not found.zones:
         return replace(found, zones=tuple(replace(zone, label=None) for zone in found.zones))

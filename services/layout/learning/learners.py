@@ -1,4 +1,4 @@
-"""How a model learns from one verified page; the learner is a setting of the model.
+"""Algorithms by which a model learns from one verified page; a setting of the model selects one.
 
 - "passive-aggressive": sufficient-statistics update, then errors and small margins are corrected
   (`passive_aggressive`).
@@ -21,7 +21,7 @@ from services.layout.model.statistics import LabelledGraph, label_indices
 
 
 def learn_page(learned: LearningModel, page: LabelledGraph, learner: Learner) -> LearningModel:
-    """The model after a page that is new to it; new labels become nodes."""
+    """The model after learning from a new page; new labels become nodes."""
     if learner != "error-correction":
         learned = update_statistics(learned, page)
     learned = with_labels(learned, page.labels)
@@ -52,6 +52,6 @@ def match_page(learned: LearningModel, graph: LayoutGraph) -> NDArray[np.intp]:
 
 
 def wrong_zones(learned: LearningModel, page: LabelledGraph) -> int:
-    """How many zones of a page the model labels otherwise than they are; labels that it has not are wrong."""
+    """Number of zones of a page that the model labels wrongly, including zones whose label it does not have."""
     found = match_page(learned, page.graph)
     return sum(learned.labels[index] != label for index, label in zip(found, page.labels, strict=True))

@@ -1,4 +1,4 @@
-"""What segmentation may make of a page whose zones a person drew: zones in pieces, specks and rules beside them."""
+"""Simulated over-segmentation of a labelled page: split zones, and additional specks and rules."""
 
 from dataclasses import dataclass, replace
 
@@ -12,16 +12,16 @@ class OverSegmentationParameters:
     """Measured on title pages and letters: our own segmentation splits a tenth of the zones, more of long ones."""
 
     cut: float = 0.3
-    """Probability that a zone of two lines is cut between them; of longer ones each gap is cut less often, but more of
-    them are."""
+    """Probability of a cut in a zone of two lines. In longer zones each gap is cut less often, but more zones are
+    cut."""
     specks: float = 1.5
     """Specks and rules a page, on average."""
     share_of_specks: float = 0.6
     """Among these."""
     most_zones: int = 500
-    """A page has no more by cutting; zones that are said to have thousands of lines would make thousands."""
+    """Largest number of zones after cutting; the limit matters for zones with a false number of lines."""
     gap: float = 0.1
-    """White between two pieces, as a share of the distance of lines, to either side."""
+    """White space on each side of a cut, as a share of the distance of lines."""
 
 
 def over_segment(

@@ -1,9 +1,9 @@
 """Learning from errors by a margin: the passive-aggressive algorithm (PA-I) over the costs of labellings.
 
-The cost of a labelling is linear in the parameters of `slopes`. Of all models near the present one, that is sought
-under which the true labelling costs less than any other by as many units as zones differ (their Hamming distance);
-how far a page may move the model is bounded, so that a page with false labels cannot spoil it. With a bounded number
-of pages that break the margin under some model, the number of errors on any sequence of pages is bounded.
+The cost of a labelling is linear in the parameters of `slopes`. The update searches the nearest model under which the
+true labelling costs less than any other by the number of different zones (Hamming distance). The length of a step is
+bounded, so that one page with wrong labels does little damage. If some model violates the margin on few pages only, the
+number of errors on any sequence of pages is bounded.
 
 Source: Crammer, Dekel, Keshet, Shalev-Shwartz, Singer: Online passive-aggressive algorithms, JMLR 7 (2006), section 8.
 """
@@ -26,14 +26,14 @@ class MarginParameters:
     """Measured on streams of title pages and letters, where bounds of 0.03 to 1 did about equally well."""
 
     margin: float = 1.0
-    """Cost by which a labelling shall be dearer for each zone that it labels falsely."""
+    """Required additional cost of a labelling for each zone with a wrong label."""
     aggressiveness: float = 0.1
     """Largest step of one page, the C of PA-I."""
     rates: SlopeRates = field(default_factory=SlopeRates)
     matching: MatchingParameters = field(
         default_factory=lambda: MatchingParameters(max_nodes=0, max_sweeps=0)
     )
-    """Local search alone: any labelling that breaks the margin is worth a step, not only the worst one."""
+    """Local search only: every labelling that violates the margin is a reason for a step, not only the worst one."""
 
 
 def learn_by_margin(
@@ -42,7 +42,7 @@ def learn_by_margin(
     truth: NDArray[np.intp],
     parameters: MarginParameters = MarginParameters(),
 ) -> tuple[CompiledModel, bool]:
-    """The model after one step for a page whose true labels are `truth` (N,), and whether there was one to make.
+    """The model after one step for a page with true labels `truth` (N,), and whether a step was needed.
 
     With h the labelling of least cost less the margin and h* the true one, the loss is C(h*) - C(h) + margin of h;
     the step is that of least length which takes it away, or the largest allowed.
@@ -61,7 +61,7 @@ def learn_by_margin(
 
 
 def less_margin(tables: CostTables, truth: NDArray[np.intp], margin: float) -> CostTables:
-    """Tables in which a labelling costs so much less for each zone that differs from `truth` (N,)."""
+    """Tables in which a labelling costs `margin` less for each zone that differs from `truth` (N,)."""
     node = tables.node - margin
     node[np.arange(tables.zones), truth] += margin
     return replace(tables, node=node)

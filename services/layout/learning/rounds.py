@@ -1,4 +1,4 @@
-"""Rounds of training (5.6.1): all verified pages, one after another in the same order, over and over."""
+"""Rounds of training (5.6.1): every round learns from all verified pages in the same order."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class RoundParameters:
     """When training stops by itself."""
 
     folds: int = 5
-    """Parts of the samples that are held out in turn; each costs as much as the training itself."""
+    """Folds of the cross-validation. Each takes as long as the training itself."""
     most_effort: float = 6e9
     """Entries of tables of pairs in all: about a minute. Of very many or large pages fewer parts are held out in turn,
     so that there is time for `FEWEST_ROUNDS`, and rounds end when it is spent."""
@@ -27,9 +27,9 @@ class RoundParameters:
 
 
 FEWEST_ROUNDS = 3
-"""As many as the dissertation's title pages needed (5.6.1)."""
+"""The dissertation's title pages needed three rounds (5.6.1)."""
 LEAST_EFFORT = 2e5
-"""Of a page, however small."""
+"""Least effort that a page counts as."""
 
 
 def run_rounds(
@@ -95,7 +95,7 @@ def run_rounds(
 
 
 def _effort(view: LabelledGraph) -> float:
-    """About how many entries the tables of a page have."""
+    """Approximate number of entries in the tables of a page."""
     labels = len(set(view.labels)) + 1
     return LEAST_EFFORT + len(view.graph.pairs) * float(labels**2)
 

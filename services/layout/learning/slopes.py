@@ -1,4 +1,4 @@
-"""What the cost of a labelling is linear in: per-node weights, label costs, look-up tables, costs of counts."""
+"""Parameters in which the cost of a labelling is linear: weights of nodes, label costs, look-up tables, count costs."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -35,7 +35,7 @@ class CostSlopes:
 
 @dataclass(frozen=True, slots=True)
 class SlopeRates:
-    """How fast each group of parameters moves beside the others."""
+    """Relative learning rate of each group of parameters."""
 
     weights: float = 0.1
     """Weights are 1 where costs are some units, and act on terms of some units."""

@@ -1,7 +1,7 @@
-"""Sufficient-statistics update: a verified page is added to the sums of a model, and the model estimated anew.
+"""Sufficient-statistics update: adds a verified page to the sums of a model, and estimates the model again.
 
-A model that was updated page after page equals the one that initialization makes of all these pages with the same
-scales. No earlier page is needed again. Learner "counting" of the HTTP contract does this alone.
+After updates with several pages a model equals the model that initialization makes from the same pages and scales.
+Earlier pages are not needed. Learner "counting" of the HTTP contract does this alone.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -26,7 +26,7 @@ class StatisticsUpdateParameters:
     """Defaults were measured on streams of title pages and letters, from models of 1 and 3 samples."""
 
     most_pages: float = 200.0
-    """Pages that the sums count at most: older pages fade as new ones come, so that a class may change (5.7)."""
+    """Largest number of pages in the sums. Beyond it older pages lose weight, so that a class may change (5.7)."""
     scale_rate: float = 0.5
     """Share of the Newton step to the scales under which the page's labels are most probable; whole steps overshoot."""
 
@@ -36,7 +36,7 @@ def update_statistics(
     page: LabelledGraph,
     parameters: StatisticsUpdateParameters = StatisticsUpdateParameters(),
 ) -> LearningModel:
-    """The model with one page more; new labels become nodes.
+    """The model after one more page; new labels become nodes.
 
     First the scales take a step of Newton's method for the page. The estimates have not seen the page yet, just as
     initialization fits scales on pages that were held out. Then the page is added to the sums. Differences between
@@ -62,7 +62,7 @@ def update_statistics(
 
 
 def moved(model: CompiledModel, before: CompiledModel, after: CompiledModel) -> CompiledModel:
-    """`model`, which was learned upon the estimate `before`, upon the estimate `after` with its scales."""
+    """The estimate `after` plus the differences of `model` from the estimate `before`, which it has learned."""
 
     def shift(
         now: NDArray[np.float64], old: NDArray[np.float64], new: NDArray[np.float64]

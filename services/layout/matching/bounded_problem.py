@@ -1,8 +1,8 @@
-"""The same problem written so that no term is negative: then its constant is a lower bound.
+"""A reparametrisation of the matching problem without negative terms: its constant is a lower bound.
 
-A reparametrisation moves cost between the terms of a pairwise energy and leaves the sum of every labelling as it
-is. With all terms at least 0 and the rest in the constant, the constant is at most the least cost; a label
-whose term exceeds what is left up to a known cost is in no better labelling and goes.
+A reparametrisation moves cost between the terms of a pairwise energy and does not change the cost of any labelling.
+When all terms are at least 0, the constant is at most the least cost. A label whose term exceeds the gap between a
+known cost and the constant cannot be in a better labelling, and is removed.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from services.layout.matching.labelling import Floats, Labels, Neighbours
 
 @dataclass(slots=True, eq=False)
 class BoundedProblem:
-    """What is left to decide: R zones with at most K labels each, written with no negative term.
+    """The undecided part of the problem: R zones with at most K labels each, without negative terms.
 
     The cost of choosing `choice` (R,) of places is
 
@@ -61,7 +61,7 @@ class BoundedProblem:
         self.constant += float(least.sum())
 
     def move_counts(self, price: Floats) -> None:
-        """Let every zone pay `price` (L,) for its label, and the counts give it back."""
+        """Add `price` (L,) to every zone's label costs, and subtract it in the count costs."""
         self.node += price[self.names]
         self.count -= price[:, None] * np.arange(self.count.shape[1])
         self.normalise()

@@ -1,4 +1,4 @@
-"""Exact depth-first search over what bounds have left open, cheapest branch first."""
+"""Exact depth-first search over the labels that bounds have not removed, cheapest branch first."""
 
 import time
 from dataclasses import dataclass
@@ -11,13 +11,16 @@ from services.layout.matching.labelling import Floats, Labels
 _MOST_COUPLINGS = 4_000_000
 """Of (zone, label) with (zone, label), 32 MB; larger problems are not searched, and their gap is reported."""
 _USUAL_ZONES = 30
-"""Up to this many zones a step of the search takes about the same time: calls cost more than numbers."""
+"""Up to this number of zones a step of the search takes constant time, which function calls dominate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Searched:
-    """`choice` (R,) of least `cost` if it is below the one given, else None; `lower_bound` holds for what was not
-    searched as well; `explored` zones were opened."""
+    """The result of a search.
+
+    `choice` (R,) has the least `cost` if that is below the given cost, else it is None. `lower_bound` also holds for
+    the part that was not searched. `explored` is the number of opened zones.
+    """
 
     choice: Labels | None
     cost: float
@@ -45,7 +48,7 @@ class _Branch:
 def search(
     problem: BoundedProblem, below: float, tolerance: float, max_nodes: int, stop_at: float
 ) -> Searched:
-    """The least cost under `below` by more than `tolerance`, or the proof that there is none.
+    """The least cost below `below` by more than `tolerance`, or the proof that no such labelling exists.
 
     Opens `max_nodes` zones, fewer where more than `_USUAL_ZONES` are left, as each then costs more; and none after
     `stop_at` (of time.perf_counter).
@@ -78,7 +81,7 @@ def search(
 
 
 class _Branching:
-    """What all branches of one problem share."""
+    """Data that all branches of one problem share."""
 
     def __init__(self, problem: BoundedProblem) -> None:
         size, width = problem.node.shape
@@ -88,7 +91,7 @@ class _Branching:
         self._coupling[problem.low, :, problem.high, :] = problem.pair
         self._coupling[problem.high, :, problem.low, :] = problem.pair.transpose(0, 2, 1)
         self._rows = np.arange(labels)
-        # places that repeat a label go to a row of their own, which nobody reads
+        # places that repeat a label go to an extra row, which is not used
         self._slots = np.where(problem.real, problem.names, labels)
         self._reachable = _reachable(problem.count)
 

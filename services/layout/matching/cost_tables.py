@@ -1,4 +1,4 @@
-"""What matching minimizes: the cost of every choice of labels for the zones of one page (Equation 5.1)."""
+"""The objective of matching: the cost of every labelling of the zones of one page (Equation 5.1)."""
 
 from dataclasses import dataclass
 
@@ -46,7 +46,7 @@ class CostTables:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matching:
-    """The labelling that was found: `labels` (N,), its `cost`, and what is known of the least one.
+    """The labelling that was found: `labels` (N,), its `cost`, and a lower bound of the least cost.
 
     `lower_bound` <= least cost <= `cost`; `optimal` says that they are proved equal (to rounding).
     `explored` counts the nodes of the search tree.
@@ -60,5 +60,5 @@ class Matching:
 
     @property
     def gap(self) -> float:
-        """How far the cost may lie above the least one."""
+        """Largest possible difference between the cost and the least cost."""
         return max(0.0, self.cost - self.lower_bound)

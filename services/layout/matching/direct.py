@@ -1,4 +1,4 @@
-"""Direct many-to-one labelling: a good labelling first, then the proof that there is none better, or the gap."""
+"""Direct many-to-one labelling: finds a good labelling, then proves that it is optimal or bounds its gap."""
 
 import time
 
@@ -13,12 +13,12 @@ from services.layout.matching.local_search import improve, starts
 from services.layout.matching.parameters import MatchingParameters
 
 _TOLERANCE = 1e-10
-"""Of the cost's size: costs nearer than this are the same."""
+"""Relative tolerance: costs with a smaller difference are equal."""
 _FEW = 0.7
-"""A problem is written anew when no more than this share of its labels is left: passes over it are cheaper."""
+"""The problem is reduced when at most this share of its labels remains, since passes are then faster."""
 
 _STEP = 0.7
-"""Of the way to the prices that would be best if the others stood; with 1 they leap over each other."""
+"""Relaxation of the price updates: each price is computed with the others fixed, and with 1 they oscillate."""
 _SECOND, _THIRD = 3, 5
 """The passes after which local search starts again: from the second start, and from what looked best in the pass."""
 _SMALL = 50
@@ -27,15 +27,15 @@ _MOST_PASSED = 12_000_000
 """Entries of pairs in all passes together: 12 over those of 200 zones of which a fifth of the pairs has costs."""
 _MOST_COPIED = 6_000_000
 """Entries of pairs of which copies are made (48 MB each); the bound of larger tables is the plain one."""
-_STANDS_STILL = 0.9
-"""A pass that leaves more of the gap than this is the last."""
+_STALLED = 0.9
+"""Passes end when one leaves more than this share of the gap."""
 
 
 def match_directly(tables: CostTables, parameters: MatchingParameters) -> Matching:
-    """The labelling of least cost that was found, with what is proved of it.
+    """The labelling of least cost that was found, with a lower bound.
 
-    Local search from a few starts gives an upper bound. Message passing lifts a lower one and drops labels which are
-    in no better labelling; what both leave open goes to branch and bound.
+    Local search from a few starts gives an upper bound. Message passing raises a lower bound and removes labels that
+    cannot be in a better labelling. Branch and bound decides the rest.
     """
     stop_at = time.perf_counter() + parameters.max_ms / 1000
     if tables.zones == 0 or tables.labels == 1:
@@ -117,7 +117,7 @@ def _raise_bound(
             if problem.sizes.sum() <= _SMALL:
                 return problem
             ascent = DualAscent(problem)
-        elif gap > _STANDS_STILL * last:
+        elif gap > _STALLED * last:
             break
         last = gap
         if time.perf_counter() > stop_at:

@@ -1,4 +1,4 @@
-"""Sequential message passing over pairs that lifts the lower bound of a problem and drops labels.
+"""Sequential message passing over pairs: it raises the lower bound of a problem and finds labels to remove.
 
 One pass goes through the zones in order (or back). At each zone, what its pairs with the zones before cost at
 least for each of its labels moves into the zone; the least of the sum moves into the constant; the rest is
@@ -143,7 +143,7 @@ class DualAscent:
 
 
 _FAR = 1e30
-"""Beyond every cost: a label that a zone cannot have."""
+"""Cost of a label that a zone cannot have, larger than every other cost."""
 
 
 @cache

@@ -1,4 +1,4 @@
-"""A labelling that changes zone by zone, with the cost of every single change at hand."""
+"""A labelling that changes zone by zone; it has the cost of every single change ready."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Good labellings quickly: iterated conditional modes, then moves of several zones together."""
+"""Local search for good labellings: iterated conditional modes, then moves of several zones together."""
 
 import numpy as np
 
@@ -6,13 +6,13 @@ from services.layout.matching.cost_tables import CostTables
 from services.layout.matching.labelling import Floats, Labelling, Labels, Neighbours
 
 _LEAST_GAIN = 1e-10
-"""Relative to the costs; smaller gains are rounding, and could be won for ever."""
+"""Relative to the costs. Smaller gains are rounding errors and could cause endless loops."""
 _MOVES_PER_ZONE = 8
 """Of single zones in one descent; more than any page needed, so that no descent is endless."""
 
 
 def descend(state: Labelling, least_gain: float) -> None:
-    """Iterated conditional modes: the single change that gains most, until none does."""
+    """Iterated conditional modes: apply the single change with the largest gain until no change gains."""
     width = state.field.shape[1]
     for _ in range(_MOVES_PER_ZONE * len(state.labels)):
         changes = state.changes()
@@ -23,7 +23,7 @@ def descend(state: Labelling, least_gain: float) -> None:
 
 
 def exchange(state: Labelling, least_gain: float) -> bool:
-    """Let the two zones of one pair swap labels, if that gains; says whether it did."""
+    """Swap the labels of the two zones of one pair if that reduces the cost; return whether it did."""
     around, labels, field = state.neighbours, state.labels, state.field
     first, second = labels[around.low], labels[around.high]
     different = np.flatnonzero(first != second)

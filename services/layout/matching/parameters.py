@@ -1,4 +1,4 @@
-"""What a search for the least cost may take."""
+"""Limits of a search for the least cost."""
 
 from dataclasses import dataclass
 

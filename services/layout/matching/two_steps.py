@@ -1,4 +1,4 @@
-"""The dissertation's way (5.4): the best one-to-one mapping first, then the zones it leaves are grouped to it."""
+"""The dissertation's matching (5.4): the best one-to-one mapping, then grouping of the other zones with it."""
 
 from dataclasses import dataclass, replace
 

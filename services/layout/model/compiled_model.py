@@ -15,11 +15,11 @@ CONTENT_SCALE = 0.6
 KIND_SCALE = 2.0
 LABEL_SCALE = 0.4
 COUNT_SCALE = 0.4
-"""Weights until enough samples tell: of a content feature, of one that is a kind of zone, of a label's own cost, of
-its count."""
+"""Default weights without enough samples: of a content feature, of a kind of zone as a feature, of a label's own cost,
+of its count."""
 
 SUREST = 0.001
-"""Expectation values count as no nearer to 0 or 1 than this: a document may hold both, and nothing costs all."""
+"""Expectation values are clipped to this distance from 0 and 1, so that no cost is infinite."""
 
 LABEL, COUNT = "label", "count"
 """Names of the last two in a model's scales."""
@@ -63,7 +63,7 @@ def scale_names(content_names: Sequence[str]) -> tuple[str, ...]:
 
 
 def default_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
-    """The weights before samples tell, in the order of `scale_names`."""
+    """The default weights without samples, in the order of `scale_names`."""
     return np.array(
         [
             *(attribute.scale for attribute in NUMERIC_ATTRIBUTES),
@@ -76,7 +76,7 @@ def default_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
 
 
 def compile_model(model: LayoutModel, content_names: Sequence[str]) -> CompiledModel:
-    """Arrays of `model`; attributes that it does not know cost nothing, those that only it knows are left out."""
+    """Arrays of `model`. Attributes that it does not have cost nothing; its unknown attributes are left out."""
     nodes, count = model.nodes, len(model.nodes)
     values = np.full((count, len(NUMERIC_ATTRIBUTES)), np.nan)
     variances, weights = np.ones_like(values), np.ones_like(values)

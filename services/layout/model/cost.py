@@ -13,7 +13,7 @@ from services.layout.matching.cost_tables import CostTables
 from services.layout.model.compiled_model import LABEL, CompiledModel, content_scale_name
 
 USUAL_CONTENT = 0.1
-"""How much of a content feature a zone of any page has; costs are relative to it."""
+"""Mean confidence of a content feature in zones of any page; costs are relative to it."""
 
 MOST_EXPLAINED = 1000
 """Terms of a cost in an explanation; a page of 500 zones has 200 000."""
@@ -53,7 +53,7 @@ def node_terms(graph: LayoutGraph, model: CompiledModel) -> NDArray[np.float64]:
 
 
 def _node_terms(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp]) -> NDArray[np.float64]:
-    """The same (N, K, A + C + 1) of `labels` (N, K), or (1, K) for all zones."""
+    """Terms (N, K, A + C + 1) of `labels` (N, K), or of (1, K) for all zones; see `node_terms`."""
     attributes = len(NUMERIC_ATTRIBUTES)
     terms = np.empty((graph.zones, labels.shape[1], attributes + len(graph.content_names) + 1))
     with np.errstate(invalid="ignore"):
@@ -77,8 +77,8 @@ def expectation_cost(
 def content_cost(confidence: NDArray[np.float64], expectation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Equation 5.3 with its two mismatches charged by their log likelihoods.
 
-    So what never happens in a component costs more than what seldom does. Like 5.3 it is linear in p, falls with p
-    for an expectation above the usual and rises below it.
+    So a feature that never occurs in a component costs more than a rare one. As in 5.3 the cost is linear in p; it
+    falls with p for an expectation above the usual one and rises below it.
     """
     present = np.log(expectation / USUAL_CONTENT)
     absent = np.log((1 - expectation) / (1 - USUAL_CONTENT))
@@ -86,14 +86,14 @@ def content_cost(confidence: NDArray[np.float64], expectation: NDArray[np.float6
 
 
 CONTENT_COST: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]] = content_cost
-"""Of the two the one in use: on title pages and letters it leaves fewer errors at any number of samples."""
+"""The cost that is used: on title pages and letters it gives fewer errors than 5.3 at any number of samples."""
 
 
 def relation_weight(zones: int) -> float:
     """Share with which each of a zone's edges counts on a page of `zones` zones.
 
-    Edges are N - 1 for each node and tell the same thing over again; their sum grows as that of as many
-    independent errors would.
+    Each node has N - 1 edges with correlated information. With this weight their sum grows like a sum of independent
+    errors.
     """
     return float(1 / np.sqrt(max(1, zones - 1)))
 

@@ -33,7 +33,7 @@ class EstimationParameters:
     content_weight: float = 1.0
     """Of a content feature's frequency over all zones, against that in the component."""
     content_range: tuple[float, float] = (0.003, 0.997)
-    """Expectation values stay within: what was never seen may still come."""
+    """Range of expectation values: a feature that never occurred may still occur."""
     relation_weight: float = 2.0
     """Of a descriptor's frequency over all pairs, against that of the pair of components."""
     count_weight: float = 0.5

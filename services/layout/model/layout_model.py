@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 
 MODEL_FORMAT = "layout-graph-model"
 MODEL_FORMAT_VERSION = 1
-"""Raised when a model of this form can no longer be read by the code that wrote the last."""
+"""The number increases when earlier code cannot read a new model."""
 
 MOST_LABELS = 60
 """Of one class; no class of the field's data sets has half as many, and tables of edges grow with the square."""
 
 LARGEST = 1e9
-"""Size of any number of a model: what is learned is kept within what is read, so that it can be read again."""
+"""Largest absolute value of any number of a model. Learning clips to it, so that the stored model can be read again."""
 
 LARGEST_SUM = 1e15
 """Of its sufficient statistics: squares of places on 200 pages of 10 000 zones have 1e14 together."""
@@ -58,7 +58,7 @@ class ModelNode:
 
 @dataclass(frozen=True, slots=True)
 class ModelEdge:
-    """How zones of two components lie to each other, the `upper` one being the zone that starts higher.
+    """Relative position of zones of two components; `upper` is the component of the zone that starts higher.
 
     `costs[relation][d]` is the cost of descriptor d of a qualitative relation: a look-up table that is least for
     the dominant descriptor (5.6.1), the one that these two components have most often compared with any others.
@@ -111,9 +111,9 @@ class EdgeStatistics:
 class ModelStatistics:
     """Sufficient statistics of a model, with which it learns from one page more without the pages before (5.5).
 
-    `descriptors` names the columns of its edges, "relation:descriptor". `nodes` stand in the order of the model's;
-    edges that were never seen are left out. `certainty` tells how sure each of the model's `scales` is: the second
-    derivative of the pages' log likelihood.
+    `descriptors` names the columns of its edges, "relation:descriptor". `nodes` have the order of the model's nodes;
+    edges without counts are left out. `certainty` has the certainty of each of the model's `scales`: the second
+    derivative of the pages' negative log likelihood.
     """
 
     pages: float
@@ -127,7 +127,7 @@ class ModelStatistics:
 class LayoutModel:
     """Layout graph model of a document class (5.3): nodes, edges between all of them, and weights.
 
-    Two models are the same only if they are one object, so that what is made of a model can be kept by it.
+    Models are compared by identity, so that a model can be a key of a cache.
 
     The first node is null. `scales` weigh every attribute by name; together with the variance of its node it
     makes the attribute's weight. An edge that is not listed has no cost. A model without `statistics` can

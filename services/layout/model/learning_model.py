@@ -1,4 +1,4 @@
-"""A model while it learns: its arrays, the sums that they were estimated from, and the way back to a stored model."""
+"""A model during learning: its arrays, the sums of their estimation, and conversion from and to a stored model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ class LearningModel:
         return self.model.labels
 
     def with_model(self, model: CompiledModel) -> "LearningModel":
-        """The same with other costs for the same nodes."""
+        """This model with other costs for the same nodes."""
         return replace(self, model=model)
 
 
@@ -71,7 +71,7 @@ def end_learning(learned: LearningModel) -> LayoutModel:
 
 
 def with_labels(learned: LearningModel, labels: Sequence[str | None]) -> LearningModel:
-    """The model with nodes for those of `labels` that it has not: they cost what is usual until one is counted."""
+    """The model with nodes for all `labels`; new nodes have default costs until a zone is counted."""
     new = sorted({label for label in labels if label is not None} - set(learned.labels))
     if not new:
         return learned
@@ -102,5 +102,5 @@ def with_labels(learned: LearningModel, labels: Sequence[str | None]) -> Learnin
 
 
 def _widened(counts: NDArray[np.float64], width: int) -> NDArray[np.float64]:
-    """Costs of more zones than a model tells are those of its last number."""
+    """Count costs for more zones; they repeat the last cost."""
     return np.pad(counts, ((0, 0), (0, max(0, width - counts.shape[1]))), mode="edge")[:, :width]

@@ -1,10 +1,10 @@
-"""Weights of the attributes from samples: how far each can be trusted in this class.
+"""Fitting of the attributes' weights to samples of a class.
 
-Weights by inverse variances (5.6.1) take every attribute for independent of the others, which positions and
-sizes are not: added up they outvote the rest. One factor an attribute, shared by all components, mends that. The
-factors are those under which each zone's true label, given those of the other zones, is most probable
-(pseudo-likelihood: Besag, The Statistician 24, 1975), drawn to the usual ones. Every page is judged by a model in
-which it has no part. The problem is convex, so it has one answer.
+Weights by inverse variances (5.6.1) assume independent attributes. Positions and sizes are correlated, and their sum
+would dominate the other attributes. One factor for each attribute, shared by all components, corrects this. The factors
+are those under which each zone's true label, given those of the other zones, is most probable (pseudo-likelihood:
+Besag, The Statistician 24, 1975), drawn to the usual ones. Every page is judged by a model in which it has no part. The
+problem is convex, so it has one answer.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ class ScaleFittingParameters:
     prior_weight: float = 20.0
     """Of the usual weights: inverse of the variance that they have between classes."""
     most_samples: int = 200
-    """More say the same again; they are taken evenly from all."""
+    """Largest number of samples, chosen evenly from all; more do not change the weights."""
     most_terms: float = 2e7
     """Costs of zones by label and attribute (8 bytes each, every iteration reads them all): 200 pages of 40 zones with
     15 labels in two views; only larger pages, or more labels, make the samples fewer."""

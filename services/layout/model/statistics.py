@@ -1,4 +1,4 @@
-"""What samples say of a class: sums over labelled pages, from which pages can be taken away again."""
+"""Sufficient statistics of a class: sums over labelled pages, from which single pages can be subtracted."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
@@ -52,7 +52,7 @@ class LabelStatistics:
         )
 
     def __sub__(self, other: "LabelStatistics") -> "LabelStatistics":
-        """What is left without the pages of `other`, which are among this one's."""
+        """The sums without the pages of `other`, which must be part of these sums."""
         left = [getattr(self, each.name) - getattr(other, each.name) for each in fields(self)]
         # Sums of confidences and squares may miss zero by a rounding error.
         return LabelStatistics(*(np.where(np.abs(values) < ROUNDING, 0.0, values) for values in left))
