@@ -15,7 +15,7 @@ ALIGNMENTS: tuple[Alignment, ...] = get_args(Alignment)
 
 
 class InvalidLayout(ValueError):
-    """A page, a zone or a model that is not one; `field` names the part, as in `zones[3].box`."""
+    """A page, a zone or a model is invalid; `field` names the part, as in `zones[3].box`."""
 
     def __init__(self, detail: str, field: str | None = None) -> None:
         super().__init__(detail, field)
@@ -25,7 +25,7 @@ class InvalidLayout(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """One homogeneous region of a page; None where a thing was not measured.
+    """One homogeneous region of a page; None for values that were not measured.
 
     `font_size` is the em of its print and `line_spacing` the distance of its baselines, in pixels; `weight` the
     stroke width as a share of the font size; `content` the confidence, 0-1, that it has a content feature
@@ -47,7 +47,7 @@ class Zone:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A segmented page of `width` x `height` pixels; its zones stand in reading order where one is known."""
+    """A segmented page of `width` x `height` pixels, its zones in reading order if that is known."""
 
     width: float
     height: float
@@ -55,7 +55,7 @@ class Page:
 
 
 def is_finite_number(value: Any) -> bool:
-    """Whether `value` is a number of JSON that can be computed with (True and False are none)."""
+    """Whether `value` is a finite JSON number (True and False are not numbers)."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     try:

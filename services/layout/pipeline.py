@@ -34,7 +34,7 @@ LIGHT_GROUND = 96
 
 
 def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None) -> Page:
-    """Zones of a page image (H, W, 3) with all that is measured and, with an engine, read of them."""
+    """The page of an image (H, W, 3): its zones with measurements, and with texts if there is an OCR engine."""
     gray = _gray(image)
     words = _read_words(gray, engine)
     return (features or content_features()).measure_page(segment_page(gray, words))
@@ -43,13 +43,13 @@ def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatur
 def complete_page(
     page: Page, image: RgbImage | None, engine: OcrEngine | None, features: ContentFeatures | None = None
 ) -> Page:
-    """A page whose zones came from elsewhere, with what they lack: measures and texts of the image, content.
+    """A page with zones from a client, completed with measurements and texts from the image and with content features.
 
-    What the zones already have is kept.
+    Values that the zones already have are kept.
     """
     if image is not None:
         gray = _gray(image)
-        # Rules and figures have no text as a rule: those of a page that was read do not call for it to be read again.
+        # Only text zones without text are a reason to run OCR, since rules and figures usually have none.
         unread = any(zone.kind == "text" and not zone.text for zone in page.zones)
         unread |= not any(zone.text for zone in page.zones)
         words = _read_words(gray, engine) if unread else None
@@ -60,12 +60,11 @@ def complete_page(
 def complete_sample(
     page: Page, image: RgbImage | None, engine: OcrEngine | None, features: ContentFeatures | None = None
 ) -> tuple[Page, Page | None]:
-    """A verified page with what its zones lack, and the same page in the zones that we find in its image.
+    """A completed verified page, and the same page in the zones that segmentation finds in its image.
 
-    People draw zones that no segmenter finds (a logo with letters in it, a list as one zone). A model that has seen
-    both knows the pages of people and the pages that it will be asked about. The second one carries the labels of
-    the verified zones that cover its own (`transfer_labels`); it is None without an image, and where the verified
-    zones are the found ones.
+    People draw zones that no segmenter finds (a logo with letters in it, a list as one zone). A model needs both views:
+    the verified zones and those of later requests. The second page has the labels of the verified zones that cover its
+    zones (`transfer_labels`). It is None without an image, and when both have the same zones.
     """
     if image is None:
         return complete_page(page, None, None, features), None
@@ -99,9 +98,9 @@ def _gray(image: RgbImage) -> GrayImage:
 
 
 def _read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
-    """Words of a page in even light: shadows cost an engine that thresholds a page as a whole half of its words.
+    """Words of a page, read after correction of its illumination; None without an engine.
 
-    A page whose ground is dark is read as it is; there is no light to even out.
+    An engine with a global threshold loses half of the words in shadows. A page with dark ground is not corrected.
     """
     if engine is None:
         return None

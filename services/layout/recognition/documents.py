@@ -4,10 +4,9 @@ A class has a model of its first page, and may have models of the pages that fol
 the class, pages are independent; so the evidence for a class is the sum of its pages' log likelihoods: that of the
 first page by its own model, that of each later one by the best of its continuation models.
 
-A later page may also be none of the class's: an enclosure, a fax that was sent along. So its likelihood is a mixture
-with that of a page of any kind, approximated by the best of all models, of any class. That bounds what one stray
-page costs a class; and a class whose later pages nobody has taught gets most of its likelihood from there, so that it
-has neither an advantage over the others by them nor a disadvantage.
+A later page may not belong to the class, as an enclosure. So its likelihood is a mixture with the likelihood of a page
+of any kind, approximated by the best of all models. This bounds the effect of one stray page. For a class without
+continuation models this part dominates, so that later pages give it neither an advantage nor a disadvantage.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,7 +26,7 @@ Part = Literal["first", "continuation"]
 
 @dataclass(frozen=True, slots=True)
 class DocumentParameters:
-    """How pages speak for a class; measured on simulated letters, memos and papers of 2 to 4 pages.
+    """Mixture weights of later pages; measured on simulated letters, memos and papers of 2 to 4 pages.
 
     Later pages of different classes are more alike than first ones. By models of two or three samples they mislead as
     often as they help, so that 0.05 as a stray page's probability named 5 of 84 documents wrong, first pages alone 2;
@@ -35,9 +34,10 @@ class DocumentParameters:
     """
 
     stray: float = 0.2
-    """Probability of a later page that is none of its class, which has continuation models; 0.1 to 0.3 does."""
+    """Probability of a stray later page, for a class with continuation models; 0.1 to 0.3 give equal results."""
     untaught: float = 0.9
-    """The same of a class without; its own model may have seen later pages, or may not."""
+    """Probability of a stray later page, for a class without continuation models; its samples may include later
+    pages."""
     recognition: RecognitionParameters = field(default_factory=RecognitionParameters)
 
 
@@ -68,7 +68,7 @@ class DocumentRecognition:
 
 
 def class_of(name: str, models: Sequence[VersionedModel]) -> str:
-    """The class whose pages a model describes: its own name, or what it continues, over as many models as there are."""
+    """The document class of a model: its own name, or the first class in the chain of `continues`."""
     continues = {model.model.name: model.continues for model in models}
     for _ in models:
         following = continues.get(name)
@@ -79,7 +79,7 @@ def class_of(name: str, models: Sequence[VersionedModel]) -> str:
 
 
 def place_page(recognition: Recognition, models: Sequence[VersionedModel]) -> PageInDocument:
-    """A page that came alone: what part of what document it looks like."""
+    """The page with the document class of its model, for a page that is recognized alone."""
     if recognition.chosen is None:
         return PageInDocument(recognition, None, None)
     document_class = class_of(recognition.chosen.name, models)
@@ -104,7 +104,7 @@ def recognize_document(
 ) -> DocumentRecognition:
     """Class of a document and labels of the zones of its pages, which carry their content features.
 
-    The first page is the first one that has zones: the sheet before it may be blank. Continuation models never stand
+    The first page is the first one that has zones: the sheet before it may be blank. Continuation models do not compete
     for it, unless there are no others. `on_page` is called after every page that was matched.
     """
     classes = _gather(models)
@@ -182,13 +182,13 @@ def _evidence(
 def _log_likelihood(
     evidence: Sequence[Mapping[str, float]], each: _Class, parameters: DocumentParameters
 ) -> float:
-    """Of the pages from the first one on, given the class, up to what all classes share."""
+    """Log likelihood of the pages from the first one on, given the class, up to a constant of all classes."""
     total = evidence[0].get(each.first.model.name, -np.inf)
     stray = parameters.stray if each.later else parameters.untaught
     for page in evidence[1:]:
         if page:
             own = max(page.get(model.model.name, -np.inf) for model in each.later or (each.first,))
-            # A page of any kind has 0, by the best model of all it may have more.
+            # A page of any kind has 0; the best of all models may give more.
             any_kind = max(0.0, *page.values())
             total += float(np.logaddexp(np.log1p(-stray) + own, np.log(stray) + any_kind))
     return total
@@ -214,7 +214,7 @@ def _label(
     if nearest.name == model.model.name:
         return replace(recognition, chosen=nearest)
     alone = recognize_page(recognition.page, [model], content_names, parameters)
-    # Among others the model was searched for less thoroughly, or not at all.
+    # With many models the search for this one was short, or left out.
     (best,) = alone.classes
     shares = {match.name: match.probability for match in recognition.classes}
     chosen = replace(best, probability=shares.get(best.name, 0.0))

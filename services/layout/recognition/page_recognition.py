@@ -57,7 +57,7 @@ class VersionedModel:
 class RecognitionParameters:
     """`method` chooses between the two ways of 5.4; `explain` adds the terms of the cost to the match.
 
-    Of more than `most_candidates` models the hierarchy tells as many that are searched for.
+    Of more than `most_candidates` models the hierarchy chooses that number of models for the search.
     """
 
     method: Literal["direct", "two-steps"] = "direct"
@@ -105,10 +105,9 @@ def recognize_page(
 ) -> Recognition:
     """Class and labels of a page whose zones carry their content features.
 
-    Of many models the hierarchy tells the candidates (`most_candidates`), which are matched by local search alone
-    first; the others have the cost, and from it the probability, that they had when they were ruled out. Proofs take
-    most of the time, above all those for models that do not fit, so only the contenders for the class are matched
-    with the whole budget.
+    The hierarchy chooses `most_candidates` candidates, which are first matched by local search only. The other models
+    keep the cost of their ranking. Proofs of the least cost take most of the time, most of all for models that do not
+    fit, so only the contenders for the class are matched with the full budget.
 
     Without models, or without zones, nothing is labelled and no class is chosen.
     """
@@ -167,7 +166,7 @@ def comparable_cost(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np
 
 
 _COMPILED: WeakKeyDictionary[LayoutModel, tuple[tuple[str, ...], CompiledModel]] = WeakKeyDictionary()
-"""Arrays of the models that somebody keeps, for the content features that were last asked for."""
+"""Arrays of the models in use, for the content features of their last use."""
 
 
 def _compiled(model: LayoutModel, content_names: tuple[str, ...]) -> CompiledModel:
@@ -256,7 +255,7 @@ def _match(
 
 
 def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
-    """Zones with their labels; how sure each is follows from the costs of its other labels.
+    """Zones with labels and confidences, which follow from the costs of the other labels.
 
     The weights of the costs are those under which true labels are most probable given the others, so that their
     exponentials are probabilities (`scale_fitting`).

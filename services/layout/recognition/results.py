@@ -1,4 +1,4 @@
-"""What recognition says of a page."""
+"""Results of the recognition of a page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ class LabelledZone:
 
 @dataclass(frozen=True, slots=True)
 class ClassMatch:
-    """How well the page matches one model: its least `cost`, and the `probability`, 0-1, of the class.
+    """The match of a page and one model: its least `cost`, and the `probability`, 0-1, of the class.
 
     Among many models the cost of a class that was not matched is its unary score, or that of its genre
     (`services.layout.recognition.hierarchy`).

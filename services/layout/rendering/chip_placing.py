@@ -1,4 +1,4 @@
-"""Where the labels of zones go on a picture of the page: beside their zones, off each other, off the print."""
+"""Positions of label chips on a picture of the page: close to their zones, without overlap of chips and print."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ Rect = tuple[int, int, int, int]
 _ON_CHIP = 50.0
 """Weight of an area of another label that is covered, against that of a zone's area."""
 _ON_OWN_ZONE = 0.95
-"""Weight of the own zone's area: rather there than on another's, where it would be read as that one's."""
+"""Weight of the own zone's area. It is lower than that of other zones, where a label would be misunderstood."""
 _LESS_LIKED = 0.06
 """Cost, in areas of the label, of each place further down the list."""
 _STEPS = 12

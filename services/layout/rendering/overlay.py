@@ -40,8 +40,8 @@ PALETTE: tuple[Colour, ...] = (
     (86, 180, 233),  # sky
     (139, 94, 60),  # brown
 )
-"""Colours that are told apart with any colour vision: Okabe and Ito (2008) and Tol's "muted" scheme (SRON/EPS/TN/
-09-002), ordered so that neighbours differ in lightness too."""
+"""Colours that colour-blind people can distinguish: Okabe and Ito (2008) and Tol's "muted" scheme (SRON/EPS/TN/09-002),
+ordered so that neighbours differ in lightness too."""
 _USUAL = {
     **{
         "title": 0,
@@ -75,8 +75,8 @@ _USUAL = {
     **{"signature": 7, "handwriting": 7, "typist-initials": 8, "field": 8, "reference": 2, "letterhead": 11},
     "stamp": 11,
 }
-"""Colours of labels that most title pages and letters have, so that those of one page differ; any other label has
-the colour that its letters come to."""
+"""Fixed colours of frequent labels of title pages and letters, so that those of one page differ. The colour of any
+other label follows from a hash of its name."""
 _UNLABELLED: Colour = (110, 116, 122)
 _INK: Colour = (24, 28, 33)
 _DESK: Colour = (226, 229, 233)
@@ -107,7 +107,7 @@ _ROUNDING = 4
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """Where the page lies in the picture, and how large things are drawn; all in pixels of the picture."""
+    """Position of the page in the picture, and sizes of drawn elements, in pixels of the picture."""
 
     scale_x: float
     scale_y: float
@@ -201,7 +201,7 @@ def _box(zone: LabelledZone, frame: _Frame) -> Rect:
 
 
 def _moved(box: Rect, frame: _Frame) -> Rect:
-    """The same in pixels of the picture."""
+    """`box` in pixels of the picture."""
     return (box[0] + frame.left, box[1] + frame.top, box[2] + frame.left, box[3] + frame.top)
 
 
@@ -293,7 +293,7 @@ def _listed(word: str, classes: Sequence[ClassMatch]) -> str:
 
 
 def _percent(share: float) -> str:
-    """Whole per cent; what is neither impossible nor certain is not rounded to it."""
+    """Whole percent; only 0 and 1 become 0 % and 100 %."""
     if 0 < share < 0.005:
         return "<1%"
     if 0.995 <= share < 1:

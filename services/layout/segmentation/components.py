@@ -1,4 +1,4 @@
-"""Which components may be glyphs, and pairs of boxes that lie beside each other."""
+"""Classification of components (glyphs, rules, other ink), and pairs of neighbouring boxes."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class Kinds:
 def tell_kinds(
     components: Components, unit: float, slope: float, parameters: SegmentationParameters
 ) -> Kinds:
-    """Kinds by size against `unit`, the page's glyph height in px; what has none of them is specks."""
+    """Kinds by size relative to `unit`, the page's glyph height in px; components of no kind are specks."""
     width, height, area = components.width, components.height, components.area
     # A slanting rule's box is higher than the rule.
     level = np.maximum(height - abs(slope) * width, 1.0), np.maximum(width - abs(slope) * height, 1.0)
@@ -53,7 +53,7 @@ def near_pairs(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[Ind
     counts = np.maximum(ends - np.arange(len(low)) - 1, 0)
     total = np.cumsum(counts)
     if len(total) and total[-1] > _MOST_PAIRS:
-        # So many lie on each other only in dirt; the nearest followers are enough there.
+        # Only dirt has so many overlaps; there the nearest neighbours are enough.
         counts = np.minimum(counts, _MOST_PAIRS // len(low))
         total = np.cumsum(counts)
     first = np.repeat(np.arange(len(low)), counts)

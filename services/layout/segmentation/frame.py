@@ -1,4 +1,4 @@
-"""What both segmentation and measuring begin with: the components of a page, told apart and levelled."""
+"""First step of segmentation and measuring: the components of a page, classified and levelled."""
 
 from dataclasses import dataclass, replace
 
@@ -56,7 +56,7 @@ class PrintedPage:
 
 
 def analyse_print(gray: GrayImage, parameters: SegmentationParameters) -> PrintedPage | None:
-    """Components of a page (H, W) uint8; None where nothing on it may be print."""
+    """Components of a page (H, W) uint8; None when it has no ink that may be print."""
     if gray.size == 0:
         return None
     ink = find_ink(gray, parameters)

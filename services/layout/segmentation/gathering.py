@@ -1,4 +1,4 @@
-"""Scraps of one thing gathered: pieces of a signature, a stamp or a formula are one zone, not dozens."""
+"""Merging of scraps: the pieces of a signature, a stamp or a formula become one zone."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Where a row of words ends and another begins beside it: gaps that go on in the rows around."""
+"""Gutters between columns: gaps in rows of words that continue in the rows around."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -98,7 +98,7 @@ def _typical_spaces(
 
 
 def _is_gutter(index: int, gaps: _Gaps, rows: _Rows, parameters: SegmentationParameters) -> bool:
-    """Whether a gap of a row goes on in the rows above and below, or is too wide to need that."""
+    """Whether a gap continues in the rows above and below, or is wide enough without that."""
     x0, x1, em = gaps.x0[index], gaps.x1[index], gaps.em[index]
     width = (x1 - x0) / em
     if x1 - x0 < parameters.gap_over_space * rows.space[gaps.row[index]]:

@@ -138,7 +138,7 @@ def _count_runs(labels: NDArray[np.int32], count: int) -> NDArray[np.float64]:
 
 
 def glyph_height(components: Components, page_px: float) -> float:
-    """The page's unit: the height in which most ink of glyph-like components stands, px; 0 without any."""
+    """The page's unit: the most frequent height of glyph-like components, weighted by ink, px; 0 without any."""
     height, width = components.height, components.width
     plausible = (height >= _LEAST_HEIGHT_PX) & (height <= page_px / 25)
     plausible &= (width < 12 * height) & (height < 6 * width)
@@ -151,7 +151,7 @@ def glyph_height(components: Components, page_px: float) -> float:
 
 
 def estimate_skew(boxes: NDArray[np.float64], parameters: SegmentationParameters) -> float:
-    """Slope dy/dx of the text lines, from the feet of glyphs with boxes (N, 4); 0 where too few stand in lines.
+    """Slope dy/dx of the text lines, from the feet of glyphs with boxes (N, 4); 0 when too few form lines.
 
     The slope at which the feet's projection onto the vertical is the most concentrated.
     """

@@ -34,7 +34,7 @@ def _weighted_median(values: Sequence[float], weights: Sequence[float]) -> float
 def zone_alignment(
     lines: Sequence[Line], column: tuple[float, float], em: float, indent: float = 9.0
 ) -> Alignment | None:
-    """How lines stand: by their edges and centres, or, one line alone, within its `column` (x0, x1).
+    """Alignment of lines, from their edges and centres, or for a single line from its place in its `column` (x0, x1).
 
     None for a single line that fills its column.
     """

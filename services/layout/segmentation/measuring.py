@@ -1,4 +1,4 @@
-"""Zones that came from elsewhere, measured on the page's image."""
+"""Measurement of zones from a client on the page's image."""
 
 from dataclasses import replace
 

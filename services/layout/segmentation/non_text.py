@@ -1,4 +1,4 @@
-"""Figures, rules and noise: what is left of a page's ink beside its text lines."""
+"""Figures, rules and noise, from the ink of a page outside its text lines."""
 
 from dataclasses import dataclass
 
@@ -126,7 +126,7 @@ def _rule_pieces(boxes: Boxes, unit: float, parameters: SegmentationParameters) 
         centre = (boxes[:, across] + boxes[:, across + 2]) / 2
         level = np.abs(centre[i] - centre[j]) < 0.3 * unit
         level &= (length[i] > thickness[i]) & (length[j] > thickness[j])
-        # Neither lies beside the other: a double rule is two.
+        # They do not lie side by side: a double rule is two rules.
         shared = np.minimum(boxes[i, along + 2], boxes[j, along + 2]) - np.maximum(
             boxes[i, along], boxes[j, along]
         )

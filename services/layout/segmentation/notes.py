@@ -1,4 +1,4 @@
-"""Notes that stand tight below each other, as at a letter's foot: initials, enclosures, and to whom copies go."""
+"""Notes with narrow spacing at the end of a letter: initials, enclosures, copies."""
 
 from collections.abc import Sequence
 

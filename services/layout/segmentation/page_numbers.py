@@ -1,4 +1,4 @@
-"""Page numbers set in the row of a running head or foot: they are no words of it."""
+"""Page numbers in the row of a running head or foot: they become lines of their own."""
 
 from collections.abc import Sequence
 
@@ -15,8 +15,8 @@ def split_page_numbers(
 ) -> list[Line]:
     """`lines` with the numbers at either end of those near the page's upper and lower edge as lines of their own.
 
-    A number is a word of few glyphs of one height, which are higher than the capitals of the line, or stand
-    far from it. `page_height` in pixels of the working copy.
+    A number is a word of few glyphs of one height, which are higher than the capitals of the line, or far from it.
+    `page_height` in pixels of the working copy.
     """
     margin = parameters.running_margin * page_height
     parts: list[Line] = []

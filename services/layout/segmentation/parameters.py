@@ -1,18 +1,18 @@
-"""What segmentation takes for granted about print."""
+"""Parameters of segmentation: typical properties of print."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentationParameters:
-    """Lengths are multiples of the em of the print they speak of, or of the page's glyph height (`unit`)."""
+    """Lengths are multiples of the em of the print in question, or of the page's glyph height (`unit`)."""
 
     working_long_side_px: int = 1760
     """The reduced copy: A4 at 150 dpi, where ten-point print has 20 px to the em."""
     largest_enlargement: float = 1.6
-    """Coarser pages (100 dpi) are enlarged so far: heights in whole pixels would not tell sizes apart."""
+    """Largest enlargement of coarse pages (100 dpi): at whole pixels, similar sizes have the same height."""
     least_enlargement: float = 1.2
-    """Less is not worth its blur: letters touch that did not."""
+    """A smaller enlargement is left out: its blur makes letters touch."""
     ink_contrast: float = 0.28
     """Ink is darker than its paper by this share of it; light gray print has about 0.35."""
     most_components: int = 12000
@@ -48,7 +48,7 @@ class SegmentationParameters:
     lone_gap: float = 1.6
     """A gap that one other row shares, and none crosses, ends a line from here on."""
     word_gap: float = 2.0
-    """And one that no other row tells of."""
+    """A gap without support from other rows ends a line from here on."""
     least_space: float = 0.2
     """Narrower gaps are between letters."""
     gap_over_space: float = 1.9
@@ -56,16 +56,16 @@ class SegmentationParameters:
     widest_space: float = 1.1
     """Spaces are taken to be no wider: a typewriter's are 1.0."""
     gutter_reach: float = 3.6
-    """Rows nearer than this tell of a gap: three lines above and below."""
+    """Rows nearer than this support a gap: three lines above and below."""
     shared_gap: float = 0.5
     """Gaps of two rows, one above the other, that share this width may be one gutter."""
     edge_slack: float = 0.35
-    """Edges of print that differ by less stand below each other."""
+    """Edges of print that differ by less are aligned."""
 
     mark_gap: float = 2.2
-    """A list's mark stands nearer to its line, together with its own width."""
+    """Largest distance of a list's mark from its line, including the width of the mark."""
     end_gap: float = 0.9
-    """A stop, a superscript or a closing sign, too."""
+    """Largest distance of a full stop, a superscript or a closing sign from its line."""
 
     capital_height: float = 0.70
     """Height of capitals and ascenders over em: Times 0.67, Computer Modern 0.69, Helvetica 0.72."""
@@ -86,10 +86,10 @@ class SegmentationParameters:
     inner_components: int = 6
     """Unread print within a figure with fewer components is part of it."""
     reliable_components: int = 5
-    """Sizes and weights of lines with fewer components are told with `unreliable_step` only."""
+    """Sizes and weights of lines with fewer components differ only beyond `unreliable_step`."""
     unreliable_step: float = 1.35
     doubtful_step: float = 1.22
-    """Sizes of lines that stand in even rows are taken for one up to here."""
+    """Sizes of lines with even spacing count as equal up to this factor."""
     leading_step: float = 1.22
     """A line space wider than the next by this factor divides blocks."""
     largest_leading: float = 1.75
@@ -101,7 +101,7 @@ class SegmentationParameters:
     largest_indent: float = 9.0
 
     running_margin: float = 0.1
-    """Running heads and feet stand so near to the page's edge, over its height."""
+    """Largest distance of running heads and feet from the page's edge, over its height."""
     running_components: int = 10
     """They have so many glyphs, at least ..."""
     number_digits: int = 4
@@ -113,7 +113,7 @@ class SegmentationParameters:
     shortest_note: float = 4.8
     """A first line this short at the foot of a letter's text ("JRB:tc", "Encl.") is no name or place."""
     foot_of_text: float = 0.5
-    """What follows a letter's body stands lower than this, over the page's height."""
+    """Notes after a letter's body are below this share of the page's height."""
 
     least_confidence: float = 0.3
     """Words read with less confidence are no text."""
@@ -127,7 +127,7 @@ class SegmentationParameters:
     widest_value: float = 22.0
     """... nor are they as wide as running text."""
     list_reach: float = 12.0
-    """Entries of one list stand nearer to each other."""
+    """Largest distance of neighbouring entries of one list."""
     paragraph_leading: float = 1.45
     """From here on a line that ends early ends its paragraph: the space may be that between paragraphs."""
     early_end: float = 3.5
@@ -162,9 +162,9 @@ class SegmentationParameters:
     sure_confidence: float = 0.5
     """A line read with more is text, however it looks."""
     long_line: int = 8
-    """Lines with so many components that stand on a line are no chance."""
+    """Number of components on a straight baseline that proves a text line."""
     least_em_px: float = 6.0
-    """Smaller print on the working copy is noise: nobody could read it there."""
+    """Smaller print on the working copy is noise, since it is not readable."""
     few: int = 3
     """On dirty pages lines with fewer components need words."""
     size_range: tuple[float, float] = (0.6, 1.7)

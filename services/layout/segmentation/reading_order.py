@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from services.layout.page import Box
 
 _MOST = 300
-"""More zones are ordered by rows: the order's table grows with the third power."""
+"""More zones are sorted by rows, since the table of the order grows with the third power."""
 
 
 def reading_order(boxes: Sequence[Box]) -> list[int]:

@@ -1,4 +1,4 @@
-"""What looks like lines and is text, against dirt, scribbles and parts of pictures."""
+"""Selection of text lines among candidates, which include dirt, scribbles and parts of pictures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from services.layout.segmentation.text_lines import Line
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReadLines:
-    """What an engine read in each of the lines (L,): text and confidence; `is_read` where it read the page."""
+    """Text and confidence that OCR read in each of the lines (L,); `is_read` is False without OCR."""
 
     texts: Sequence[str]
     confidence: NDArray[np.float64]
@@ -28,10 +28,9 @@ def choose_text_lines(
     page_px: tuple[int, int],
     parameters: SegmentationParameters,
 ) -> NDArray[np.bool_]:
-    """Which lines (L,) are text: those read with confidence, long ones that stand on a line, short ones like them.
+    """Whether each line (L,) is text: read with confidence, or long with a straight baseline, or short and similar.
 
-    A short line must have a size that long lines or read ones of the page have, or one near them, and must
-    not stand in dirt.
+    A short line must have a size near that of the page's long or read lines, and must not be surrounded by dirt.
     """
     if not lines:
         return np.zeros(0, dtype=bool)
@@ -80,7 +79,7 @@ def _may_be_glyph(line: Line, components: Components) -> bool:
 
 
 def _is_regular(line: Line, components: Components) -> bool:
-    """Whether the components of a line stand on its baseline, and none reaches far beyond it."""
+    """Whether the feet of a line's components are on its baseline, and none reaches far beyond it."""
     boxes = components.boxes[line.members]
     foot = boxes[:, 3] - components.hang[line.members]
     standing = np.abs(foot - line.baseline) < 0.14 * line.em

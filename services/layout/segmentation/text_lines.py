@@ -43,7 +43,7 @@ class Line:
 
 
 def find_lines(components: Components, glyphs: Indices, parameters: SegmentationParameters) -> list[Line]:
-    """Lines of the components `glyphs`, whose boxes are levelled; not yet told from what only looks like lines."""
+    """Candidate lines of the components `glyphs`, whose boxes are levelled; some may not be text."""
     if len(glyphs) == 0:
         return []
     glyphs = _without_bridges(components, glyphs)
@@ -170,7 +170,7 @@ def _side_by_side(boxes: Boxes) -> tuple[Indices, Indices, NDArray[np.float64], 
 
 
 def _without_bridges(components: Components, glyphs: Indices) -> Indices:
-    """`glyphs` without those that touch across two lines: small ones stand beside them at two levels."""
+    """`glyphs` without components that join two lines: those have small neighbours at two levels."""
     boxes = components.boxes[glyphs]
     height = boxes[:, 3] - boxes[:, 1]
     i, j, gap, shared = _side_by_side(boxes)

@@ -1,4 +1,4 @@
-"""Words that an engine read, brought to the lines of a page."""
+"""Assignment of OCR words to the lines of a page."""
 
 from collections.abc import Sequence
 

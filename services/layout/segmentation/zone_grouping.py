@@ -108,7 +108,7 @@ def _marks(lines: Sequence[Line], components: Components) -> NDArray[np.float64]
 def _are_items(
     lines: Sequence[Line], a: int, b: int, marks: NDArray[np.float64], parameters: SegmentationParameters
 ) -> bool:
-    """Whether two lines are items of a list: alike marks stand below each other, of short lines, however far apart."""
+    """Whether two short lines are items of a list: they have similar marks one below the other, at any distance."""
     em = max(lines[a].em, lines[b].em)
     even = abs(lines[a].box[0] - lines[b].box[0]) < parameters.edge_slack * em
     near = lines[b].baseline - lines[a].baseline < parameters.double_leading * em
@@ -120,7 +120,7 @@ def _are_items(
 def _is_evenly_set(
     first: Line, second: Line, leadings: Sequence[float], parameters: SegmentationParameters
 ) -> bool:
-    """Whether a wide line and the next, which seem to differ somewhat in size or weight, stand like the lines around.
+    """Whether two lines that differ slightly in size or weight have the spacing of the lines around them.
 
     `leadings` are the distances of the baselines above the first and below the second. Broken or blurred print
     misleads measures of a line; it moves no baseline.
@@ -142,7 +142,7 @@ def _is_evenly_set(
 
 
 def _is_odd_one(above: Line, line: Line, below: Line, parameters: SegmentationParameters) -> bool:
-    """Whether a line stands in a column of print like any other of it, and only its size or weight are told apart.
+    """Whether a line fits its column of print, and differs from it only in the measured size or weight.
 
     Few capitals, or letters whose strokes touch, mislead both.
     """

@@ -1,4 +1,4 @@
-"""Many models: by genre, coarse to fine (dissertation 5.7)."""
+"""Recognition with many models: coarse to fine, by genre (dissertation 5.7)."""
 
 from services.layout.recognition.hierarchy.descent import (
     MOST_CANDIDATES,

@@ -35,8 +35,10 @@ class UnaryScores:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Weights:
-    """Of K nodes by one set of scales: `numeric` (K, A), `linear` (K, 2 C), `own` (K,); of M models: `relations`
-    (M, R) and `counts` (M,)."""
+    """Weights of K nodes and M models by one set of scales.
+
+    Of nodes: `numeric` (K, A), `linear` (K, 2 C), `own` (K,). Of models: `relations` (M, R) and `counts` (M,).
+    """
 
     numeric: Floats
     linear: Floats
@@ -89,7 +91,7 @@ class ModelBank:
         attributes, features = len(NUMERIC_ATTRIBUTES), content.shape[1]
         of_nodes = scales[self._model]
         of_nodes[:, : attributes + features] *= learned
-        # The cost of content is linear in the confidence, so its ends tell it: one product does for all zones.
+        # The cost of content is linear in the confidence, so one matrix product gives it for all zones.
         weights = of_nodes[:, attributes : attributes + features]
         absent = np.nan_to_num(CONTENT_COST(np.zeros(1), content)) * weights
         present = np.nan_to_num(CONTENT_COST(np.ones(1), content)) * weights

@@ -1,4 +1,4 @@
-"""Genre -> publication (5.7): from many models to the few that are worth a search, coarse to fine."""
+"""Choice of the models to search (5.7): coarse to fine, from genres to publications."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
@@ -30,7 +30,7 @@ MOST_KEPT = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Competitor:
-    """A model, its arrays, and the genre that its users have given it, if they have."""
+    """A model, its arrays, and its genre (None: not set)."""
 
     model: LayoutModel
     compiled: CompiledModel
@@ -68,7 +68,7 @@ class _Genre:
 class Hierarchy:
     """The models of a base by genre.
 
-    Genres that users have named are theirs; the other models are grouped by likeness.
+    Models with the same named genre form a genre. The other models are grouped by similarity.
     """
 
     def __init__(

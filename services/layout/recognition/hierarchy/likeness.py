@@ -1,4 +1,4 @@
-"""Models that are alike: groups by what their zones look like all in all."""
+"""Clustering of similar models by the distributions of their zones' attributes."""
 
 from collections.abc import Sequence
 from math import ceil, sqrt

@@ -1,4 +1,4 @@
-"""The model of a genre: what its publications' models say together (5.7)."""
+"""The model of a genre: the mixture of its publications' models (5.7)."""
 
 from collections import defaultdict
 from collections.abc import Sequence
