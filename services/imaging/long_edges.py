@@ -20,36 +20,36 @@ class LongEdgeParameters:
     """Contrasts are differences of the logarithm of brightness."""
 
     sigma_px: float = 1.2
-    """Of the Gaussian whose derivative measures steps."""
+    """Standard deviation of the Gaussian whose derivative measures steps."""
     band_px: int = 12
-    """Rows that are averaged: at a slope of 8 degrees an edge moves by less than two pixels on them."""
+    """Number of averaged rows: at a slope of 8 degrees an edge moves by less than two pixels over them."""
     max_shift_px: int = 2
     """From band to band."""
     shift_cost: float = 0.02
-    """Of a pixel's shift, in bands of full support: straight paths win among equals."""
+    """Cost of a shift by one pixel, in bands of full support, so that straighter paths are preferred."""
     weight_beyond: float = 0.3
-    """Of a band beside no text when paths are chosen."""
+    """Weight of a band without text beside it in the choice of paths."""
     unseen_cost: float = 0.1
-    """Of a band where the photo ends, in bands of full support."""
+    """Cost of a band outside of the photo, in bands of full support."""
     min_seen: float = 0.6
-    """Share of an edge along the text that the photo shows."""
+    """Least share of an edge along the text that the photo shows."""
     candidates: int = 12
-    """Paths of each sign, from the right."""
+    """Largest number of paths of each sign, from the right."""
     distinct_px: int = 3
-    """Paths nearer to each other are one."""
+    """Paths closer to each other than this count as one."""
     contrast: float = 0.03
-    """A band supports an edge fully from this contrast on."""
+    """Contrast from which a band supports an edge fully."""
     noise_factor: float = 4.0
-    """Steps count from this many times the middle response of blank paper on."""
+    """Least step relative to the median response of blank paper."""
     blank_percentile: float = 30.0
-    """Of all responses: what blank paper shows."""
+    """Percentile of all responses that represents blank paper."""
     support: float = 0.8
-    """Mean support along the text that makes an edge certain."""
+    """Least mean support along the text of an accepted edge."""
     beyond: float = 0.05
-    """Of the text's length: an edge runs on by this much beyond it, at both ends where the photo shows them."""
+    """Least extension of an edge beyond the text at both ends inside the photo, relative to the text's length."""
     beyond_support: float = 0.6
     share_of_view: float = 0.55
-    """An edge is at least this share of what the photo shows along it."""
+    """Least length of an edge relative to what the photo shows along it."""
     max_slope: float = float(np.tan(np.deg2rad(8.0)))
     straightness_px: float = 2.0
     """Median distance of an edge from the parabola through it."""

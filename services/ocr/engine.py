@@ -16,7 +16,7 @@ class Word:
 
 
 class OcrEngine(Protocol):
-    """An engine that reads dark text on a light ground; one object per thread or process."""
+    """An engine that reads dark text on a light background; one object per thread or process."""
 
     name: str
 
@@ -31,9 +31,9 @@ class OcrEngine(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ReadDirection:
-    """How a page lies: the clockwise turn that its print has (0, 90, 180 or 270 degrees).
+    """Orientation of a page: the clockwise rotation of its print (0, 90, 180 or 270 degrees).
 
-    `confidence` is the engine's own measure, without an upper bound (of Tesseract's, 15 is fair).
+    `confidence` is the engine's own measure, without an upper bound (15 is reliable for Tesseract).
     """
 
     turned_deg: int
@@ -42,8 +42,8 @@ class ReadDirection:
 
 @runtime_checkable
 class DirectionDetector(Protocol):
-    """What an engine may offer beside reading: the direction of a page, also in scripts it cannot read."""
+    """Optional part of an engine: detects the direction of a page, also in scripts that it cannot read."""
 
     def detect_direction(self, image: GrayImage) -> ReadDirection | None:
-        """Direction of the print on a whole page, dark on light; None where too little is seen."""
+        """Direction of dark print on a whole page; None if there is too little print."""
         ...

@@ -40,15 +40,15 @@ class TextLineParameters:
 
 @dataclass(frozen=True, slots=True)
 class TextLine:
-    """One line: its box (x0, y0, x1, y1) in pixels of the page it was found on, and its slope dy/dx.
+    """One line: its box (x0, y0, x1, y1) in pixels of its page, and its slope dy/dx.
 
-    The box holds the line's ink after it was levelled about the box's centre.
+    The box contains the line's ink after rotation of the line to the horizontal about the box's centre.
     """
 
     box: tuple[float, float, float, float]
     slope: float
     strokes: float
-    """Runs of ink along the rows, per pixel of width of the working copy: a picture's edges have few."""
+    """Runs of ink along the rows, per pixel of width of the working copy; edges of pictures have few."""
 
     @property
     def width_px(self) -> float:
@@ -61,10 +61,10 @@ class TextLine:
 
 @dataclass(frozen=True, slots=True)
 class TextLines:
-    """Horizontal lines of a page; `inverted` where print is lighter than its ground.
+    """Horizontal lines of a page; `inverted` if print is lighter than its background.
 
-    `mass` is the sum of squared line widths over the squared side of the page, weighted by `strokes`: long
-    lines count, the fragments that appear across the direction of reading and smears do not.
+    `mass` is the sum of squared line widths over the squared side of the page, weighted by `strokes`. Long lines
+    contribute most; fragments across the reading direction and smears contribute little.
     """
 
     lines: tuple[TextLine, ...]
@@ -114,7 +114,7 @@ def _lines_both_ways(
 
 
 def _unite(first: TextLines, second: TextLines) -> TextLines:
-    """Lines of both; of two that lie on each other only the first's."""
+    """Lines of both; of two overlapping lines only that of `first`."""
     new = second.lines
     if first.lines and new:
         a, b = np.array([line.box for line in first.lines]), np.array([line.box for line in new])

@@ -51,6 +51,7 @@ class FlowField:
     `doubled` (rows, columns, 2) holds (cos 2a, sin 2a); node (r, c) lies at `origin` + `spacing_px` (c, r).
     """
 
+    """The field in the frame of the image enlarged by `factor` (for pixel centres see the conventions)."""
     doubled: Floats
     origin: tuple[float, float]
     spacing_px: float

@@ -24,11 +24,11 @@ class MinorFlowParameters:
     """Lengths are multiples of the text height."""
 
     derivative_sigma_px: float = 1.1
-    """Gaussian derivatives tell the direction of an edge to 0.05 degrees; Scharr's filter to 0.15, Sobel's to 1."""
+    """Scale of the derivatives. Gaussian ones give an edge's direction to 0.05 degrees, Scharr's 0.15, Sobel's 1."""
     edge_share: float = 0.25
-    """Edges count above this share of the strong (99th percentile) gradient."""
+    """Least gradient of an edge relative to a strong gradient (99th percentile) ..."""
     edge_floor: float = 1.0
-    """... and above this gradient in gray levels a pixel: rounding on plain paper is no edge."""
+    """... and in gray levels a pixel: rounding on plain paper is not an edge."""
     crossing_rad: float = np.deg2rad(40.0)
     """Strokes nearer than this to the major flow are removed."""
     block: float = 6.0
@@ -43,7 +43,7 @@ class MinorFlowParameters:
     smoothing: float = 10.0
     min_edges: int = 40
     max_edges: int = 200_000
-    """More are thinned out evenly: a thousand edge pixels fix a block's direction to 0.1 degree."""
+    """Largest number of edge pixels; a thousand determine a block's direction to 0.1 degree."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ class MinorFlow:
 def detect_stroke_edges(
     gray: GrayImage, area: Mask, major: FlowField, parameters: MinorFlowParameters
 ) -> StrokeEdges:
-    """Strong edges in the text `area` whose tangent is clear of the major flow."""
+    """Strong edges in the text `area` whose tangents differ enough from the major flow."""
     p = parameters
     taps = np.arange(-4, 5, dtype=np.float64)
     smooth = np.exp(-0.5 * (taps / p.derivative_sigma_px) ** 2)
@@ -88,7 +88,7 @@ def detect_stroke_edges(
     rows, columns = np.divmod(at, gray.shape[1])
     x, y = gx.ravel()[at], gy.ravel()[at]
     points = np.stack([columns, rows], axis=1).astype(np.float32)
-    angles = np.arctan2(x, -y)  # the tangent is the gradient turned by a right angle
+    angles = np.arctan2(x, -y)  # the tangent is perpendicular to the gradient
     clear = np.abs(angle_difference(angles, major.at(points))) > p.crossing_rad
     return StrokeEdges(
         points[clear], angles[clear].astype(np.float32), np.asarray(strength, np.float32).ravel()[at][clear]
@@ -114,7 +114,7 @@ def strength_curves(
 def fit_curve_peaks(curves: Floats, directions: Vector, half_width: float) -> Vector:
     """Direction (N,) of the peak of curves (N, B), by a third-order polynomial around the largest value.
 
-    The fit's windows are moved inside of the range, so a peak at the very end keeps its largest value.
+    The fit's window is moved to lie inside the range, so a peak at the very end keeps its largest value.
     """
     step = directions[1] - directions[0]
     half = max(round(half_width / step), 2)
@@ -139,10 +139,10 @@ def estimate_minor_flow(
     major: FlowField,
     parameters: MinorFlowParameters | None = None,
 ) -> MinorFlow | None:
-    """Minor flow of a flat-fielded image in the text `area` (H, W); None where there are no strokes.
+    """Minor flow of a flat-fielded image in the text `area` (H, W); None if there are no strokes.
 
-    First strength curves over the half circle, shared with neighbouring blocks, give a coarse field; then
-    curves of the deviation from that field, with narrow bins, give the samples.
+    Strength curves over the half circle, smoothed over neighbouring blocks, give a coarse field. Curves of the
+    deviation from that field, with narrow bins, then give the samples.
     """
     p = parameters or MinorFlowParameters()
     edges = detect_stroke_edges(gray, area, major, p)

@@ -1,8 +1,8 @@
 """Windowed projection profiles of ink, for all windows at once (dissertation 2.3.2).
 
-The energy of a profile is its standard deviation: largest where the profile's direction runs along text
-lines. Two forms are needed: a coarse one over the whole half circle of directions, on a regular grid of
-windows, and a fine one over a few degrees around a known direction, at any points.
+The energy of a profile is its standard deviation. It is largest if the profile's direction is that of the text lines.
+There are two scans: a coarse one over the half circle of directions, on a regular grid of windows, and a fine one over
+a few degrees around a known direction, at any points.
 """
 
 import cv2
@@ -19,8 +19,8 @@ def scan_directions(
 ) -> Energies:
     """Energies (N, A) of windows (width along the direction, height across, px) at `centres` (N, 2).
 
-    For each direction the image is turned until that direction is horizontal; box filters along the rows
-    then give every projection profile, and box filters over it its deviation, for all windows at once.
+    For each direction the image is rotated until that direction is horizontal. Box filters along the rows then give
+    every projection profile, and box filters over the profiles give their deviations, for all windows together.
     """
     rows, columns = ink.shape
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
@@ -73,15 +73,15 @@ def scan_slopes(
 ) -> tuple[Energies, Floats]:
     """Energies (N, S) of `windows` (N, rows, columns) projected along rows of slope `slopes` (S,).
 
-    A window is first summed to `strips` column sums; a slope then only shifts these against one another, by
-    cubic interpolation (a linear one blurs at half rows and not at whole ones, and so draws the peak to slope 0:
-    0.15 degrees, measured). `margin` rows above and below are reserve for the shifts. Also returns the ink (N,)
-    of the central rows.
+    A window is first summed to `strips` column sums. A slope then only shifts these relative to each other, by cubic
+    interpolation. Linear interpolation blurs at half rows and not at whole ones, which biases the peak to slope 0 (0.15
+    degrees, measured). `margin` rows above and below allow for the shifts. Also returns the ink (N,) of the central
+    rows.
     """
     count, rows, columns = windows.shape
     width = columns // strips
     used = windows[:, :, : width * strips].reshape(count, rows, strips, width).sum(axis=3)
-    for _ in range(2):  # ink is binary; without its steps the peak is round enough for a parabola
+    for _ in range(2):  # ink is binary; the smoothing makes the peak suitable for a parabola
         used[:, 1:-1] = 0.25 * used[:, :-2] + 0.5 * used[:, 1:-1] + 0.25 * used[:, 2:]
     offset_of = (np.arange(strips) + 0.5) * width - 0.5 - (columns - 1) / 2
     height = rows - 2 * margin
@@ -113,7 +113,7 @@ def catmull_rom(t: float) -> NDArray[np.float32]:
 def parabola_peak(energies: Energies, positions: Vector) -> tuple[Vector, NDArray[np.bool_]]:
     """Peak position (N,) of sampled curves (N, S) by a parabola through the largest sample and its neighbours.
 
-    The second value tells where the largest sample is an inner one; at the ends the sample itself is returned.
+    The second value is true where the largest sample is an inner one; at the ends the sample's position is returned.
     """
     last = len(positions) - 1
     best = np.argmax(energies, axis=1)

@@ -43,7 +43,7 @@ def find_peaks(energies: Floats, angles: Floats, count: int) -> Candidates:
 
 
 def _shifted(values: Floats, down: int, right: int) -> Floats:
-    """`values` moved by whole nodes, zero where nothing comes in."""
+    """`values` shifted by whole nodes, zero at the new border."""
     rows, columns = values.shape[:2]
     moved = np.zeros_like(values)
     to_r = slice(max(down, 0), rows + min(down, 0))
@@ -60,9 +60,9 @@ def label_by_relaxation(candidates: Candidates, iterations: int, step: float) ->
     C_ik(0) = E_ik / max_k E_ik;  r_ij(k1, k2) = cos(Gamma(a_ik1, a_jk2)) = |cos(a_ik1 - a_jk2)|;
     s_ik = sum_j sum_k2 r_ij(k, k2) C_jk2;  C <- C (1 + step s), normalised to sum 1 over k.
 
-    The text adds the support itself; times C (Hummel and Zucker's own form) a candidate keeps the share that its
-    energy earned, where many weak candidates would else level out.
-    Absent candidates stay at 0 (the product with their presence), so that they give and take no support.
+    The dissertation adds the support itself. Multiplied by C (Hummel and Zucker's form), a candidate keeps the share
+    given by its energy; else many weak candidates would even it out. Absent candidates stay at 0, so that they neither
+    give nor get support.
     """
     present = candidates.energies > 0
     top = candidates.energies.max(axis=-1, keepdims=True)

@@ -8,7 +8,7 @@ import numpy as np
 from services.arrays import Floats, Points
 
 _REMAP_WIDTH = 4096
-"""Points are looked up as an image of this width: OpenCV's bilinear look-up is ten times numpy's."""
+"""Width of the array of points for the look-up: OpenCV's bilinear look-up is ten times as fast as numpy's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
