@@ -51,8 +51,6 @@ class CurvedParameters:
     """In which the answer describes the surface."""
     line_rounds: int = 3
     """Of tracing and fitting the lines: of 12 simulated cones one needed the third."""
-    settled_focal: float = 0.01
-    """Change of the logarithm of the focal length in a round, below which the fit has settled."""
     min_visible: float = 0.97
     """Share of the characters that the surface must place."""
 
@@ -236,19 +234,13 @@ def _fit_flows(e: PageEvidence, prior: FocalPrior, p: CurvedParameters) -> Fitte
 def _fit_lines(
     e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters
 ) -> tuple[FittedSurface, LineObservations]:
-    """Rounds: the lines are traced again in the view of the round before, with the deviations it has shown.
-
-    The last round is left out where the second one has not moved the focal length.
-    """
+    """Rounds: the lines are traced again in the view of the round before, with the deviations it has shown."""
     parameters, lines, hull = FittingParameters(cauchy_flows=True), NO_LINES, page_hull(e.characters)
-    for number in range(p.line_rounds):
-        focal = fitted.surface.focal
+    for _ in range(p.line_rounds):
         lines = trace_by_characters(e.text, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation)
         fitted = fit_surface(recentre(fitted, e.characters, p), observed, parameters)
         if implausibility(fitted.surface, e.characters, p) is not None:
-            break
-        if number and abs(float(np.log(fitted.surface.focal / focal))) < p.settled_focal:
             break
         parameters = rescale_deviations(parameters, fitted)
     return fitted, lines
