@@ -227,13 +227,13 @@ def _give_up_samples(session: Session, result_id: str, kept: tuple[int, str | No
 
 def _models_of_feedback(session: Session, draft: FeedbackDraft) -> list[ModelRow]:
     """The found and the verified class of a feedback. The found class may be deleted; the verified class must exist."""
-    told = []
+    rows = []
     if draft.verified_class is not None:
-        told.append(find_model(session, draft.verified_class))
+        rows.append(find_model(session, draft.verified_class))
     if draft.found_class is not None:
         found = look_up_model(session, draft.found_class)
-        told += [] if found is None else [found]
-    return told
+        rows += [] if found is None else [found]
+    return rows
 
 
 def _look_up_feedback(

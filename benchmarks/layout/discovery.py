@@ -25,7 +25,7 @@ from benchmarks.layout.specimens import ZONES, Specimen, Zones, by_class, lesson
 from benchmarks.layout.truth import layout_folder
 from services.layout.discovery.class_samples import ClassSamples, gather_samples, held_out_costs
 from services.layout.discovery.groups import PageGroup, group_pages
-from services.layout.discovery.merging import MergeProposal, cannot_be_told_apart, compare_classes
+from services.layout.discovery.merging import MergeProposal, are_indistinguishable, compare_classes
 from services.layout.discovery.splitting import compare_parts, propose_split
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.page import Page
@@ -163,7 +163,7 @@ def _told(name: str, proposal: MergeProposal) -> Results:
         "fit": proposal.fit,
         "unsure": proposal.unsure,
         "agreement": proposal.agreement,
-        "proposed": cannot_be_told_apart(proposal),
+        "proposed": are_indistinguishable(proposal),
     }
 
 

@@ -7,7 +7,7 @@ from benchmarks.layout.learning_curve import labelled_sets
 from benchmarks.layout.specimens import Specimen
 from services.contract.layout_learning import Learner
 from services.layout.graph.layout_graph import KIND_FEATURES, build_graph
-from services.layout.learning.initialization import Views, begin_model, see_samples
+from services.layout.learning.initialization import Views, begin_model, make_views
 from services.layout.learning.learners import match_page
 from services.layout.model.layout_model import LayoutModel
 from services.layout.model.learning_model import LearningModel, begin_learning
@@ -30,7 +30,7 @@ CLASS = "class"
 
 def see(pages: Sequence[Page]) -> list[Views]:
     """Both views of each sample, as initialization learns from them."""
-    return see_samples(pages, [None] * len(pages), content_features())
+    return make_views(pages, [None] * len(pages), content_features())
 
 
 def begin(seen: Sequence[Views]) -> LearningModel:

@@ -51,7 +51,7 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
     before, after = read_model(old), read_model(new)
     changes = [*_model_changes(before, after), *_node_changes(before, after), *_edge_changes(before, after)]
     changes.sort(key=lambda change: -change.size)
-    told: list[dict[str, object]] = [
+    described: list[dict[str, object]] = [
         {
             "part": change.part,
             "labels": list(change.labels),
@@ -61,7 +61,7 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
         }
         for change in changes[:most]
     ]
-    return ModelDifference(len(changes), told)
+    return ModelDifference(len(changes), described)
 
 
 def _model_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:

@@ -111,10 +111,10 @@ def import_model(name: str, document: bytes) -> ModelDraft:
         When the document is no layout model, is damaged, has an unknown format version, or has another name.
     """
     try:
-        told = json.loads(document)
-        if isinstance(told, dict):
-            told.setdefault("name", name)
-        model = model_from_document(told)
+        parsed = json.loads(document)
+        if isinstance(parsed, dict):
+            parsed.setdefault("name", name)
+        model = model_from_document(parsed)
     except (ValueError, RecursionError) as error:
         if isinstance(error, InvalidLayout):
             raise InvalidModel(error.detail, error.field) from error

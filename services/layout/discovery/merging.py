@@ -76,12 +76,12 @@ def propose_merges(
             if each.name not in costs:
                 costs[each.name] = held_out_costs(each)
         proposal = compare_classes(one, other, costs[one.name], costs[other.name], parameters)
-        if cannot_be_told_apart(proposal, parameters):
+        if are_indistinguishable(proposal, parameters):
             found.append(proposal)
     return tuple(sorted(found, key=lambda each: (-each.fit, each.first, each.second)))
 
 
-def cannot_be_told_apart(
+def are_indistinguishable(
     proposal: MergeProposal, parameters: MergingParameters = MergingParameters()
 ) -> bool:
     """Whether a comparison of two classes is a reason to merge them."""

@@ -139,8 +139,12 @@ def _compare(one: _Described, other: _Described) -> PageComparison:
     evidence = np.maximum(zone_evidence(one.graph, other.graph), 0.0)
     rows, columns = linear_sum_assignment(evidence, maximize=True)
     found = evidence[rows, columns]
-    told = one.evidence + other.evidence
-    distance = 1 - 2 * float(found.sum()) / told if told > 0 else float(one.graph.zones != other.graph.zones)
+    largest_evidence = one.evidence + other.evidence
+    distance = (
+        1 - 2 * float(found.sum()) / largest_evidence
+        if largest_evidence > 0
+        else float(one.graph.zones != other.graph.zones)
+    )
     kept = found > 0
     rows, columns, found = rows[kept], columns[kept], found[kept]
     of_both = one.own[rows] + other.own[columns]

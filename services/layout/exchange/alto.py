@@ -51,9 +51,9 @@ _LONGEST_REFERENCES = 10_000
 """Characters of TAGREFS; they are read for every block in a block."""
 _ALIGNMENTS = {"Left": "left", "Right": "right", "Center": "centre", "Block": "justified"}
 _MEASURES = ("lines", "font_size", "weight")
-"""Fields of a Zone that ALTO has no place for: OtherTags whose TYPE is their name and LABEL their value."""
+"""Fields of a Zone without an attribute in ALTO. They become OtherTags: TYPE is the name, LABEL the value."""
 _ID = "id"
-"""Likewise the zone's id where it is no name of XML."""
+"""TYPE of the OtherTag with the zone's id, if that is not a valid XML name."""
 
 
 def read_alto(data: bytes, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
@@ -215,8 +215,8 @@ def _line_text(line: Element) -> str:
 def write_alto(recognition: Recognition, file_name: str, created: datetime) -> bytes:
     """The recognition as ALTO 4.4 in pixels, the page being that of the image `file_name`.
 
-    `created` is a time with its zone. PAGECLASS is the class. Lines have no place of their own, as they were not
-    measured. ALTO has text in text blocks only: text that was read in a figure is left away.
+    `created` is a time with its zone. PAGECLASS is the class. Lines have no position, since it is not measured. ALTO
+    allows text in text blocks only, so text in a figure is left out.
     """
     page = recognition.page
     names = Names()

@@ -72,12 +72,12 @@ _TEXT_TYPES = {
     "author": "credit",
     "margin-note": "marginalia",
 }
-"""Labels that the enumeration TextTypeSimpleType has, and those that are another word for one of it."""
+"""Labels of the enumeration TextTypeSimpleType, and synonyms of them."""
 _GRAPHIC_TYPES = {
     **{name: name for name in ("logo", "letterhead", "decoration", "frame", "stamp", "signature", "barcode")},
     "handwriting": "handwritten-annotation",
 }
-"""Likewise of GraphicsTypeSimpleType: such figures are GraphicRegions."""
+"""Labels of GraphicsTypeSimpleType. Figures with such a label are GraphicRegions."""
 _ALIGNMENTS = {"justified": "justify"}
 _MEASURES = {"lines": "lines", "fontSize": "font_size", "lineSpacing": "line_spacing", "weight": "weight"}
 """Properties of `zone {...}` and the fields of a Zone that they hold."""
@@ -91,8 +91,8 @@ def read_page_xml(data: bytes, limits: ExchangeLimits) -> Page:
     """Page of a PAGE-XML file, its zones in its reading order (else in document order).
 
     Coords become their bounding boxes. The label is `structure {type:...;}` of `custom`, else PAGE's own `type`
-    (save `other`); font size and line spacing are those of the lines' boxes where the file does not tell them.
-    Raises `InvalidLayout`; `zones[i]` counts the regions from 0 in document order.
+    (except `other`). Font size and line spacing come from the boxes of the lines if the file does not have them. Raises
+    `InvalidLayout`; `zones[i]` counts the regions from 0 in document order.
     """
     return page_of_page_xml(read_xml(data, limits), limits)
 
@@ -178,7 +178,7 @@ def _coords_box(region: Element) -> list[float] | None:
 
 def _label(region: Element, custom: dict[str, dict[str, str]]) -> str | None:
     label = custom.get("structure", {}).get("type")
-    if label or "zone" in custom:  # what this module wrote has no other label than that of `structure`
+    if label or "zone" in custom:  # files of this module have labels in `structure` only
         return label or None
     own = region.get("type")
     return None if own == "other" else own or None

@@ -20,7 +20,7 @@ ALIGNED_X, ALIGNED_Y = 0.01, 0.008
 
 @dataclass(frozen=True, slots=True)
 class PairMeasures:
-    """What relations are computed from: E pairs of zones.
+    """Measurements of E pairs of zones, from which relations are computed.
 
     `upper` and `lower` (E, 4) are boxes as shares of the page, `font_steps` log2 of the lower's font size over
     the upper's, NaN where unknown; `next_below` says that no zone lies between them in the upper's own column,

@@ -39,7 +39,7 @@ def absolute_difference(values: Values, expected: Values, variances: Values) -> 
 
 @dataclass(frozen=True, slots=True)
 class ZoneMeasures:
-    """What attributes are computed from: N zones of a page, NaN where a thing is not known.
+    """Measurements of N zones of a page, from which attributes are computed; NaN for unknown values.
 
     `boxes` (N, 4) are shares of the page's width and height, within `FARTHEST`; `font_ratios` em over the page's
     body em; `words`, `letters`, `capitals`, `digits` counts in the text, NaN for all zones of a page that was not read.
@@ -86,10 +86,10 @@ def describe_zones(page: Page) -> ZoneMeasures:
 
 
 FARTHEST = (-1.0, 2.0)
-"""Boxes that lie further from the page are cut: so no attribute outgrows what a model may hold."""
+"""Boxes are clipped to this range, so that attributes stay within the limits of a model."""
 
 LONGEST_TEXT = 4000
-"""Characters of a zone that are counted; a full page has as many."""
+"""Characters of a zone that are counted; a full page has about 4000."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,14 +70,14 @@ def initialize_model(
     ValueError
         When there is no sample with a zone.
     """
-    seen = see_samples(samples, found or [None] * len(samples), content or content_features())
+    seen = make_views(samples, found or [None] * len(samples), content or content_features())
     if not seen:
         raise ValueError("a model needs at least one page with zones")
     begun = begin_model(name, seen)
     return end_learning(replace(begun, calibration=calibrate_model(begun, seen)))
 
 
-def see_samples(
+def make_views(
     samples: Sequence[Page], found: Sequence[Page | None], content: ContentFeatures
 ) -> list[Views]:
     """Both views, with their content features, of every sample that has zones."""

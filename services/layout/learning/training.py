@@ -6,7 +6,7 @@ from dataclasses import replace
 from services.contract.layout_learning import Learner, TrainingReport
 from services.layout.content.content_features import ContentFeatures
 from services.layout.graph.layout_graph import KIND_FEATURES
-from services.layout.learning.initialization import begin_model, calibrate_model, labels_of, see_samples
+from services.layout.learning.initialization import begin_model, calibrate_model, labels_of, make_views
 from services.layout.learning.rounds import run_rounds
 from services.layout.model.layout_model import LayoutModel
 from services.layout.model.learning_model import LearningModel, begin_learning, end_learning
@@ -50,7 +50,7 @@ def train_in_rounds(
     ValueError
         When there is no sample with a zone.
     """
-    seen = see_samples(samples, found, content)
+    seen = make_views(samples, found, content)
     if not seen:
         raise ValueError("training needs at least one page with zones")
     labels = labels_of(seen)

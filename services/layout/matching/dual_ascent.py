@@ -33,7 +33,7 @@ class DualAscent:
         self._started = True
         size, width = problem.node.shape
         low, high = problem.low, problem.high
-        # moved[:, r, q] is what pair (r, q) has given to zone r's labels
+        # moved[:, r, q] is the cost that pair (r, q) has moved to zone r's labels
         self._moved = np.zeros((width, size, size))
         starts = np.searchsorted(low, np.arange(size + 1)).tolist()
         order = np.argsort(high, kind="stable")

@@ -22,7 +22,7 @@ SUREST = 0.001
 """Expectation values are clipped to this distance from 0 and 1, so that no cost is infinite."""
 
 LABEL, COUNT = "label", "count"
-"""Names of the last two in a model's scales."""
+"""Names of the last two of a model's scales."""
 
 
 def content_scale_name(feature: str) -> str:
@@ -88,7 +88,7 @@ def compile_model(model: LayoutModel, content_names: Sequence[str]) -> CompiledM
                 weights[row, column] = expected.weight
     content, content_weights = (
         np.array(
-            [[told.get(name, default) for name in content_names] for told in by_node], dtype=np.float64
+            [[given.get(name, default) for name in content_names] for given in by_node], dtype=np.float64
         ).reshape(count, len(content_names))
         for by_node, default in (
             ([node.content for node in nodes], np.nan),
@@ -120,7 +120,7 @@ def compile_model(model: LayoutModel, content_names: Sequence[str]) -> CompiledM
     )
 
 
-def _scales(told: Mapping[str, float], content_names: Sequence[str]) -> NDArray[np.float64]:
+def _scales(given: Mapping[str, float], content_names: Sequence[str]) -> NDArray[np.float64]:
     names = scale_names(content_names)
     usual = default_scales(content_names)
-    return np.array([told.get(name, default) for name, default in zip(names, usual, strict=True)])
+    return np.array([given.get(name, default) for name, default in zip(names, usual, strict=True)])

@@ -141,7 +141,7 @@ def explain_cost(
     )
     size = np.concatenate([np.abs(node).ravel(), np.abs(edge).ravel()])
     largest = np.argsort(-size, kind="stable")[:MOST_EXPLAINED]
-    told = []
+    kept_terms = []
     for index in largest[size[largest] > 0]:
         if index < node.size:
             zone, attribute = divmod(int(index), node.shape[1])
@@ -152,8 +152,8 @@ def explain_cost(
             term = AttributeCost(
                 zone_ids[upper], zone_ids[lower], RELATIONS[relation].name, float(edge[pair, relation])
             )
-        told.append(term)
-    return tuple(told)
+        kept_terms.append(term)
+    return tuple(kept_terms)
 
 
 def weighted_node_terms(

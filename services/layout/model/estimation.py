@@ -120,7 +120,7 @@ def name_parts(
     calibration: Calibration,
     statistics: ModelStatistics | None,
 ) -> LayoutModel:
-    """The model as it is stored, its arrays told by name, rounded to what matters and within what a model may hold."""
+    """The model as it is stored, its arrays as mappings by name, rounded and clipped to the limits of a model."""
     values, variances = _stored(model.values, 5).tolist(), _stored(model.variances, 8).tolist()
     known = np.isfinite(model.values)
     weights = _stored(np.minimum(model.weights, MOST_WEIGHT), 4)

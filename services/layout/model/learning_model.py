@@ -18,8 +18,8 @@ class LearningModel:
     """A layout graph model as it learns.
 
     `model` is what matching sees, `statistics` the sums over the pages that were counted, `certainty` (K,) how sure
-    the scales are. What `model` differs by from the estimate of `statistics` was learned from errors, or by hand, and
-    stays when a page is counted. `zones` are the verified zones of each node, `samples` the verified pages.
+    the scales are. Differences between `model` and the estimate of `statistics` were learned from errors or set by
+    hand; they remain when a page is counted. `zones` are the verified zones of each node, `samples` the verified pages.
     """
 
     name: str

@@ -109,12 +109,12 @@ def model_from_document(document: Any) -> LayoutModel:
     InvalidLayout
         When it is not a layout graph model, one of a newer form, or damaged; the field is named.
     """
-    told = _object(document, "the model")
-    if told.get("format") != MODEL_FORMAT:
+    entries = _object(document, "the model")
+    if entries.get("format") != MODEL_FORMAT:
         raise InvalidLayout(
             f"format: this is not a {MODEL_FORMAT}. Send what GET /layout/models/{{name}} answers.", "format"
         )
-    version = told.get("format_version")
+    version = entries.get("format_version")
     if version != MODEL_FORMAT_VERSION or isinstance(version, bool):
         shown = f"{version:g}" if is_finite_number(version) else "this one"
         raise InvalidLayout(
@@ -124,7 +124,7 @@ def model_from_document(document: Any) -> LayoutModel:
         )
     nodes = tuple(
         _read_node(each, f"nodes[{k}]")
-        for k, each in enumerate(_list(told.get("nodes"), "nodes", MOST_LABELS + 1))
+        for k, each in enumerate(_list(entries.get("nodes"), "nodes", MOST_LABELS + 1))
     )
     labels = [node.label for node in nodes]
     if not labels or labels[0] is not None:
@@ -133,32 +133,32 @@ def model_from_document(document: Any) -> LayoutModel:
         raise InvalidLayout("nodes: every label may occur once.", "nodes")
     edges = tuple(
         _read_edge(each, labels, f"edges[{k}]")
-        for k, each in enumerate(_list(told.get("edges"), "edges", (MOST_LABELS + 1) ** 2))
+        for k, each in enumerate(_list(entries.get("edges"), "edges", (MOST_LABELS + 1) ** 2))
     )
     if len({(edge.upper, edge.lower) for edge in edges}) != len(edges):
         raise InvalidLayout("edges: every pair of labels may occur once.", "edges")
-    calibration = _object(told.get("calibration"), "calibration")
+    calibration = _object(entries.get("calibration"), "calibration")
     return LayoutModel(
-        name=_name(told.get("name"), "name"),
-        samples=_whole(told.get("samples"), "samples"),
+        name=_name(entries.get("name"), "name"),
+        samples=_whole(entries.get("samples"), "samples"),
         nodes=nodes,
         edges=edges,
-        scales=_numbers(told.get("scales"), "scales", 0.0, MOST_WEIGHT),
+        scales=_numbers(entries.get("scales"), "scales", 0.0, MOST_WEIGHT),
         calibration=Calibration(
             _number(calibration.get("mean"), "calibration.mean"),
             _number(calibration.get("deviation"), "calibration.deviation", 1e-6),
             _whole(calibration.get("pages"), "calibration.pages"),
             _number(calibration.get("bias", 0.0), "calibration.bias", -MOST_BIAS, MOST_BIAS),
         ),
-        statistics=None if told.get("memory") is None else _read_statistics(told["memory"], labels),
+        statistics=None if entries.get("memory") is None else _read_statistics(entries["memory"], labels),
     )
 
 
 def _read_node(document: Any, where: str) -> ModelNode:
-    told = _object(document, where)
-    label = told.get("label")
+    entries = _object(document, where)
+    label = entries.get("label")
     numeric = {}
-    for name, each in _mapping(told.get("numeric"), f"{where}.numeric").items():
+    for name, each in _mapping(entries.get("numeric"), f"{where}.numeric").items():
         place = f"{where}.numeric.{name}"
         expected = _object(each, place)
         numeric[name] = NumericExpectation(
@@ -166,36 +166,36 @@ def _read_node(document: Any, where: str) -> ModelNode:
             _number(expected.get("variance"), f"{place}.variance", LEAST_VARIANCE),
             _number(expected.get("weight", 1.0), f"{place}.weight", 0.0, MOST_WEIGHT),
         )
-    counts = _list(told.get("count_costs"), f"{where}.count_costs", MOST_DESCRIPTORS)
+    counts = _list(entries.get("count_costs"), f"{where}.count_costs", MOST_DESCRIPTORS)
     if len(counts) < 2:
         raise InvalidLayout(
             f"{where}.count_costs: the costs of none and of one are needed.", f"{where}.count_costs"
         )
     return ModelNode(
         label=None if label is None else _label(label, f"{where}.label"),
-        zones=_number(told.get("zones"), f"{where}.zones", 0.0),
-        cost=_number(told.get("cost"), f"{where}.cost"),
+        zones=_number(entries.get("zones"), f"{where}.zones", 0.0),
+        cost=_number(entries.get("cost"), f"{where}.cost"),
         numeric=numeric,
-        content=_numbers(told.get("content"), f"{where}.content", 0.0, 1.0),
+        content=_numbers(entries.get("content"), f"{where}.content", 0.0, 1.0),
         count_costs=tuple(_number(cost, f"{where}.count_costs") for cost in counts),
         content_weights=_numbers(
-            told.get("content_weights", {}), f"{where}.content_weights", 0.0, MOST_WEIGHT
+            entries.get("content_weights", {}), f"{where}.content_weights", 0.0, MOST_WEIGHT
         ),
     )
 
 
 def _read_edge(document: Any, labels: list[str | None], where: str) -> ModelEdge:
-    told = _object(document, where)
-    upper, lower = _read_ends(told, labels, where)
-    return ModelEdge(upper, lower, _rows(told.get("costs"), f"{where}.costs", -LARGEST))
+    entries = _object(document, where)
+    upper, lower = _read_ends(entries, labels, where)
+    return ModelEdge(upper, lower, _rows(entries.get("costs"), f"{where}.costs", -LARGEST))
 
 
 def _read_ends(
-    told: Mapping[str, Any], labels: list[str | None], where: str
+    entries: Mapping[str, Any], labels: list[str | None], where: str
 ) -> tuple[str | None, str | None]:
     ends = []
     for end in ("upper", "lower"):
-        index = _whole(told.get(end), f"{where}.{end}")
+        index = _whole(entries.get(end), f"{where}.{end}")
         if index >= len(labels):
             raise InvalidLayout(f"{where}.{end}: there is no node {index}.", f"{where}.{end}")
         ends.append(labels[index])
@@ -203,17 +203,17 @@ def _read_ends(
 
 
 def _read_statistics(document: Any, labels: list[str | None]) -> ModelStatistics:
-    told = _object(document, "memory")
+    entries = _object(document, "memory")
     nodes = [
         _read_node_statistics(each, f"memory.nodes[{k}]")
-        for k, each in enumerate(_list(told.get("nodes"), "memory.nodes", len(labels)))
+        for k, each in enumerate(_list(entries.get("nodes"), "memory.nodes", len(labels)))
     ]
     if len(nodes) != len(labels):
         raise InvalidLayout("memory.nodes: one is needed for each of the model's nodes.", "memory.nodes")
-    names = _list(told.get("descriptors"), "memory.descriptors", MOST_NAMES)
+    names = _list(entries.get("descriptors"), "memory.descriptors", MOST_NAMES)
     descriptors = tuple(_name(name, "memory.descriptors") for name in names)
     edges = []
-    for k, each in enumerate(_list(told.get("edges"), "memory.edges", len(labels) ** 2)):
+    for k, each in enumerate(_list(entries.get("edges"), "memory.edges", len(labels) ** 2)):
         where = f"memory.edges[{k}]"
         edge = _object(each, where)
         upper, lower = _read_ends(edge, labels, where)
@@ -222,30 +222,30 @@ def _read_statistics(document: Any, labels: list[str | None]) -> ModelStatistics
             raise InvalidLayout(f"{where}.seen: one number is needed for each descriptor.", f"{where}.seen")
         edges.append(EdgeStatistics(upper, lower, seen))
     return ModelStatistics(
-        pages=_number(told.get("pages"), "memory.pages", 0.0, LARGEST_SUM),
+        pages=_number(entries.get("pages"), "memory.pages", 0.0, LARGEST_SUM),
         descriptors=descriptors,
         nodes=tuple(nodes),
         edges=tuple(edges),
-        certainty=_numbers(told.get("certainty"), "memory.certainty", 0.0, LARGEST),
+        certainty=_numbers(entries.get("certainty"), "memory.certainty", 0.0, LARGEST),
     )
 
 
 def _read_node_statistics(document: Any, where: str) -> NodeStatistics:
-    told = _object(document, where)
+    entries = _object(document, where)
     numeric, content = {}, {}
-    for name, sums in _rows(told.get("numeric"), f"{where}.numeric", -LARGEST_SUM, LARGEST_SUM).items():
+    for name, sums in _rows(entries.get("numeric"), f"{where}.numeric", -LARGEST_SUM, LARGEST_SUM).items():
         if len(sums) != 3 or sums[0] < 0 or sums[2] < 0:
             place = f"{where}.numeric.{name}"
             raise InvalidLayout(f"{place}: expected a count, a sum and a sum of squares.", place)
         numeric[name] = (sums[0], sums[1], sums[2])
-    for name, sums in _rows(told.get("content"), f"{where}.content", 0.0, LARGEST_SUM).items():
+    for name, sums in _rows(entries.get("content"), f"{where}.content", 0.0, LARGEST_SUM).items():
         if len(sums) != 2 or sums[1] > sums[0] * (1 + 1e-6):
             place = f"{where}.content.{name}"
             raise InvalidLayout(f"{place}: expected a count and a sum that is not larger.", place)
         content[name] = (sums[0], sums[1])
-    counts = _list(told.get("counts"), f"{where}.counts", MOST_DESCRIPTORS)
+    counts = _list(entries.get("counts"), f"{where}.counts", MOST_DESCRIPTORS)
     return NodeStatistics(
-        zones=_number(told.get("zones"), f"{where}.zones", 0.0, LARGEST_SUM),
+        zones=_number(entries.get("zones"), f"{where}.zones", 0.0, LARGEST_SUM),
         numeric=numeric,
         content=content,
         counts=tuple(_number(pages, f"{where}.counts", 0.0, LARGEST_SUM) for pages in counts),
@@ -254,8 +254,8 @@ def _read_node_statistics(document: Any, where: str) -> NodeStatistics:
 
 def _rows(value: Any, where: str, least: float, largest: float = LARGEST) -> dict[str, tuple[float, ...]]:
     """Lists of numbers by name."""
-    told = _mapping(value, where)
-    return {name: _row(each, f"{where}.{name}", least, largest) for name, each in told.items()}
+    entries = _mapping(value, where)
+    return {name: _row(each, f"{where}.{name}", least, largest) for name, each in entries.items()}
 
 
 def _row(
@@ -271,17 +271,17 @@ def _object(value: Any, where: str) -> Mapping[str, Any]:
 
 
 def _mapping(value: Any, where: str) -> Mapping[str, Any]:
-    told = _object(value, where)
-    if len(told) > MOST_NAMES:
-        raise InvalidLayout(f"{where}: {len(told)} names; at most {MOST_NAMES} are read.", where)
-    for name in told:
+    entries = _object(value, where)
+    if len(entries) > MOST_NAMES:
+        raise InvalidLayout(f"{where}: {len(entries)} names; at most {MOST_NAMES} are read.", where)
+    for name in entries:
         _name(name, where)
-    return told
+    return entries
 
 
 def _numbers(value: Any, where: str, least: float, largest: float) -> dict[str, float]:
-    told = _mapping(value, where)
-    return {name: _number(number, f"{where}.{name}", least, largest) for name, number in told.items()}
+    entries = _mapping(value, where)
+    return {name: _number(number, f"{where}.{name}", least, largest) for name, number in entries.items()}
 
 
 def _list(value: Any, where: str, most: int) -> list[Any]:

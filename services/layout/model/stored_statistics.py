@@ -27,7 +27,7 @@ _DESCRIPTORS = tuple(
 _DIGITS = 6
 """Of sums, after the point: attributes are shares and logarithms."""
 _LEAST = 10.0**-_DIGITS
-"""Fewer zones with a known value are none: they are stored as none, and a mean over them may be no number."""
+"""Smaller numbers of zones count as 0: they are stored as 0, and a mean over them may be NaN."""
 
 
 def store_statistics(
@@ -101,10 +101,10 @@ def restore_statistics(
     content[content[:, :, 0] < _LEAST] = 0.0
     index = {node.label: position for position, node in enumerate(model.nodes)}
     known = [column for column, name in enumerate(_DESCRIPTORS) if name in stored.descriptors]
-    told = [stored.descriptors.index(_DESCRIPTORS[column]) for column in known]
+    columns = [stored.descriptors.index(_DESCRIPTORS[column]) for column in known]
     descriptors = np.zeros((count, count, len(_DESCRIPTORS)))
     for edge in stored.edges:
-        descriptors[index[edge.upper], index[edge.lower], known] = np.array(edge.seen)[told]
+        descriptors[index[edge.upper], index[edge.lower], known] = np.array(edge.seen)[columns]
     statistics = LabelStatistics(
         zones=np.array([node.zones for node in stored.nodes]),
         known=numeric[:, :, 0],

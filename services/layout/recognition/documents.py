@@ -68,7 +68,7 @@ class DocumentRecognition:
 
 
 def class_of(name: str, models: Sequence[VersionedModel]) -> str:
-    """The document class of a model: its own name, or the first class in the chain of `continues`."""
+    """The document class of a model: its own name, or the class at the end of its chain of `continues`."""
     continues = {model.model.name: model.continues for model in models}
     for _ in models:
         following = continues.get(name)

@@ -25,7 +25,7 @@ class Kinds:
     large: NDArray[np.bool_]
 
 
-def tell_kinds(
+def classify_components(
     components: Components, unit: float, slope: float, parameters: SegmentationParameters
 ) -> Kinds:
     """Kinds by size relative to `unit`, the page's glyph height in px; components of no kind are specks."""

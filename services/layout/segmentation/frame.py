@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import GrayImage
-from services.layout.segmentation.components import Boxes, Kinds, tell_kinds
+from services.layout.segmentation.components import Boxes, Kinds, classify_components
 from services.layout.segmentation.ink import (
     Components,
     estimate_skew,
@@ -65,7 +65,7 @@ def analyse_print(gray: GrayImage, parameters: SegmentationParameters) -> Printe
     if unit == 0.0:
         return None
     steepest = float(np.tan(np.radians(parameters.largest_skew_deg)))
-    kinds = tell_kinds(components, unit, steepest, parameters)
+    kinds = classify_components(components, unit, steepest, parameters)
     height, width = ink.mask.shape
     frame = Frame(ink.scale, estimate_skew(components.boxes[kinds.glyphs], parameters), (width, height))
     levelled = replace(components, boxes=frame.level(components.boxes))

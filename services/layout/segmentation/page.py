@@ -42,7 +42,7 @@ def segment_page(
     Parameters
     ----------
     gray : (H, W) uint8, print dark or light on its ground, skewed by at most `largest_skew_deg`.
-    words : what an engine read on the page, boxes in its pixels; None or empty without an engine.
+    words : OCR words of the page, boxes in its pixels; None or empty without an engine.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def _join_entries(
 def _read(
     lines: Sequence[Line], words: Sequence[Word] | None, frame: Frame, parameters: SegmentationParameters
 ) -> ReadLines:
-    """What was read in every line."""
+    """Text and confidence of every line."""
     sure = [
         word
         for word in words or ()

@@ -102,9 +102,9 @@ def measure_line(components: Components, members: Indices, parameters: Segmentat
     tall = height > 0.5 * np.median(height)
     # Of the feet, descenders are the lower tenth to third (in words whose letters touch).
     centre = (boxes[:, 0] + boxes[:, 2]) / 2
-    stand = boxes[:, 3] - components.hang[members]
-    slope = _line_slope(centre[tall], stand[tall])
-    foot = stand - slope * (centre - float(np.mean(centre)))
+    feet = boxes[:, 3] - components.hang[members]
+    slope = _line_slope(centre[tall], feet[tall])
+    foot = feet - slope * (centre - float(np.mean(centre)))
     reach = 0.15 * float(np.median(height[tall]))
     baseline = _near_mean(foot[tall], float(np.quantile(foot[tall], 0.4)), reach)
     rise = (baseline - foot + height - components.hang[members])[tall & (np.abs(foot - baseline) < 2 * reach)]
