@@ -84,7 +84,7 @@ def test_models_that_are_too_large_together_do_not_compete(
         monkeypatch.setattr(
             layout_store, "MOST_COMPETING_BYTES", sum(len(model.document) for model in both) - 1
         )
-        with pytest.raises(InvalidOption, match="name fewer") as caught:
+        with pytest.raises(InvalidOption, match="Name fewer") as caught:
             await store.ready_models(None)
         assert caught.value.field == "models"
         assert len(await store.ready_models(["b"])) == 1
