@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
 from models.records import ResultDraft, StoredModel, UnknownPageDraft
 from models.repository import Store
-from services.contract.layout import ModelDocument
+from services.contract.layout import MOST_MODEL_BYTES, ModelDocument
 from services.errors import InvalidOption
 
 T = TypeVar("T")
@@ -23,9 +23,6 @@ log = logging.getLogger(__name__)
 DATABASE = "layout.sqlite3"
 MOST_THREADS = 4
 """SQLite allows parallel reads and one write at a time. More threads would only wait for each other."""
-MOST_COMPETING_BYTES = 80 * 2**20
-"""Largest total size of the model documents of one recognition. A worker reads this much in 8 s, and then caches it.
-200 models of 15 labels have 40 MB; one model of 60 labels has 2.5 MB."""
 PURGE_EVERY_S = 60.0
 PURGE_EVERY_RESULTS = 100
 """Expired results are deleted after this many seconds or this many new results, whichever comes first."""
@@ -172,10 +169,10 @@ class LayoutStore:
                 )
         documents = [ready[name].document for name in (sorted(ready) if names is None else names)]
         size = sum(len(model.document) for model in documents)
-        if size > MOST_COMPETING_BYTES:
+        if size > MOST_MODEL_BYTES:
             raise InvalidOption(
                 f"models: the {len(documents)} competing models have {size / 2**20:.0f} MiB together; the limit is "
-                f"{MOST_COMPETING_BYTES / 2**20:.0f}. Name fewer models.",
+                f"{MOST_MODEL_BYTES / 2**20:.0f}. Name fewer models.",
                 "models",
             )
         return documents

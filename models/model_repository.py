@@ -27,6 +27,7 @@ from models.queries import (
 )
 from models.records import (
     ANY,
+    MAX_NAME,
     ExpectedVersion,
     ModelSettings,
     ModelSummary,
@@ -35,7 +36,6 @@ from models.records import (
     VersionSummary,
 )
 from models.tables import (
-    MAX_NAME,
     FeedbackModelRow,
     FeedbackRow,
     ModelRow,

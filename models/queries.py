@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 from models.documents import decode_document, encode_document
 from models.errors import ModelNotFound, NotStorable, SampleNotFound, StoreFull, VersionConflict
 from models.records import (
+    MAX_NAME,
     AnyVersion,
     ExpectedVersion,
     ModelSettings,
@@ -19,7 +20,7 @@ from models.records import (
     StoredSample,
     UnknownPageDraft,
 )
-from models.tables import MAX_NAME, ModelRow, SampleRow, StateRow, UnknownPageRow, VersionRow
+from models.tables import ModelRow, SampleRow, StateRow, UnknownPageRow, VersionRow
 from models.ulid import is_ulid
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 

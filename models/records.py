@@ -9,6 +9,9 @@ from typing import Any, Final, Literal
 from models.documents import Document
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
+MAX_NAME = 200
+"""Characters of a class's name or of an idempotency key."""
+
 Origin = Literal["initialize", "import", "feedback", "train", "rollback"]
 """The action that made a version of a model."""
 SampleOrigin = Literal["posted", "feedback"]

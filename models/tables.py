@@ -7,8 +7,7 @@ from sqlalchemy import UniqueConstraint as Unique
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from sqlalchemy.types import TypeDecorator
 
-MAX_NAME = 200
-"""Characters of a class's name or of an idempotency key."""
+from models.records import MAX_NAME
 
 
 class UtcDateTime(TypeDecorator[datetime]):

@@ -14,14 +14,11 @@ from app.routes.state import State
 from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
 from models.errors import UnknownPageNotFound
 from models.repository import Store
-from services.contract.layout_models import StoredPage
+from services.contract.layout_models import MOST_COMPARED_SAMPLES, StoredPage
 from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout", tags=["layout proposals"])
 
-MOST_SAMPLES = 24
-"""Largest number of samples of one model; the newest are used. More add little
-(`services.layout.discovery.class_samples`)."""
 MOST_SAMPLES_TOGETHER = 1600
 """Largest number of samples of all models: their documents have 30 MB, and a worker needs a minute for them."""
 LEAST_SAMPLES = 4
@@ -118,7 +115,7 @@ def _read_all(store: Store) -> tuple[list[StoredPage], dict[str, list[StoredPage
     """Unknown pages, newest first, and samples of every model."""
     unknown = [StoredPage(page.id, page.page) for page in store.each_unknown_page()][::-1]
     names = [model.name for model in store.models() if model.samples]
-    each = max(LEAST_SAMPLES, min(MOST_SAMPLES, MOST_SAMPLES_TOGETHER // max(1, len(names))))
+    each = max(LEAST_SAMPLES, min(MOST_COMPARED_SAMPLES, MOST_SAMPLES_TOGETHER // max(1, len(names))))
     classes = {}
     for name in names[: MOST_SAMPLES_TOGETHER // LEAST_SAMPLES]:
         newest = islice(store.each_sample(name, newest_first=True), each)

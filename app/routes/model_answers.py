@@ -6,6 +6,7 @@ from fastapi import Header
 from pydantic import Field
 
 from app.schemas.options import Absent
+from models.records import MAX_NAME
 
 IfMatch = Annotated[
     str | Absent, Header(description="The model's ETag: write only if it still has this version; else 412.")
@@ -19,7 +20,7 @@ IfNoneMatch = Annotated[
 ]
 
 IdempotencyKey = Annotated[
-    Annotated[str, Field(min_length=1, max_length=200)] | Absent,
+    Annotated[str, Field(min_length=1, max_length=MAX_NAME)] | Absent,
     Header(
         description="Repeated requests with the same key count once. So do requests with the same body and no key.",
     ),

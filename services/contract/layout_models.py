@@ -3,6 +3,10 @@
 from dataclasses import dataclass
 from typing import Any
 
+MOST_COMPARED_SAMPLES = 24
+"""Largest number of samples of a class that proposals read, the newest ones; more do not change the mean costs and
+distances."""
+
 
 @dataclass(frozen=True, slots=True)
 class ModelDraft:

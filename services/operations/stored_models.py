@@ -4,22 +4,18 @@ import json
 from collections import OrderedDict
 from collections.abc import Sequence
 
-from services.contract.layout import ModelDocument
+from services.contract.layout import MOST_MODEL_BYTES, ModelDocument
 from services.errors import InvalidModel
 from services.layout.model.layout_model import LayoutModel
 from services.layout.model.model_document import model_from_document
 from services.layout.page import InvalidLayout
 from services.layout.pipeline import VersionedModel
 
-MOST_BYTES = 80 * 2**20
-"""Largest total size of the documents of cached models; the objects take five times as much memory. 200 models of 15
-labels have 40 MB of documents, one model of 60 labels 2.5 MB."""
-
 
 class ModelCache:
     """A cache of the models that were used last, one version of each, up to `most_bytes` of documents."""
 
-    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, most_bytes: int = MOST_MODEL_BYTES) -> None:
         self._most_bytes = most_bytes
         self._bytes = 0
         self._models: OrderedDict[str, tuple[bytes, LayoutModel]] = OrderedDict()

@@ -9,9 +9,9 @@ import httpx
 import pytest
 
 from app.layout_store import DATABASE
-from app.routes.layout_proposals import MOST_SAMPLES
 from models.records import UnknownPageDraft
 from models.repository import Store
+from services.contract.layout_models import MOST_COMPARED_SAMPLES
 from services.contract.operations import Operations
 from services.layout.exchange.page_json import page_to_document
 from tests.app.scripted import OPERATIONS
@@ -108,7 +108,7 @@ def test_proposals_may_come_later(client: httpx.Client, data_dir: Path) -> None:
 def test_the_newest_samples_are_looked_at(client: httpx.Client) -> None:
     ids = [
         client.post("/layout/models/letter/samples", json=labelled(*["a"] * count)).json()["id"]
-        for count in range(1, MOST_SAMPLES + 3)
+        for count in range(1, MOST_COMPARED_SAMPLES + 3)
     ]
     (split,) = client.post(PROPOSALS).json()["splits"]
     assert split["parts"][0]["samples"] == ids[2:]

@@ -81,9 +81,7 @@ def test_models_that_are_too_large_together_do_not_compete(
         await add(store, "a")
         await add(store, "b")
         both = await store.ready_models(None)
-        monkeypatch.setattr(
-            layout_store, "MOST_COMPETING_BYTES", sum(len(model.document) for model in both) - 1
-        )
+        monkeypatch.setattr(layout_store, "MOST_MODEL_BYTES", sum(len(model.document) for model in both) - 1)
         with pytest.raises(InvalidOption, match="Name fewer") as caught:
             await store.ready_models(None)
         assert caught.value.field == "models"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.contract.layout_models import MOST_COMPARED_SAMPLES
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.matching import MatchingParameters, match_directly
 from services.layout.model.compiled_model import CompiledModel, default_scales
@@ -21,8 +22,6 @@ from services.layout.model.statistics import (
 from services.layout.page import Page
 from services.layout.recognition.page_recognition import comparable_cost
 
-MOST_SAMPLES = 24
-"""Largest number of samples of a class; more do not change the mean costs and distances."""
 MOST_MATCHED = 5e7
 """Largest number of table entries of pairs for the samples of a class, 10 ns each; it limits samples with many
 zones."""
@@ -80,7 +79,7 @@ def gather_samples(
         *sorted({label for each in views for view in each for label in view.labels if label is not None}),
     )
     work = [sum(len(view.graph.pairs) for view in each) * len(labels) ** 2 for each in views]
-    chosen = choose_evenly(work, MOST_SAMPLES, MOST_MATCHED)
+    chosen = choose_evenly(work, MOST_COMPARED_SAMPLES, MOST_MATCHED)
     taken = tuple(views[index] for index in chosen)
     statistics = tuple(sample_statistics(each, labels) for each in taken)
     gathered = ClassSamples(name, taken, labels, statistics, total_statistics(statistics))
