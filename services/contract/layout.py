@@ -11,7 +11,7 @@ from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 LayoutFormat = Literal["json", "pagexml", "alto", "png"]
 
 MOST_MODEL_BYTES = 80 * 2**20
-"""Largest total size of the model documents of one recognition, and of those that a worker caches. The objects take five
+"""Largest total size of the model documents of one recognition, and of those that a worker caches. Objects take five
 times as much memory. 200 models of 15 labels have 40 MB of documents; one model of 60 labels has 2.5 MB."""
 
 LONGEST_LABEL = 60

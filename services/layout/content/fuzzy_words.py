@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations
 
+from rapidfuzz.distance import OSA
+
 LONGEST_WORD = 18
 """Longer words must match exactly, since the size of the index grows with the square of the length."""
 _FOLD = str.maketrans({"0": "o", "1": "l", "i": "l", "5": "s", "8": "b", "c": "e", "v": "u"})
@@ -73,7 +75,8 @@ class FuzzyWords:
         length = len(listed)
         if not self._tolerance.folded_from <= length <= LONGEST_WORD or word.isdigit():
             return False
-        return _edits(fold(word), fold(listed), self._tolerance.edits(length))
+        edits = self._tolerance.edits(length)
+        return OSA.distance(fold(word), fold(listed), score_cutoff=edits) <= edits
 
     def _search(self, word: str) -> tuple[str, ...]:
         # A single letter or a number is never taken for a misreading.
@@ -92,23 +95,3 @@ def _shortened(word: str, count: int) -> set[str]:
     if count >= 2:
         found.update(word[:i] + word[i + 1 : j] + word[j + 1 :] for i, j in combinations(range(len(word)), 2))
     return found
-
-
-def _edits(first: str, second: str, most: int) -> bool:
-    """Whether the edit distance (with transpositions) is at most `most`."""
-    if first == second:
-        return True
-    if abs(len(first) - len(second)) > most:
-        return False
-    before: list[int] = []
-    row = list(range(len(second) + 1))
-    for i, letter in enumerate(first, 1):
-        earlier, before, row = before, row, [i]
-        for j, other in enumerate(second, 1):
-            cost = min(before[j] + 1, row[j - 1] + 1, before[j - 1] + (letter != other))
-            if i > 1 and j > 1 and letter == second[j - 2] and other == first[i - 2]:
-                cost = min(cost, earlier[j - 2] + 1)
-            row.append(cost)
-        if min(row) > most:
-            return False
-    return row[-1] <= most
