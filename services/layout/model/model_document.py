@@ -3,8 +3,10 @@
 The sufficient statistics of a model are its key `memory`: stored documents and the HTTP contract have that name.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any, NotRequired, TypeVar
+
+from pydantic import AfterValidator, BeforeValidator, FailFast, Field, TypeAdapter, ValidationError
+from typing_extensions import TypedDict  # of typing's own pydantic cannot read the optional keys before 3.12
 
 from services.contract.layout import LONGEST_LABEL
 from services.layout.model.layout_model import (
@@ -35,69 +37,16 @@ LONGEST_NAME = 100
 
 def model_to_document(model: LayoutModel) -> dict[str, Any]:
     """`model` as JSON can hold it; `model_from_document` reads it back."""
-    index = {node.label: position for position, node in enumerate(model.nodes)}
+    places = {node.label: place for place, node in enumerate(model.nodes)}
+    document = _PLAIN.dump_python(model, mode="json", warnings="none")
+    statistics = document.pop("statistics")
+    for edge in (*document["edges"], *(statistics["edges"] if statistics else ())):
+        edge["upper"], edge["lower"] = places[edge["upper"]], places[edge["lower"]]
     return {
         "format": MODEL_FORMAT,
         "format_version": MODEL_FORMAT_VERSION,
-        "name": model.name,
-        "samples": model.samples,
-        "nodes": [_node_document(node) for node in model.nodes],
-        "edges": [
-            {
-                "upper": index[edge.upper],
-                "lower": index[edge.lower],
-                "costs": {name: list(costs) for name, costs in edge.costs.items()},
-            }
-            for edge in model.edges
-        ],
-        "scales": dict(model.scales),
-        "calibration": {
-            "mean": model.calibration.mean,
-            "deviation": model.calibration.deviation,
-            "pages": model.calibration.pages,
-            "bias": model.calibration.bias,
-        },
-        "memory": None if model.statistics is None else _statistics_document(model.statistics, index),
-    }
-
-
-def _node_document(node: ModelNode) -> dict[str, Any]:
-    return {
-        "label": node.label,
-        "zones": node.zones,
-        "cost": node.cost,
-        "numeric": {
-            name: {"value": expected.value, "variance": expected.variance, "weight": expected.weight}
-            for name, expected in node.numeric.items()
-        },
-        "content": dict(node.content),
-        "content_weights": dict(node.content_weights),
-        "count_costs": list(node.count_costs),
-    }
-
-
-def _statistics_document(statistics: ModelStatistics, index: Mapping[str | None, int]) -> dict[str, Any]:
-    return {
-        "pages": statistics.pages,
-        "descriptors": list(statistics.descriptors),
-        "nodes": [
-            {
-                "zones": node.zones,
-                "numeric": {name: list(sums) for name, sums in node.numeric.items()},
-                "content": {name: list(sums) for name, sums in node.content.items()},
-                "counts": list(node.counts),
-            }
-            for node in statistics.nodes
-        ],
-        "edges": [
-            {
-                "upper": index[edge.upper],
-                "lower": index[edge.lower],
-                "seen": list(edge.seen),
-            }
-            for edge in statistics.edges
-        ],
-        "certainty": dict(statistics.certainty),
+        **document,
+        "memory": statistics,
     }
 
 
@@ -109,12 +58,11 @@ def model_from_document(document: Any) -> LayoutModel:
     InvalidLayout
         When it is not a layout graph model, one of a newer form, or damaged; the field is named.
     """
-    entries = _object(document, "the model")
-    if entries.get("format") != MODEL_FORMAT:
+    if not isinstance(document, dict) or document.get("format") != MODEL_FORMAT:
         raise InvalidLayout(
             f"format: this is not a {MODEL_FORMAT}. Send what GET /layout/models/{{name}} answers.", "format"
         )
-    version = entries.get("format_version")
+    version = document.get("format_version")
     if version != MODEL_FORMAT_VERSION or isinstance(version, bool):
         shown = f"{version:g}" if is_finite_number(version) else "this one"
         raise InvalidLayout(
@@ -122,202 +70,186 @@ def model_from_document(document: Any) -> LayoutModel:
             "Export the model from a service of the same release, or initialize it again from samples.",
             "format_version",
         )
-    nodes = tuple(
-        _read_node(each, f"nodes[{k}]")
-        for k, each in enumerate(_list(entries.get("nodes"), "nodes", MOST_LABELS + 1))
-    )
-    labels = [node.label for node in nodes]
+    try:
+        read = _MODEL.validate_python(document)
+    except ValidationError as error:
+        raise _invalid(error) from error
+    labels = [node.get("label") for node in read["nodes"]]
     if not labels or labels[0] is not None:
         raise InvalidLayout("nodes: the first node must be null, with label null.", "nodes")
     if len(set(labels)) != len(labels):
         raise InvalidLayout("nodes: every label may occur once.", "nodes")
     edges = tuple(
-        _read_edge(each, labels, f"edges[{k}]")
-        for k, each in enumerate(_list(entries.get("edges"), "edges", (MOST_LABELS + 1) ** 2))
+        ModelEdge(*_ends(edge, labels, f"edges[{k}]"), edge["costs"]) for k, edge in enumerate(read["edges"])
     )
     if len({(edge.upper, edge.lower) for edge in edges}) != len(edges):
         raise InvalidLayout("edges: every pair of labels may occur once.", "edges")
-    calibration = _object(entries.get("calibration"), "calibration")
+    statistics = read.get("memory")
     return LayoutModel(
-        name=_name(entries.get("name"), "name"),
-        samples=_whole(entries.get("samples"), "samples"),
-        nodes=nodes,
+        name=read["name"],
+        samples=read["samples"],
+        nodes=tuple(_node(node) for node in read["nodes"]),
         edges=edges,
-        scales=_numbers(entries.get("scales"), "scales", 0.0, MOST_WEIGHT),
-        calibration=Calibration(
-            _number(calibration.get("mean"), "calibration.mean"),
-            _number(calibration.get("deviation"), "calibration.deviation", 1e-6),
-            _whole(calibration.get("pages"), "calibration.pages"),
-            _number(calibration.get("bias", 0.0), "calibration.bias", -MOST_BIAS, MOST_BIAS),
-        ),
-        statistics=None if entries.get("memory") is None else _read_statistics(entries["memory"], labels),
+        scales=read["scales"],
+        calibration=Calibration(**read["calibration"]),
+        statistics=None if statistics is None else _statistics(statistics, labels),
     )
 
 
-def _read_node(document: Any, where: str) -> ModelNode:
-    entries = _object(document, where)
-    label = entries.get("label")
-    numeric = {}
-    for name, each in _mapping(entries.get("numeric"), f"{where}.numeric").items():
-        place = f"{where}.numeric.{name}"
-        expected = _object(each, place)
-        numeric[name] = NumericExpectation(
-            _number(expected.get("value"), f"{place}.value"),
-            _number(expected.get("variance"), f"{place}.variance", LEAST_VARIANCE),
-            _number(expected.get("weight", 1.0), f"{place}.weight", 0.0, MOST_WEIGHT),
-        )
-    counts = _list(entries.get("count_costs"), f"{where}.count_costs", MOST_DESCRIPTORS)
-    if len(counts) < 2:
-        raise InvalidLayout(
-            f"{where}.count_costs: the costs of none and of one are needed.", f"{where}.count_costs"
-        )
-    return ModelNode(
-        label=None if label is None else _label(label, f"{where}.label"),
-        zones=_number(entries.get("zones"), f"{where}.zones", 0.0),
-        cost=_number(entries.get("cost"), f"{where}.cost"),
-        numeric=numeric,
-        content=_numbers(entries.get("content"), f"{where}.content", 0.0, 1.0),
-        count_costs=tuple(_number(cost, f"{where}.count_costs") for cost in counts),
-        content_weights=_numbers(
-            entries.get("content_weights", {}), f"{where}.content_weights", 0.0, MOST_WEIGHT
-        ),
-    )
+def _whole(number: Any) -> Any:
+    """A whole number as an int: JSON does not tell 3.0 from 3."""
+    return int(number) if isinstance(number, float) and number.is_integer() else number
 
 
-def _read_edge(document: Any, labels: list[str | None], where: str) -> ModelEdge:
-    entries = _object(document, where)
-    upper, lower = _read_ends(entries, labels, where)
-    return ModelEdge(upper, lower, _rows(entries.get("costs"), f"{where}.costs", -LARGEST))
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("expected printable characters")
+    return text
 
 
-def _read_ends(
-    entries: Mapping[str, Any], labels: list[str | None], where: str
-) -> tuple[str | None, str | None]:
-    ends = []
-    for end in ("upper", "lower"):
-        index = _whole(entries.get(end), f"{where}.{end}")
-        if index >= len(labels):
-            raise InvalidLayout(f"{where}.{end}: there is no node {index}.", f"{where}.{end}")
-        ends.append(labels[index])
-    return ends[0], ends[1]
-
-
-def _read_statistics(document: Any, labels: list[str | None]) -> ModelStatistics:
-    entries = _object(document, "memory")
-    nodes = [
-        _read_node_statistics(each, f"memory.nodes[{k}]")
-        for k, each in enumerate(_list(entries.get("nodes"), "memory.nodes", len(labels)))
-    ]
-    if len(nodes) != len(labels):
-        raise InvalidLayout("memory.nodes: one is needed for each of the model's nodes.", "memory.nodes")
-    names = _list(entries.get("descriptors"), "memory.descriptors", MOST_NAMES)
-    descriptors = tuple(_name(name, "memory.descriptors") for name in names)
-    edges = []
-    for k, each in enumerate(_list(entries.get("edges"), "memory.edges", len(labels) ** 2)):
-        where = f"memory.edges[{k}]"
-        edge = _object(each, where)
-        upper, lower = _read_ends(edge, labels, where)
-        seen = _row(edge.get("seen"), f"{where}.seen", 0.0, LARGEST_SUM, MOST_NAMES)
-        if len(seen) != len(descriptors):
-            raise InvalidLayout(f"{where}.seen: one number is needed for each descriptor.", f"{where}.seen")
-        edges.append(EdgeStatistics(upper, lower, seen))
-    return ModelStatistics(
-        pages=_number(entries.get("pages"), "memory.pages", 0.0, LARGEST_SUM),
-        descriptors=descriptors,
-        nodes=tuple(nodes),
-        edges=tuple(edges),
-        certainty=_numbers(entries.get("certainty"), "memory.certainty", 0.0, LARGEST),
-    )
-
-
-def _read_node_statistics(document: Any, where: str) -> NodeStatistics:
-    entries = _object(document, where)
-    numeric, content = {}, {}
-    for name, sums in _rows(entries.get("numeric"), f"{where}.numeric", -LARGEST_SUM, LARGEST_SUM).items():
-        if len(sums) != 3 or sums[0] < 0 or sums[2] < 0:
-            place = f"{where}.numeric.{name}"
-            raise InvalidLayout(f"{place}: expected a count, a sum and a sum of squares.", place)
-        numeric[name] = (sums[0], sums[1], sums[2])
-    for name, sums in _rows(entries.get("content"), f"{where}.content", 0.0, LARGEST_SUM).items():
-        if len(sums) != 2 or sums[1] > sums[0] * (1 + 1e-6):
-            place = f"{where}.content.{name}"
-            raise InvalidLayout(f"{place}: expected a count and a sum that is not larger.", place)
-        content[name] = (sums[0], sums[1])
-    counts = _list(entries.get("counts"), f"{where}.counts", MOST_DESCRIPTORS)
-    return NodeStatistics(
-        zones=_number(entries.get("zones"), f"{where}.zones", 0.0, LARGEST_SUM),
-        numeric=numeric,
-        content=content,
-        counts=tuple(_number(pages, f"{where}.counts", 0.0, LARGEST_SUM) for pages in counts),
-    )
-
-
-def _rows(value: Any, where: str, least: float, largest: float = LARGEST) -> dict[str, tuple[float, ...]]:
-    """Lists of numbers by name."""
-    entries = _mapping(value, where)
-    return {name: _row(each, f"{where}.{name}", least, largest) for name, each in entries.items()}
-
-
-def _row(
-    value: Any, where: str, least: float, largest: float = LARGEST, most: int = MOST_DESCRIPTORS
-) -> tuple[float, ...]:
-    return tuple([_number(number, where, least, largest) for number in _list(value, where, most)])
-
-
-def _object(value: Any, where: str) -> Mapping[str, Any]:
-    if not isinstance(value, dict):
-        raise InvalidLayout(f"{where}: expected an object.", where)
-    return value
-
-
-def _mapping(value: Any, where: str) -> Mapping[str, Any]:
-    entries = _object(value, where)
-    if len(entries) > MOST_NAMES:
-        raise InvalidLayout(f"{where}: {len(entries)} names; at most {MOST_NAMES} are read.", where)
-    for name in entries:
-        _name(name, where)
-    return entries
-
-
-def _numbers(value: Any, where: str, least: float, largest: float) -> dict[str, float]:
-    entries = _mapping(value, where)
-    return {name: _number(number, f"{where}.{name}", least, largest) for name, number in entries.items()}
-
-
-def _list(value: Any, where: str, most: int) -> list[Any]:
-    if not isinstance(value, list):
-        raise InvalidLayout(f"{where}: expected a list.", where)
-    if len(value) > most:
-        raise InvalidLayout(f"{where}: {len(value)} entries; at most {most} are read.", where)
-    return value
-
-
-def _name(value: Any, where: str) -> str:
-    if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME or not value.isprintable():
-        raise InvalidLayout(f"{where}: expected 1 to {LONGEST_NAME} printable characters.", where)
-    return value
-
-
-def _label(value: Any, where: str) -> str:
+def _stripped(text: str) -> str:
     """A label that zones of samples may have too, so that what is recognized can be sent as a sample."""
-    label = _name(value, where)
-    if len(label) > LONGEST_LABEL or label != label.strip():
-        raise InvalidLayout(
-            f"{where}: expected 1 to {LONGEST_LABEL} printable characters without blanks around them.", where
-        )
-    return label
+    if text != text.strip():
+        raise ValueError("expected no blanks around the label")
+    return text
 
 
-def _number(value: Any, where: str, least: float = -LARGEST, largest: float = LARGEST) -> float:
-    if type(value) is float and least <= value <= largest:  # as nearly all are; NaN is within no bounds
-        return value
-    if not is_finite_number(value) or not least <= value <= largest:
-        raise InvalidLayout(f"{where}: expected a number from {least:g} to {largest:g}.", where)
-    return float(value)
+def _not_larger(sums: tuple[float, float]) -> tuple[float, float]:
+    if sums[1] > sums[0] * (1 + 1e-6):
+        raise ValueError("expected a count and a sum that is not larger")
+    return sums
 
 
-def _whole(value: Any, where: str) -> int:
-    number = _number(value, where, 0.0)
-    if number != int(number):
-        raise InvalidLayout(f"{where}: expected a whole number.", where)
-    return int(number)
+def _between(least: float, largest: float) -> Any:
+    """Bounds of a number; strict: no text and no truth value is one. NaN is within no bounds."""
+    return Field(ge=least, le=largest, strict=True, allow_inf_nan=False)
+
+
+Number = Annotated[float, _between(-LARGEST, LARGEST)]
+Positive = Annotated[float, _between(0.0, LARGEST)]
+Count = Annotated[int, Field(ge=0, le=LARGEST, strict=True), BeforeValidator(_whole)]
+Weight = Annotated[float, _between(0.0, MOST_WEIGHT)]
+Confidence = Annotated[float, _between(0.0, 1.0)]
+Total = Annotated[float, _between(0.0, LARGEST_SUM)]
+SignedTotal = Annotated[float, _between(-LARGEST_SUM, LARGEST_SUM)]
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME, strict=True), AfterValidator(_printable)]
+Label = Annotated[Name, Field(max_length=LONGEST_LABEL), AfterValidator(_stripped)]
+T = TypeVar("T")
+# Long lists are refused at their first defect: errors about all of a large document would fill the memory.
+ByName = Annotated[dict[Name, T], Field(max_length=MOST_NAMES)]
+Row = Annotated[tuple[T, ...], Field(max_length=MOST_DESCRIPTORS), FailFast()]
+LongRow = Annotated[tuple[T, ...], Field(max_length=MOST_NAMES), FailFast()]
+Nodes = Annotated[list[T], Field(max_length=MOST_LABELS + 1)]
+Edges = Annotated[list[T], Field(max_length=(MOST_LABELS + 1) ** 2), FailFast()]
+
+
+class _Ends(TypedDict):
+    upper: Positive
+    lower: Positive
+
+
+class _Expectation(TypedDict):
+    value: Number
+    variance: Annotated[float, _between(LEAST_VARIANCE, LARGEST)]
+    weight: NotRequired[Weight]
+
+
+class _Node(TypedDict):
+    label: NotRequired[Label | None]
+    zones: Positive
+    cost: Number
+    numeric: ByName[_Expectation]
+    content: ByName[Confidence]
+    count_costs: Annotated[Row[Number], Field(min_length=2)]
+    content_weights: NotRequired[ByName[Weight]]
+
+
+class _Edge(_Ends):
+    costs: ByName[Row[Number]]
+
+
+class _Calibration(TypedDict):
+    mean: Number
+    deviation: Annotated[float, _between(1e-6, LARGEST)]
+    pages: Count
+    bias: NotRequired[Annotated[float, _between(-MOST_BIAS, MOST_BIAS)]]
+
+
+class _NodeStatistics(TypedDict):
+    zones: Total
+    numeric: ByName[tuple[Total, SignedTotal, Total]]
+    content: ByName[Annotated[tuple[Total, Total], AfterValidator(_not_larger)]]
+    counts: Row[Total]
+
+
+class _EdgeStatistics(_Ends):
+    seen: LongRow[Total]
+
+
+class _Statistics(TypedDict):
+    pages: Total
+    descriptors: LongRow[Name]
+    nodes: Nodes[_NodeStatistics]
+    edges: Edges[_EdgeStatistics]
+    certainty: ByName[Positive]
+
+
+class _Model(TypedDict):
+    name: Name
+    samples: Count
+    nodes: Nodes[_Node]
+    edges: Edges[_Edge]
+    scales: ByName[Weight]
+    calibration: _Calibration
+    memory: NotRequired[_Statistics | None]
+
+
+_MODEL = TypeAdapter(_Model)
+_PLAIN = TypeAdapter(LayoutModel)
+
+
+def _node(read: _Node) -> ModelNode:
+    numeric = {name: NumericExpectation(**each) for name, each in read["numeric"].items()}
+    values: dict[str, Any] = {"label": None, **read, "numeric": numeric}
+    return ModelNode(**values)
+
+
+def _statistics(read: _Statistics, labels: list[str | None]) -> ModelStatistics:
+    if len(read["nodes"]) != len(labels):
+        raise InvalidLayout("memory.nodes: one is needed for each of the model's nodes.", "memory.nodes")
+    edges = []
+    for k, edge in enumerate(read["edges"]):
+        where = f"memory.edges[{k}]"
+        if len(edge["seen"]) != len(read["descriptors"]):
+            raise InvalidLayout(f"{where}.seen: one number is needed for each descriptor.", f"{where}.seen")
+        edges.append(EdgeStatistics(*_ends(edge, labels, where), edge["seen"]))
+    return ModelStatistics(
+        pages=read["pages"],
+        descriptors=read["descriptors"],
+        nodes=tuple(NodeStatistics(**node) for node in read["nodes"]),
+        edges=tuple(edges),
+        certainty=read["certainty"],
+    )
+
+
+def _ends(edge: _Ends, labels: list[str | None], where: str) -> tuple[str | None, str | None]:
+    """The labels of both nodes of an edge, which its document has by their places."""
+    for end, place in (("upper", edge["upper"]), ("lower", edge["lower"])):
+        if place != int(place) or place >= len(labels):
+            raise InvalidLayout(f"{where}.{end}: there is no node {place:g}.", f"{where}.{end}")
+    return labels[int(edge["upper"])], labels[int(edge["lower"])]
+
+
+def _invalid(error: ValidationError) -> InvalidLayout:
+    """The first thing that is wrong. Nodes and edges are told by their places, numbers of a row are not."""
+    first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+    field = ""
+    for step in first["loc"]:
+        if isinstance(step, int) and not field.endswith(("nodes", "edges")):
+            break
+        field += f"[{step}]" if isinstance(step, int) else f".{step}"
+    if first["loc"][-1] == "[key]":  # the name itself is wrong, and may be long
+        field = field.removesuffix(".[key]").rpartition(".")[0]
+    field = field.removeprefix(".")
+    reason = first["msg"].removeprefix("Value error, ")
+    return InvalidLayout(f"{field}: {reason}.", field)
