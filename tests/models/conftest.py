@@ -80,3 +80,8 @@ def letters(store: Store) -> Store:
     store.add_version("memo", {"n": 1}, "import")
     store.add_sample("fax", {"n": 1})
     return store
+
+
+@pytest.fixture
+def result(letters: Store) -> str:
+    return letters.add_result({"page": "the page"}, ttl_s=1000)
