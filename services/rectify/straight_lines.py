@@ -273,8 +273,8 @@ def neighbouring_fits(
 ) -> Iterator[tuple[PagePlane, StraightLines]]:
     """Plane and lines as each observation in turn is moved by its own deviation, to first order.
 
-    The observations are both points of each line, and the prior. They are independent, so the deviation of whatever
-    follows from the fit is the root of the sum of its squared changes.
+    The observations are both points of each line, and the prior. They are independent, so the standard deviation of a
+    value that follows from the fit is the root of the sum of its squared changes.
     """
     A, r = _linearized(fit.plane, lines, prior, None)
     inverse = np.linalg.pinv(A[:, :4])

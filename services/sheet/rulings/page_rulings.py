@@ -32,7 +32,7 @@ def find_page_rulings(
 ) -> PageRulings:
     """Rulings of a page from its flow samples and `characters` (N, 2), all in centred unit coordinates.
 
-    `text_height` is in the same unit. Finite for any input; what is not known is told by `curved` and `deviations`.
+    `text_height` is in the same unit. Finite for any input; `curved` and `deviations` show what is not known.
     """
     major_flow = regress_flow(major, MAJOR_SIGMA * text_height)
     minor_flow = regress_flow(minor, MINOR_SIGMA * text_height) if minor is not None and len(minor) else None
