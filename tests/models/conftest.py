@@ -6,14 +6,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 
 from models.repository import Store
 from tests.models.databases import KINDS, Cluster, empty_tables, running_cluster
-
-# The time of one example says nothing on a busy machine; the same examples run every time.
-settings.register_profile("laws", deadline=None, derandomize=True)
-settings.load_profile("laws")
 
 
 class Clock:
