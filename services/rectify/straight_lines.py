@@ -85,7 +85,7 @@ class StraightLines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinePlane:
-    """The plane that straight lines show, with the information (4, 4) of rotation vector and log focal length.
+    """The plane that straight lines show, fitted with a prior of the focal length.
 
     `residuals_rad` (N,) are the angles between the lines and the way to their vanishing points; `cost` is the sum of
     the squared residuals in deviations, the prior's included.
@@ -93,7 +93,6 @@ class LinePlane:
     """
 
     plane: PagePlane
-    information: Floats
     residuals_rad: Vector
     log_focal_deviation: float
     cost: float
@@ -220,7 +219,7 @@ def fit_line_plane(
         if float(np.abs(step).max()) < SMALL_STEP:
             break
     information = A[:, :4].T @ A[:, :4]
-    return LinePlane(plane, information, r, _focal_deviation(information, prior), least)
+    return LinePlane(plane, r, _focal_deviation(information, prior), least)
 
 
 def _moved(plane: PagePlane, step: Vector) -> PagePlane:
