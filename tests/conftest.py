@@ -1,12 +1,19 @@
-"""What kind of test each one is, by its folder, and what this machine cannot test."""
+"""What kind of test each one is, by its folder; photos that several tests use; what this machine cannot test."""
 
 import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from services.ocr.tesseract import find_tessdata
+from simulation.flat_page import Page
 from tests.models.databases import KINDS
+from tests.services.scenes import Album
+
+# The time of one example says nothing on a busy machine; the same examples run every time.
+settings.register_profile("laws", deadline=None, derandomize=True)
+settings.load_profile("laws")
 
 ROOT = Path(__file__).parent
 KIND_OF_FOLDER = {
@@ -35,6 +42,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if kind is None:
             kind = "pipeline" if uses or item.get_closest_marker("pipeline") else "fast"
         item.add_marker(kind)
+
+
+@pytest.fixture(scope="session")
+def album() -> Album:
+    """Simulated photos by name."""
+    return Album()
+
+
+@pytest.fixture(scope="session")
+def pages(album: Album) -> tuple[Page, ...]:
+    """The five pages of our own setting, 800 x 1250 px, 21 px to the em."""
+    return album.pages()
 
 
 def untested() -> list[str]:

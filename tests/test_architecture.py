@@ -55,8 +55,6 @@ RULES = [
     ("services/sheet", (*ESTIMATORS, "services.ocr", "services.operations"), ()),
     # Sub-packages know nothing of the whole pages that are put together from them.
     ("services/sheet/outline", SHEET, ("services.sheet.outline",)),
-    ("services/sheet/rulings", SHEET, ("services.sheet.rulings",)),
-    ("services/sheet/strips", SHEET, ("services.sheet.strips", "services.sheet.rulings")),
     ("services/sheet/developable", SHEET, ("services.sheet.developable",)),
     ("services/sheet/tracing", SHEET, ("services.sheet.tracing", "services.sheet.developable.observations")),
     # A creased sheet explains the same observations as a smooth one.
@@ -66,6 +64,13 @@ RULES = [
     ("services/layout", ("services.rectify", "services.mosaic", "services.operations"), ()),
     ("models", ("app", "services", "simulation", "benchmarks", "tests"), ("services.contract",)),
     ("simulation", ("app", "services", "models", "benchmarks", "tests"), ()),
+    # The dissertation's chain builds on the product's evidence, and the steps of the chain on those before them.
+    (
+        "benchmarks/dissertation_chain",
+        ("app", "models", "simulation", "tests", "benchmarks", *ESTIMATORS, *SHEET),
+        ("benchmarks.dissertation_chain", "services.sheet.evidence", "services.sheet.surfaces"),
+    ),
+    ("benchmarks/dissertation_chain/rulings", ("benchmarks.dissertation_chain.strips", *SHEET), ()),
 ]
 ONLY_IN = [
     # (module, the only places that may import it)
@@ -147,18 +152,6 @@ def test_some_libraries_have_one_place(module: str, places: tuple[str, ...]) -> 
         for path in sources(folder)
         for name in imports(path)
         if within(name, (module,)) and not str(path.relative_to(ROOT)).startswith(places)
-    ]
-    assert wrong == []
-
-
-def test_the_dissertations_strips_are_reached_from_benchmarks_alone() -> None:
-    own = ("services/sheet/strip_page.py", "services/sheet/strips/", "services/sheet/rulings/")
-    wrong = [
-        f"{path.relative_to(ROOT)} imports {name}"
-        for path in sources("services")
-        if not str(path.relative_to(ROOT)).startswith(own)
-        for name in imports(path)
-        if within(name, ("services.sheet.strip_page", "services.sheet.strips", "services.sheet.rulings"))
     ]
     assert wrong == []
 

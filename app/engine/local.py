@@ -91,9 +91,9 @@ class LocalEngine:
         self._preload = list(preload)
         self._observe = observe
         self._jobs: deque[EngineJob] = deque()
-        self._bells: deque[asyncio.Future[None]] = deque()  # one future for each idle worker
+        self._wake_ups: deque[asyncio.Future[None]] = deque()  # one future for each idle worker
         self._open: set[asyncio.Future[Any]] = set()  # answers that callers await
-        self._hired: set[WorkerProcess] = set()
+        self._workers: set[WorkerProcess] = set()
         self._tasks: list[asyncio.Task[None]] = []
         self._threads = ThreadPoolExecutor(limits.workers, thread_name_prefix="engine")
         self._draining = self._stopped = False
@@ -110,16 +110,16 @@ class LocalEngine:
         multiprocessing.get_context("forkserver").set_forkserver_preload(self._preload)
         # Workers ignore SIGTERM, so multiprocessing would wait for them without end if the server exits early.
         atexit.register(self._kill_all)
-        hires = await asyncio.gather(
-            *(self._hire() for _ in range(self._limits.workers)), return_exceptions=True
+        starts = await asyncio.gather(
+            *(self._start_worker() for _ in range(self._limits.workers)), return_exceptions=True
         )
-        workers = [worker for worker in hires if isinstance(worker, WorkerProcess)]
+        workers = [worker for worker in starts if isinstance(worker, WorkerProcess)]
         if len(workers) < self._limits.workers:
             for worker in workers:
-                await self._dismiss(worker)
-            failure = next(hire for hire in hires if isinstance(hire, BaseException))
+                await self._stop_worker(worker)
+            failure = next(start for start in starts if isinstance(start, BaseException))
             raise EngineFailed(f"a worker did not start: {failure}")
-        self._tasks = [asyncio.create_task(self._attend(worker)) for worker in workers]
+        self._tasks = [asyncio.create_task(self._keep_one_worker(worker)) for worker in workers]
 
     def admit(self) -> _Seat:
         if self._draining:
@@ -153,7 +153,7 @@ class LocalEngine:
         )
         self._open.add(job.answer)
         self._jobs.append(job)
-        self._ring()
+        self._wake_idle_worker()
         try:
             await asyncio.wait(
                 (job.started, job.answer),
@@ -213,57 +213,57 @@ class LocalEngine:
         return max(1, min(MAX_RETRY_AFTER_S, math.ceil(wait_s)))
 
     def _kill_all(self) -> None:
-        for worker in tuple(self._hired):
+        for worker in tuple(self._workers):
             worker.kill()
 
-    def _ring(self) -> None:
+    def _wake_idle_worker(self) -> None:
         """Wake the task of one idle worker."""
-        while self._bells:
-            bell = self._bells.popleft()
-            if not bell.done():
-                bell.set_result(None)
+        while self._wake_ups:
+            wake_up = self._wake_ups.popleft()
+            if not wake_up.done():
+                wake_up.set_result(None)
                 return
 
-    async def _attend(self, worker: WorkerProcess) -> None:
+    async def _keep_one_worker(self, worker: WorkerProcess) -> None:
         """Keep one place in the pool filled until the engine stops."""
         while True:
             try:
-                await self._employ(worker)
+                await self._run_jobs(worker)
             finally:
                 self._live -= 1
-                code = await self._dismiss(worker)
+                code = await self._stop_worker(worker)
                 log.info("worker ended", extra={"exit_code": code, "worker": worker.pid})
             while True:
                 try:
-                    worker = await self._hire()
+                    worker = await self._start_worker()
                     break
                 except Exception:
                     log.exception("worker did not start")
                     await asyncio.sleep(RESTART_PAUSE_S)
 
-    async def _hire(self) -> WorkerProcess:
+    async def _start_worker(self) -> WorkerProcess:
         worker = WorkerProcess(self._limits.worker_memory_bytes, self._warm_up)
-        self._hired.add(worker)
+        self._workers.add(worker)
         loop = asyncio.get_running_loop()
-        alarm = loop.call_later(self._limits.start_timeout_s, worker.kill)
+        timer = loop.call_later(self._limits.start_timeout_s, worker.kill)
         try:
             self._facts = await loop.run_in_executor(self._threads, worker.start)
         except BaseException as error:
-            code = await self._dismiss(worker)
+            code = await self._stop_worker(worker)
             if isinstance(error, WorkerGone):
                 raise EngineFailed(f"it ended during its warm-up (exit code {code})") from error
             raise
         finally:
-            alarm.cancel()
+            timer.cancel()
         self._live += 1
         return worker
 
-    async def _dismiss(self, worker: WorkerProcess) -> int | None:
+    async def _stop_worker(self, worker: WorkerProcess) -> int | None:
         worker.kill()  # before anything else, so that no thread waits for it
-        self._hired.discard(worker)
-        return await asyncio.shield(asyncio.get_running_loop().run_in_executor(self._threads, worker.bury))
+        self._workers.discard(worker)
+        return await asyncio.shield(asyncio.get_running_loop().run_in_executor(self._threads, worker.stop))
 
-    async def _employ(self, worker: WorkerProcess) -> None:
+    async def _run_jobs(self, worker: WorkerProcess) -> None:
         """Give the worker one job after another, until it has died or reached its maximum number of jobs."""
         for _ in range(self._limits.jobs_per_worker):
             while not (job := self._next_job()):
@@ -289,25 +289,25 @@ class LocalEngine:
     async def _wait_for_job(self, worker: WorkerProcess) -> bool:
         """True when there may be a job, False when the worker has died."""
         loop = asyncio.get_running_loop()
-        bell: asyncio.Future[None] = loop.create_future()
+        wake_up: asyncio.Future[None] = loop.create_future()
         gone: asyncio.Future[None] = loop.create_future()
-        self._bells.append(bell)
+        self._wake_ups.append(wake_up)
 
-        def notice() -> None:
+        def on_death() -> None:
             if not gone.done():
                 gone.set_result(None)
 
-        loop.add_reader(worker.fileno(), notice)
+        loop.add_reader(worker.fileno(), on_death)
         try:
-            await asyncio.wait((bell, gone), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait((wake_up, gone), return_when=asyncio.FIRST_COMPLETED)
         finally:
             loop.remove_reader(worker.fileno())
-            if bell.done():
+            if wake_up.done():
                 if gone.done():
-                    self._ring()  # pass the announced job to another worker
+                    self._wake_idle_worker()  # pass the announced job to another worker
             else:
-                bell.cancel()
-                self._bells.remove(bell)
+                wake_up.cancel()
+                self._wake_ups.remove(wake_up)
         return not gone.done()
 
     async def _run(self, worker: WorkerProcess, job: EngineJob) -> bool:
@@ -326,7 +326,7 @@ class LocalEngine:
             if answer.cancelled():
                 worker.kill()
 
-        alarm: asyncio.TimerHandle | None = None
+        timer: asyncio.TimerHandle | None = None
         error: DocumentError | None = None
         value: object = None
         usable = False
@@ -337,7 +337,7 @@ class LocalEngine:
                 return True
             # The timer covers the whole exchange, so that it also stops a worker that no longer reads or that
             # blocks while it sends its answer.
-            alarm = loop.call_later(job.time_limit.seconds, expire)
+            timer = loop.call_later(job.time_limit.seconds, expire)
             job.answer.add_done_callback(abandon)
             outcome, value = await loop.run_in_executor(
                 self._threads, worker.call, job.operation, arguments, job.listener(loop)
@@ -353,8 +353,8 @@ class LocalEngine:
             log.exception("exchange with a worker failed")
             error = JobFailed(f"{type(unforeseen).__name__}: {unforeseen}")
         finally:
-            if alarm is not None:
-                alarm.cancel()
+            if timer is not None:
+                timer.cancel()
             self._settle(job, value, error, begin)
         return usable
 

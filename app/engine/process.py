@@ -22,7 +22,7 @@ class WorkerGone(Exception):
 
 
 class WorkerProcess:
-    """The engine's side of one worker process. `start`, `call` and `bury` block, so they run in threads."""
+    """The engine's side of one worker process. `start`, `call` and `stop` block, so they run in threads."""
 
     _starting = threading.Lock()
 
@@ -33,7 +33,7 @@ class WorkerProcess:
         self._process = context.Process(
             target=inside.serve, args=(far_end, memory_bytes, warm_up), name="document-worker", daemon=True
         )
-        self._killed = self._buried = False
+        self._killed = self._stopped = False
 
     def start(self) -> dict[str, object]:
         """Start the process and wait for its warm-up; the facts that it reports."""
@@ -80,19 +80,19 @@ class WorkerProcess:
         """Kill the process and its children now; a blocked `start` or `call` in another thread returns."""
         self._killed = True
         # Not `is_alive`: it is False for a running worker whose fork server was killed.
-        if self._process.pid is None or self._buried:
+        if self._process.pid is None or self._stopped:
             return
         with suppress(ProcessLookupError):
             os.kill(self._process.pid, signal.SIGKILL)
         with suppress(ProcessLookupError):  # the worker is not yet the leader of its process group
             os.killpg(self._process.pid, signal.SIGKILL)
 
-    def bury(self) -> int | None:
+    def stop(self) -> int | None:
         """Kill, wait, close; the exit code (negative: the signal)."""
         self.kill()
         if self._process.pid is not None:
             self._process.join(timeout=10)
-        self._buried = True
+        self._stopped = True
         self._connection.close()
         return self._process.exitcode if self._process.pid is not None else None
 

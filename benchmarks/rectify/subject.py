@@ -14,6 +14,9 @@ from benchmarks.common.residuals import (
     ruling_errors,
     strip_of,
 )
+from benchmarks.dissertation_chain.flow_regression import regress_flow
+from benchmarks.dissertation_chain.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
+from benchmarks.dissertation_chain.strip_page import find_strips
 from services.arrays import RgbImage, Vector
 from services.contract.images import Encoding, ImageLimits
 from services.contract.rectify import RectifyParameters
@@ -26,9 +29,6 @@ from services.rectify import spread
 from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
-from services.sheet.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
-from services.sheet.strip_page import find_strips
-from services.texture_flow.regression import regress_flow
 from simulation.flat_page import Points
 from simulation.truth import Truth
 

@@ -142,7 +142,7 @@ def analyse_spread(
     parameters: AnalysisParameters | None = None,
     clock: StageClock | None = None,
 ) -> tuple[PageAnalysis, ...]:
-    """The same of an opened book: the main page, and the facing page if its text shows its shape.
+    """Analyse a photo of an opened book: the main page, and the facing page if its text shows its shape.
 
     Raises
     ------

@@ -14,7 +14,7 @@ LONG_SIDE_PX = 700
 MARGIN = 0.5
 """Text heights that are kept beside the text where the gutter is cut off."""
 GRID_STEP_PX = 8
-"""What the photo shows is told on every eighth pixel."""
+"""Whether the photo shows a place of the view is computed at every eighth pixel."""
 
 
 def crop_to_gutter(frame: FlatFrame | CurvedFrame, analysis: PageAnalysis) -> FlatFrame | CurvedFrame:

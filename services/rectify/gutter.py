@@ -120,14 +120,14 @@ def direction_jump(
 def _continue_directions(
     away: Vector, rows: Vector, flow: FlowSamples, p: GutterParameters
 ) -> tuple[float, float, float]:
-    """Direction at `away` = 0, its slope along the rows, and the row that it is told at: a robust smooth fit."""
+    """Direction at `away` = 0, its slope along the rows, and the row of that direction, by a robust smooth fit."""
     reference = 0.5 * float(np.angle(np.sum(flow.weights * np.exp(2j * flow.angles))))
     middle = float(np.median(rows))
     terms = [np.ones_like(away), away, rows - middle]
     if len(away) >= p.many_samples:
         terms += [away**2, away * (rows - middle)]
     design = np.stack(terms, axis=1)
-    # All but the first are held a little: few samples do not tell them.
+    # All coefficients but the first are damped a little: few samples do not determine them.
     held = np.diag([1e-6, *[0.1 if len(terms) > 3 else 0.3] * (len(terms) - 1)])
     value = angle_difference(flow.angles, reference)
     c = fit_reweighted(

@@ -58,9 +58,8 @@ class OrientationParameters:
 
 @dataclass(frozen=True, slots=True)
 class _Way:
-    """A candidate: turn and flip, and the axis (turn of the page) on which its lines were found."""
+    """A candidate: turn, and whether the page is mirrored."""
 
-    axis_deg: int
     rotation_deg: int
     mirrored: bool
 
@@ -120,12 +119,12 @@ def _decide(
     axes: list["_LineReader"], mirrorings: tuple[bool, ...], parameters: OrientationParameters
 ) -> Orientation:
     """Best way among the two turns of each axis in each of `mirrorings`."""
-    best, confidence = _Way(0, 0, False), 0.0
+    best, confidence = _Way(0, False), 0.0
     for lines in (parameters.few_lines, -(-parameters.more_lines // len(axes))):
         scores: dict[_Way, float] = {}
         letters = 0.0
         for axis in axes:
-            ways = [_Way(axis.turn_deg, axis.turn_deg + half, m) for m in mirrorings for half in (0, 180)]
+            ways = [_Way(axis.turn_deg + half, m) for m in mirrorings for half in (0, 180)]
             read, score = axis.score(ways, lines)
             letters = max(letters, read)
             scores.update(score)

@@ -1,8 +1,8 @@
 """Which text belongs to the page: what lies beyond a gutter, or beyond the sheet's edge, is left out.
 
 A photo of an opened book shows part of the facing page, whose text has another direction and lies on another surface.
-Text is told to be on two pages only by a long edge of brightness between them (a gutter, a shadow, the rim of a
-page) that goes on beyond the text, and by a second sign: the lines change their direction across it, or the text
+Text is taken to lie on two pages only if there is a long edge of brightness between them (a gutter, a shadow, the rim
+of a page) that continues beyond the text, and a second sign: the lines change their direction across it, or the text
 beyond it is cut off by the end of the photo. Flat columns have neither. Columns of a page that is bent strongly between
 them, or in whose gutter a shadow ends, may have all three; but they are set closer together than two pages, between
 which there are two margins.
@@ -54,7 +54,7 @@ class PageChoiceParameters:
     column_jump_rad: float = float(np.deg2rad(30.0))
     """Unless the lines change their direction by this: bent columns show up to 24 degrees."""
     border: float = 2.0
-    """Characters nearer to the end of the photo are cut off, or stand beside some that are."""
+    """Characters nearer to the end of the photo are cut off, or are next to some that are."""
     cut_share: float = 0.3
     """Of a page's lines that are cut off."""
     cut_worth: float = 0.5

@@ -78,7 +78,7 @@ class PoseParameters:
     """What the sheet's sides leave less level than this on average is no text: drawings, grain of a desk. Lines of
     text on bent and crumpled sheets lie within 3 degrees."""
     aslant_rad: float = np.deg2rad(5.0)
-    """Print that stands further aslant on its sheet is told of."""
+    """A larger angle between the print and its sheet is reported as a warning."""
     few_lines: int = 6
     few_aslant_rad: float = np.deg2rad(1.5)
     """Fewer lines of text than `few_lines` do not turn the view further against its sheet."""

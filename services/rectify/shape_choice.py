@@ -42,7 +42,8 @@ CERTAIN_OUTLINE = 0.95
 CURVED_GAIN = 0.7
 """A bent sheet must bring the lines' deviation below this share of the plane's."""
 FLOW_GAIN = 0.4
-"""The same of the flows, where the lines are straight already: sparse print draws the flows astray."""
+"""Where the lines are straight already, a bent sheet must bring the deviation of the flows below this share of the
+plane's: flows of sparse print are unreliable."""
 
 
 def choose_shape(

@@ -135,7 +135,7 @@ def _without_facing_notice(page: FlatPage) -> FlatPage:
 
 
 def _line_direction(results: Sequence[RectifyResult]) -> Vector:
-    """Direction (2,) in the photo in which lines are read, by the page whose orientation is told best."""
+    """Direction (2,) in the photo in which lines are read, by the page whose orientation is most certain."""
     return _middle_axes(max(results, key=lambda result: result.orientation.confidence or 0.0))[0]
 
 
@@ -161,7 +161,7 @@ def turn_like(result: RectifyResult, results: Sequence[RectifyResult]) -> Rectif
 
 
 def turn_result(result: RectifyResult, quarter_turns: int) -> RectifyResult:
-    """The view turned clockwise; that its orientation was not told is told no more."""
+    """The view turned clockwise, without the warning that its orientation is unknown."""
     turned = replace(
         result.orientation, rotation_deg=(result.orientation.rotation_deg + 90 * quarter_turns) % 360
     )

@@ -85,7 +85,7 @@ class StraightLines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinePlane:
-    """The plane that straight lines show, with the information (4, 4) of rotation vector and log focal length.
+    """The plane that straight lines show, fitted with a prior of the focal length.
 
     `residuals_rad` (N,) are the angles between the lines and the way to their vanishing points; `cost` is the sum of
     the squared residuals in deviations, the prior's included.
@@ -93,7 +93,6 @@ class LinePlane:
     """
 
     plane: PagePlane
-    information: Floats
     residuals_rad: Vector
     log_focal_deviation: float
     cost: float
@@ -220,7 +219,7 @@ def fit_line_plane(
         if float(np.abs(step).max()) < SMALL_STEP:
             break
     information = A[:, :4].T @ A[:, :4]
-    return LinePlane(plane, information, r, _focal_deviation(information, prior), least)
+    return LinePlane(plane, r, _focal_deviation(information, prior), least)
 
 
 def _moved(plane: PagePlane, step: Vector) -> PagePlane:
@@ -273,8 +272,8 @@ def neighbouring_fits(
 ) -> Iterator[tuple[PagePlane, StraightLines]]:
     """Plane and lines as each observation in turn is moved by its own deviation, to first order.
 
-    The observations are both points of each line, and the prior. They are independent, so the deviation of whatever
-    follows from the fit is the root of the sum of its squared changes.
+    The observations are both points of each line, and the prior. They are independent, so the standard deviation of a
+    value that follows from the fit is the root of the sum of its squared changes.
     """
     A, r = _linearized(fit.plane, lines, prior, None)
     inverse = np.linalg.pinv(A[:, :4])

@@ -1,59 +1,20 @@
 """Directions between their samples, by local polynomial regression of the doubled angles.
 
 A plane (order 1) is the smoother fit of a flat page's flow. A quadric (order 2) keeps the bend of a curved page's:
-where the direction of text lines turns fastest - just where rulings show - a plane over six text heights cuts off
-half of it, with three times the samples' own error; a quadric over five text heights does not.
+where the direction of text lines turns fastest, a plane over six text heights loses half of the bend, which is three
+times the error of the samples. A quadric over five text heights does not.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
-from services.arrays import Floats, Points, Vector
+from services.arrays import Floats, Vector
 from services.robust import robust_scale
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
-from services.texture_flow.tabulated import TabulatedValues
 
-_NODES = 2500
-"""Bound on the nodes of the grid that lies over the samples alone."""
 _FAR_SHARE = 0.0005
 """Of a sample, weight of the far field: more of it flattens bends."""
 _DAMPING = {1: 0.03, 2: 0.0001}
 """Of slopes and bends that nothing measures, over the samples' weight near by."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RegressedFlow:
-    """A flow at any point of its samples' frame, and how far it is to be trusted there."""
-
-    field: FlowField
-    trust: TabulatedValues
-
-    def at(self, points: Points) -> Vector:
-        """Directions (M,) rad in [-pi/2, pi/2) at `points` (M, 2)."""
-        return self.field.at(points)
-
-    def trust_at(self, points: Points) -> Vector:
-        """Weights (M,) 0-1 at `points` (M, 2): falls where samples are few or on one side only."""
-        return self.trust.at(points)
-
-
-def regress_flow(samples: FlowSamples, sigma: float) -> RegressedFlow:
-    """Quadratic regression of `samples` (N) wherever they lie, in their own frame and its unit (as `sigma`)."""
-    if len(samples) == 0:
-        return RegressedFlow(
-            FlowField(np.zeros((1, 1, 2)), (0.0, 0.0), sigma),
-            TabulatedValues(np.zeros((1, 1)), (0.0, 0.0), sigma),
-        )
-    low, high = samples.points.min(axis=0) - 2 * sigma, samples.points.max(axis=0) + 2 * sigma
-    spacing = max(sigma / 2, float(np.sqrt(np.prod(high - low) / _NODES)))
-    x, y = (np.arange(np.ceil((high[k] - low[k]) / spacing) + 1) * spacing + low[k] for k in (0, 1))
-    origin = (float(low[0]), float(low[1]))
-    doubled, variance = _regress(samples, x, y, sigma, order=2)
-    # At the border of the samples their noise comes through many times as strong as usual.
-    usual = float(np.median(TabulatedValues(variance, origin, spacing).at(samples.points)))
-    share = np.clip(2 * usual / np.maximum(variance, 1e-300), 0.0, 1.0)
-    return RegressedFlow(FlowField(doubled, origin, spacing), TabulatedValues(share**2, origin, spacing))
 
 
 def smooth_samples(
@@ -63,7 +24,7 @@ def smooth_samples(
     rows = max(int(np.ceil(shape[0] / spacing_px)) + 1, 2)
     columns = max(int(np.ceil(shape[1] / spacing_px)) + 1, 2)
     x, y = np.arange(columns) * spacing_px, np.arange(rows) * spacing_px
-    return FlowField(_regress(samples, x, y, sigma_px, order)[0], (0.0, 0.0), spacing_px)
+    return FlowField(regress_directions(samples, x, y, sigma_px, order)[0], (0.0, 0.0), spacing_px)
 
 
 def reject_outliers(
@@ -81,7 +42,9 @@ def reject_outliers(
     return samples
 
 
-def _regress(samples: FlowSamples, x: Vector, y: Vector, sigma: float, order: int) -> tuple[Floats, Floats]:
+def regress_directions(
+    samples: FlowSamples, x: Vector, y: Vector, sigma: float, order: int
+) -> tuple[Floats, Floats]:
     """Doubled angles (R, C, 2) at the nodes at `x` (C,) and `y` (R,), and their variance (R, C).
 
     At every node a polynomial is fitted with Gaussian weights (`sigma`) times the samples' own; a little of the far

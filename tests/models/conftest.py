@@ -6,14 +6,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 
 from models.repository import Store
 from tests.models.databases import KINDS, Cluster, empty_tables, running_cluster
-
-# The time of one example says nothing on a busy machine; the same examples run every time.
-settings.register_profile("laws", deadline=None, derandomize=True)
-settings.load_profile("laws")
 
 
 class Clock:
@@ -80,3 +75,8 @@ def letters(store: Store) -> Store:
     store.add_version("memo", {"n": 1}, "import")
     store.add_sample("fax", {"n": 1})
     return store
+
+
+@pytest.fixture
+def result(letters: Store) -> str:
+    return letters.add_result({"page": "the page"}, ttl_s=1000)

@@ -1,9 +1,8 @@
-"""What the store promises about feedback: once and whole; settings and unknown pages."""
+"""What the store promises about feedback: each one counts once, and is kept whole or not at all."""
 
 import dataclasses
 import itertools
 from collections.abc import Callable
-from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -14,53 +13,13 @@ from models.records import (
     FeedbackDraft,
     ModelChange,
     ModelHealth,
-    ModelSettings,
     StoredFeedback,
-    UnknownPage,
     UnknownPageDraft,
 )
 from models.repository import Store
 from models.ulid import is_ulid
-from services.contract.layout_learning import DEFAULT_LEARNER
-from tests.models.conftest import Clock
+from tests.models.feedback_drafts import change, draft
 from tests.models.whole_database import everything
-
-
-def draft(
-    result_id: str,
-    request: Any = "sender",
-    *,
-    key: str | None = None,
-    found: str | None = "letter",
-    verified: str | None = "letter",
-    zones: int = 10,
-    wrong: int = 1,
-    sample: Any = "the page",
-    unknown: Any = None,
-) -> FeedbackDraft:
-    """A feedback that says `request`."""
-    return FeedbackDraft(
-        result_id=result_id,
-        key=key,
-        request={"labels": {"z1": request}},
-        report={"wrong": wrong, "of": zones},
-        found_class=found,
-        verified_class=verified,
-        zones=zones,
-        wrong_zones=wrong,
-        class_wrong=found != verified,
-        sample=None if sample is None else {"page": sample, "label": request},
-        unknown_page=None if unknown is None else UnknownPageDraft({"n": unknown}, bound=3, ttl_s=1000),
-    )
-
-
-@pytest.fixture
-def result(letters: Store) -> str:
-    return letters.add_result({"page": "the page"}, ttl_s=1000)
-
-
-def change(name: str, expected: int | None = 1, n: int = 2) -> ModelChange:
-    return ModelChange(name, {"n": n}, expected)
 
 
 def as_stored(feedback: StoredFeedback) -> dict[str, Any]:
@@ -310,103 +269,3 @@ def test_a_deleted_class_takes_the_feedback_on_its_pages_along(letters: Store, r
     letters.delete_model("memo")
     late = letters.add_feedback(draft(others[1], found="memo", sample="late"), [change("letter", 7)])
     assert dict(late.versions) == {"letter": (7, 8)}
-
-
-def test_settings_stay_when_versions_change(letters: Store) -> None:
-    assert letters.settings("letter") == ModelSettings(DEFAULT_LEARNER, None, None)
-    revision = letters.revision()
-    changed = letters.change_settings("letter", learner="counting", genre="correspondence")
-    assert changed == ModelSettings("counting", "correspondence", None)
-    assert letters.revision() > revision  # whoever has read the models has read their settings
-    letters.add_version("letter", {}, "train")
-    later = letters.change_settings("letter", genre=None)
-    assert later == letters.settings("letter") == ModelSettings("counting", None, None)
-    assert letters.model("letter").settings == letters.ready_models(["letter"])[0].settings == later
-    assert [model.settings for model in letters.models() if model.name == "letter"] == [later]
-    assert letters.change_settings("letter", learner=None).learner == DEFAULT_LEARNER
-    before = everything(letters)
-    assert letters.change_settings("letter") == ModelSettings()
-    assert everything(letters) == before
-    letters.change_settings("letter", genre="correspondence")
-    letters.delete_model("letter")
-    letters.add_sample("letter", {})
-    assert letters.settings("letter") == ModelSettings()
-
-
-def test_settings_that_cannot_be(letters: Store) -> None:
-    letters.change_settings("memo", continues="letter")
-    before = everything(letters)
-    wrong: list[tuple[type[Exception], str, dict[str, str | None]]] = [
-        (NotStorable, "letter", {"learner": "guessing"}),
-        (NotStorable, "letter", {"learner": ""}),
-        (NotStorable, "letter", {"genre": ""}),
-        (NotStorable, "letter", {"genre": "\0"}),
-        (NotStorable, "letter", {"colour": "red"}),
-        (NotStorable, "letter", {"continues": "letter"}),
-        (NotStorable, "fax", {"continues": "memo"}),  # memo continues letter
-        (NotStorable, "letter", {"continues": "fax"}),  # letter is continued
-        (ModelNotFound, "letter", {"continues": "novel"}),
-        (ModelNotFound, "novel", {"genre": "book"}),
-    ]
-    for error, name, changes in wrong:
-        with pytest.raises(error):
-            letters.change_settings(name, **changes)
-    assert everything(letters) == before
-    with pytest.raises(ModelNotFound):
-        letters.settings("novel")
-    letters.delete_model("letter")
-    assert letters.settings("memo").continues is None
-
-
-def test_unknown_pages_are_a_ring(letters: Store, clock: Clock) -> None:
-    results = [
-        letters.add_result({}, 1000, UnknownPageDraft({"n": n}, bound=3, ttl_s=1000)) for n in range(5)
-    ]
-    pages = list(letters.each_unknown_page())
-    assert [(page.result_id, page.page) for page in pages] == [(results[n], {"n": n}) for n in (2, 3, 4)]
-    letters.add_feedback(draft(results[4], found=None, verified=None, unknown="again"), [])
-    assert list(map(as_told, letters.each_unknown_page())) == list(map(as_told, pages))
-    assert letters.forget_unknown_pages([pages[1].id, results[0], "no id"]) == 1
-    assert letters.forget_unknown_pages([]) == 0
-    letters.add_result({}, 1000, UnknownPageDraft({"short": True}, bound=3, ttl_s=10))
-    clock.now += timedelta(seconds=20)
-    assert [page.page for page in letters.each_unknown_page()] == [{"n": 2}, {"n": 4}]
-    assert len(everything(letters)["layout_unknown_pages"]) == 3
-    letters.purge_results()
-    assert len(everything(letters)["layout_unknown_pages"]) == 2
-
-
-def as_told(page: UnknownPage) -> tuple[str, str, dict[str, Any]]:
-    return page.id, page.result_id, page.page
-
-
-def test_a_page_of_no_class_is_kept_with_its_feedback_or_not_at_all(
-    letters: Store, result: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    said = draft(result, verified=None, unknown="page")
-    before = everything(letters)
-
-    def fail(*_: object) -> Any:
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr("models.feedback_repository.add_unknown_page", fail)
-        with pytest.raises(StoreUnavailable):
-            letters.add_feedback(said, [change("letter")])
-    assert everything(letters) == before
-    assert letters.add_feedback(said, [change("letter")]).created  # the retry
-    assert [page.page for page in letters.each_unknown_page()] == [{"n": "page"}]
-
-
-def test_an_unknown_page_that_expired_may_come_again(letters: Store, clock: Clock) -> None:
-    result = letters.add_result({}, 1e6, UnknownPageDraft({"n": 1}, bound=3, ttl_s=10))
-    clock.now += timedelta(seconds=20)
-    letters.add_feedback(draft(result, verified=None, unknown=2), [])
-    assert [page.page for page in letters.each_unknown_page()] == [{"n": 2}]
-
-
-def test_a_page_that_found_its_class_is_unknown_no_longer(letters: Store, result: str) -> None:
-    letters.add_feedback(draft(result, found=None, verified=None, unknown=1), [])
-    assert len(list(letters.each_unknown_page())) == 1
-    letters.add_feedback(draft(result, "more", found=None), [])
-    assert list(letters.each_unknown_page()) == []

@@ -10,7 +10,7 @@ from models.feedback_repository import HEALTH_WINDOW
 from models.records import ModelHealth
 from models.repository import Store
 from tests.models.conftest import Clock
-from tests.models.test_feedback import draft
+from tests.models.feedback_drafts import draft
 from tests.models.whole_database import everything
 
 

@@ -1,17 +1,14 @@
-"""What the store promises about models, samples and results, on real databases."""
+"""What the store promises about models and samples, on real databases."""
 
-import contextlib
-import itertools
 import json
 from collections.abc import Callable, Generator
-from datetime import UTC, timedelta
+from datetime import UTC
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sqlalchemy.orm import Session
 
 from models.errors import (
     KeyReused,
@@ -25,11 +22,9 @@ from models.errors import (
     StoreUnavailable,
     VersionConflict,
 )
-from models.records import ResultDraft, UnknownPageDraft
 from models.repository import Store
 from tests.models.conftest import Clock
 from tests.models.databases import KINDS
-from tests.models.whole_database import everything
 
 ANY_TEXT = st.text(st.characters(), max_size=20)  # all of Unicode, halves of surrogate pairs too
 LEAVES = (
@@ -282,89 +277,6 @@ def test_bounds_leave_nothing_behind(store: Store) -> None:
     with pytest.raises(StoreFull):
         store.add_version("memo", {}, "import", max_models=1)
     assert [(summary.name, summary.samples) for summary in store.models()] == [("letter", 3)]
-
-
-def test_results_expire(store: Store, clock: Clock) -> None:
-    short, long = store.add_result({"n": 1}, ttl_s=10), store.add_result({"n": 2}, ttl_s=1000)
-    assert store.result(short).document == {"n": 1}
-    assert store.result(long).expires_at - store.result(long).created_at == timedelta(seconds=1000)
-    clock.now += timedelta(seconds=20)
-    with pytest.raises(ResultNotFound):
-        store.result(short)
-    assert store.result(long).document == {"n": 2}
-    assert store.purge_results() == 1
-    assert store.purge_results(now=clock.now + timedelta(days=1)) == 1
-    with pytest.raises(ResultNotFound):
-        store.result(long)
-
-
-def page_drafts(count: int) -> list[ResultDraft]:
-    return [ResultDraft({"page": n}, UnknownPageDraft({"n": n}, bound=9, ttl_s=10)) for n in range(count)]
-
-
-def test_a_document_and_its_pages_are_kept_together(store: Store, clock: Clock) -> None:
-    document_id, page_ids = store.add_document({"class": "letter"}, page_drafts(3), ttl_s=1000)
-    kept = store.result(document_id)
-    assert kept.document == {"class": "letter", "pages": page_ids}
-    assert [(page.id, page.document) for page in kept.pages] == [
-        (page_id, {"page": n}) for n, page_id in enumerate(page_ids)
-    ]
-    assert kept.pages == tuple(map(store.result, page_ids))
-    assert {page.expires_at for page in kept.pages} == {kept.expires_at}
-    assert [page.result_id for page in store.each_unknown_page()] == page_ids
-    clock.now = kept.expires_at - timedelta(seconds=1.5)
-    assert len(store.result(document_id).pages) == 3  # a moment before all of it expires
-    clock.now = kept.expires_at
-    for result_id in (document_id, *page_ids):
-        with pytest.raises(ResultNotFound):
-            store.result(result_id)
-
-
-@pytest.mark.parametrize("stage", range(1, 5))
-def test_a_document_that_cannot_be_kept_leaves_no_page(
-    store: Store, stage: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flush, flushes, before = Session.flush, itertools.count(1), everything(store)
-
-    def flush_and_fail(session: Session, objects: Any = None) -> None:
-        flush(session, objects)
-        if next(flushes) == stage:
-            raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Session, "flush", flush_and_fail)
-        with pytest.raises(StoreUnavailable):
-            store.add_document({}, page_drafts(3), ttl_s=1000)
-    assert everything(store) == before
-
-
-@pytest.mark.parametrize("keep", range(8))
-def test_a_purge_leaves_no_document_without_its_pages(store: Store, keep: int) -> None:
-    documents = [store.add_document({"n": n}, page_drafts(3), ttl_s=1000)[0] for n in range(2)]
-    store.purge_results(keep_newest=keep)
-    there = 0
-    for document_id in documents:
-        with contextlib.suppress(ResultNotFound):
-            assert len(store.result(document_id).pages) == 3
-            there += 1
-    assert there == keep // 4
-
-
-def test_a_document_of_an_earlier_release_without_all_its_pages_is_not_there(store: Store) -> None:
-    page = store.add_result({}, ttl_s=1000)
-    document = store.add_result({"document": {}, "pages": [page]}, ttl_s=1000)
-    assert [kept.id for kept in store.result(document).pages] == [page]
-    store.purge_results(keep_newest=1)
-    with pytest.raises(ResultNotFound, match=document):
-        store.result(document)
-
-
-def test_only_the_newest_results_are_kept(store: Store) -> None:
-    ids = [store.add_result({"n": n}, ttl_s=1000) for n in range(10)]
-    assert store.purge_results(keep_newest=10) == 0
-    assert store.purge_results(keep_newest=3) == 7
-    assert [store.result(result).document for result in ids[7:]] == [{"n": 7}, {"n": 8}, {"n": 9}]
-    assert store.purge_results(keep_newest=0) == 3
 
 
 STRANGE = ["", "\0", "a\0b", "\ud800", "x" * 201]

@@ -27,16 +27,6 @@ def robust_difference(values: Values, expected: Values, variances: Values) -> Va
     return np.asarray(2.5 * np.log1p((values - expected) ** 2 / (4 * variances)) + 0.5 * np.log(variances))
 
 
-def squared_difference(values: Values, expected: Values, variances: Values) -> Values:
-    """Squared difference by the weight 1 / variance (5.3)."""
-    return np.asarray((values - expected) ** 2 / (2 * variances) + 0.5 * np.log(variances))
-
-
-def absolute_difference(values: Values, expected: Values, variances: Values) -> Values:
-    """Absolute difference (5.6.1), by the weight of a Laplace distribution of the variance."""
-    return np.asarray(np.abs(values - expected) * np.sqrt(2 / variances) + 0.5 * np.log(variances))
-
-
 @dataclass(frozen=True, slots=True)
 class ZoneMeasures:
     """Measurements of N zones of a page, from which attributes are computed; NaN for unknown values.

@@ -241,7 +241,7 @@ def _ends(edge: _Ends, labels: list[str | None], where: str) -> tuple[str | None
 
 
 def _invalid(error: ValidationError) -> InvalidLayout:
-    """The first thing that is wrong. Nodes and edges are told by their places, numbers of a row are not."""
+    """The first error, as a problem: it names the index of a node or an edge, not that of a number in a row."""
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
     field = ""
     for step in first["loc"]:

@@ -118,12 +118,12 @@ def _read(
         if word.confidence >= parameters.least_confidence and any(map(str.isalnum, word.text))
     ]
     if not sure or not lines:
-        return ReadLines([""] * len(lines), np.zeros(len(lines)), bool(sure))
+        return ReadLines([""] * len(lines), np.zeros(len(lines)))
     boxes = np.array([line.box for line in lines])
     word_boxes = frame.level(np.array([word.box for word in sure]) / np.array([*frame.scale, *frame.scale]))
     line_of_word = assign_words(sure, word_boxes, boxes)
     texts = line_texts(sure, word_boxes, line_of_word, len(lines))
-    return ReadLines(texts, line_confidences(sure, line_of_word, len(lines)), True)
+    return ReadLines(texts, line_confidences(sure, line_of_word, len(lines)))
 
 
 def _hull(lines: Sequence[Line]) -> NDArray[np.float64]:

@@ -14,11 +14,10 @@ from services.layout.segmentation.text_lines import Line
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReadLines:
-    """Text and confidence that OCR read in each of the lines (L,); `is_read` is False without OCR."""
+    """Text and confidence that OCR read in each of the lines (L,)."""
 
     texts: Sequence[str]
     confidence: NDArray[np.float64]
-    is_read: bool
 
 
 def choose_text_lines(

@@ -29,7 +29,7 @@ class EdgeParameters:
     straightness: float = 0.05
     """What a step of one sample from normal to normal costs, in full edges."""
     ground: tuple[float, float] = (2.0, 5.0)
-    """The ground at either side of an edge is told at these distances, in units of the edge's usual width ..."""
+    """The ground on either side of an edge is sampled at these distances, in units of the edge's usual width ..."""
     edge_width: float = 1.0 / 1200
     """... which is this share of the outline's diagonal, or a pixel."""
     seen_contrast: float = 6.0

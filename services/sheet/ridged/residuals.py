@@ -228,22 +228,26 @@ class SheetResiduals:
         to_columns: csr_array,
         to_rows: csr_array,
     ) -> ResidualBlock:
-        """Angle of the way between two photo points of a stroke against the columns, less the slant of the type."""
+        """Angles of strokes against the columns, less the slant of the type."""
         a, b = self.slices[2], self.slices[3]
-        dc, dr = grid[b, 0] - grid[a, 0], mesh.aspect * (grid[b, 1] - grid[a, 1])
-        dr = np.where(np.abs(dr) < 1e-9, 1e-9, dr)
+        across, down = _steps(mesh, grid, a, b)
+        down = np.where(np.abs(down) < 1e-9, 1e-9, down)
         seen = known[a] & known[b]
-        values = (np.arctan(-dc / dr) - x[self.globals_at + 2]) / self.stroke_deviation
-        square = np.maximum(dc * dc + dr * dr, 1e-18) * self.stroke_deviation
-        jacobian = scaled_rows(to_columns[b] - to_columns[a], -1.0 * seen * dr / square) + scaled_rows(
-            to_rows[b] - to_rows[a], seen * mesh.aspect * dc / square
+        values = (np.arctan(-across / down) - x[self.globals_at + 2]) / self.stroke_deviation
+        jacobian = self._angle_jacobian(
+            mesh,
+            (across, down),
+            seen,
+            self.stroke_deviation,
+            to_columns[b] - to_columns[a],
+            to_rows[b] - to_rows[a],
         )
-        ones = np.ones(len(values), np.intp)
-        by_aspect = single_entries((self.globals_at + 1) * ones, seen * dc * dr / square, self.unknowns)
         by_slant = single_entries(
-            (self.globals_at + 2) * ones, -1.0 * seen / self.stroke_deviation, self.unknowns
+            np.full(len(values), self.globals_at + 2, np.intp),
+            -1.0 * seen / self.stroke_deviation,
+            self.unknowns,
         )
-        return ResidualBlock(np.where(seen, values, LOST), jacobian + by_aspect + by_slant, 1)
+        return ResidualBlock(np.where(seen, values, LOST), jacobian + by_slant, 1)
 
     def _flow(
         self,
@@ -253,20 +257,45 @@ class SheetResiduals:
         to_columns: csr_array,
         to_rows: csr_array,
     ) -> ResidualBlock:
-        """Angle of the way between two photo points of a text line against the rows."""
+        """Angles of text lines against the rows."""
         a, b = self.slices[8], self.slices[9]
-        dc, dr = grid[b, 0] - grid[a, 0], mesh.aspect * (grid[b, 1] - grid[a, 1])
-        dc = np.where(np.abs(dc) < 1e-9, 1e-9, dc)
+        across, down = _steps(mesh, grid, a, b)
+        across = np.where(np.abs(across) < 1e-9, 1e-9, across)
         seen = known[a] & known[b]
-        values = np.arctan(dr / dc) / self.flow_deviation
-        square = np.maximum(dc * dc + dr * dr, 1e-18) * self.flow_deviation
-        jacobian = scaled_rows(to_rows[b] - to_rows[a], seen * mesh.aspect * dc / square) + scaled_rows(
-            to_columns[b] - to_columns[a], -1.0 * seen * dr / square
+        values = np.arctan(down / across) / self.flow_deviation
+        jacobian = self._angle_jacobian(
+            mesh,
+            (across, down),
+            seen,
+            self.flow_deviation,
+            to_columns[b] - to_columns[a],
+            to_rows[b] - to_rows[a],
         )
+        return ResidualBlock(np.where(seen, values, LOST), jacobian, 1)
+
+    def _angle_jacobian(
+        self,
+        mesh: SheetMesh,
+        step: tuple[Vector, Vector],
+        seen: NDArray[np.bool_],
+        deviation: Vector,
+        by_columns: csr_array,
+        by_rows: csr_array,
+    ) -> csr_array:
+        """Derivatives (n, unknowns) of the angles of steps across and down the sheet, in units of `deviation` (n,).
+
+        `by_columns` and `by_rows` are the derivatives (n, unknowns) of the steps in units of the grid.
+        """
+        across, down = step
+        square = np.maximum(across * across + down * down, 1e-18) * deviation
         by_aspect = single_entries(
-            np.full(len(values), self.globals_at + 1, np.intp), seen * dc * dr / square, self.unknowns
+            np.full(len(across), self.globals_at + 1, np.intp), seen * across * down / square, self.unknowns
         )
-        return ResidualBlock(np.where(seen, values, LOST), jacobian + by_aspect, 1)
+        return (
+            scaled_rows(by_columns, -1.0 * seen * down / square)
+            + scaled_rows(by_rows, seen * mesh.aspect * across / square)
+            + by_aspect
+        )
 
     def _sides(
         self, grid: Points, known: NDArray[np.bool_], to_columns: csr_array, to_rows: csr_array
@@ -302,6 +331,11 @@ def _line_gaps(lines: LineObservations) -> tuple[NDArray[np.intp], NDArray[np.in
     if not pairs:
         return np.zeros((0, 2), np.intp), np.zeros(0, np.intp)
     return np.concatenate(pairs), np.concatenate(numbers)
+
+
+def _steps(mesh: SheetMesh, grid: Points, start: slice, end: slice) -> tuple[Vector, Vector]:
+    """Steps across and down the sheet from the points of `start` to those of `end`, in column widths."""
+    return grid[end, 0] - grid[start, 0], mesh.aspect * (grid[end, 1] - grid[start, 1])
 
 
 def _ways(angles: Vector) -> Points:

@@ -1,6 +1,4 @@
-"""Meshes that a fit may start from: the sheet between its four sides, or any map of the page whose points are known."""
-
-from collections.abc import Callable
+"""Mesh that a fit starts from: the sheet between its four sides."""
 
 import cv2
 import numpy as np
@@ -69,27 +67,3 @@ def _bow(H_square_photo: Floats, points: Points, number: int) -> tuple[Vector, V
         places.append(float(np.median(along[near][cell == k])))
         bows.append(float(np.median(across[near][cell == k])))
     return np.array([*places, 1.0]), np.array([*bows, 0.0])
-
-
-def mesh_over(
-    in_space: Callable[[Points], Floats], focal: float, low: Points, high: Points, cells: int
-) -> SheetMesh | None:
-    """Mesh over the page from `low` to `high` (u, v), whose points in space `in_space` gives, (N, 2) to (N, 3).
-
-    Points that the shape does not know are continued from their neighbours; None where most are unknown.
-    """
-    size = np.asarray(high) - low
-    rows = int(np.clip(round(float(size[1] / size[0]) * cells), LEAST_ROWS - 1, MOST_ROWS - 1)) + 1
-    u, v = np.linspace(low[0], high[0], cells + 1), np.linspace(low[1], high[1], rows)
-    page = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    X = in_space(page)
-    known = np.isfinite(X).all(axis=1) & (X[:, 2] > 1e-3)
-    if known.mean() < 0.5:
-        return None
-    if not known.all():
-        design = np.column_stack([page, np.ones(len(page))])
-        plane = np.linalg.lstsq(design[known], X[known], rcond=None)[0]
-        X = np.where(known[:, None], X, design @ plane)
-    step = float(size[0]) / cells
-    aspect = float(size[1]) / (rows - 1) / step
-    return SheetMesh(X.reshape(rows, cells + 1, 3), focal, step, aspect, (float(low[0]), float(low[1])))

@@ -153,7 +153,7 @@ def trace_lines(
     margins = [m[np.isfinite(m).all(axis=1)] for m in margins]
     centre = seen[np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1))][None]
     px_per_unit = flat.scale * float(np.sqrt(np.abs(np.linalg.det(page_map.jacobians(centre)[0]))))
-    # The deviation is told across the line in the photo: by the local scale of the map.
+    # Deviations are across the line in the photo: the local scale of the map converts them.
     grow = np.linalg.norm(page_map.jacobians(seen)[:, 1], axis=1) * flat.scale
     return LineObservations(
         seen,

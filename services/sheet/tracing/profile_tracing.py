@@ -52,7 +52,7 @@ class ProfileParameters:
     max_points: int = 7000
     """Of all lines: of a dense page, windows are left out evenly."""
     max_groups: int = 8
-    """Flush margins, and paragraphs, that are told; the fullest ones hold the page."""
+    """Largest numbers of flush margins and of paragraphs that are used; those with most lines are kept."""
     alike: float = 0.05
     """Paragraphs whose spacing differs by less have the same."""
 

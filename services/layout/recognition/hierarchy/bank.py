@@ -11,7 +11,7 @@ from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import RELATION_OFFSETS, LayoutGraph
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, Values
 from services.layout.model.compiled_model import CompiledModel, default_scales
-from services.layout.model.cost import COLUMNS_BY_COST, CONTENT_COST, relation_weight
+from services.layout.model.cost import COLUMNS_BY_COST, content_cost, relation_weight
 
 Floats = NDArray[np.float32]
 """Single precision is enough to rank models, and its logarithms take a fifth of the time."""
@@ -93,8 +93,8 @@ class ModelBank:
         of_nodes[:, : attributes + features] *= learned
         # The cost of content is linear in the confidence, so one matrix product gives it for all zones.
         weights = of_nodes[:, attributes : attributes + features]
-        absent = np.nan_to_num(CONTENT_COST(np.zeros(1), content)) * weights
-        present = np.nan_to_num(CONTENT_COST(np.ones(1), content)) * weights
+        absent = np.nan_to_num(content_cost(np.zeros(1), content)) * weights
+        present = np.nan_to_num(content_cost(np.ones(1), content)) * weights
         return _Weights(
             numeric=(of_nodes[:, :attributes] * known).astype(np.float32),
             linear=np.hstack([present - absent, absent]).astype(np.float32),

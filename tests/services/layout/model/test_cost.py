@@ -16,7 +16,6 @@ from services.layout.model.cost import (
     USUAL_CONTENT,
     build_cost_tables,
     content_cost,
-    expectation_cost,
     explain_cost,
     labelling_cost,
     node_terms,
@@ -146,14 +145,6 @@ def test_content_costs_have_the_signs_of_equation_5_3(expectation: float, low: f
         assert (more < less) == (expectation > USUAL_CONTENT)
     never, always = float(content_cost(np.array(0.0), e)), float(content_cost(np.array(1.0), e))
     assert never * always <= 1e-12, "one speaks for, the other against"
-
-
-def test_equation_5_3_by_hand() -> None:
-    """Figure 5.14: the mismatch at the corners, and no say of the confidence where the expectation is one half."""
-    confidence, expectation = np.meshgrid([0.0, 0.25, 1.0], [0.0, 0.5, 1.0])
-    np.testing.assert_allclose(
-        expectation_cost(confidence, expectation), [[0.0, 0.25, 1.0], [0.5, 0.5, 0.5], [1.0, 0.75, 0.0]]
-    )
 
 
 def test_content_costs_by_hand() -> None:

@@ -1,4 +1,4 @@
-"""The first mesh: the rectangle that four corners show, its border along the sides, or any map's points."""
+"""The first mesh: the rectangle that four corners show, its border along the sides."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from services.arrays import Floats, Points
 from services.sheet.ridged.mesh import SheetMesh
-from services.sheet.ridged.start import LEAST_ROWS, MOST_ROWS, mesh_between_sides, mesh_over
-from tests.services.sheet.ridged.sheets import CURVED, FLAT, FOCAL, HEIGHT, WIDTH, Sheet, observe
+from services.sheet.ridged.start import LEAST_ROWS, MOST_ROWS, mesh_between_sides
+from tests.services.sheet.ridged.sheets import CURVED, FLAT, FOCAL, HEIGHT, WIDTH, observe
 
 NO_SIDES = (np.zeros((0, 2)),) * 4
 
@@ -115,28 +115,3 @@ def test_the_number_of_rows_is_bounded(height: float, rows: int) -> None:
     assert mesh is not None
     assert mesh.rows == rows
     assert 1 / mesh.aspect_ratio == pytest.approx(height, rel=1e-3)
-
-
-def test_a_mesh_over_a_shape_lies_on_it() -> None:
-    low, high = np.array([-WIDTH / 2, -HEIGHT / 2]), np.array([WIDTH / 2, HEIGHT / 2])
-    mesh = mesh_over(CURVED.place, FOCAL, low, high, 24)
-    assert mesh is not None
-    assert (mesh.columns, mesh.focal, mesh.origin) == (25, FOCAL, (-WIDTH / 2, -HEIGHT / 2))
-    assert mesh.size == pytest.approx((WIDTH, HEIGHT))
-    assert np.allclose(mesh.nodes, CURVED.mesh(25).nodes)
-
-
-def test_what_a_shape_does_not_know_is_continued_as_a_plane() -> None:
-    flat = Sheet()
-    low, high = np.array([-WIDTH / 2, -HEIGHT / 2]), np.array([WIDTH / 2, HEIGHT / 2])
-
-    def known_above(page: Points) -> Floats:
-        X = flat.place(page)
-        X[page[:, 1] > 0.3] = np.nan
-        return X
-
-    mesh = mesh_over(known_above, FOCAL, low, high, 12)
-    assert mesh is not None
-    assert np.allclose(mesh.nodes, flat.mesh(13).nodes, atol=1e-9)
-    nowhere = mesh_over(lambda page: np.full((len(page), 3), np.nan), FOCAL, low, high, 12)
-    assert nowhere is None

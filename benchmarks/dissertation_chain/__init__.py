@@ -1,0 +1,5 @@
+"""The dissertation's own way to the shape of a curved page (3.3.3 to 3.3.6): rulings, vanishing points, planar strips.
+
+The product does not use it: its surface starts from flat sheets and is as accurate without. The benchmarks measure
+each of its steps for the dissertation's tables.
+"""
