@@ -1,13 +1,40 @@
 """Blocks of residuals: values, sparse derivatives, and the loss that they are charged by."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from services.arrays import Vector
+from services.arrays import Floats, Vector
 from services.sheet.ridged.parameters import Stage
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SparseRows:
+    """A sparse matrix with equally many entries in each row: a fit makes dozens of these at every step.
+
+    `columns` (m, k) are the entries' columns, `entries` (m, k) their values. Entries of one column add up.
+    """
+
+    columns: NDArray[np.intp]
+    entries: Floats
+
+    def __getitem__(self, part: slice) -> "SparseRows":
+        """The rows of `part`."""
+        return SparseRows(self.columns[part], self.entries[part])
+
+    def scaled(self, factors: Vector | float) -> "SparseRows":
+        """Each row times its factor."""
+        return SparseRows(self.columns, self.entries * np.reshape(factors, (-1, 1)))
+
+    def __add__(self, other: "SparseRows") -> "SparseRows":
+        """The sum of both matrices."""
+        return SparseRows(
+            np.concatenate([self.columns, other.columns], axis=1),
+            np.concatenate([self.entries, other.entries], axis=1),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -15,7 +42,7 @@ class ResidualBlock:
     """Residuals of one kind: values (m,), Jacobian (m, unknowns), and how many of them share one loss (0: squares)."""
 
     values: Vector
-    jacobian: csr_array
+    jacobian: SparseRows
     group: int
 
 
@@ -28,13 +55,20 @@ def robust(block: ResidualBlock, stage: Stage) -> tuple[float, Vector]:
     return 0.5 * s2 * float(np.log1p(square / s2).sum()), np.repeat(1 / (1 + square / s2), block.group)
 
 
-def scaled_rows(matrix: csr_array, factors: Vector) -> csr_array:
-    """`matrix` with every row times its factor."""
-    scaled = csr_array(matrix, copy=True)
-    scaled.data *= np.repeat(factors, np.diff(scaled.indptr))
-    return scaled
-
-
-def single_entries(columns: NDArray[np.intp], values: Vector, width: int) -> csr_array:
+def single_entries(columns: NDArray[np.intp], values: Vector) -> SparseRows:
     """A matrix with one entry a row."""
-    return csr_array((values, columns, np.arange(len(columns) + 1)), shape=(len(columns), width))
+    return SparseRows(columns[:, None], values[:, None])
+
+
+def stacked(parts: Sequence[SparseRows], width: int) -> csr_array:
+    """The rows of all `parts` below one another, as a matrix of `width` columns without its zeros."""
+    kept = [part.entries != 0 for part in parts]
+    counts = np.concatenate([np.count_nonzero(keep, axis=1) for keep in kept])
+    return csr_array(
+        (
+            np.concatenate([part.entries[keep] for part, keep in zip(parts, kept, strict=True)]),
+            np.concatenate([part.columns[keep] for part, keep in zip(parts, kept, strict=True)]),
+            np.concatenate([[0], np.cumsum(counts)]),
+        ),
+        shape=(len(counts), width),
+    )

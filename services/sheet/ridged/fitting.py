@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import csr_array
 
 from services.arrays import Vector
-from services.sheet.ridged.blocks import robust, scaled_rows
+from services.sheet.ridged.blocks import robust, stacked
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.normal_equations import normal_equations
 from services.sheet.ridged.observations import SheetObservations
@@ -68,5 +68,5 @@ def _linearize(residuals: SheetResiduals, x: Vector) -> tuple[float, Vector, csr
         root = np.sqrt(weights)
         cost += part
         values.append(root * block.values)
-        jacobians.append(scaled_rows(block.jacobian, root))
-    return cost, np.concatenate(values), vstack(jacobians, format="csr")
+        jacobians.append(block.jacobian.scaled(root))
+    return cost, np.concatenate(values), stacked(jacobians, len(x))

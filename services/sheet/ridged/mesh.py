@@ -16,6 +16,8 @@ from services.arrays import Floats, Points, Vector
 NEWTON_STEPS = 8
 LONGEST_STEP = 2.0
 """Cells that one step of Newton's method goes at most: beyond, the linear model means nothing."""
+FOUND = 1e-8
+"""Photo units of all points within which Newton's method ends: a thousandth of what an observation deviates by."""
 LOCATED = 1e-3
 """Photo units within which a point counts as found."""
 MIN_ROWS = 5
@@ -109,13 +111,13 @@ class SheetMesh:
         first = r0 * columns + c0
         nodes = np.stack([first, first + 1, first + columns, first + columns + 1], axis=1)
         weights = np.stack([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t], axis=1)
-        corners = self.nodes.reshape(-1, 3)[nodes]
-        X = np.einsum("nk,nki->ni", weights, corners)
-        top, bottom = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 2]
-        left, right = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-        X_c = top + t[:, None] * (bottom - top)
-        X_r = left + s[:, None] * (right - left)
-        return PlacedPoints(nodes, weights, X, X_c, X_r)
+        X = self.nodes.reshape(-1, 3)
+        corner = X[first]
+        across, down = X[nodes[:, 1]] - corner, X[nodes[:, 2]] - corner
+        twist = X[nodes[:, 3]] - corner - across - down
+        s, t = s[:, None], t[:, None]
+        X_c, X_r = across + t * twist, down + s * twist
+        return PlacedPoints(nodes, weights, corner + s * X_c + t * down, X_c, X_r)
 
     def project(self, X: Floats) -> Points:
         """Photo points (N, 2) of points in space (N, 3)."""
@@ -149,7 +151,7 @@ class SheetMesh:
             G = self.derivatives(placed)
             rest = centred - self.project(placed.X)
             miss = np.linalg.norm(rest, axis=1)
-            if np.nanmax(miss, initial=0.0) < 1e-9:
+            if np.nanmax(miss, initial=0.0) < FOUND:
                 break
             step = solve_2x2(G, rest)
             length = np.linalg.norm(step, axis=1, keepdims=True)

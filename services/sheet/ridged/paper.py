@@ -2,26 +2,22 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from services.arrays import Vector
-from services.sheet.ridged.blocks import ResidualBlock
+from services.sheet.ridged.blocks import ResidualBlock, SparseRows
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 
 
 class PaperResiduals:
-    """Residuals at vectors of `unknowns` numbers: first the nodes of `mesh`, at `aspect_at` the log aspect."""
+    """Residuals at vectors of unknowns: first the nodes of `mesh`, at `aspect_at` the log aspect."""
 
-    def __init__(
-        self, mesh: SheetMesh, parameters: RidgedParameters, stage: Stage, aspect_at: int, unknowns: int
-    ) -> None:
+    def __init__(self, mesh: SheetMesh, parameters: RidgedParameters, stage: Stage, aspect_at: int) -> None:
         self.mesh, self.p, self.stage = mesh, parameters, stage
-        self.nodes, self.aspect_at, self.unknowns = 3 * mesh.rows * mesh.columns, aspect_at, unknowns
+        self.nodes, self.aspect_at = 3 * mesh.rows * mesh.columns, aspect_at
         self._edges, self._hinges = _edges(mesh), _hinges(mesh)
         self._hinge_jacobians = {
-            name: _difference_jacobian(nodes, signs, unknowns)
-            for name, (nodes, signs) in self._hinges.items()
+            name: _difference_jacobian(nodes, signs) for name, (nodes, signs) in self._hinges.items()
         }
 
     def stretch(self, x: Vector) -> ResidualBlock:
@@ -45,10 +41,7 @@ class PaperResiduals:
             axis=1,
         )
         data = np.concatenate([-toward, toward, by_aspect[:, None]], axis=1)
-        jacobian = csr_array(
-            (data.ravel(), columns.ravel(), np.arange(0, data.size + 1, 7)), shape=(len(a), self.unknowns)
-        )
-        return ResidualBlock(values, jacobian, 0)
+        return ResidualBlock(values, SparseRows(columns, data), 0)
 
     def bends(self, x: Vector) -> list[ResidualBlock]:
         """Second differences of the nodes, as angles: across, down, and the twist of a cell."""
@@ -59,7 +52,7 @@ class PaperResiduals:
             size = {"across": 1.0, "down": aspect, "twist": np.sqrt(aspect)}[name] * self.mesh.step
             scale = (self.mesh.columns - 1) / (size * self.p.bend_rad)
             values = scale * np.einsum("nki,k->ni", X[nodes], signs).ravel()
-            found.append(ResidualBlock(values, self._hinge_jacobians[name] * scale, 3))
+            found.append(ResidualBlock(values, self._hinge_jacobians[name].scaled(scale), 3))
         return found
 
 
@@ -99,9 +92,7 @@ def _hinges(mesh: SheetMesh) -> dict[str, tuple[NDArray[np.intp], Vector]]:
     }
 
 
-def _difference_jacobian(nodes: NDArray[np.intp], signs: Vector, width: int) -> csr_array:
-    """Derivatives (3 n, width) of signed sums of nodes, point by point."""
+def _difference_jacobian(nodes: NDArray[np.intp], signs: Vector) -> SparseRows:
+    """Derivatives of signed sums of nodes (n, k), point by point: 3 n rows."""
     columns = (3 * nodes[:, None, :] + np.arange(3)[:, None]).reshape(-1, len(signs))
-    data = np.broadcast_to(signs, columns.shape)
-    indptr = np.arange(0, data.size + 1, len(signs))
-    return csr_array((data.ravel(), columns.ravel(), indptr), shape=(len(columns), width))
+    return SparseRows(columns, np.broadcast_to(signs, columns.shape))

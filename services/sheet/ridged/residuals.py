@@ -15,11 +15,10 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from services.arrays import Floats, Points, Vector
 from services.sheet.developable.observations import LineObservations
-from services.sheet.ridged.blocks import ResidualBlock, scaled_rows, single_entries
+from services.sheet.ridged.blocks import ResidualBlock, SparseRows, single_entries
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.sheet.ridged.paper import PaperResiduals
@@ -116,7 +115,7 @@ class SheetResiduals:
         self.spacings_at = self.globals_at + 3 + len(lines.margins)
         self.unknowns = self.spacings_at + len(self.start_spacings)
         self.border = self.unknowns - self.globals_at
-        self._paper = PaperResiduals(start, p, stage, self.globals_at + 1, self.unknowns)
+        self._paper = PaperResiduals(start, p, stage, self.globals_at + 1)
 
     @property
     def x0(self) -> Vector:
@@ -161,7 +160,7 @@ class SheetResiduals:
 
     def _point_jacobians(
         self, mesh: SheetMesh, grid: Points, known: NDArray[np.bool_]
-    ) -> tuple[csr_array, csr_array]:
+    ) -> tuple[SparseRows, SparseRows]:
         """Derivatives (N, unknowns) of the columns and rows at which the photo points are found."""
         placed = mesh.place(grid)
         seen = self.points
@@ -183,18 +182,16 @@ class SheetResiduals:
         found = []
         for axis in (0, 1):
             entries = (placed.weights[:, :, None] * by_point[:, None, axis]).reshape(len(seen), 12)
-            data = np.concatenate([entries, by_focal[:, axis : axis + 1]], axis=1)
-            indptr = np.arange(0, 13 * len(seen) + 1, 13)
-            found.append(csr_array((data.ravel(), columns.ravel(), indptr), shape=(len(seen), self.unknowns)))
+            found.append(SparseRows(columns, np.concatenate([entries, by_focal[:, axis : axis + 1]], axis=1)))
         return found[0], found[1]
 
-    def _lines(self, x: Vector, rows: Vector, known: NDArray[np.bool_], to_rows: csr_array) -> ResidualBlock:
+    def _lines(self, x: Vector, rows: Vector, known: NDArray[np.bool_], to_rows: SparseRows) -> ResidualBlock:
         part, index = self.slices[0], self.observed.lines.index
         levels = x[self.node_unknowns : self.globals_at]
         values = np.where(known[part], (rows[part] - levels[index]) / self.line_deviation, LOST)
         slope = -1.0 * known[part] / self.line_deviation
-        own = single_entries(index + self.node_unknowns, slope, self.unknowns)
-        return ResidualBlock(values, scaled_rows(to_rows[part], 1 / self.line_deviation) + own, 1)
+        own = single_entries(index + self.node_unknowns, slope)
+        return ResidualBlock(values, to_rows[part].scaled(1 / self.line_deviation) + own, 1)
 
     def _spacing(self, x: Vector) -> ResidualBlock:
         """Neighbouring lines of a paragraph lie one spacing apart, which paragraphs of like type share."""
@@ -204,20 +201,15 @@ class SheetResiduals:
         levels = x[self.node_unknowns :]
         values = scale * (levels[second] - levels[first] - x[group])
         columns = np.stack([self.node_unknowns + first, self.node_unknowns + second, group], axis=1)
-        data = scale[:, None] * [-1.0, 1.0, -1.0]
-        indptr = np.arange(0, data.size + 1, 3)
-        jacobian = csr_array((data.ravel(), columns.ravel(), indptr), shape=(len(first), self.unknowns))
-        return ResidualBlock(values, jacobian, 1)
+        return ResidualBlock(values, SparseRows(columns, scale[:, None] * [-1.0, 1.0, -1.0]), 1)
 
     def _margins(
-        self, x: Vector, columns: Vector, known: NDArray[np.bool_], to_columns: csr_array
+        self, x: Vector, columns: Vector, known: NDArray[np.bool_], to_columns: SparseRows
     ) -> ResidualBlock:
         part, index = self.slices[1], self.margin_index + self.globals_at + 3
         values = np.where(known[part], (columns[part] - x[index]) / self.margin_deviation, LOST)
-        own = single_entries(index, -1.0 * known[part] / self.margin_deviation, self.unknowns)
-        return ResidualBlock(
-            values, scaled_rows(to_columns[part], np.full(len(index), 1 / self.margin_deviation)) + own, 1
-        )
+        own = single_entries(index, -1.0 * known[part] / self.margin_deviation)
+        return ResidualBlock(values, to_columns[part].scaled(1 / self.margin_deviation) + own, 1)
 
     def _strokes(
         self,
@@ -225,8 +217,8 @@ class SheetResiduals:
         mesh: SheetMesh,
         grid: Points,
         known: NDArray[np.bool_],
-        to_columns: csr_array,
-        to_rows: csr_array,
+        to_columns: SparseRows,
+        to_rows: SparseRows,
     ) -> ResidualBlock:
         """Angles of strokes against the columns, less the slant of the type."""
         a, b = self.slices[2], self.slices[3]
@@ -235,17 +227,10 @@ class SheetResiduals:
         seen = known[a] & known[b]
         values = (np.arctan(-across / down) - x[self.globals_at + 2]) / self.stroke_deviation
         jacobian = self._angle_jacobian(
-            mesh,
-            (across, down),
-            seen,
-            self.stroke_deviation,
-            to_columns[b] - to_columns[a],
-            to_rows[b] - to_rows[a],
+            mesh, (across, down), seen, self.stroke_deviation, (a, b), (to_columns, to_rows)
         )
         by_slant = single_entries(
-            np.full(len(values), self.globals_at + 2, np.intp),
-            -1.0 * seen / self.stroke_deviation,
-            self.unknowns,
+            np.full(len(values), self.globals_at + 2, np.intp), -1.0 * seen / self.stroke_deviation
         )
         return ResidualBlock(np.where(seen, values, LOST), jacobian + by_slant, 1)
 
@@ -254,8 +239,8 @@ class SheetResiduals:
         mesh: SheetMesh,
         grid: Points,
         known: NDArray[np.bool_],
-        to_columns: csr_array,
-        to_rows: csr_array,
+        to_columns: SparseRows,
+        to_rows: SparseRows,
     ) -> ResidualBlock:
         """Angles of text lines against the rows."""
         a, b = self.slices[8], self.slices[9]
@@ -264,12 +249,7 @@ class SheetResiduals:
         seen = known[a] & known[b]
         values = np.arctan(down / across) / self.flow_deviation
         jacobian = self._angle_jacobian(
-            mesh,
-            (across, down),
-            seen,
-            self.flow_deviation,
-            to_columns[b] - to_columns[a],
-            to_rows[b] - to_rows[a],
+            mesh, (across, down), seen, self.flow_deviation, (a, b), (to_columns, to_rows)
         )
         return ResidualBlock(np.where(seen, values, LOST), jacobian, 1)
 
@@ -279,26 +259,31 @@ class SheetResiduals:
         step: tuple[Vector, Vector],
         seen: NDArray[np.bool_],
         deviation: Vector,
-        by_columns: csr_array,
-        by_rows: csr_array,
-    ) -> csr_array:
+        ends: tuple[slice, slice],
+        to_grid: tuple[SparseRows, SparseRows],
+    ) -> SparseRows:
         """Derivatives (n, unknowns) of the angles of steps across and down the sheet, in units of `deviation` (n,).
 
-        `by_columns` and `by_rows` are the derivatives (n, unknowns) of the steps in units of the grid.
+        A step leads from one of `ends` to the other among the points; `to_grid` are the derivatives of the points'
+        columns and rows.
         """
         across, down = step
         square = np.maximum(across * across + down * down, 1e-18) * deviation
-        by_aspect = single_entries(
-            np.full(len(across), self.globals_at + 1, np.intp), seen * across * down / square, self.unknowns
+        by_column = (-1.0 * seen * down / square)[:, None]
+        by_row = (seen * mesh.aspect * across / square)[:, None]
+        begin, end = (by_column * to_grid[0].entries[k] + by_row * to_grid[1].entries[k] for k in ends)
+        begin_columns, end_columns = (to_grid[0].columns[k] for k in ends)
+        # Both ends mostly lie in one cell: their entries are added up here.
+        together = (begin_columns == end_columns).all(axis=1)[:, None]
+        by_nodes = SparseRows(end_columns, np.where(together, end - begin, end)) + SparseRows(
+            begin_columns, np.where(together, 0.0, -begin)
         )
-        return (
-            scaled_rows(by_columns, -1.0 * seen * down / square)
-            + scaled_rows(by_rows, seen * mesh.aspect * across / square)
-            + by_aspect
+        return by_nodes + single_entries(
+            np.full(len(across), self.globals_at + 1, np.intp), seen * across * down / square
         )
 
     def _sides(
-        self, grid: Points, known: NDArray[np.bool_], to_columns: csr_array, to_rows: csr_array
+        self, grid: Points, known: NDArray[np.bool_], to_columns: SparseRows, to_rows: SparseRows
     ) -> list[ResidualBlock]:
         """The sheet's sides are the mesh's border: top, right, bottom, left."""
         found = []
@@ -307,9 +292,8 @@ class SheetResiduals:
             part, deviation = self.slices[4 + k], self.side_deviation[k]
             place = grid[part, 0 if k % 2 else 1]
             values = np.where(known[part], (place - border) / deviation, LOST)
-            found.append(
-                ResidualBlock(values, scaled_rows((to_columns if k % 2 else to_rows)[part], 1 / deviation), 1)
-            )
+            by_nodes = (to_columns if k % 2 else to_rows)[part]
+            found.append(ResidualBlock(values, by_nodes.scaled(1 / deviation), 1))
         return found
 
     def _priors(self, x: Vector) -> ResidualBlock:
@@ -317,7 +301,7 @@ class SheetResiduals:
         at = self.globals_at + np.arange(3)
         deviation = np.array([self.observed.focal_deviation, 1.0, np.deg2rad(0.4)])
         mean = np.array([self.observed.log_focal, np.log(self.start.aspect), self.p.slant_rad])
-        return ResidualBlock((x[at] - mean) / deviation, single_entries(at, 1 / deviation, self.unknowns), 0)
+        return ResidualBlock((x[at] - mean) / deviation, single_entries(at, 1 / deviation), 0)
 
 
 def _line_gaps(lines: LineObservations) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

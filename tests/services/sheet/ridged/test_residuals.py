@@ -5,10 +5,9 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 
 from services.arrays import Floats, Vector
-from services.sheet.ridged.blocks import ResidualBlock, robust
+from services.sheet.ridged.blocks import ResidualBlock, robust, single_entries, stacked
 from services.sheet.ridged.observations import SheetObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.residuals import LOST, SheetResiduals
@@ -73,7 +72,7 @@ def test_derivatives_of_all_residuals_are_exact(name: str) -> None:
         ahead, behind = blocks(residuals, x + step * way), blocks(residuals, x - step * way)
         for kind, block in at_x.items():
             slow = (ahead[kind].values - behind[kind].values) / (2 * step)
-            fast = block.jacobian @ way
+            fast = stacked([block.jacobian], len(x)) @ way
             scale = float(np.abs(fast).max()) + 1e-9
             off = np.abs(slow - fast) / scale
             # A point that crosses a node's row has two derivatives.
@@ -91,7 +90,7 @@ def test_derivatives_by_what_all_share_are_exact(kind: str) -> None:
     moved = 0
     for name, block in here.items():
         slow = (ahead[name].values - behind[name].values) / (2 * step)
-        fast = block.jacobian[:, [at]].toarray()[:, 0]
+        fast = stacked([block.jacobian], len(x))[:, [at]].toarray()[:, 0]
         assert np.allclose(slow, fast, rtol=1e-4, atol=1e-4 * (np.abs(fast).max() + 1)), name
         moved += int(np.abs(fast).max() > 0)
     assert moved >= 2
@@ -168,7 +167,7 @@ def test_points_that_the_mesh_does_not_show_are_lost_but_do_not_pull() -> None:
     residuals = residuals_of(FLAT, observed)
     block = blocks(residuals, residuals.x0)["lines"]
     assert (block.values[::7] == LOST).all()
-    assert np.abs(block.jacobian[::7].data).max(initial=0.0) == 0.0
+    assert np.abs(block.jacobian.entries[::7]).max(initial=0.0) == 0.0
     assert np.abs(np.delete(block.values, np.arange(0, len(points), 7))).max() < 5
 
 
@@ -194,7 +193,9 @@ def test_the_unknowns_describe_the_start() -> None:
 
 
 def block_of(values: Floats, group: int) -> ResidualBlock:
-    return ResidualBlock(np.asarray(values, np.float64), csr_array((len(values), 1)), group)
+    return ResidualBlock(
+        np.asarray(values, np.float64), single_entries(np.zeros(len(values), np.intp), values), group
+    )
 
 
 def test_losses_are_squares_for_small_residuals_and_grow_slowly_for_large_ones() -> None:
