@@ -8,7 +8,7 @@ Where sides of the sheet are seen, they lie along two directions at right angles
 angle that is small as a rule.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,9 @@ from services.rectify.straight_lines import StraightLines, side_directions, side
 from services.robust import cauchy, robust_scale, soft_l1
 from services.sheet.tracing.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
 from services.texture_flow.field import FlowSamples
+
+LEAST_GAIN = 1e-6
+"""Relative decrease of the cost below which a fit ends: a thousandth of a deviation in the unknowns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,35 +159,69 @@ class LineResiduals:
         return robust_scale(self.baselines, 1.0), robust_scale(self.spacings, 1.0)
 
 
-def _joined(parts: list[Vector]) -> Vector:
-    return np.concatenate(parts) if parts else np.zeros(0)
+class LineTerms:
+    """The residuals of observed text lines as functions of the plane, with the groups of lines as flat arrays."""
+
+    def __init__(self, observations: FlatObservations, parameters: RefinementParameters) -> None:
+        o, p = observations, parameters
+        self.o, self.p = o, p
+        self._lines, self._paragraph = _flat([q.lines for q in o.paragraphs])
+        orders = [q.order - q.order.mean() for q in o.paragraphs]
+        self._order = np.concatenate([*orders, np.zeros(0)])
+        self._sizes = np.bincount(self._paragraph, minlength=len(o.paragraphs)).astype(np.float64)
+        self._squares = np.bincount(self._paragraph, self._order**2, len(o.paragraphs))
+        self._alike, self._kind = _flat(o.alike)
+        self._sizes_alike = self._sizes[self._alike]
+        self._kind_sizes = np.bincount(self._kind, self._sizes_alike, len(o.alike))
+        # A short paragraph knows its spacing less well: its own deviation is added to the common one.
+        own = p.spacing * np.sqrt(12.0) / np.maximum(self._sizes_alike, 1.0) ** 1.5
+        self._alike_deviation = np.hypot(p.spacing_between, own)
+        self._ends, self._margin = _flat([members for members, _ in o.margins])
+        left = np.array([side == "left" for _, side in o.margins], bool)
+        self._left = left[self._margin]
+
+    def at(self, H: Homography) -> LineResiduals:
+        """Baselines horizontal, spacing equal, margins vertical, in the flat view of `H` (plane <- centred)."""
+        o, p = self.o, self.p
+        a, b = transform_points(H, o.starts), transform_points(H, o.ends)
+        delta = b - a
+        y = (0.5 * (a[:, 1] + b[:, 1]))[self._lines]
+        index, count = self._paragraph, len(o.paragraphs)
+        # The line through the places y of a paragraph's lines: `order` has no mean.
+        spacing = np.bincount(index, self._order * y, count) / self._squares
+        middle = np.bincount(index, y, count) / self._sizes
+        uneven = (y - middle[index] - spacing[index] * self._order) / (np.abs(spacing[index]) * p.spacing)
+        log = np.log(np.maximum(spacing[self._alike], 1e-9))
+        mean = np.bincount(self._kind, self._sizes_alike * log, len(o.alike)) / self._kind_sizes
+        unlike = (log - mean[self._kind]) / self._alike_deviation
+        text_height = (
+            float(np.median(o.relative_heights * np.linalg.norm(delta, axis=1))) if len(delta) else 1.0
+        )
+        x = np.where(self._left, a[self._ends, 0], b[self._ends, 0])
+        margins = (x - _medians(x, self._margin)[self._margin]) / (p.margin * text_height)
+        slopes = np.arctan2(delta[:, 1], np.abs(delta[:, 0])) / o.slope_deviations
+        return LineResiduals(slopes, np.concatenate([uneven, unlike]), margins)
+
+
+def _flat(groups: Sequence[NDArray[np.intp]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The members of all groups one after another (N,), and the number of each one's group (N,)."""
+    members = np.concatenate([*groups, np.zeros(0, np.intp)]).astype(np.intp)
+    return members, np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+
+
+def _medians(values: Vector, group: NDArray[np.intp]) -> Vector:
+    """Median of each group of `values` (N,), whose group numbers (N,) ascend from 0 without gaps."""
+    if not len(values):
+        return np.zeros(0)
+    ordered = values[np.lexsort((values, group))]
+    size = np.bincount(group)
+    first = np.cumsum(size) - size
+    return np.asarray(0.5 * (ordered[first + (size - 1) // 2] + ordered[first + size // 2]))
 
 
 def line_residuals(H: Homography, o: FlatObservations, p: RefinementParameters) -> LineResiduals:
-    """Baselines horizontal, spacing equal, margins vertical, in the flat view of `H` (plane <- centred)."""
-    a, b = transform_points(H, o.starts), transform_points(H, o.ends)
-    delta = b - a
-    y = 0.5 * (a[:, 1] + b[:, 1])
-    spacing = np.ones(len(o.paragraphs))
-    spacings, margins = [], []
-    for k, paragraph in enumerate(o.paragraphs):
-        t = paragraph.order - paragraph.order.mean()
-        value = y[paragraph.lines]
-        spacing[k] = t @ value / (t @ t)
-        rest = value - value.mean() - spacing[k] * t
-        spacings.append(rest / (abs(spacing[k]) * p.spacing))
-    for group in o.alike:
-        log = np.log(np.maximum(spacing[group], 1e-9))
-        weight = np.array([len(o.paragraphs[k].lines) for k in group], float)
-        # A short paragraph knows its spacing less well: its own deviation is added to the common one.
-        own = p.spacing * np.sqrt(12.0) / weight**1.5
-        spacings.append((log - np.average(log, weights=weight)) / np.hypot(p.spacing_between, own))
-    text_height = float(np.median(o.relative_heights * np.linalg.norm(delta, axis=1))) if len(delta) else 1.0
-    for members, side in o.margins:
-        x = (a if side == "left" else b)[members, 0]
-        margins.append((x - np.median(x)) / (p.margin * text_height))
-    slopes = np.arctan2(delta[:, 1], np.abs(delta[:, 0])) / o.slope_deviations
-    return LineResiduals(slopes, _joined(spacings), _joined(margins))
+    """`LineTerms` at one plane."""
+    return LineTerms(o, p).at(H)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -266,7 +303,7 @@ def refine_plane(
     """
     p = parameters or RefinementParameters()
     has_sides = sides is not None and len(sides) > 0
-    flows = observe_flows(major, minor, points, p)
+    flows, terms = observe_flows(major, minor, points, p), LineTerms(observations, p)
 
     def plane_of(x: Vector) -> PagePlane:
         focal = float(np.clip(np.exp(x[3]), MIN_FOCAL, MAX_FOCAL))
@@ -282,7 +319,7 @@ def refine_plane(
 
     def residuals(x: Vector) -> Vector:
         H = flatten(x)
-        lines = line_residuals(H, observations, p)
+        lines = terms.at(H)
         growth = 0.0 if principal_point is None else principal_point.log_growth(x[5:7])[0]
         # Observations may be outliers and are under a loss; the priors are meant as they are.
         focal_and_slant = [
@@ -309,7 +346,7 @@ def refine_plane(
     if principal_point is not None:
         x0 = np.append(x0, principal_point.start)
         x_scale += [0.05, 0.05]
-    fit = least_squares(residuals, x0, x_scale=x_scale, max_nfev=60)
+    fit = least_squares(residuals, x0, x_scale=x_scale, max_nfev=60, ftol=LEAST_GAIN)
     drawn = abs(float(fit.x[3]) - prior.log_focal)
     if principal_point is None and prior.source == "assumed" and drawn > p.believable_focal * prior.deviation:
         held = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
@@ -328,7 +365,7 @@ def refine_plane(
         float(fit.cost),
         before,
         len(observations.starts),
-        line_residuals(flatten(fit.x), observations, p).scales(),
+        terms.at(flatten(fit.x)).scales(),
         float(fit.x[5]) if has_sides else 0.0,
         (0.0, 0.0) if principal_point is None else (float(fit.x[5]), float(fit.x[6])),
     )

@@ -100,13 +100,13 @@ class LinePlane:
 
 def line_directions(plane: PagePlane, lines: StraightLines) -> Vector:
     """Signed angle (N,), rad in (-pi/2, pi/2), from each line to the way to the vanishing point of its axis."""
-    return _directions(plane.rotation, plane.focal, lines)[0]
+    return _angles(plane.rotation, plane.focal, lines)
 
 
 def side_directions(plane: PagePlane, sides: StraightLines, skew_rad: float) -> Vector:
     """As `line_directions`, for lines along axes that are turned by `skew_rad` in the page's plane."""
     turn = rotation_from_vector(np.array([0.0, 0.0, skew_rad]))
-    return _directions(plane.rotation @ turn, plane.focal, sides)[0]
+    return _angles(plane.rotation @ turn, plane.focal, sides)
 
 
 def side_skew(plane: PagePlane, sides: StraightLines) -> float:
@@ -127,6 +127,17 @@ def along_axes(plane: PagePlane, sides: StraightLines) -> StraightLines:
     45 degrees.
     """
     return sides if abs(side_skew(plane, sides)) <= np.pi / 4 else sides.with_axes(~sides.upright)
+
+
+def _angles(rotation: Floats, focal: float, lines: StraightLines) -> Vector:
+    """Signed angles (N,) from the lines to the way to the vanishing points of their axes."""
+    along = lines.ends - lines.starts
+    middle = 0.5 * (lines.starts + lines.ends)
+    vanishing = rotation.T[lines.upright.astype(int)]
+    way = focal * vanishing[:, :2] - middle * vanishing[:, 2:]
+    dot = along[:, 0] * way[:, 0] + along[:, 1] * way[:, 1]
+    cross = along[:, 0] * way[:, 1] - along[:, 1] * way[:, 0]
+    return np.asarray(np.arctan(cross / np.where(dot == 0, 1e-12, dot)))
 
 
 def _directions(rotation: Floats, focal: float, lines: StraightLines) -> tuple[Vector, Floats]:

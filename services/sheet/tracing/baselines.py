@@ -1,6 +1,6 @@
 """Baselines of the text in a nearly flat view, paragraphs of equal spacing, flush margins."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -9,8 +9,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from services.arrays import Mask, Points, Vector
-from services.robust import fit_reweighted, geman_mcclure_weights, narrowing
+from services.arrays import Floats, Mask, Points, Vector
+from services.robust import geman_mcclure_weights
+
+EDGE_ROUNDS = 10
+"""Of the reweighted fits, in which the scale narrows from the first to the last."""
+LEAST_SLOPE_WEIGHT = 1e-9
+"""Squares of the slope that are added, in characters."""
+BATCH = 200_000
+"""Characters, gaps in the table included, that are fitted at once: bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,14 +101,16 @@ def detect_baselines(ink: Mask, parameters: BaselineParameters | None = None) ->
     """Text lines of `ink` (H, W) in a view whose lines are horizontal within about a degree."""
     p = parameters or BaselineParameters()
     found = chain_characters(ink, p)
-    rows = []
-    for m in found.rows:
-        row = _fit_line(found.left[m], found.right[m], found.top[m], found.bottom[m], p)
-        if row is not None and row[2] - row[0] >= p.min_length * row[4]:
-            rows.append(row)
-    if not rows:
+    if not found.rows:
         return _no_lines()
-    table = np.array(rows)
+    rows = sorted(found.rows, key=len)
+    batches, first = [], 0
+    for k in range(1, len(rows) + 1):
+        if k == len(rows) or (k + 1 - first) * len(rows[k]) > BATCH:
+            batches.append(_fit_lines(replace(found, rows=rows[first:k]), p))
+            first = k
+    table = np.concatenate(batches)
+    table = table[table[:, 2] - table[:, 0] >= p.min_length * table[:, 4]]
     table = table[np.argsort(table[:, 1] + table[:, 3])]
     return Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], table[:, 5])
 
@@ -141,47 +150,69 @@ def _right_neighbours(
     return source, index[source, best[source]]
 
 
-def _fit_line(
-    x0: Vector, x1: Vector, top: Vector, bottom: Vector, p: BaselineParameters
-) -> tuple[float, float, float, float, float, float] | None:
-    """(x, y) of both ends, character height and end deviation of the baseline of one line of characters.
+def _fit_lines(characters: CharacterRows, p: BaselineParameters) -> Floats:
+    """Of each line of characters that has one (n, 6): both ends of its baseline, character height, end deviation.
 
     Its slope is the mean of baseline and x-height line: a threshold that thickens strokes moves the two apart,
-    more so where characters are small, and the mean is free of that.
+    more so where characters are small, and the mean is free of that. All lines are fitted at once.
     """
-    x = 0.5 * (x0 + x1)
-    unit = float(np.median(bottom - top))
-    middle, spread = float(x.mean()), max(float(x.std()), 1e-6)
-    t = (x - middle) / spread
-    base = _fit_edge(t, bottom, unit, p)
-    if base is None:
-        return None
-    level, slope, deviation = base
-    crown = _fit_edge(t, top, unit, p)
-    if crown is not None and abs(crown[1] - slope) < 4 * np.hypot(deviation, crown[2]):
-        slope = 0.5 * (slope + crown[1])
-        deviation = 0.5 * float(np.hypot(deviation, crown[2]))
-    left, right = float(x0.min()), float(x1.max())
-    reach = max(abs(left - middle), abs(right - middle)) / spread
-    at = (np.array([left, right]) - middle) / spread
-    y = level + slope * at
-    return left, float(y[0]), right, float(y[1]), unit, float(deviation * np.hypot(1.0, reach))
+    rows = characters.rows
+    size = np.array([len(row) for row in rows])
+    present = np.arange(size.max()) < size[:, None]
+    member = np.zeros(present.shape, np.intp)
+    member[present] = np.concatenate(rows)
+    left, right, top, bottom = (
+        side[member] for side in (characters.left, characters.right, characters.top, characters.bottom)
+    )
+    unit = np.array([np.median(high[:n]) for high, n in zip(bottom - top, size, strict=True)])
+    x = 0.5 * (left + right)
+    middle = (x * present).sum(axis=1) / size
+    spread = np.sqrt((((x - middle[:, None]) * present) ** 2).sum(axis=1) / size)
+    spread = np.maximum(spread, 1e-6)
+    t = (x - middle[:, None]) / spread[:, None]
+    level, slope, deviation, found = _fit_edges(t, bottom, present, unit, p)
+    _, lean, other, crowned = _fit_edges(t, top, present, unit, p)
+    agree = crowned & (np.abs(lean - slope) < 4 * np.hypot(deviation, other))
+    slope = np.where(agree, 0.5 * (slope + lean), slope)
+    deviation = np.where(agree, 0.5 * np.hypot(deviation, other), deviation)
+    begin = np.where(present, left, np.inf).min(axis=1)
+    end = np.where(present, right, -np.inf).max(axis=1)
+    at = (np.stack([begin, end], axis=1) - middle[:, None]) / spread[:, None]
+    y = level[:, None] + slope[:, None] * at
+    reach = np.abs(at).max(axis=1)
+    return np.stack([begin, y[:, 0], end, y[:, 1], unit, deviation * np.hypot(1.0, reach)], axis=1)[found]
 
 
-def _fit_edge(t: Vector, y: Vector, unit: float, p: BaselineParameters) -> tuple[float, float, float] | None:
-    """Level, slope and deviation of the line that most of the points (t, y) lie on; `t` has unit spread."""
-    design = np.stack([np.ones(len(t)), t], axis=1)
-    scale = narrowing(0.35 * unit, 0.6, p.baseline_scale * unit)
-    start = np.polyfit(t, y, 1)[::-1]
+def _fit_edges(
+    t: Floats, y: Floats, present: Mask, unit: Vector, p: BaselineParameters
+) -> tuple[Vector, Vector, Vector, Mask]:
+    """Level, slope, their deviation, and whether there is one (L,): lines that most points (t, y) of a row lie on.
+
+    Rows (L, N) are filled with points that are not `present`; `t` has unit spread in each.
+    """
+    origin = (y * present).sum(axis=1) / present.sum(axis=1)
+    y = y - origin[:, None]
+    level, slope = _weighted_lines(t, y, present.astype(np.float64))
+    for k in range(EDGE_ROUNDS):
+        scale = np.maximum(0.35 * 0.6**k, p.baseline_scale) * unit
+        rest = y - level[:, None] - slope[:, None] * t
+        level, slope = _weighted_lines(t, y, present * geman_mcclure_weights(rest, scale[:, None]))
+    rest = y - level[:, None] - slope[:, None] * t
+    near = present & (np.abs(rest) < 3 * p.baseline_scale * unit[:, None])
+    count = near.sum(axis=1)
+    found = count >= np.maximum(0.4 * present.sum(axis=1), 4)
+    rms = np.sqrt((near * rest**2).sum(axis=1) / np.maximum(count, 1))
+    return level + origin, slope, np.maximum(rms, 0.25) / np.sqrt(np.maximum(count, 1)), found
+
+
+def _weighted_lines(t: Floats, y: Floats, weights: Floats) -> tuple[Vector, Vector]:
+    """Level and slope (L,) of the least squares line of each row (L, N)."""
+    w, wt = weights.sum(axis=1), (weights * t).sum(axis=1)
+    wy, wty = (weights * y).sum(axis=1), (weights * t * y).sum(axis=1)
     # One character may keep all the weight, and then tells no slope.
-    damping = np.diag([0.0, 1e-9])
-    level, slope = fit_reweighted(design, y, geman_mcclure_weights, scale, 10, start=start, damping=damping)
-    r = y - (level + slope * t)
-    near = np.abs(r) < 3 * p.baseline_scale * unit
-    if near.sum() < max(0.4 * len(t), 4):
-        return None
-    rms = max(float(np.sqrt(np.mean(r[near] ** 2))), 0.25)
-    return float(level), float(slope), rms / float(np.sqrt(near.sum()))
+    wtt = (weights * t * t).sum(axis=1) + LEAST_SLOPE_WEIGHT
+    determinant = np.maximum(w * wtt - wt * wt, 1e-300)
+    return (wtt * wy - wt * wty) / determinant, (w * wty - wt * wy) / determinant
 
 
 def group_paragraphs(lines: Baselines, tolerance: float = 0.12, min_lines: int = 3) -> list[Paragraph]:
