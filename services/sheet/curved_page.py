@@ -61,8 +61,8 @@ class CurvedPage:
 
     `surface` is the global surface of the map, `fitted` its fit, and `lines` the text lines that it was fitted to.
     `focal` is in half diagonals; `deviation` is the mean deviation (rad) of the flows from horizontal and
-    vertical in the flat view, `line_straightness` the RMS deviation, in text heights, of the text lines from straight ones, before
-    the small residual.
+    vertical in the flat view, `line_straightness` the RMS deviation, in text heights, of the text lines from straight
+    ones, before the small residual.
     """
 
     page_map: PageMap
