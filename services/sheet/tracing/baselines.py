@@ -115,7 +115,7 @@ def _right_neighbours(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs (character, its neighbour to the right on the same line)."""
     unit = float(np.median(height))
-    # Neighbours are looked for in a frame stretched across the lines, from right end to left end.
+    # Neighbours are searched in a frame stretched across the lines, from right end to left end.
     tree = cKDTree(np.stack([x0, 2.5 * bottom], axis=1))
     k = min(10, len(x0))
     distance, index = tree.query(
@@ -173,7 +173,7 @@ def _fit_edge(t: Vector, y: Vector, unit: float, p: BaselineParameters) -> tuple
     design = np.stack([np.ones(len(t)), t], axis=1)
     scale = narrowing(0.35 * unit, 0.6, p.baseline_scale * unit)
     start = np.polyfit(t, y, 1)[::-1]
-    # One character may keep all the weight, and then tells no slope.
+    # If one character has all the weight, the slope is not determined.
     damping = np.diag([0.0, 1e-9])
     level, slope = fit_reweighted(design, y, geman_mcclure_weights, scale, 10, start=start, damping=damping)
     r = y - (level + slope * t)
@@ -185,7 +185,7 @@ def _fit_edge(t: Vector, y: Vector, unit: float, p: BaselineParameters) -> tuple
 
 
 def group_paragraphs(lines: Baselines, tolerance: float = 0.12, min_lines: int = 3) -> list[Paragraph]:
-    """Runs of lines below one another at a constant spacing.
+    """Runs of lines at a constant spacing, one below the other.
 
     The next line of a run overlaps the last in x, is of like height, and lies the run's spacing (within
     `tolerance`) below; a blank line ends the run.
