@@ -19,8 +19,8 @@ class GutterParameters:
     """Distances from the gutter within which directions are compared."""
     min_samples: int = 4
     many_samples: int = 12
-    """From here on a side's directions are continued to the gutter by a quadratic: near a gutter pages bend so much
-    that a plane misses by ten degrees."""
+    """From here on a side's directions are continued to the gutter by a quadratic: near a gutter pages bend, and
+    a linear continuation has errors of ten degrees."""
     spread_rad: float = 0.05
     """Of directions about their fit; more is an outlier."""
     row: float = 2.0
@@ -232,7 +232,7 @@ def _darkest(
     at: Points,
     p: GutterParameters,
 ) -> tuple[float, float]:
-    """The darkest line within a band (x - slope y between its bounds), and how much darker than the paper beside it.
+    """The darkest line within a band (x - slope y between its bounds), and how much darker than the paper on both sides.
 
     Where nothing is darker than both sides, the middle of the band.
     """

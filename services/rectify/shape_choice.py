@@ -88,7 +88,7 @@ def choose_shape(
     plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
     straightness = measure_straightness(plane, trace_by_characters(e.text, e.view, plane))
     bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
-    # Four straight sides and straight lines are those of a plane, whatever sparse flows say.
+    # Four straight sides and straight lines are those of a plane, even if sparse flows contradict.
     planar = straightness < STRAIGHT and (seems == "planar" or pose.sides_believed)
     if kind == "auto" and planar and not bent_sides:
         return pose, pose.notices

@@ -197,7 +197,7 @@ def _measure(
     spacing = float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     colors = _profiles(image, points, normals, offsets, np.linspace(-0.4, 0.4, 5) * spacing)
     first, last = int(np.ceil(near / step)), int(np.ceil(far / step))
-    # Means beside every sample, from running sums.
+    # Means on both sides of every sample, from running sums.
     sums = np.concatenate(
         [np.zeros((len(points), 1, 3)), np.cumsum(colors, axis=1, dtype=np.float64)], axis=1
     )
