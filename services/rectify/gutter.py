@@ -232,7 +232,7 @@ def _darkest(
     at: Points,
     p: GutterParameters,
 ) -> tuple[float, float]:
-    """The darkest line within a band (x - slope y between its bounds), and how much darker than the paper on both sides.
+    """The darkest line within a band (x - slope y between its bounds), and its contrast to the paper on both sides.
 
     Where nothing is darker than both sides, the middle of the band.
     """
