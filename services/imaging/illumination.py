@@ -139,7 +139,7 @@ class NormalizationParameters:
     """Localized histogram normalization (dissertation 4.4); levels are shares of white or of paper, 0-1."""
 
     background: BackgroundParameters = field(default_factory=BackgroundParameters)
-    """Tells paper from pictures: within its wide median a picture varies, and paper does not."""
+    """Separates paper from pictures: within its wide median a picture varies, and paper does not."""
     fine_median_fraction: float = 1 / 36
     """Median of the background that is divided out: it follows the corners of tinted boxes and shadows."""
     working_long_side_px: int = 1200
@@ -154,7 +154,7 @@ class NormalizationParameters:
     """Share of a neighbourhood within `paper_spread` of its paper's level; in pictures it is less."""
     paper_spread: float = 0.08
     paper_step: float = 0.15
-    """Blank paper differs from the paper beside it by no more than this; else it is another thing."""
+    """Largest difference between blank paper and the paper next to it; else it is something else."""
     darkest_paper: float = 0.25
     """Paper in the deepest shadow, against the brightest: what is darker is a desk."""
     ink_quantile: float = 0.25
@@ -162,7 +162,7 @@ class NormalizationParameters:
     largest_ink: float = 0.75
     """Ink that is lighter than this is faint print, and stays so."""
     largest_chroma: float = 0.25
-    """Ink whose channels differ by more than this is coloured; it tells nothing about where black lies."""
+    """Ink whose channels differ by more than this is coloured; it shows nothing about the level of black."""
     black: float = 0.08
     """Level of ink in the result: deep dark."""
 
@@ -173,7 +173,7 @@ def normalize_illumination(image: RgbImage, parameters: NormalizationParameters 
     Localized histogram normalization (dissertation 4.4): the two modes of every neighbourhood's histogram
     are shifted to white and deep dark by an affine map of the luminance, so that the transition between
     them is preserved. Both levels are measured on a reduced copy and interpolated. A place that is not paper
-    (a picture, a desk) takes the light of the paper around it, and its darks are left alone, so that figures
+    (a picture, a desk) takes the light of the paper around it, and its dark levels stay unchanged, so that figures
     are neither bleached nor crushed. An image without print on paper is returned as it is.
     """
     parameters = parameters or NormalizationParameters()
@@ -232,7 +232,7 @@ def measure_levels(image: RgbImage, parameters: NormalizationParameters | None =
     is_ink = (share < 200 * (1.0 - parameters.ink_contrast)).astype(np.uint8)
     is_paper = (np.abs(share.astype(np.int16) - 200) <= 200 * parameters.paper_spread).astype(np.uint8)
     ink_share, _ = _tile_shares(is_ink, grid)
-    # Beside a picture the neighbourhood is paper, but the tile itself is not.
+    # Next to a picture the neighbourhood is paper, but the tile itself is not.
     is_even = np.minimum(*_tile_shares(is_paper, grid)) >= parameters.paper_share
     samples = cv2.resize(background, (3 * grid[0], 3 * grid[1]), interpolation=cv2.INTER_NEAREST)
     level = np.median(np.reshape(samples, (grid[1], 3, grid[0], 3)), axis=(1, 3)).astype(np.float32)
@@ -264,7 +264,7 @@ def _tile_shares(
 
 
 def _grow_paper(level: NDArray[np.float32], printed: Mask, even: Mask, step: float) -> Mask:
-    """Tiles that are paper: those with print, and even ones that differ little from paper beside them."""
+    """Tiles that are paper: those with print, and even ones that differ little from paper next to them."""
     accepted = printed
     padded_level = np.pad(level, 1, mode="edge")
     for _ in range(sum(level.shape)):

@@ -28,7 +28,7 @@ class LongEdgeParameters:
     shift_cost: float = 0.02
     """Cost of a shift by one pixel, in bands of full support, so that straighter paths are preferred."""
     weight_beyond: float = 0.3
-    """Weight of a band without text beside it in the choice of paths."""
+    """Weight of a band without adjacent text in the choice of paths."""
     unseen_cost: float = 0.1
     """Cost of a band outside of the photo, in bands of full support."""
     min_seen: float = 0.6
@@ -58,9 +58,9 @@ class LongEdgeParameters:
     desk_contrast: float = 0.4
     """A ground that differs more is no tint on the sheet."""
     end_contrast: float = 0.08
-    """The ground beyond the end of a sheet's edge differs by this from the one beside it."""
+    """The ground beyond the end of a sheet's edge differs by this from the ground along it."""
     ground_px: tuple[int, int] = (4, 10)
-    """Distances from an edge at which the background beside it is measured."""
+    """Distances from an edge at which the background on its sides is measured."""
     sheet_on_either_side: bool = False
     """False: the sheet is on the right."""
     min_bands: int = 6
@@ -71,7 +71,7 @@ class LongEdge:
     """One edge: its column (bands,) at every row of `rows` (bands,), along the text where `beside_text` (bands,).
 
     It is seen from row `first` to row `last`; `left_ground` and `right_ground` (bands,) are the logarithms of
-    brightness beside it.
+    brightness on its sides.
     """
 
     columns: NDArray[np.intp]
@@ -101,7 +101,7 @@ def find_long_edges(
 ) -> list[LongEdge]:
     """Upright edges in the first `columns` columns of `brightness` (H, W), the logarithm of a picture.
 
-    `shown` (H, W) tells the pixels that the photo shows, `along` the first and last row of the text.
+    `shown` (H, W) marks the pixels that the photo shows, `along` the first and last row of the text.
     """
     p = parameters or LongEdgeParameters()
     steps, weight = _band_steps(brightness, shown, p)
@@ -146,14 +146,14 @@ def _extent(
 
 
 def _ground_beside(columns: NDArray[np.intp], ground: Floats, side: int, p: LongEdgeParameters) -> Vector:
-    """Ground (N,) beside column `columns[n]` in row n of `ground` (N, columns); `side` -1 is left."""
+    """Ground (N,) next to column `columns[n]` in row n of `ground` (N, columns); `side` -1 is left."""
     near, far = p.ground_px
     at = np.clip(columns[:, None] + side * np.arange(near, far), 0, ground.shape[1] - 1)
     return np.asarray(np.median(np.take_along_axis(ground, at, 1), axis=1))
 
 
 def _ends_on_paper(edge: LongEdge, extent: tuple[int, int], weight: Floats, p: LongEdgeParameters) -> bool:
-    """Whether the ground beyond the edge's ends is that beside it: a frame or a tinted box on the sheet.
+    """Whether the ground beyond the edge's ends is that along it: a frame or a tinted box on the sheet.
 
     At a corner of the sheet another ground follows; a sheet on a ground that differs much from it is no tinted box.
     """

@@ -123,7 +123,7 @@ def is_pdf(upload: bytes) -> bool:
 
 
 class _File(Protocol):
-    """An upload with its pages, as many as were asked for at most."""
+    """An upload with its pages, up to the number that was requested."""
 
     def sizes(self) -> list[int]:
         """Pixels of every page."""

@@ -35,14 +35,14 @@ class PaperParameters:
     part_share: float = 0.05
     """Of the text, a part of a divided sheet holds at least this share."""
     text_share: float = 0.96
-    """The sheet holds at least this share of the text, or its outline is not believed."""
+    """Least share of the text that the sheet must contain; else its outline is rejected."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Paper:
     """How far every pixel of the photo, resized by `factor`, is from paper, (rows, columns) each.
 
-    `contrast` compares its brightness with a smooth surface through all the text (which tells text on paper
+    `contrast` compares its brightness with a smooth surface through all the text (which separates text on paper
     from text on a desk), `near_contrast` with the paper at the nearest text (which follows the edge of a cast
     shadow), `chroma` is the distance of its hue.
     """
@@ -135,7 +135,7 @@ def sharpen_corners(hull: Points, parameters: PaperParameters | None = None) -> 
     at = np.sort(np.argmin(np.linalg.norm(corners[:, None] - hull[None], axis=2), axis=1))
     ways = np.roll(hull, -1, axis=0) - hull
     lengths = np.linalg.norm(ways, axis=1)
-    # From corner to corner the hull's longest segment tells the edge: it touches the sheet and lies outside.
+    # From corner to corner the hull's longest segment is the edge: it touches the sheet and lies outside.
     spans = [np.arange(a, b) % len(hull) for a, b in zip(at, [*at[1:], at[0] + len(hull)], strict=True)]
     edges = np.array(
         [span[np.argmax(lengths[span])] for span in spans if lengths[span].sum() > p.long_edge * perimeter]

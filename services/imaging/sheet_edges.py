@@ -1,6 +1,6 @@
 """Where the sheet ends in a flat view that shows too much: its edge, the page stack under it, or the gutter.
 
-These are long, nearly straight lines or steps of brightness beside the text that run on beyond it at its head and
+These are long, nearly straight lines or steps of brightness next to the text that continue beyond it at its head and
 foot, where rules, frames and pictures end with the print. The innermost one is taken.
 """
 
@@ -25,7 +25,7 @@ class SheetEdgesParameters:
     outliers: float = 1.0
     """Per cent of the characters that may lie beyond an edge, where a desk or the edges of a page stack follow it."""
     stack_edges: int = 2
-    """So many more edges beyond make a page stack."""
+    """This many more edges beyond are a page stack."""
     stack_step_px: float = 6.0
     """Edges of a stack are apart by this."""
     ground_contrast: float = 0.15
@@ -40,7 +40,7 @@ class SheetEdgesParameters:
     min_characters: int = 30
     min_margin_px: int = 8
     beside_px: int = 20
-    """Of the text is looked at to tell the ground beside an edge."""
+    """Columns of the text that are used, with the margin, to measure the ground next to an edge."""
     rim: float = 0.004
     """Of the view's long side, by which the edges lie outside of what was found."""
 
@@ -94,7 +94,7 @@ def find_sheet_edges(
     """Edges of the sheet in the flat `view` (H, W, 3), beyond its text.
 
     `text_points` (N, 2) are centres of the characters, which may include some that are none, `text_height_px` is
-    their size, and `seen` (H, W) tells the pixels that the photo shows; all if it is None. Of every side the
+    their size, and `seen` (H, W) marks the pixels that the photo shows; all if it is None. Of every side the
     innermost certain edge is taken, None rather than a guess.
     """
     p = parameters or SheetEdgesParameters()
@@ -120,7 +120,7 @@ def find_sheet_edges(
     )
     top = _innermost_edge(level, float(low[1]), p)
     bottom = _innermost_edge(level.mirrored(), height - 1 - float(high[1]), p)
-    # At a corner of the sheet its upright edges end, at a coloured band across the page they go on.
+    # At a corner of the sheet its upright edges end, at a coloured band across the page they continue.
     sides = [edge for edge in (left, right) if edge is not None]
     begins = np.array([row for edge in sides for row in edge.begins])
     ends = np.array([row for edge in sides for row in edge.ends])

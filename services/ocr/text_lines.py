@@ -23,7 +23,7 @@ class TextLineParameters:
     surroundings: float = 1 / 30
     """Window of the local mean, as a share of the long side."""
     height_quantiles: tuple[float, ...] = (0.6, 0.9, 0.25)
-    """Print sizes to look for: the ordinary one, headings, and small print beside large or pictures."""
+    """Print sizes that are searched: the ordinary one, headings, and small print next to large print or pictures."""
     height_step: float = 1.8
     """Sizes closer than this factor are one."""
     word_gap: float = 2.2
@@ -200,7 +200,7 @@ def _keep_print(
 ) -> NDArray[np.uint8]:
     """Ink (h, w) 0/1 of print of one size, without rules, frames, blobs and smaller print.
 
-    `across_px` (N,) is the extent of the components across the lines that are looked for.
+    `across_px` (N,) is the extent of the components across the lines that are searched.
     """
     shorter = np.minimum(components.width_px, components.height_px)
     longer = np.maximum(components.width_px, components.height_px)
@@ -266,9 +266,9 @@ def _lines_along_rows(
 def cut_line(
     page: GrayImage, line: TextLine, inverted: bool, height_px: int = 36, longest: float = 26.0
 ) -> GrayImage:
-    """Level crop (height_px, w) of one line, dark on white, whatever its size on `page` (H, W) uint8.
+    """Level crop (height_px, w) of one line, dark on white, from a line of any size on `page` (H, W) uint8.
 
-    Lines longer than `longest` times their height are cut there: their first words tell enough.
+    Lines longer than `longest` times their height are cut there: their first words are enough.
     """
     margin = 0.2 * line.height_px
     zoom = height_px / (line.height_px + 2 * margin)

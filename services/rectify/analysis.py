@@ -22,18 +22,18 @@ from services.texture_flow.text_identification import IdentifiedText, identify_t
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 
 PICTURE_SHARE = 0.8
-"""Of the ink that is found on a page of dark print, less is rejected as no text; pictures, and print in the
-negative, lose more."""
+"""On a page of dark print a smaller share of the ink is rejected as no text. On pictures, and on light print in a dark
+photo, a larger share is."""
 
 FEW_STROKES = 4
-"""With fewer samples the minor flow is taken to run across the major flow,"""
+"""With fewer samples the minor flow is assumed to be at right angles to the major flow,"""
 UNSEEN_WEIGHT = 0.05
-"""at this share of its weight."""
+"""and gets this share of its weight."""
 
 
 @dataclass(frozen=True, slots=True)
 class AnalysisParameters:
-    """Sizes that the analysis works at, and what it needs at least."""
+    """Working sizes of the analysis, and its least input."""
 
     long_side_px: int = 1600
     """Text and major flow: text height is then about 8 px on a full page of small print."""
@@ -41,16 +41,16 @@ class AnalysisParameters:
     """Minor flow: above this text height, strokes gain nothing from more pixels."""
     picture_share: float = PICTURE_SHARE
     other_page_share: float = 0.02
-    """Of the characters: when more were left out as those of another page, the flows are measured again."""
+    """If a larger share of the characters was left out as those of another page, the flows are measured again."""
     min_components: int = 30
     min_flow_samples: int = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageAnalysis:
-    """What the photo shows; samples and fields are in the photo's own pixel frame.
+    """Text and flows of one page in a photo; samples and fields are in pixels of the photo.
 
-    Light print on dark paper was analysed in the negative, and `reduced` and `strokes_image` show that.
+    A photo of light print on dark paper is analysed as a negative; then `reduced` and `strokes_image` are negatives.
     `text` is in the frame of `reduced` (H, W), the flat-fielded photo resized by `factor`; `strokes_image` is
     the flat-fielded photo resized by `strokes_factor`. `minor` is None where no strokes were found.
     """
@@ -70,7 +70,7 @@ class PageAnalysis:
 
     @property
     def facing_page(self) -> bool:
-        """Whether text of a facing page was seen, and left out."""
+        """Whether text of a facing page was found and left out."""
         return self.gutter is not None
 
     @property
@@ -84,7 +84,7 @@ class PageAnalysis:
         return self.text.text_height_px / self.factor
 
     def evidence(self, view: PhotoFrame) -> PageEvidence:
-        """What a shape is fitted to, in the centred unit coordinates of `view`."""
+        """Observations that a shape is fitted to, in the centred unit coordinates of `view`."""
         text = PageText(
             self.reduced, self.text.ink, self.text.area, self.factor, self.characters, self.text_height_px
         )
@@ -126,7 +126,23 @@ def analyse_photo(
     parameters: AnalysisParameters | None = None,
     clock: StageClock | None = None,
 ) -> PageAnalysis:
-    """Text, major and minor flow of `photo` (H, W, 3); `clock` gets the stages `text` and `texture_flow`.
+    """Find the text and both texture flows in a photo.
+
+    Parameters
+    ----------
+    photo
+        (H, W, 3) RGB.
+    region
+        Polygon in photo pixels; text outside of it is ignored.
+    parameters
+        Working sizes.
+    clock
+        Receives the CPU time of the stages `text` and `texture_flow`.
+
+    Returns
+    -------
+    PageAnalysis
+        Text, major flow and minor flow (2.3) of the main page.
 
     Raises
     ------
@@ -164,7 +180,7 @@ def _analyse(
     clock = clock or StageClock()
     found: list[tuple[PageAnalysis, ...]] = []
     refusals: list[NoText] = []
-    # Light print on dark paper shows in the negative as the steps expect it.
+    # The steps expect dark print on light paper; in the negative, light print on dark paper is that.
     for negative in (False, True):
         try:
             seen = np.asarray(255 - photo, np.uint8) if negative else photo
@@ -180,7 +196,7 @@ def _analyse(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _SeenPhoto:
-    """The gray photo, and it reduced by `factor` and flat-fielded, with the paper that its text is on."""
+    """The gray photo, its flat-fielded copy reduced by `factor`, and the paper that the text is on."""
 
     gray: GrayImage
     factor: float
@@ -216,7 +232,7 @@ def _analyse_dark_print(
                 is_spread=is_spread,
             )
             left_out = 1 - found.kept.mean()
-            # What was left out is text for the most part: the share of what is none stays as it was.
+            # Most of what was left out is text, so the share of other ink is not computed again.
             if is_spread and found.facing.sum() >= p.min_components:
                 facing = replace(
                     keep_characters(text, found.facing), rejected_fraction=text.rejected_fraction
@@ -243,7 +259,7 @@ def _analysis_of(
     flows: tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float],
     choice: PageChoice | None,
 ) -> PageAnalysis:
-    """What was found of one page, in the photo's own pixel frame."""
+    """Results for one page, in pixels of the photo."""
     major, minor, strokes_image, strokes_factor = flows
     factor = seen.factor
     gutter = None if choice is None else choice.gutter_beside(characters_in_photo(text, factor))
@@ -275,7 +291,7 @@ def _find_text(
     if len(text.components.sizes) >= p.min_components:
         paper = model_paper(photo, characters_in_photo(text, factor))
         on_paper = paper.holds(characters_in_photo(text, factor))
-        # Print on many grounds (posters, boxes) is no clutter: only a minority is ever dropped.
+        # Print on many grounds (posters, boxes) is not clutter: at most a minority is dropped.
         text = keep_characters(text, on_paper) if on_paper.mean() > 0.6 else text
     if paper is None or len(text.components.sizes) < p.min_components:
         raise NoText(

@@ -1,4 +1,4 @@
-"""Drawing of a view: one remap of the photo, whatever its frame."""
+"""Drawing of a view by one remap of the photo, for flat and for bent pages."""
 
 import cv2
 import numpy as np
@@ -12,15 +12,15 @@ from services.rectify.framing import FlatFrame
 from services.sheet.framing import CurvedFrame
 
 MAX_REDUCTION = 12.0
-"""Photo pixels an output pixel: more is no page."""
+"""Most photo pixels per output pixel along one axis; a page needs fewer."""
 MASK_SIDE_PX = 2000
 """Long side of the image on which distances from the paper's edge are taken."""
 BAND_PX = 512
-"""Rows that are drawn at a time, which bounds the memory of the dense map."""
+"""Rows drawn at a time; this bounds the memory of the dense map."""
 
 
 def draw_gray_view(gray: GrayImage, factor: float, frame: FlatFrame | CurvedFrame) -> GrayImage:
-    """The view in gray, drawn from `gray`, the photo resized by `factor`; white beside it."""
+    """The view in gray, drawn from `gray`, the photo resized by `factor`; white outside the photo."""
     if isinstance(frame, FlatFrame):
         flat = cv2.warpPerspective(
             gray,
@@ -38,10 +38,22 @@ def draw_gray_view(gray: GrayImage, factor: float, frame: FlatFrame | CurvedFram
 def draw_flat_view(
     photo: RgbImage, frame: FlatFrame | CurvedFrame, outline: Points | None = None
 ) -> RgbImage:
-    """The one remap of the full-resolution photo.
+    """Draw the flat view from the photo by one remap at full resolution.
 
-    White where the photo ends and, as on a scanner, beside a sheet whose `outline` (N, 2) in the photo shows that it
-    is seen whole.
+    Parameters
+    ----------
+    photo
+        (H, W, 3) RGB.
+    frame
+        Backward map from pixels of the view to photo pixels.
+    outline
+        (N, 2) photo pixels: the outline of a sheet that is wholly in the photo. Outside of it the view is white, as
+        on a scanner.
+
+    Returns
+    -------
+    RgbImage
+        (frame.height, frame.width, 3); white where the photo ends.
     """
     if isinstance(frame, FlatFrame):
         flat = np.asarray(
@@ -68,10 +80,10 @@ def draw_flat_view(
 
 
 def whiten_beyond(flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points) -> None:
-    """Draw white, in place, what lies beyond the polygon `paper` (M, 2) of the photo in its view `flat`.
+    """Make the pixels of the view `flat` white, in place, whose photo points are outside the polygon `paper` (M, 2).
 
-    A bent page's map has no inverse beyond its horizon, so the view's pixels are looked up in the photo, not the
-    polygon in the view: their distances from the polygon, at the nodes of a grid.
+    The map of a bent page has no inverse beyond its horizon. So the polygon is not mapped into the view: pixels of the
+    view are mapped into the photo, and their distances from the polygon are computed at the nodes of a grid.
     """
     low = paper.min(axis=0) - 2.0
     scale = min(1.0, MASK_SIDE_PX / float(np.ptp(paper, axis=0).max()))
@@ -119,7 +131,7 @@ def _remap(
         known = continuous_nodes(nodes, MAX_REDUCTION * factor)
         dense = between_nodes(np.where(known[..., None], nodes, 0.0).astype(np.float32), frame.width, rows)
         if not known.all():
-            # A pixel with an unknown node beside it is looked up beside the photo.
+            # A pixel next to an unknown node is mapped to a place outside the photo.
             share = between_nodes(known.astype(np.float32), frame.width, rows)
             dense = np.where(share[..., None] < 0.999, np.float32(-1e6), dense)
         white = (255.0,) * (1 if image.ndim == 2 else 3)

@@ -10,15 +10,15 @@ from services.rectify.framing import FlatFrame
 from services.sheet.framing import CurvedFrame
 
 LONG_SIDE_PX = 700
-"""Of the view in which edges are looked for."""
+"""Long side of the view in which edges are searched."""
 MARGIN = 0.5
-"""Text heights that are kept beside the text where the gutter is cut off."""
+"""Text heights between the text and the cut at the gutter."""
 GRID_STEP_PX = 8
 """Whether the photo shows a place of the view is computed at every eighth pixel."""
 
 
 def crop_to_gutter(frame: FlatFrame | CurvedFrame, analysis: PageAnalysis) -> FlatFrame | CurvedFrame:
-    """`frame` without what lies beyond the gutter, if a facing page was seen; the text stays in any case."""
+    """`frame` without what lies beyond the gutter, if a facing page was found; no text of the page is cut."""
     if analysis.gutter is None:
         return frame
     text, line = view_points(frame, analysis.characters), view_points(frame, _dense(analysis.gutter))

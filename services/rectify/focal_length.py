@@ -8,11 +8,11 @@ from services.imaging.exif import DiagonalFocalLength
 
 GIVEN_DEVIATION = 0.003
 EXIF_DEVIATION = 0.03
-"""EXIF's 35 mm equivalent is rounded to whole millimetres, and the crop of video stabilisation is not told."""
+"""EXIF's 35 mm equivalent is rounded to whole millimetres, and the crop by video stabilisation is not recorded."""
 
 
 def focal_prior(frame: PhotoFrame, given_px: float | None, exif_px: float | None) -> FocalPrior:
-    """The best knowledge at hand: the client's, EXIF's, or that of a typical camera."""
+    """The client's focal length, else that of EXIF, else that of a typical camera."""
     if given_px is not None:
         return FocalPrior(float(np.log(given_px / frame.unit_px)), GIVEN_DEVIATION, "given")
     if exif_px is not None:

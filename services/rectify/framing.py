@@ -34,9 +34,27 @@ def frame_page(
     paper: Points | None,
     parameters: FramingParameters | None = None,
 ) -> FlatFrame:
-    """View of the plane that shows the whole sheet, or all of the photo that lies near the text.
+    """Choose the part of a flat page that is shown, and its resolution.
 
-    `text_points` (N, 2) are centres of characters in photo pixels; `paper` the sheet's outline if it was found.
+    Parameters
+    ----------
+    H_photo_plane
+        Homography from the plane to photo pixels.
+    photo_shape
+        Height and width of the photo in pixels.
+    text_points
+        (N, 2) centres of characters in photo pixels.
+    text_height_px
+        Size of the characters in the photo.
+    paper
+        (M, 2) outline of the sheet in photo pixels, if it was found.
+    parameters
+        Margins and bounds of the view.
+
+    Returns
+    -------
+    FlatFrame
+        A view of the whole sheet; without an outline, of the part of the photo that is near the text.
     """
     p = parameters or FramingParameters()
     H_plane_photo = np.linalg.inv(H_photo_plane)

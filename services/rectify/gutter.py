@@ -1,4 +1,4 @@
-"""The gutter between the two pages of an opened book, and what tells it from the gap between two columns."""
+"""The gutter between the two pages of an opened book, and how it differs from the gap between two columns."""
 
 from dataclasses import dataclass
 
@@ -19,8 +19,8 @@ class GutterParameters:
     """Distances from the gutter within which directions are compared."""
     min_samples: int = 4
     many_samples: int = 12
-    """From here on a side's directions are continued to the gutter by a quadratic: near a gutter pages bend so much
-    that a plane misses by ten degrees."""
+    """From here on a side's directions are continued to the gutter by a quadratic: near a gutter pages bend, and
+    a linear continuation has errors of ten degrees."""
     spread_rad: float = 0.05
     """Of directions about their fit; more is an outlier."""
     row: float = 2.0
@@ -32,18 +32,18 @@ class GutterParameters:
     """Of a gutter against the strokes, at most, either way; perspective makes this much."""
     slope_steps: int = 33
     gap: float = 5.0
-    """Between two pages, as `row_gap` tells it, at least: two margins."""
+    """Least gap between two pages, as `row_gap` measures it: two margins."""
     close_gap: float = 4.0
-    """The same where the gutter is as dark as `close_dip`: in thick books the margins dip into it."""
+    """Least gap where the gutter is as dark as `close_dip`: in thick books the margins bend down into it."""
     close_dip: float = 0.25
     band: float = 3.5
-    """Width of a straight band without text in it, at least: headings and formulas stand out into the margins."""
+    """Least width of a straight band without text in the gap: headings and formulas extend into the margins."""
     stray_share: float = 0.003
-    """Of the characters: so many may lie in the gap (specks, marginal notes)."""
+    """Largest share of the characters in the gap (specks, marginal notes)."""
     page_share: float = 0.12
-    """Of the characters: a smaller share is no page."""
+    """A smaller share of the characters is not a page."""
     likely_share: float = 0.6
-    """Of the widest gap: others so wide are looked at too."""
+    """Gaps wider than this share of the widest one are candidates too."""
     dip: float = 0.1
     """A gutter is darker than the paper on both sides by this, at least. Simulated ones are by 0.26 to 1.1; gaps on
     creased sheets, at which lines turn as they do at a gutter, by 0.03."""
@@ -58,9 +58,9 @@ class GutterParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gutter:
-    """The line between two pages: `line` (2, 2) in photo pixels; `right` (N,) tells the characters beyond it.
+    """The line between two pages: `line` (2, 2) in photo pixels; `right` (N,) marks the characters beyond it.
 
-    `dip` is how much darker it is than the paper beside it, `jump_rad` how much the text lines turn at it.
+    `dip` is how much darker it is than the paper on both sides, `jump_rad` how much the text lines turn at it.
     """
 
     line: Points
@@ -75,7 +75,7 @@ def row_gap(
     """Typical gap across a line between the text on both sides of it, in text heights.
 
     `distances` (N,) of characters from the line are signed, `rows` (N,) are along it; both in pixels. Infinite where
-    text stands on both sides in too few rows.
+    too few rows have text on both sides.
     """
     p = parameters or GutterParameters()
     row = np.floor((rows - rows.min()) / (p.row * text_height)).astype(int)
@@ -144,10 +144,29 @@ def find_gutter(
     direction_rad: float,
     parameters: GutterParameters | None = None,
 ) -> Gutter | None:
-    """The gutter of an opened book in `photo` (H, W, 3); None where no gap between text is dark.
+    """Find the gutter of an opened book: a dark straight line in a gap between the text of two pages.
 
-    A spine is straight, so its photo is a straight line in a gap between the `characters` (N, 2), across text lines of
-    `direction_rad`. Where several are dark the one with most evidence is taken: its darkness, and text lines that turn.
+    Of several dark gaps the one with most evidence is returned: its darkness, and the turn of the text lines at it.
+
+    Parameters
+    ----------
+    photo
+        (H, W, 3) RGB.
+    characters
+        (N, 2) centres in photo pixels.
+    text_height
+        Size of the characters in pixels.
+    flow
+        Major flow in photo pixels.
+    direction_rad
+        Mean direction of the text lines; the gutter is across it.
+    parameters
+        Limits of gaps and of darkness.
+
+    Returns
+    -------
+    Gutter or None
+        None if no gap between text is dark.
     """
     p = parameters or GutterParameters()
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
@@ -213,7 +232,7 @@ def _darkest(
     at: Points,
     p: GutterParameters,
 ) -> tuple[float, float]:
-    """The darkest line within a band (x - slope y between its bounds), and how much darker than the paper beside it.
+    """The darkest line within a band (x - slope y between its bounds), and its contrast to the paper on both sides.
 
     Where nothing is darker than both sides, the middle of the band.
     """

@@ -1,4 +1,4 @@
-"""Which way up a flat page reads: a few of its lines are read in every way that they may lie."""
+"""Orientation of a flat page: a few of its lines are read in every possible orientation."""
 
 import math
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from services.rectify.results import Orientation
 
 @dataclass(frozen=True, slots=True)
 class OrientationParameters:
-    """When to read more, and when to believe.
+    """When more lines are read, and when an orientation is accepted.
 
     Scores are length-weighted word confidences, 0-1: print reads at 0.8-0.96 the right way and at 0.1-0.5
     in the wrong ones (measured on English and French pages with Tesseract).
@@ -27,7 +27,7 @@ class OrientationParameters:
     few_lines: int = 3
     more_lines: int = 9
     most_crops: int = 18
-    """Crops of pictures or texture read as nothing; so many are tried at most for the lines wanted."""
+    """Most crops that are tried for the wanted lines; crops of pictures or texture read as nothing."""
     certain_score: float = 0.6
     """Below it, or within `certain_margin` of the runner-up, more lines are read."""
     certain_margin: float = 0.2
@@ -35,7 +35,7 @@ class OrientationParameters:
     """A margin that leaves no doubt. Over nine lines, wrong ways won by up to 0.17 (Greek, read as English),
     and never by 0.2; so confidence is the geometric mean of score and margin over this."""
     least_confidence: float = 0.5
-    """Below it nothing was read."""
+    """Below it the orientation is unknown."""
     certain_confidence: float = 0.7
     """Below it mirrored ways are tried too; print that reads well needs no such comparison."""
     clear_axis: float = 0.4
@@ -43,13 +43,13 @@ class OrientationParameters:
     certain_axis: float = 0.1
     """The other axis is tried, when nothing reads, where its text-line mass is at least this share."""
     informative_letters: float = 5.0
-    """A line with fewer letters in every way is no line."""
+    """A crop with fewer letters in every orientation is not a line."""
     enough_letters: float = 15.0
     """Fewer read letters weigh the confidence down in proportion."""
     digit_weight: float = 0.4
     """Digits are often digits upside down too."""
     hopeless_score: float = 0.25
-    """Where no way reads better, more lines in more ways are not worth their time."""
+    """If no orientation reads better, more lines are not worth the time."""
     least_detection_confidence: float = 12.0
     """Of Tesseract's script detection, wrong at up to 4 on print, and at up to 11.5 on mirrored print."""
     detection_long_side_px: int = 1600
@@ -67,16 +67,25 @@ class _Way:
 def estimate_orientation(
     flat: GrayImage, ocr: OcrEngine, *, parameters: OrientationParameters = OrientationParameters()
 ) -> Orientation:
-    """Turn (and flip) after which the flat page `flat` (H, W) uint8 reads.
+    """Estimate the turn (and flip) after which a flat page can be read.
 
-    The axis is that of the greater text-line mass; in the two ways that are left, three line crops are read
-    and scored by length-weighted word confidence, then nine where that is not decisive. The other axis and
-    the mirrored ways are tried only where nothing reads.
+    The axis is that of the greater text-line mass. In its two orientations three line crops are read and scored by
+    length-weighted word confidence, then nine where that is not decisive. The other axis and mirrored orientations
+    are tried only where nothing can be read.
+
+    Parameters
+    ----------
+    flat
+        (H, W) uint8, flat-fielded.
+    ocr
+        Reads line crops.
+    parameters
+        When more is read, and which scores are accepted.
 
     Returns
     -------
     Orientation
-        Its confidence is at least 0.5 when a way reads and the others do not. Otherwise (blank pages,
+        Its confidence is at least 0.5 if one orientation can be read and the others cannot. Otherwise (blank pages,
         handwriting, a script that the engine does not know) it is lower, and nothing is turned.
     """
     axes = [_LineReader(flat, lines, turn, ocr, parameters) for lines, turn in
@@ -96,7 +105,7 @@ def estimate_orientation(
 def _ask_engine(
     flat: GrayImage, ocr: DirectionDetector, found: Orientation, parameters: OrientationParameters
 ) -> Orientation:
-    """The engine's own page detection knows scripts whose words it cannot read."""
+    """Orientation by the page detection of the engine, which knows scripts whose words it cannot read."""
     factor = min(1.0, parameters.detection_long_side_px / max(flat.shape))
     size = (max(1, round(flat.shape[1] * factor)), max(1, round(flat.shape[0] * factor)))
     small = flat if factor == 1.0 else cv2.resize(flat, size, interpolation=cv2.INTER_AREA)
@@ -143,7 +152,7 @@ def _decide(
 
 
 class _LineReader:
-    """Reads the lines of one axis in several ways, each crop once a way."""
+    """Reads the lines of one axis in several orientations, each crop once in each of them."""
 
     def __init__(
         self,
@@ -163,11 +172,11 @@ class _LineReader:
         self._readings: dict[tuple[int, _Way], tuple[float, float]] = {}
 
     def score(self, ways: list[_Way], wanted: int) -> tuple[float, dict[_Way, float]]:
-        """Letters read at most, and for every way the confidence per letter, over `wanted` lines.
+        """Letters in `wanted` lines, and the confidence per letter of every orientation.
 
-        A line counts with the letters of the way that found most in it, so that a short word found in
-        garbage is worth little, and with the square of its best confidence, so that lines which read in no
-        way (blurred ones, pictures) do not hide those that do.
+        A line counts with the letters of the orientation that found most in it, so that a short word found in
+        garbage is worth little. It counts with the square of its best confidence, so that lines which cannot be
+        read in any orientation (blurred ones, pictures) do not hide the others.
         """
         total = weights = 0.0
         sums = dict.fromkeys(ways, 0.0)
@@ -206,7 +215,7 @@ def _reading_order(lines: tuple[TextLine, ...], most: int) -> list[TextLine]:
     """The most promising lines, any first few spread over the page; every third one of larger print."""
     if not lines:
         return []
-    # Long lines tell the usual height better than short ones do.
+    # The usual height is that of long lines: short ones vary.
     heights_px = [line.height_px for line in lines for _ in range(1 + int(line.width_px / line.height_px))]
     usual_px = float(np.median(heights_px))
     large = [line for line in lines if line.height_px > 1.7 * usual_px]

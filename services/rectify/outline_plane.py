@@ -1,4 +1,4 @@
-"""The plane of a sheet from the sides of its outline, with what it leaves uncertain."""
+"""The plane of a sheet from the sides of its outline, with its uncertainty."""
 
 from dataclasses import dataclass, replace
 
@@ -23,27 +23,28 @@ from services.sheet.outline.results import SheetOutline, SheetSide
 
 @dataclass(frozen=True, slots=True)
 class OutlinePlaneParameters:
-    """Which sides are used, and when their plane is believed. Lengths are shares of the side's length."""
+    """Which sides are used, and when their plane is accepted. Lengths are shares of the side's length."""
 
     min_confidence: float = 0.5
     """Of the outline: below it, its sides are more often wrong than right."""
     min_points: int = 8
     min_seen: float = 0.25
-    """Less of a side tells its direction worse than the sheet's other sides."""
+    """If a smaller share of a side is seen, the other sides show its direction better."""
     max_bend: float = 0.03
-    """RMS distance from the best line: a side that is bent further says little of a plane."""
+    """RMS distance from the best line: a side that is bent further shows little of the plane."""
     overlap: float = 4.0
-    """Neighbouring points of an edge share pixels and the paper's waves: so many count as one."""
+    """Neighbouring points of an edge share pixels and the paper's waves: this many count as one."""
     bend_share: float = 0.5
-    """Of a side's bend, its ends may lie so far off the line that a straight side would have there."""
+    """Standard deviation of a side's ends from the line of a straight side, as a share of its bend."""
     cut_rad: float = 1e-3
     """A sheet's corners are right angles to 0.06 degrees (0.3 mm on A4), and lenses bend lines as much."""
     loss_scale: float = 3.0
     """Scale of Cauchy's loss of the line fit, in deviations: a thumb or a dog-ear covers part of a side."""
     believable_focal: float = 3.5
-    """As in `RefinementParameters`: further from the prior, in deviations, it is no rectangle that was seen."""
+    """As in `RefinementParameters`: if the focal length is further from the prior, in deviations, the sides are not
+    those of a rectangle."""
     held_deviation: float = 0.08
-    """Then the focal length is held near the prior's by this."""
+    """Standard deviation of the prior of the focal length in that case."""
     max_misfit_rad: float = float(np.deg2rad(1.5))
     """RMS angle that the sides leave to the best rectangle."""
     off_centre: float = 0.15
@@ -53,7 +54,7 @@ class OutlinePlaneParameters:
     cropped_cost: float = 9.0
     """A photo counts as cropped when an off-centre principal point brings the sum of squares down by this."""
     straight_bend: float = 0.01
-    """Sides that are bent further do not tell that the sheet is flat, nor that the photo was cropped."""
+    """Sides that are bent further show neither that the sheet is flat nor that the photo was cropped."""
     max_tilt_rad: float = float(np.deg2rad(65.0))
     max_aspect: float = 8.0
     """Longer sheets than receipts."""
@@ -80,10 +81,10 @@ class OutlinePlane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetSides:
-    """What the outline tells of a plane: its straight `lines`, and the `plane` that they show alone, if they do.
+    """The straight `lines` of an outline, and the `plane` that they show without other evidence, if they do.
 
-    Both are in centred unit coordinates of `view`, whose principal point is off the photo's middle where the sides ask
-    for it: a photo that was cropped.
+    Both are in centred unit coordinates of `view`. Its principal point is off the middle of the photo if the sides
+    show that the photo was cropped.
     """
 
     view: PhotoFrame
@@ -169,10 +170,10 @@ def read_sides(
     prior: FocalPrior,
     parameters: OutlinePlaneParameters | None = None,
 ) -> SheetSides | None:
-    """The outline's sides as evidence for a plane; None where there is none to be used.
+    """The sides of an outline as evidence for a plane; None if none of them can be used.
 
     Four sides fix rotation and focal length, unless two opposite ones are parallel in the photo; then, and with three
-    sides, the focal length is the prior's. The sheet is not turned: its top side is on top in the photo.
+    sides, the focal length is the prior's. The sheet is not turned: its top side is at the top of the photo.
     """
     p = parameters or OutlinePlaneParameters()
     if outline is None or outline.confidence < p.min_confidence:
@@ -191,7 +192,7 @@ def read_sides(
 
 
 def _principal_point(lines: StraightLines, prior: FocalPrior, p: OutlinePlaneParameters) -> Floats | None:
-    """Where the principal point (2,) must be, when the four straight sides are a rectangle's only if it is off."""
+    """Principal point (2,), if the four straight sides can be those of a rectangle only with one off the middle."""
     start = start_plane(lines, prior)
     if start is None:
         return None
@@ -257,7 +258,7 @@ def _deviations(fit: LinePlane, lines: StraightLines, prior: FocalPrior) -> tupl
 
 
 def _log_aspect(plane: PagePlane, reference: PagePlane, lines: StraightLines) -> float:
-    """Log of the sheet's aspect; where a side is missing, of that of what is a square in `reference`."""
+    """Log of the sheet's aspect; where a side is missing, of the aspect of what is a square in `reference`."""
     aspect = sheet_aspect(plane, lines)
     if aspect is not None:
         return float(np.log(aspect))

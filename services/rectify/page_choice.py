@@ -37,19 +37,19 @@ class PageChoiceParameters:
     """Of edges against the strokes; an edge may lean by 0.14 more."""
     near: float = 0.5
     near_share: float = 0.004
-    """Of all characters, at most so many lie nearer than `near` to an edge between pages."""
+    """Largest share of the characters that are nearer than `near` to an edge between pages."""
     few: float = 0.03
-    """A smaller share of the characters is no page."""
+    """A smaller share of the characters is not a page."""
     few_on_desk: float = 0.1
     """Neither is a smaller share that does not lie on paper like the main page's."""
     few_contrast: float = 0.3
     """Few characters are left out when the ground beyond the edge differs by this from the paper before it."""
     contrast_share: float = 0.8
     cut_contrast: float = 0.1
-    """Across an edge whose text beyond is cut off by the end of the photo."""
+    """Least contrast of an edge, if the text beyond it is cut off by the end of the photo."""
     jump_rad: float = float(np.deg2rad(8.0))
     column_gap: float = 5.0
-    """Text on both sides that is nearer is columns of one page. Measured on simulated photos, as `row_gap` tells it:
+    """With a smaller gap between them, texts on both sides are columns of one page. `row_gap` on simulated photos:
     columns 0.9 to 4.5, two pages 5.1 to 12."""
     column_jump_rad: float = float(np.deg2rad(30.0))
     """Unless the lines change their direction by this: bent columns show up to 24 degrees."""
@@ -62,7 +62,7 @@ class PageChoiceParameters:
     same_paper_share: float = 0.5
     """Of the characters beyond an edge, when they lie on paper like the main page's."""
     stray_share: float = 0.005
-    """Of the characters: so few strays do no harm and stay."""
+    """A smaller share of stray characters does no harm and is kept."""
     min_characters: int = 30
     black: float = 8.0
     """Gray levels added before the logarithm."""
@@ -70,10 +70,10 @@ class PageChoiceParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageChoice:
-    """Which characters (N,) are on the main page, and which on the facing page, if one was seen.
+    """Which characters (N,) are on the main page, and which on the facing page, if one was found.
 
-    `gutters` are the lines (M, 2) between both that were seen, in photo pixels, from end to end of the photo: the edges
-    of a shadow or of a page stack are such too.
+    `gutters` are lines (M, 2) between both pages in photo pixels, from end to end of the photo. Edges of a shadow or of
+    a page stack are among them.
     """
 
     kept: Chosen
@@ -82,7 +82,7 @@ class PageChoice:
 
     @property
     def facing_page(self) -> bool:
-        """Whether a facing page was seen."""
+        """Whether a facing page was found."""
         return len(self.gutters) > 0
 
     def gutter_beside(self, page: Points) -> Points | None:
@@ -129,9 +129,29 @@ def choose_page(
     *,
     is_spread: bool = False,
 ) -> PageChoice:
-    """The main page's part of the `characters` (N, 2) in `photo` (H, W, 3); flows and characters in photo pixels.
+    """Choose the characters of the main page, and those of a facing page.
 
-    With `is_spread` the photo is known to show an opened book: a gutter is then looked for where no long edge shows it.
+    Parameters
+    ----------
+    photo
+        (H, W, 3) RGB.
+    characters
+        (N, 2) centres in photo pixels.
+    text_height_px
+        Size of the characters.
+    major, minor
+        Texture flows in photo pixels; `minor` is None where no strokes were found.
+    paper
+        The paper that the text is on.
+    parameters
+        Limits of edges and gaps.
+    is_spread
+        The photo is known to show an opened book: then a gutter is searched also where no long edge shows it.
+
+    Returns
+    -------
+    PageChoice
+        Which characters are on which page, and the lines between the pages.
     """
     p = parameters or PageChoiceParameters()
     text = _Text(characters, text_height_px, major, (photo.shape[1], photo.shape[0]))
@@ -143,7 +163,7 @@ def choose_page(
         gutter = find_gutter(photo, characters, text_height_px, major, direction)
         choice = choice if gutter is None else _split(gutter, choice.kept, text, p)
     if choice.facing_page:
-        # What lies beyond the facing page's own edges is not on it.
+        # Characters beyond the facing page's own edges are not on it.
         facing = choice.facing & _divide(choice.facing, divides, text, paper, p).kept
         return PageChoice(choice.kept, facing, choice.gutters)
     if (~choice.kept).sum() <= p.stray_share * len(characters):
@@ -172,7 +192,7 @@ def _divide(
             kept &= ~other
         elif not is_few and _is_another_page(divides[k], other, text, p):
             kept &= ~other
-            # Divides come by how much they divide: the first one is the gutter.
+            # Edges are sorted by how well they separate the pages: the first one is the gutter.
             if not gutters:
                 facing, gutters = other, _lines_between(main, other, divides)
     return PageChoice(kept, facing, gutters)

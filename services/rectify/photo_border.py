@@ -1,4 +1,4 @@
-"""Where a page goes on beyond the photo: print that runs up to the border, and what an outline makes of it."""
+"""Pages that extend beyond the photo: print at its border, and sides of an outline that are not the sheet's."""
 
 from dataclasses import dataclass, replace
 
@@ -16,7 +16,7 @@ class PhotoBorderParameters:
     near: float = 1.5
     """In text heights."""
     characters: int = 3
-    """So many must be near: a speck may be anywhere."""
+    """Least number of characters near the border; one may be a speck."""
     beside_sheet: float = 0.5
     """In text heights: print lies within the sheet's outline, or the border is a wrong outline's."""
     hugging: float = 0.04
@@ -60,7 +60,7 @@ def leave_out_borders(
     height: int,
     parameters: PhotoBorderParameters | None = None,
 ) -> SheetOutline:
-    """The outline; sides on one of the photo's `borders`, beyond which print shows the sheet to go on, are unseen."""
+    """The outline, with those sides unseen that lie on one of `borders`: print shows that the sheet extends beyond."""
     p = parameters or PhotoBorderParameters()
     corners, sides = outline.corners.copy(), list(outline.sides)
     for k, side in enumerate(outline.sides):

@@ -65,7 +65,7 @@ STAGE_BEGINS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlatPage:
-    """What is known of the page before anything is drawn."""
+    """Evidence and shape of a page, before it is drawn."""
 
     analysis: PageAnalysis
     view: PhotoFrame
@@ -82,7 +82,7 @@ class FlatPage:
 
     @property
     def kind(self) -> Literal["planar", "curved"]:
-        """As it is flattened."""
+        """How the page is flattened."""
         return "planar" if isinstance(self.shape, PagePose) else "curved"
 
 
@@ -92,7 +92,23 @@ def rectify(
     exif_focal_length_px: float | None = None,
     ocr: OcrEngine | None = None,
 ) -> RectifyResult:
-    """Frontal flat view of the page in `photo` (H, W, 3) RGB.
+    """Flatten the page in a photo: its frontal view, upright.
+
+    Parameters
+    ----------
+    photo
+        (H, W, 3) RGB uint8.
+    parameters
+        Options of the request.
+    exif_focal_length_px
+        Focal length of EXIF in photo pixels, if there is one.
+    ocr
+        Reads lines to find which way is up; without it the view is not turned.
+
+    Returns
+    -------
+    RectifyResult
+        The view, the map to the photo, and the evidence.
 
     Raises
     ------
@@ -114,7 +130,7 @@ def flatten_page(
     ocr: OcrEngine | None,
     clock: StageClock,
 ) -> RectifyResult:
-    """The flat view of a `page` whose shape is known: framed, upright, drawn."""
+    """Flat view of a `page` whose shape is known: choose the frame, turn it upright, draw it."""
     notices = list(page.notices)
     frame: FlatFrame | CurvedFrame
     with clock.stage("framing"):
@@ -165,7 +181,7 @@ def flatten_page(
 
 
 def check_parameters(photo: RgbImage, parameters: RectifyParameters) -> None:
-    """Options that only the photo can judge."""
+    """Check the options that depend on the size of the photo."""
     height, width = photo.shape[:2]
     diagonal = float(np.hypot(width, height))
     if parameters.focal_length_px is not None and not 0.15 < parameters.focal_length_px / diagonal < 15.0:
@@ -197,7 +213,7 @@ def find_page(
     sought = False
     try:
         analysis = analyse_photo(photo, parameters.region, clock=clock)
-        # The outline of an opened book is not that of one page.
+        # The outline of an opened book is not that of a single page.
         if not analysis.facing_page and parameters.region is None:
             with clock.stage("outline"):
                 outline, sought = find_outline(photo, analysis.characters, analysis.text_height_px), True
@@ -234,7 +250,7 @@ def shape_page(
     clock: StageClock,
     outline: SheetOutline | None = None,
 ) -> FlatPage:
-    """Kind and pose of a page whose text and flows are known; `prior` is what is known of the focal length.
+    """Kind and pose of a page whose text and flows are known; `prior` is that of the focal length.
 
     Raises
     ------
@@ -252,7 +268,7 @@ def shape_page(
         evidence = analysis.evidence(view)
         shape, notices = choose_shape(evidence, prior, parameters.kind, outline, sheet)
         moved = find_principal_point(evidence, prior, shape)
-        if moved is not None:  # a cropped photo: all again, relative to the principal point that was found
+        if moved is not None:  # a cropped photo: repeat all relative to the principal point that was found
             sheet = read_sides(outline, moved.evidence.view, moved.prior)
             again = choose_shape(moved.evidence, moved.prior, parameters.kind, outline, sheet)
             if type(again[0]) is type(shape):
@@ -271,7 +287,7 @@ def shape_page(
 
 
 def find_border(page: FlatPage, crop: Crop) -> Points | None:
-    """The sheet's outline (N, 2) in the photo, up to the gutter; None where it is not seen, or shall not be cut at."""
+    """The sheet's outline (N, 2) in the photo, up to the gutter; None if unseen or not to be cut at."""
     outline = page.analysis.paper.outline(page.analysis.characters) if crop == "sheet" else None
     return outline if outline is None else within_gutter(outline, page.analysis)
 
@@ -285,7 +301,7 @@ def cut_view(
     if page.outline is not None:
         frame, known = cut_to_outline(frame, page.outline, characters)
     frame = crop_to_gutter(frame, page.analysis)
-    # Lines on a flat sheet that is seen whole are its own, but for a spread of two pages.
+    # Lines on a flat sheet that is wholly in the photo are print, except on a spread of two pages.
     flat_sheet = border if isinstance(frame, FlatFrame) and not page.analysis.facing_page else None
     whole = flat_sheet is not None and certain_sheet(flat_sheet) is not None
     return cut_to_page(photo, frame, page.analysis, known, whole=whole)
@@ -310,7 +326,7 @@ def frame_photo(
 def orient_page(
     analysis: PageAnalysis, frame: FlatFrame | CurvedFrame, ocr: OcrEngine | None
 ) -> tuple[Orientation, Notice | None]:
-    """Which way up the flat view reads, and a notice when nobody can tell."""
+    """Orientation of the flat view, and a notice if it is unknown."""
     small = resize_frame(frame, min(1.0, analysis.strokes_factor))
     return tell_orientation(
         lambda: draw_gray_view(analysis.strokes_image, analysis.strokes_factor, small), ocr
@@ -320,7 +336,7 @@ def orient_page(
 def tell_orientation(
     draw: Callable[[], GrayImage], ocr: OcrEngine | None
 ) -> tuple[Orientation, Notice | None]:
-    """Which way up the flat-fielded view that `draw` gives reads, and a notice when nobody can tell."""
+    """Orientation of the flat-fielded view that `draw` returns, and a notice if it is unknown."""
     if ocr is None:
         return Orientation(0, False, None), Notice(
             "ocr-unavailable",
@@ -359,7 +375,7 @@ def describe_evidence(page: FlatPage | TextlessPage) -> Evidence:
 
 
 def describe_camera(page: FlatPage | TextlessPage) -> CameraEstimate:
-    """Focal length in photo pixels, and how it is known."""
+    """Focal length in photo pixels, and its source."""
     shape, view = page.shape, page.view
     if isinstance(shape, CurvedPage | RidgedPage):
         focal_px, source = shape.focal * view.unit_px, shape.focal_source

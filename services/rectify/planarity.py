@@ -13,7 +13,7 @@ class PlanarityParameters:
     major_limit: float = 0.010
     minor_limit: float = 0.040
     sharp_text_height_px: float = 22.0
-    """Below this size of characters in the photo, stroke directions are rougher, with the square."""
+    """Below this size of characters in the photo, stroke directions have larger errors, by the square of the ratio."""
 
 
 def discriminate_surface(

@@ -1,4 +1,4 @@
-"""The pose that is used: refined, closed form, or a mere turn, whichever the evidence supports."""
+"""Choice of the pose by the evidence: refined, closed form, or a rotation within the photo without tilt."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -52,19 +52,19 @@ EDGES_BELIEVED = Notice(
 
 @dataclass(frozen=True, slots=True)
 class PoseParameters:
-    """When a pose is believed."""
+    """When a pose is accepted."""
 
     max_magnification_ratio: float = 6.0
     """Largest over smallest enlargement over the text; a page at 60 degrees just reaches it."""
     max_tilt_rad: float = np.deg2rad(65.0)
     gain: float = 0.9
     curved_gain: float = 0.6
-    """A tilt must bring the flows' mean deviation below this share of a mere turn's; more so on a curved page,
-    whose vanishing points mean little."""
+    """A tilt must bring the flows' mean deviation below this share of that without tilt, and further on a
+    curved page, whose vanishing points mean little."""
     minor_share: float = 0.3
-    """Weight of the minor flow's deviation beside the major flow's."""
+    """Weight of the deviation of the minor flow; that of the major flow is 1."""
     exif_contradiction: float = 3.0
-    """A page that draws the focal length this many deviations away from EXIF's was cropped or zoomed afterwards."""
+    """If the page shows a focal length this many deviations away from EXIF's, the photo was cropped or zoomed later."""
     seen_focal_deviation: float = 0.25
     """The focal length is called estimated when the page alone fixes its logarithm better than this."""
     aspect_deviation: float = 0.03
@@ -73,10 +73,11 @@ class PoseParameters:
     side_rad: float = np.deg2rad(1.0)
     """A side of the sheet that is off by more than both disagrees with the text."""
     text_rad: float = np.deg2rad(1.5)
-    """Text that the sheet's sides leave so much less level than it can be disagrees with them."""
+    """If the plane of the sheet's sides leaves the text lines less level than another plane by this, text and sides
+    disagree."""
     stray_rad: float = np.deg2rad(8.0)
-    """What the sheet's sides leave less level than this on average is no text: drawings, grain of a desk. Lines of
-    text on bent and crumpled sheets lie within 3 degrees."""
+    """If the plane of the sheet's sides leaves the lines less level than this on average, they are drawings or the
+    grain of a desk. Text lines of bent and crumpled sheets are within 3 degrees."""
     aslant_rad: float = np.deg2rad(5.0)
     """A larger angle between the print and its sheet is reported as a warning."""
     few_lines: int = 6
@@ -86,7 +87,7 @@ class PoseParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PagePose:
-    """The chosen plane in pixels: `H_photo_plane`, `normal` in the camera frame, and what to say about it."""
+    """The chosen plane in pixels: `H_photo_plane`, `normal` in the camera frame, and notices about it."""
 
     H_photo_plane: Homography
     normal: tuple[float, float, float]
@@ -105,11 +106,11 @@ class PagePose:
     log_focal_deviation: float = float("inf")
     """Of the focal length's logarithm as the page alone shows it."""
     focal_tension: float = 0.0
-    """How many deviations apart what was known of the focal length and what the page shows are."""
+    """Difference between the prior focal length and that of the page, in standard deviations."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
-    """The gentlest change: the photo turned so that most of its text lines are level, no tilt."""
+    """The photo turned so that most of its text lines are level, without tilt."""
     angle = most_common_direction(major)
     c, s = np.cos(angle), np.sin(angle)
     return PagePlane(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), float(np.exp(prior.log_focal)))
@@ -126,7 +127,7 @@ def level_text(plane: PagePlane, major: FlowSamples) -> PagePlane:
 
 
 def most_common_direction(samples: FlowSamples, width_rad: float = np.deg2rad(2.0)) -> float:
-    """Mode of the directions, rad in [-pi/2, pi/2): unlike the mean it is not drawn by a facing page."""
+    """Mode of the directions, rad in [-pi/2, pi/2): unlike the mean it does not depend on a facing page."""
     near = np.exp(-0.5 * (angle_difference(samples.angles[:, None], samples.angles[None]) / width_rad) ** 2)
     top = samples.angles[int(np.argmax(near @ samples.weights))]
     deviation = angle_difference(samples.angles, float(top))
@@ -163,7 +164,7 @@ def flatten_ink(text: PageText, view: PhotoFrame, plane: PagePlane) -> tuple[Mas
     margin = 2 * text.height_px * text.factor / float(np.median(density))
     low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
     scale = 1.2 * float(np.median(density))
-    scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded, whatever the plane
+    scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded for every plane
     H_flat_plane = scaling(scale) @ translation(-float(low[0]), -float(low[1]))
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     H_reduced_flat = H_reduced_plane @ np.linalg.inv(H_flat_plane)
@@ -183,7 +184,7 @@ def refine_pose(
     p: PoseParameters,
     sides: StraightLines | None = None,
 ) -> RefinedPlane:
-    """Two rounds: the text lines are found again in the first round's view, with the deviations it has shown."""
+    """Refine a pose in two rounds: the second detects text lines in the view of the first, and uses its deviations."""
     e, parameters = evidence, for_text(evidence.text.height_px)
     ink, H_centred_flat = flatten_ink(e.text, e.view, start)
     observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
@@ -207,8 +208,8 @@ def refine_with_sides(
 ) -> tuple[RefinedPlane, bool]:
     """The refined plane, and whether the sides of the `sheet` agree with it.
 
-    A wrong start hides the sides behind their own loss, so the sides' plane is a start too. Where the sides agree
-    with what comes of it, it is taken; else the plane that costs least, flows and sides taken together.
+    From a wrong start the robust loss makes the sides outliers, so the plane of the sides is a second start. If the
+    sides agree with its result, that is returned; else the plane of least cost of flows and sides together.
     """
     e = evidence
     if sheet is None:
@@ -246,10 +247,26 @@ def choose_pose(
     parameters: PoseParameters | None = None,
     sheet: SheetSides | None = None,
 ) -> PagePose:
-    """Pose of the page. Falls back to a mere turn, with the reason.
+    """Choose the pose of a page: refined, closed form, or a rotation without tilt, with the reason.
 
-    `sheet` holds the sides of the sheet, where they are seen. A plane that they agree with needs no support of the
-    flows, which sparse text draws astray.
+    Parameters
+    ----------
+    evidence
+        Text, flows and vanishing points.
+    prior
+        Of the focal length.
+    kind
+        Whether the flows converge (3.2.2).
+    parameters
+        Limits of what is accepted.
+    sheet
+        Sides of the sheet, where they are seen. A plane that agrees with them needs no support by the flows, which
+        are unreliable with sparse text.
+
+    Returns
+    -------
+    PagePose
+        The plane and its notices.
     """
     p = parameters or PoseParameters()
     e, major, minor = evidence, evidence.major, evidence.minor
@@ -323,7 +340,7 @@ def choose_pose(
 
 
 def is_stray(refined: RefinedPlane, deviation_rad: float, p: PoseParameters) -> bool:
-    """Whether what was found on a sheet is no text, or too little to turn the view against the sheet's sides."""
+    """Whether the lines found on a sheet are not text, or too few to turn the view against the sides of the sheet."""
     aslant = abs(refined.skew_rad) > p.few_aslant_rad and refined.lines < p.few_lines
     return deviation_rad > p.stray_rad or aslant
 
@@ -331,7 +348,7 @@ def is_stray(refined: RefinedPlane, deviation_rad: float, p: PoseParameters) -> 
 def disagreement(
     sheet: SheetSides, refined: RefinedPlane, believed: bool, lines: float, without: float, p: PoseParameters
 ) -> list[Notice]:
-    """What to tell when text and outline disagree; the text's deviation (rad) is `lines`, `without` sides."""
+    """Notices if text and outline disagree; the deviation (rad) of the text is `lines`, and `without` the sides."""
     if not believed:
         return [TEXT_BELIEVED] if isinstance(sheet.plane, OutlinePlane) else []
     if lines > without + p.text_rad or is_stray(refined, lines, p):
@@ -348,7 +365,7 @@ def disagreement(
 
 
 def focal_tension(refined: RefinedPlane, prior: FocalPrior) -> float:
-    """How many deviations apart the prior's focal length and that of the observations alone are.
+    """Difference between the focal length of the prior and that of the observations alone, in standard deviations.
 
     The fit lies between both, inversely to their variances.
     """
@@ -357,7 +374,7 @@ def focal_tension(refined: RefinedPlane, prior: FocalPrior) -> float:
 
 
 def focal_source(refined: RefinedPlane, prior: FocalPrior, parameters: PoseParameters) -> FocalLengthSource:
-    """Where the focal length comes from: what was given, else what the page shows, else an assumption."""
+    """Source of the focal length: given, else estimated from the page, else assumed."""
     if prior.source == "assumed" and refined.log_focal_deviation < parameters.seen_focal_deviation:
         return "estimated"
     return prior.source

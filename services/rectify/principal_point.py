@@ -1,15 +1,15 @@
 """The principal point of a photo that was cropped (6.2), where the page shows it.
 
-A camera's principal point is the middle of its photo; cropping moves the middle, not the point. A page tells of it:
+A camera's principal point is the middle of its photo; cropping moves the middle, not the point. A page shows it:
 
-- A plane, by two vanishing points, tells one equation: the optical centre sees both at right angles,
+- A plane gives one equation by its two vanishing points: the optical centre sees both at right angles,
   (v_h - c) . (v_v - c) = -f^2. With f known beforehand (EXIF, the client), c lies on a circle through both axes of the
-  photo, so a photo that was cropped along one axis shows by how much. Which axis it was, the plane does not tell.
-- A bent sheet tells c along the direction in which its normals turn, and about f and c together across it.
+  photo, so a photo that was cropped along one axis shows by how much. Which axis it was, the plane does not show.
+- A bent sheet shows c along the direction in which its normals turn; across it, only f and c together.
 
 So the cropping is one of a few hypotheses: none, along x, along y, and, for a bent sheet under a known focal length,
-both. Each is fitted under a prior on the offset; what it costs together with how likely such a photo is decides. A
-photo as it was taken has one of a few aspect ratios, which tells hypotheses apart that the page alone does not.
+both. Each is fitted with a prior of the offset. Its cost and the prior probability of such a photo decide. An
+uncropped photo has one of a few aspect ratios; this separates hypotheses that the page alone does not.
 """
 
 from collections.abc import Callable
@@ -55,27 +55,27 @@ class PrincipalPointParameters:
     held: float = 1e-4
     smallest: float = 0.06
     largest: float = 0.4
-    """Offsets that are believed: a smaller one does no harm, and more than half of a photo is not cut away."""
+    """Range of accepted offsets: a smaller one does no harm, and more than half of a photo is not cut away."""
     line_scale: float = 1.0
-    """A bent sheet must leave its text lines as straight as they were traced: creased ones explain theirs by whatever
-    they are offered."""
+    """A bent sheet must leave its text lines as straight as they were traced: creased ones use every
+    free parameter to explain their lines."""
     starts: tuple[float, ...] = (-0.15, 0.15)
     """Of a plane, whose equation has two roots."""
     tension: float = 1.8
     """A plane whose focal length is fewer deviations from what is known of it shows no cropping."""
     score: float = 2.5
-    """A bent sheet is fitted anew where a free principal point promises to save so much."""
+    """A bent sheet is fitted again if a free principal point is expected to lower its cost by this."""
     one_axis: float = 2.5
     both_axes: float = 8.5
     """Most photos are not cropped, and few of those that are lose a corner."""
     other_focal: float = 4.0
-    """Photos whose EXIF data tell another focal length were zoomed, or cut on all sides alike."""
+    """Cost of another focal length than EXIF's: such photos were zoomed, or cut equally on all sides."""
     uncut_print: float = 1.5
     """Where a photo was cut, print often runs up to its border."""
     gain_share: float = 0.08
     gain_share_odd: float = 0.03
-    """What a bent sheet must save at least, as a share of its cost: sheets and lenses are not quite what the fit
-    assumes. Less is asked for where the photo's aspect ratio is none that cameras have."""
+    """Least gain of a bent sheet, as a share of its cost: sheets and lenses differ a little from the model. Less is
+    required if no camera has the aspect ratio of the photo."""
     aspects: tuple[tuple[float, float], ...] = ((4 / 3, 0.0), (16 / 9, 1.6), (3 / 2, 2.8))
     """Of the photos that cameras take, with their costs: phones take 4:3 and some 16:9, larger cameras 3:2."""
     aspect_deviation: float = 0.04
@@ -87,9 +87,9 @@ class PrincipalPointParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovedEvidence:
-    """The evidence relative to the principal point that the page shows, and what is known of the focal length then.
+    """The evidence relative to the principal point that the page shows, and the prior of the focal length there.
 
-    `notices` say what was left out of account.
+    `notices` name what was not used.
     """
 
     evidence: PageEvidence
@@ -99,13 +99,13 @@ class MovedEvidence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """What a hypothesis comes to: the principal point's offset, the fit's cost, and a start for a bent sheet."""
+    """Result of a hypothesis: the offset of the principal point, the cost of the fit, and a start for a bent sheet."""
 
     offset: Offset
     cost: float
     start: SurfaceStart | None = None
     other_focal: bool = False
-    """Whether EXIF's focal length was left out of account."""
+    """Whether the focal length of EXIF was not used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,9 +117,9 @@ class _Fitting:
     along_y: tuple[float, ...] = (0.0,)
     both: bool = False
     share: float = 0.0
-    """Of the middle's cost, what must be saved at least."""
+    """Least gain, as a share of the cost with the principal point in the middle."""
     other_focal: Callable[[], float] | None = None
-    """Cost of the middle when EXIF's focal length is left out of account."""
+    """Cost with the principal point in the middle and without the focal length of EXIF."""
 
 
 def find_principal_point(
@@ -128,18 +128,31 @@ def find_principal_point(
     shape: object,
     parameters: PrincipalPointParameters | None = None,
 ) -> MovedEvidence | None:
-    """Where the principal point is, when the page speaks clearly against the photo's middle.
+    """Find the principal point of a cropped photo, if the page shows clearly that it is not in the middle.
 
-    The offset is looked for from the middle, wherever the principal point of the `evidence` lies.
+    Parameters
+    ----------
+    evidence
+        Text and flows. The search starts from the middle of the photo, even if the principal point of `evidence` is
+        elsewhere.
+    prior
+        Of the focal length.
+    shape
+        The shape that was fitted with the principal point in the middle.
+    parameters
+        Costs of the hypotheses.
 
-    `shape` is what was fitted under the middle. None where the middle explains the page, or the page cannot tell: where
-    the focal length is not known beforehand, a steep view of a bent sheet is explained by either.
-    Where the middle explains the page but for EXIF's focal length, that is left out of account.
+    Returns
+    -------
+    MovedEvidence or None
+        None if the middle explains the page, or the page does not decide: with an unknown focal length a steep view of
+        a bent sheet is explained by both. If the middle explains the page except for the focal length of EXIF, the
+        evidence is returned without that.
     """
     p = parameters or PrincipalPointParameters()
     doubted = moved_by_sides = evidence.view.principal_point_px is not None
     if doubted:
-        # The sides of the sheet have moved it to the nearest place that explains them; the text tells more.
+        # The sides of the sheet have moved it to the nearest place that explains them; the text shows more.
         evidence = _seen_from_middle(evidence)
     fitting: _Fitting | None = None
     if prior.source == "assumed":
@@ -184,7 +197,7 @@ def _choose(
     for deviations, start, rarity in hypotheses:
         free_fit = fitting.fit(PrincipalPointPrior(deviations, start, half))
         place = (round(free_fit.offset[0], 2), round(free_fit.offset[1], 2))
-        if place in tried:  # two starts, one end
+        if place in tried:  # two starts reached the same place
             continue
         tried.add(place)
         fits = [(free_fit, aspect_cost(view, free_fit.offset, p))]
@@ -237,7 +250,7 @@ def usual_originals(view: PhotoFrame, offset: Offset, p: PrincipalPointParameter
 
 
 def prior_at(prior: FocalPrior, view: PhotoFrame, offset: Offset) -> FocalPrior:
-    """What is known of the focal length when the principal point lies at `offset`."""
+    """Prior of the focal length for a principal point at `offset`."""
     if not prior.of_diagonal:
         return prior
     growth = float(np.hypot(*original_size(view, offset))) / (2 * view.unit_px)
@@ -245,7 +258,7 @@ def prior_at(prior: FocalPrior, view: PhotoFrame, offset: Offset) -> FocalPrior:
 
 
 def aspect_cost(view: PhotoFrame, offset: Offset, p: PrincipalPointParameters) -> float:
-    """How unusual the aspect ratio of the photo would be before it was cropped."""
+    """Cost of the aspect ratio that the photo would have had before it was cropped."""
     long, short = sorted(original_size(view, offset), reverse=True)
     aspect = float(np.log(long / short))
     usual = min(
@@ -256,14 +269,14 @@ def aspect_cost(view: PhotoFrame, offset: Offset, p: PrincipalPointParameters) -
 
 
 def is_odd(view: PhotoFrame, p: PrincipalPointParameters) -> bool:
-    """Whether the photo's own aspect ratio speaks for cropping."""
+    """Whether no camera has the aspect ratio of the photo, so that it was probably cropped."""
     return aspect_cost(view, (0.0, 0.0), p) > p.one_axis
 
 
 def _sheet_fitting(
     e: PageEvidence, prior: FocalPrior, page: CurvedPage, p: PrincipalPointParameters
 ) -> _Fitting | None:
-    """Fits of the bent sheet from the one at hand; None where a free principal point would save too little."""
+    """Fits of the bent sheet from the present one; None if a free principal point would gain too little."""
     fitted = page.fitted
     if fitted.line_scale > p.line_scale:
         return None

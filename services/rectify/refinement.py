@@ -1,11 +1,11 @@
-"""Refinement of a planar page's pose by what the flat view must look like.
+"""Refinement of a planar page's pose by the properties of its flat view.
 
-The closed form of 3.2.3 trusts two vanishing points alone. In the flat view much more is known: baselines are
+The closed form of 3.2.3 trusts two vanishing points alone. In the flat view more is known: baselines are
 horizontal, the lines of a paragraph are equally spaced, flush margins and strokes are vertical. Each of these is
 one residual in units of its own deviation; rotation, focal length and the slant of the type are fitted to all of
-them together, with a soft loss and a prior on the focal length that decides only where nothing else does.
-Where sides of the sheet are seen, they lie along two directions at right angles too, turned against the text by an
-angle that is small as a rule.
+them together, with a robust loss and a prior of the focal length that decides only where nothing else does.
+Where sides of the sheet are seen, they also lie along two directions at right angles, turned against the text by a
+usually small angle.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,37 +35,37 @@ class RefinementParameters:
     """Standard deviations of the observations."""
 
     flow_overlap: float = 12.0
-    """Windows of neighbouring major samples share ink: so many count as one."""
+    """Windows of neighbouring major samples share ink: this many count as one."""
     flow_floor_rad: float = np.deg2rad(0.1)
     stroke_overlap: float = 4.0
     stroke_floor_rad: float = np.deg2rad(0.3)
     slant_mean_rad: float = np.deg2rad(0.2)
     slant_rad: float = np.deg2rad(0.15)
-    """Flag serifs and round strokes make roman type seem to lean: by 0.14 to 0.18 degrees on ten sharp pages at
-    seven angles, 0.25 to 0.4 blurred. One unknown slant with this prior takes it (and a little of italics)."""
+    """Flag serifs and round strokes make roman type appear slanted: by 0.14 to 0.18 degrees on ten sharp pages at
+    seven angles, 0.25 to 0.4 blurred. One unknown slant with this prior accounts for it (and for a few italics)."""
     sharp_text_height_px: float = 18.0
     baseline_floor_rad: float = np.deg2rad(0.03)
     baseline_factor: float = 1.0
     spacing: float = 0.012
     """Deviation of a line's place over the spacing."""
     spacing_between: float = 0.012
-    """Deviation of the logarithm of spacings of different paragraphs that are taken for equal."""
+    """Deviation of the logarithm of spacings of different paragraphs that are taken as equal."""
     spacing_alike: float = 0.05
     margin: float = 0.25
     """Deviation of a flush end in text heights (side bearings)."""
     tilt_rad: float = np.deg2rad(35.0)
-    """People hold a camera more or less over the page; decides only where the page says nothing."""
+    """People hold a camera approximately over the page; it decides only where the page shows nothing."""
     believable_focal: float = 3.5
     """A focal length further than this many deviations from the typical one comes from a page that is not quite
-    flat, not from a rare lens; then the typical one is held by a tight prior."""
+    flat, not from a rare lens; then a narrow prior keeps the typical one."""
     held_deviation: float = 0.08
     skew_rad: float = np.deg2rad(0.3)
-    """Of print against its sheet, as printers and copiers leave it; under a loss that lets a larger one be, since
-    print may stand aslant on purpose."""
+    """Angle between print and its sheet by printers and copiers; its loss permits a larger one, since print may be
+    slanted on purpose."""
     side_scale: float = 3.0
     """Scale of Cauchy's loss of the sheet's sides, in their deviations. A side that is 6 degrees off costs 60: as much
-    as a dozen lines of text that are off by four deviations, so that few words give way to four sides, and not a page
-    of them."""
+    as a dozen lines of text that are off by four deviations, so that four sides outweigh a few words, but not a page
+    of text."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +85,7 @@ class FlatObservations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefinedPlane:
-    """The refined page plane with the deviations that its observations leave.
+    """The refined page plane with its standard deviations.
 
     `log_focal_deviation` is without the prior; `log_aspect_deviation` that of the flat view's aspect ratio.
     `cost` is half the sum of the squared residuals under their losses, `cost_before` that of the start.
@@ -107,7 +107,7 @@ class RefinedPlane:
 
 
 def for_text(text_height_px: float) -> RefinementParameters:
-    """Parameters for characters of this size in the photo: the seeming lean of small, blurred type varies more."""
+    """Parameters for characters of this size in the photo: the apparent slant of small, blurred type varies more."""
     p = RefinementParameters()
     blurred = max(1.0, (p.sharp_text_height_px / text_height_px) ** 2)
     return replace(p, slant_rad=p.slant_rad * blurred)
@@ -148,7 +148,7 @@ def observe_lines(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineResiduals:
-    """What the text lines say of a plane, in units of their deviations: (N,) each."""
+    """Residuals of the text lines under a plane, in units of their deviations: (N,) each."""
 
     baselines: Vector
     spacings: Vector
@@ -247,7 +247,7 @@ class FlowObservations:
 def observe_flows(
     major: FlowSamples, minor: FlowSamples, points: FlowVanishingPoints, p: RefinementParameters
 ) -> FlowObservations:
-    """The flows' deviations follow how well each meets in its vanishing point."""
+    """Flow observations, with deviations by how well the tangents of each flow meet in its vanishing point."""
     major_spread = float(np.hypot(p.flow_floor_rad, points.horizontal.residual_rad))
     minor_spread = float(np.hypot(p.stroke_floor_rad, points.vertical.residual_rad))
     return FlowObservations(
@@ -277,7 +277,7 @@ def joint_cost(
     sides: StraightLines,
     parameters: RefinementParameters,
 ) -> float:
-    """Half the sum under the losses of what does not depend on the view in which lines were traced: flows and sides."""
+    """Half the sum of the residuals of flows and sides, squared under their losses; they need no traced text lines."""
     H = np.linalg.inv(refined.plane.H_centred_plane)
     flows = soft_l1(observe_flows(major, minor, points, parameters).residuals(H, refined.slant_rad))[0]
     edges = side_residuals(refined.plane, sides, refined.skew_rad, parameters)
@@ -295,11 +295,33 @@ def refine_plane(
     sides: StraightLines | None = None,
     principal_point: PrincipalPointPrior | None = None,
 ) -> RefinedPlane:
-    """Least squares over rotation (3), log focal length and slant, all in centred unit coordinates.
+    """Fit rotation (3), log focal length and slant by robust least squares, in centred unit coordinates.
 
-    The flows' deviations follow how well each meets in its vanishing point, so that a page that is not quite
-    flat is believed less. With `sides` of the sheet, the skew of the text against them is a sixth unknown.
-    With `principal_point`, and without sides, so are its two coordinates; the plane is then relative to it.
+    Parameters
+    ----------
+    start
+        Plane from which the fit starts.
+    prior
+        Of the focal length.
+    major, minor
+        Texture flows. Their deviations depend on how well each meets in its vanishing point, so that the flows of a
+        page that is not quite flat have less weight.
+    points
+        Vanishing points of both flows.
+    observations
+        Text lines of a flat view.
+    parameters
+        Standard deviations.
+    sides
+        Sides of the sheet; with them, the skew of the text against the sides is a sixth unknown.
+    principal_point
+        Prior of the principal point. With it, and without `sides`, its two coordinates are unknowns, and the plane is
+        relative to it.
+
+    Returns
+    -------
+    RefinedPlane
+        The plane with its standard deviations.
     """
     p = parameters or RefinementParameters()
     has_sides = sides is not None and len(sides) > 0
@@ -321,7 +343,7 @@ def refine_plane(
         H = flatten(x)
         lines = terms.at(H)
         growth = 0.0 if principal_point is None else principal_point.log_growth(x[5:7])[0]
-        # Observations may be outliers and are under a loss; the priors are meant as they are.
+        # Observations may be outliers, so they have a robust loss; priors are squared.
         focal_and_slant = [
             (x[3] - prior.log_focal - growth) / prior.deviation,
             (x[4] - p.slant_mean_rad) / p.slant_rad,
@@ -372,7 +394,7 @@ def refine_plane(
 
 
 def _focal_deviation(information: Floats, prior: FocalPrior) -> float:
-    """Deviation of log f from the observations alone: the prior's information is taken out again."""
+    """Deviation of log f from the observations alone: without the prior's information."""
     without = information.copy()
     without[3, 3] -= 1 / prior.deviation**2
     without += 1e-9 * np.trace(information) * np.eye(len(without))

@@ -1,4 +1,4 @@
-"""What `rectify` answers: the flat image and all the evidence for it."""
+"""Results of `rectify`: the flat image and all the evidence for it."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -26,7 +26,7 @@ ShapeSource = Literal["text", "outline", "rules"]
 class Evidence:
     """Convergence S3/S1 of both flows (3.2.2; None: too few samples) and the share of text area, 0-1.
 
-    `source` tells what decided the shape. `outline_confidence`, 0-1, is that of the sheet's outline, None where none
+    `source` names what decided the shape. `outline_confidence`, 0-1, is that of the sheet's outline, None where none
     was found; `sides_seen` counts its sides of which an edge was seen.
     """
 
@@ -42,7 +42,7 @@ class Evidence:
 class CameraEstimate:
     """Focal length in photo pixels and the diagonal field of view.
 
-    `source` is "assumed" when nothing tells the focal length and that of a typical camera was taken.
+    `source` is "assumed" if nothing shows the focal length; then it is that of a typical camera.
     `principal_point` (x, y) is in photo pixels: the photo's middle ("centre"), unless the page shows that the photo was
     cropped ("estimated").
     """

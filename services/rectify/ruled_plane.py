@@ -19,7 +19,7 @@ class RuledPlaneParameters:
     """When straight print is clear enough to show a plane. Lengths are shares of the photo's half diagonal."""
 
     long_side_px: int = 1200
-    """Of the image in which lines are looked for: rules are a pixel wide there."""
+    """Long side of the image in which lines are searched: rules are one pixel wide there."""
     min_length: float = 0.06
     """Shorter segments are strokes of drawings and letters."""
     kernel_rad: float = float(np.deg2rad(3.0))
@@ -31,7 +31,7 @@ class RuledPlaneParameters:
     """Deviation of a segment's ends across it."""
     floor_rad: float = float(np.deg2rad(0.3))
     overlap: float = 6.0
-    """A rule has two edges and comes in pieces, which share its error: so many segments count as one."""
+    """A rule has two edges and comes in pieces, which share its error: this many segments count as one."""
     min_lines: int = 4
     """In each of both families."""
     min_total: float = 1.0
@@ -90,7 +90,7 @@ def find_segments(gray: GrayImage, view: PhotoFrame, p: RuledPlaneParameters) ->
     both = (np.asarray(found, np.float64).reshape(-1, 2, 2) + 0.5) / factor - 0.5
     both = (both - view.centre) / view.unit_px
     long = np.linalg.norm(both[:, 1] - both[:, 0], axis=1) >= p.min_length
-    # The photo's rim is no print.
+    # The border of the photo is not print.
     rim = np.array([view.width, view.height]) / 2 / view.unit_px - 3 / factor / view.unit_px
     inside = (np.abs(both.mean(axis=1)) < rim).all(axis=1)
     return both[long & inside, 0], both[long & inside, 1]

@@ -1,4 +1,4 @@
-"""Which shape of the page is believed: a plane, a bent sheet, or a creased one."""
+"""Choice of a page's shape: a plane, a bent sheet, or a creased one."""
 
 from dataclasses import replace
 from typing import Literal
@@ -28,9 +28,9 @@ from services.sheet.tracing.line_tracing import measure_straightness, trace_by_c
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 
 FEW_LINES = 10
-"""Fewer lines than this tell little of a page's shape."""
+"""Fewer lines show little of a page's shape."""
 STRAIGHT = 0.04
-"""RMS deviation of text lines from straight ones, in text heights, that flat pages have too; nobody sees it."""
+"""RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
 STRAIGHT_SIDE = 0.003
 """RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
 SMOOTH_SIDE = 0.001
@@ -53,11 +53,30 @@ def choose_shape(
     outline: SheetOutline | None = None,
     sheet: SheetSides | None = None,
 ) -> tuple[PagePose | CurvedPage | RidgedPage, tuple[Notice, ...]]:
-    """The gentlest shape that the evidence supports: a plane, unless a bent or creased sheet explains more.
+    """Choose the simplest shape that the evidence supports: a plane, unless a bent or creased sheet explains more.
 
-    These are tried when the flows do not converge (3.2.2), or the plane leaves the text lines or the sheet's sides
-    bent, and taken when they leave them clearly straighter. The mesh stands on the sheet's sides: it is tried where
-    these are seen and kinked, or where the smooth surface leaves them bent.
+    A bent sheet is tried if the flows do not converge (3.2.2), or if the plane leaves text lines or sides of the sheet
+    bent. It is chosen if it leaves them clearly straighter. The mesh of a creased sheet needs the sides: it is tried
+    where these are seen and have kinks, or where the smooth surface leaves them bent.
+
+    Parameters
+    ----------
+    evidence
+        Text, flows and text lines.
+    prior
+        Of the focal length.
+    kind
+        "planar" or "curved" as the client demands, or "auto".
+    outline
+        Outline of the sheet in the photo, if it was found.
+    sheet
+        Its straight sides as evidence for a plane.
+
+    Returns
+    -------
+    shape : PagePose, CurvedPage or RidgedPage
+    notices : tuple of Notice
+        Why a shape was not chosen although the page seems to have it.
     """
     e = evidence
     seems: Literal["planar", "curved"] = (
@@ -69,7 +88,7 @@ def choose_shape(
     plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
     straightness = measure_straightness(plane, trace_by_characters(e.text, e.view, plane))
     bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
-    # Four straight sides and straight lines are those of a plane, whatever sparse flows say.
+    # Four straight sides and straight lines are those of a plane, even if sparse flows contradict.
     planar = straightness < STRAIGHT and (seems == "planar" or pose.sides_believed)
     if kind == "auto" and planar and not bent_sides:
         return pose, pose.notices
@@ -94,7 +113,7 @@ def choose_bent_shape(
 ) -> CurvedPage | RidgedPage | NoSheet | None:
     """The bent or creased sheet that explains clearly more than the `plane` of `pose`, which leaves `straightness`.
 
-    `forced`: any that is plausible. Else why none is plausible, or None where one is and explains no more.
+    With `forced`, any plausible one. Else the reason why none is plausible, or None if one is but explains no more.
     """
     curved: CurvedPage | NoSheet | None = None
     if outline is not None and sides_crease(outline) < SMOOTH_SIDE:
@@ -107,7 +126,7 @@ def choose_bent_shape(
             return with_straight_sides(curved, outline, e)
     ridged = None if outline is None else ridged_page(e, prior, outline)
     if isinstance(ridged, RidgedPage) and outline is not None and outline.confidence < CERTAIN_OUTLINE:
-        # The outline may be that of a stack of pages or of a picture: text decides.
+        # The outline may be that of a stack of pages or of a picture, so text decides.
         curved = curved or estimate_curved_page(e, prior)
         if isinstance(curved, CurvedPage) and explains_more(curved, pose, straightness):
             smooth = measure_straightness(curved.page_map, trace_by_profiles(e.text, e.view, curved.page_map))
@@ -116,7 +135,7 @@ def choose_bent_shape(
     if isinstance(ridged, RidgedPage) and outline is not None:
         if forced or sides_bend(outline) > STRAIGHT_SIDE:
             return ridged
-        # The mesh was measured on lines that were traced by profiles, and so is the plane beside it.
+        # The mesh was measured on lines that were traced by profiles; so the plane is measured on them too.
         by_profiles = measure_straightness(plane, trace_by_profiles(e.text, e.view, plane))
         if ridged.line_straightness < CURVED_GAIN * by_profiles:
             return ridged
@@ -128,7 +147,7 @@ def choose_bent_shape(
 
 
 def why_not_bent(bent: NoSheet | None) -> Notice:
-    """What to say of a page that seems bent and is shown as a plane."""
+    """Notice about a page that seems bent and is flattened as a plane."""
     reason = (
         f"a bent sheet is not plausible ({bent.reason})"
         if isinstance(bent, NoSheet)
@@ -153,7 +172,7 @@ def straightens_sides(curved: CurvedPage, outline: SheetOutline, view: PhotoFram
 
 
 def with_straight_sides(curved: CurvedPage, outline: SheetOutline, e: PageEvidence) -> CurvedPage:
-    """`curved` with what it leaves of the sheet's sides' bends taken out of its margins."""
+    """`curved` with margins corrected by the bends that it leaves in the sides of the sheet."""
     if outline.confidence < CERTAIN_OUTLINE:
         return curved
     top, right, bottom, left = (
@@ -181,7 +200,7 @@ def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> Ri
 def explains_more(curved: CurvedPage, pose: PagePose, straightness: float) -> bool:
     """Whether the bent sheet leaves clearly straighter lines than the plane, which leaves `straightness`.
 
-    Where the plane leaves them straight, or there are too few lines to tell, the flows must decide, and clearly.
+    If the plane leaves them straight, or there are too few lines, the flows must decide clearly.
     """
     if straightness < STRAIGHT or curved.line_count < FEW_LINES // 2:
         return not pose.sides_believed and curved.deviation < FLOW_GAIN * pose.deviation

@@ -21,24 +21,24 @@ SIDES = ("left", "top", "right", "bottom")
 
 @dataclass(frozen=True, slots=True)
 class SheetCutParameters:
-    """When a side of the outline is believed, and how much blank ground is kept."""
+    """When a side of the outline is accepted, and how much blank ground is kept."""
 
     min_confidence: float = 0.5
     """Of the outline: below it, its sides are more often wrong than right."""
     certain_confidence: float = 0.97
-    """Of the outline, from which on nearly none is wrong."""
+    """Confidence of the outline from which on nearly none is wrong."""
     white_confidence: float = 0.8
-    """Of the outline, from which on everything beyond it is drawn white."""
+    """Confidence of the outline from which on everything outside of it is drawn white."""
     min_seen: float = 0.4
     """Share of a side on which its edge is seen."""
     max_slope: float = 0.2
-    """Of a side in the flat view: beyond it, it is not the side of this page."""
+    """Of a side in the flat view: a larger slope is not that of a side of this page."""
     inner_percentile: float = 85.0
     """Of a side's points, counted from outside: where a side that is not quite straight is cut."""
     min_text_share: float = 0.97
-    """Of the characters that a sheet holds, or its outline is another's."""
+    """Least share of the characters inside the outline; with fewer it is not that of this sheet."""
     max_text_share: float = 0.005
-    """Of the characters that may lie beyond the side of the sheet that holds them."""
+    """Largest share of the characters outside of a side of their sheet."""
     blank_margin: float = 0.12
     """Of the text's larger size, kept beyond the print where the sheet's edge is not seen: margins of pages are as
     wide."""
@@ -46,9 +46,9 @@ class SheetCutParameters:
     """Text heights: what is wider is shadow or ground."""
     least_ink_size_px: int = 7
     ink_contrast: float = 0.2
-    """Of print against what is around it, as a share of that: above noise and the edges of shadows."""
+    """Contrast of print to its surroundings, as a share of their brightness: above noise and edges of shadows."""
     black: float = 16.0
-    """Gray levels added to what is around: noise in the dark is no print."""
+    """Gray levels added to the surroundings, so that noise in the dark is not print."""
     least_ink_px: int = 12
     """Within a text height of a row or column of the reduced view; fewer are specks."""
 
@@ -61,7 +61,7 @@ def cut_to_outline(
 ) -> tuple[FlatFrame | CurvedFrame, frozenset[str]]:
     """`frame` cut at the sides of the `outline` that are seen, and which sides these are.
 
-    `characters` (N, 2), photo pixels, must lie within; a side that would cut text off is not believed.
+    `characters` (N, 2), photo pixels, must be inside; a side that would cut text off is not used.
     """
     p = parameters or SheetCutParameters()
     if outline.confidence < p.min_confidence:
@@ -70,7 +70,7 @@ def cut_to_outline(
         on_sheet = within_polygon(outline.polygon, characters)
         if len(on_sheet) and on_sheet.mean() < p.min_text_share:
             return frame, frozenset()
-        # Beside a sheet that is surely one, specks of a desk were taken for print; else it may be a frame on the page.
+        # Outside of a certain sheet, "print" is specks of a desk; an uncertain outline may be a frame on the page.
         characters = characters[on_sheet]
     text = view_points(frame, characters)
     text = text[np.isfinite(text).all(axis=1)]
@@ -120,9 +120,9 @@ def cut_to_page(
     whole: bool,
     parameters: SheetCutParameters | None = None,
 ) -> FlatFrame | CurvedFrame:
-    """`frame` cut on the sides that are not `known` yet: at long edges beside the text, or where blank ground begins.
+    """`frame` cut on the sides that are not `known` yet: at long edges next to the text, or where blank ground begins.
 
-    A sheet that the photo surely shows `whole` has no edges within it: what lines there are on it are its own.
+    With `whole` the sheet is certainly in the photo as a whole; then lines inside its outline are print, not edges.
     """
     p = parameters or SheetCutParameters()
     if len(known) == len(SIDES):
@@ -149,10 +149,10 @@ def blank_ground(
     text_height_px: float,
     parameters: SheetCutParameters | None = None,
 ) -> SheetEdges:
-    """Where nothing but blank ground lies beyond, a margin from the outermost print of the `view` (H, W, 3).
+    """Edges at a margin from the outermost print of the `view` (H, W, 3), on sides with only blank ground beyond.
 
     `text` (N, 2) are characters, `shown` (H, W) the pixels that the photo shows. None on sides where print, a
-    picture or a desk goes on to the end of the view.
+    picture or a desk continues to the end of the view.
     """
     p = parameters or SheetCutParameters()
     text = text[np.isfinite(text).all(axis=1)]
@@ -177,7 +177,7 @@ def _fine_structure(view: RgbImage, shown: Mask, size: int, p: SheetCutParameter
     """Pixels (H, W) of `view` that are darker than their surroundings and narrower than `size`: print, not shadows."""
     gray = cv2.cvtColor(view, cv2.COLOR_RGB2GRAY)
     around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8)).astype(np.float32)
-    # The photo's border is no print.
+    # The border of the photo is not print.
     rim = 2 * size + 1
     inside = cv2.erode(shown.astype(np.uint8), np.ones((rim, rim), np.uint8), borderValue=0)
     return np.asarray((around - gray > p.ink_contrast * (around + p.black)) & (inside > 0))
@@ -190,11 +190,28 @@ def restore_detail(
     text_height_px: float,
     framing: FramingParameters | None = None,
 ) -> FlatFrame | CurvedFrame:
-    """`frame` with the pixels that the photo has of its text, and more where print is small.
+    """Raise the resolution of `frame` to that of the photo, and above it where print is small.
 
-    A view that was larger before it was cut had been reduced. Small print loses by every resampling: drawn with more
-    pixels than the photo has it keeps what it has. `photo_pixels` bounds the view; `characters` (N, 2) are photo
-    pixels, `text_height_px` their size there.
+    A view that was larger before it was cut may have been reduced. Small print loses detail by every resampling, less
+    so if it is drawn with more pixels than the photo has.
+
+    Parameters
+    ----------
+    frame
+        The view after it was cut.
+    photo_pixels
+        Largest number of pixels of the view.
+    characters
+        (N, 2) centres in photo pixels.
+    text_height_px
+        Size of the characters in the photo.
+    framing
+        Bounds of the resolution.
+
+    Returns
+    -------
+    FlatFrame or CurvedFrame
+        The same view with more pixels, or `frame` itself.
     """
     f = framing or FramingParameters()
     at = view_points(frame, characters)

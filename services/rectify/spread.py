@@ -30,7 +30,7 @@ from services.sheet.ridged_page import RidgedPage
 
 ORIENTATION_UNKNOWN = "orientation-unknown"
 SURE = 0.5
-"""Confidence of an orientation from which it is believed."""
+"""Confidence from which on an orientation is accepted."""
 ONE_PAGE = Notice("one-page", "both pages were asked for, and the photo shows the text of one page.")
 
 
@@ -39,16 +39,16 @@ class SpreadParameters:
     """How two pages share a camera. Deviations are of the focal length's logarithm."""
 
     determined: float = 0.25
-    """A page that alone fixes it better than this tells the other."""
+    """A page that alone shows it more precisely determines that of the other page."""
     least_deviation: float = 0.05
-    """What is taken over is not held harder: a fit does not know what its model of the page leaves out."""
+    """Least deviation of a focal length that is taken over: a fit does not know the errors of its model."""
     agreement: float = 0.03
     """A page whose own focal length differs by more than this from the final one is fitted again."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RectifiedPages:
-    """Flat views in reading order, what to say about all of them, and the stages that they shared."""
+    """Flat views in reading order, notices about all of them, and the stages that they shared."""
 
     pages: tuple[RectifyResult, ...]
     warnings: tuple[Notice, ...]
@@ -61,7 +61,7 @@ def rectify_spread(
     exif_focal_length_px: float | None = None,
     ocr: OcrEngine | None = None,
 ) -> RectifiedPages:
-    """Frontal flat views of both pages in `photo` (H, W, 3) RGB, the left one first; of one, if it shows one.
+    """Frontal flat views of both pages in `photo` (H, W, 3) RGB, the left one first; of one page if only one is found.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def rectify_spread(
 def _shape_pages(
     photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
 ) -> list[FlatPage]:
-    """The main page and the facing one; fewer where text does not show both."""
+    """The main page and the facing one, or one of them if text does not show both."""
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
     try:
@@ -111,9 +111,9 @@ def _shape_pages(
 
 
 def shared_prior(page: FlatPage, prior: FocalPrior, parameters: SpreadParameters | None = None) -> FocalPrior:
-    """What is known of the focal length once `page` was fitted under `prior`; `prior` where the page does not show it.
+    """Prior of the focal length after `page` was fitted with `prior`; `prior` if the page does not show it.
 
-    The fitted value holds the prior already, so that only their deviations are to be joined.
+    The fitted value includes the prior already, so only their deviations are combined.
     """
     p = parameters or SpreadParameters()
     shape = page.shape
@@ -140,14 +140,14 @@ def _line_direction(results: Sequence[RectifyResult]) -> Vector:
 
 
 def _middle_axes(result: RectifyResult) -> tuple[Vector, Vector]:
-    """In the photo, the ways (2,) from the left of the view to the right, and from its top to its foot."""
+    """Vectors (2,) in the photo from the left of the view to its right, and from its top to its bottom."""
     mesh = result.mesh
     row, column = mesh[mesh.shape[0] // 2], mesh[:, mesh.shape[1] // 2]
     return np.asarray(row[-1] - row[0]), np.asarray(column[-1] - column[0])
 
 
 def turn_like(result: RectifyResult, results: Sequence[RectifyResult]) -> RectifyResult:
-    """A page of which too little could be read to tell which way is up, turned as the other one lies in the photo."""
+    """A page of unknown orientation, turned like the other page in the photo."""
     if ORIENTATION_UNKNOWN not in [notice.code for notice in result.warnings]:
         return result
     sure = max(results, key=lambda other: other.orientation.confidence or 0.0)

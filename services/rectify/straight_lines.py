@@ -2,9 +2,9 @@
 
 The sheet's sides are such lines, and so are rules, frames and the lines of tables. A line along a direction of the
 page passes through the vanishing point of that direction, so each line gives one residual: the angle between it and
-the way to its vanishing point. Rotation and focal length are four unknowns; two lines along each direction just fix
-them (Zhang & He 2007, "Whiteboard scanning and image enhancement", solve that case in closed form from the corners).
-Where they do not show the focal length, its prior decides.
+the direction to its vanishing point. Rotation and focal length are four unknowns; two lines along each direction
+determine them (Zhang & He 2007, "Whiteboard scanning and image enhancement", solve that case in closed form from
+corners). If the lines do not show the focal length, its prior decides.
 """
 
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ class StraightLines:
     """Straight lines in centred unit coordinates of the photo.
 
     `starts` and `ends` (N, 2) are two points of each whose errors across the line are independent, each with the
-    standard deviation `deviations` (N,). `upright` (N,) tells which lines lie along the page's y axis; the others lie
+    standard deviation `deviations` (N,). `upright` (N,) marks the lines along the page's y axis; the others lie
     along its x axis.
     """
 
@@ -87,8 +87,8 @@ class StraightLines:
 class LinePlane:
     """The plane that straight lines show, fitted with a prior of the focal length.
 
-    `residuals_rad` (N,) are the angles between the lines and the way to their vanishing points; `cost` is the sum of
-    the squared residuals in deviations, the prior's included.
+    `residuals_rad` (N,) are the angles between the lines and the directions to their vanishing points; `cost` is the
+    sum of the squared residuals in deviations, including the prior.
     `log_focal_deviation` is without the prior.
     """
 
@@ -99,7 +99,7 @@ class LinePlane:
 
 
 def line_directions(plane: PagePlane, lines: StraightLines) -> Vector:
-    """Signed angle (N,), rad in (-pi/2, pi/2), from each line to the way to the vanishing point of its axis."""
+    """Signed angle (N,), rad in (-pi/2, pi/2), from each line to the direction of the vanishing point of its axis."""
     return _angles(plane.rotation, plane.focal, lines)
 
 
@@ -200,10 +200,23 @@ def _at_right_angles(plane_of_sight: Floats, other: Floats, focal: float) -> Flo
 def fit_line_plane(
     lines: StraightLines, prior: FocalPrior, start: PagePlane, robust_deviations: float | None = None
 ) -> LinePlane:
-    """Least squares over rotation (3) and log focal length, under the prior (Levenberg-Marquardt).
+    """Fit rotation (3) and log focal length to straight lines by least squares (Levenberg-Marquardt).
 
-    With `robust_deviations`, Cauchy's loss of that scale, in the lines' own deviations, is applied to them; the prior
-    is meant as it is.
+    Parameters
+    ----------
+    lines
+        Lines along both axes of the page.
+    prior
+        Of the focal length; always squared.
+    start
+        Plane from which the fit starts.
+    robust_deviations
+        Scale of Cauchy's loss of the lines, in their deviations; None for squares.
+
+    Returns
+    -------
+    LinePlane
+        The plane, its residuals and its cost.
     """
     deviations = lines.direction_deviations_rad
 
@@ -241,7 +254,7 @@ def _moved(plane: PagePlane, step: Vector) -> PagePlane:
 def _linearized(
     plane: PagePlane, lines: StraightLines, prior: FocalPrior, robust_deviations: float | None
 ) -> tuple[Floats, Vector]:
-    """Derivatives and residuals (N + 1, 5), in deviations, the prior's in the last row; and the angles (N,)."""
+    """Derivatives and residuals (N + 1, 5), in deviations, that of the prior in the last row; and the angles (N,)."""
     r, J = _directions(plane.rotation, plane.focal, lines)
     weights = 1 / lines.direction_deviations_rad
     if robust_deviations is not None:
@@ -263,9 +276,9 @@ def _focal_deviation(information: Floats, prior: FocalPrior) -> float:
 def fit_principal_point(
     lines: StraightLines, prior: FocalPrior, start: PagePlane, deviation: float
 ) -> tuple[Floats, float]:
-    """The principal point (2,) nearest to the middle that the lines ask for, and the squared residuals left.
+    """The principal point (2,) nearest to the middle that explains the lines, and the sum of squares that is left.
 
-    `deviation` is that of either coordinate. Where the lines fit a usual camera it stays in the middle.
+    `deviation` is that of each coordinate. If the lines fit a usual camera it stays in the middle.
     """
 
     def residuals(x: Vector) -> Vector:

@@ -29,17 +29,17 @@ NOT_FLAT = Notice(
     "the sheet's edges are not those of a flat rectangle, and no text shows its shape; this is its best planar view.",
 )
 BENT = OutlinePlaneParameters(max_bend=0.06, max_misfit_rad=float(np.deg2rad(8.0)), max_off_centre=0.0)
-"""Where a bent sheet's corners are all that there is."""
+"""For bent sheets, of which only the corners are used."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextlessParameters:
-    """Of pages whose text does not show their shape."""
+    """Limits for pages whose text does not show their shape."""
 
     orientation_long_side_px: int = 1600
-    """Of the photo from which the few words are read that may tell which way is up."""
+    """Long side of the photo in which a few words are read to find which way is up."""
     straight_side: float = 0.006
-    """RMS bend of a side, as a share of the sheet's size: without text a bend must be plain to see."""
+    """RMS bend of a side, as a share of the sheet's size: without text a bend must be obvious."""
     seen_focal_deviation: float = 0.25
     aspect_deviation: float = 0.03
     """Both as in `PoseParameters`."""
@@ -47,9 +47,9 @@ class TextlessParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TextlessPage:
-    """What is known of such a page before anything is drawn.
+    """Evidence and shape of such a page, before it is drawn.
 
-    `extent` (M, 2) are photo points that the view holds: the sheet's outline, else the ends of the straight lines.
+    `extent` (M, 2) are photo points that the view must show: the sheet's outline, else the ends of the straight lines.
     """
 
     view: PhotoFrame
@@ -61,7 +61,7 @@ class TextlessPage:
 
     @property
     def kind(self) -> Literal["planar", "curved"]:
-        """As it is flattened."""
+        """How the page is flattened."""
         return "planar" if isinstance(self.shape, PagePose) else "curved"
 
     @property
@@ -76,7 +76,7 @@ class TextlessPage:
 
     @property
     def notices(self) -> tuple[Notice, ...]:
-        """What to say of the shape."""
+        """Notices about the shape."""
         return self.shape.notices if isinstance(self.shape, PagePose) else ()
 
 
@@ -93,10 +93,10 @@ def find_textless_page(
     Raises
     ------
     NoText
-        `refusal` with what else was looked for, when neither shows a plane.
+        `refusal` with what else was searched, when neither shows a plane.
     """
     p = parameters or TextlessParameters()
-    # A sheet whose sides are bent is a bent sheet, also where they would pass for those of a plane.
+    # A sheet with bent sides is a bent sheet, even if a plane would fit them.
     if outline is not None and sides_bend(outline) > p.straight_side:
         ridged = estimate_ridged_page(outline, view, prior, 0.0, None, None)
         if isinstance(ridged, RidgedPage):
@@ -121,7 +121,7 @@ def find_textless_page(
 
 
 def describe_misses(sheet: OutlinePlane | NoOutlinePlane | None, ruled: NoOutlinePlane) -> str:
-    """What else was looked for in vain."""
+    """Sentence about what else was searched and not found."""
     if isinstance(sheet, NoOutlinePlane):
         return f"A sheet's edge is seen, but {sheet.reason}."
     return f"No sheet's edge is seen whole either, and {ruled.reason}: have all four sides in the photo."
@@ -130,7 +130,7 @@ def describe_misses(sheet: OutlinePlane | NoOutlinePlane | None, ruled: NoOutlin
 def pose_of(
     found: OutlinePlane, view: PhotoFrame, prior: FocalPrior, source: ShapeSource, p: TextlessParameters
 ) -> PagePose:
-    """The plane in pixels, with what is uncertain about it."""
+    """The plane in pixels, with notices about its uncertainty."""
     notices: tuple[Notice, ...] = ()
     if found.log_aspect_deviation > p.aspect_deviation:
         notices = (
@@ -157,7 +157,7 @@ def pose_of(
 
 
 def frame_textless(page: TextlessPage) -> FlatFrame | CurvedFrame:
-    """The view of the sheet, or of what lies near the straight lines, at the photo's own resolution."""
+    """View of the sheet, or of the region of the straight lines, at the resolution of the photo."""
     if isinstance(page.shape, RidgedPage):
         return frame_mesh(page.shape.page_map, page.view, None)
     size = (page.view.height, page.view.width)
@@ -167,7 +167,7 @@ def frame_textless(page: TextlessPage) -> FlatFrame | CurvedFrame:
 def draw_for_reading(
     photo: RgbImage, frame: FlatFrame | CurvedFrame, parameters: TextlessParameters | None = None
 ) -> GrayImage:
-    """The flat view in gray under even light, small: enough to read which way is up."""
+    """Small flat view in gray under even light, in which words can be read to find which way is up."""
     p = parameters or TextlessParameters()
     factor = min(1.0, p.orientation_long_side_px / max(photo.shape))
     gray = resize_gray(np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8), factor)

@@ -1,4 +1,4 @@
-"""The shape of a curved page: the global developable surface, from its start to the last decimals."""
+"""The shape of a curved page: start, fit and check of the global developable surface."""
 
 from dataclasses import dataclass, replace
 
@@ -28,41 +28,41 @@ from services.texture_flow.field import FlowSamples, mean_deviation
 
 @dataclass(frozen=True, slots=True)
 class CurvedParameters:
-    """How the surface is started and when it is believed."""
+    """How the fit of the surface starts, and when its result is accepted."""
 
     bends: int = 12
     margin: float = 0.25
-    """The bend goes on beyond the text by this share of its width."""
+    """The bend continues beyond the text by this share of its width."""
     reach: float = 0.4
-    """The surface is tabulated, straight, further by this share."""
+    """Beyond the bend the surface is straight, and tabulated over this share more."""
     start_skews_rad: tuple[float, ...] = (0.0, np.pi / 2)
     """Rulings of the flat starts: across the text lines and along them."""
     start_samples: int = 200
     start_focal_deviation: float = 0.05
-    """Of starts whose focal length is held."""
+    """Deviation of the prior in starts whose focal length stays near it."""
     focal_held: float = 3.5
-    """A focal length further than this many deviations from what was assumed comes from a page that is no sheet."""
+    """If the focal length is further from the prior, in deviations, the page is not a bent sheet."""
     held_deviation: float = 0.08
     exif_contradiction: float = 3.0
     seen_focal_deviation: float = 0.25
     max_magnification_ratio: float = 10.0
     max_tilt_rad: float = np.deg2rad(80.0)
     strips: int = 40
-    """In which the answer describes the surface."""
+    """Number of strips that describe the surface in the answer."""
     line_rounds: int = 3
-    """Of tracing and fitting the lines: of 12 simulated cones one needed the third."""
+    """Rounds of tracing and fitting the lines: of 12 simulated cones one needed the third."""
     min_visible: float = 0.97
     """Share of the characters that the surface must place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurvedPage:
-    """The map that flattens a curved page, its shape in strips, and what to say about it.
+    """The map that flattens a curved page, its shape in strips, and the evidence for it.
 
-    `surface` is the global surface under the map, `fitted` its fit, and `lines` what it was fitted to. `focal` is in
-    half diagonals; `deviation` is the mean deviation (rad) of the flows from horizontal and vertical in the flat view,
-    `line_straightness` the RMS deviation, in text heights, of the text lines from straight ones, before the small
-    residual.
+    `surface` is the global surface of the map, `fitted` its fit, and `lines` the text lines that it was fitted to.
+    `focal` is in half diagonals; `deviation` is the mean deviation (rad) of the flows from horizontal and
+    vertical in the flat view, `line_straightness` the RMS deviation, in text heights, of the text lines from straight
+    ones, before the small residual.
     """
 
     page_map: PageMap
@@ -74,7 +74,7 @@ class CurvedPage:
     deviation: float
     line_straightness: float
     exif_contradicted: bool
-    """The page does not fit the focal length of the EXIF data, which was left out of account."""
+    """The page does not fit the focal length of the EXIF data, which was not used."""
     fitted: FittedSurface
     lines: LineObservations
 
@@ -101,7 +101,7 @@ def describe_strips(
     s = np.linspace(low, high, count + 1)
     P, R = surface.line_at(s)
     X = P + middle * R
-    # A direction R is seen at K R, the ruling's way in the photo at the derivative of the projection.
+    # A direction R is seen at K R; the ruling's direction in the photo is the derivative of the projection.
     way = X[:, 2:] * R[:, :2] - X[:, :2] * R[:, 2:]
     focal_px = surface.focal * view.unit_px
     points = focal_px * X[:, :2] / X[:, 2:] + view.centre
@@ -134,7 +134,7 @@ def _basis_over(across: Vector, p: CurvedParameters) -> BendBasis:
 
 
 def recentre(fitted: FittedSurface, characters: Points, p: CurvedParameters) -> SurfaceStart:
-    """The fitted surface as a start whose bends span the characters as they lie on the sheet now."""
+    """The fitted surface as a start whose bends span the characters at their present places on the sheet."""
     old = fitted.surface
     sheet = old.to_sheet(old.to_page(characters))
     basis = _basis_over(sheet[np.isfinite(sheet).all(axis=1), 0], p)
@@ -145,7 +145,7 @@ def recentre(fitted: FittedSurface, characters: Points, p: CurvedParameters) -> 
 
 
 def page_hull(characters: Points, growth: float = 1.1) -> Points:
-    """The text's hull (H, 2), a little larger: the page does not end with its text."""
+    """Convex hull (H, 2) of the text, enlarged by `growth`: the page is larger than its text."""
     hull = text_hull(characters)
     middle = hull.mean(axis=0)
     return np.asarray(middle + growth * (hull - middle))
@@ -165,11 +165,25 @@ def thin(samples: FlowSamples, count: int) -> FlowSamples:
 def estimate_curved_page(
     evidence: PageEvidence, prior: FocalPrior, parameters: CurvedParameters | None = None
 ) -> CurvedPage | NoSheet:
-    """Shape of the page through its text, or why no bent sheet is plausible.
+    """Fit a bent sheet to the text of a page.
 
-    Flat sheets start the global surface, which flows alone bring near. Then the text lines are traced in its flat view
-    and everything is fitted together, twice. Last, what is left of the lines' waves is taken out by a small smooth
-    residual.
+    The fit starts from flat sheets, first to the flows alone. Then the text lines are traced in the flat view, and
+    flows and lines are fitted together, in `line_rounds` rounds. Last, a small smooth residual is added to the map for
+    what is left of the lines' waves.
+
+    Parameters
+    ----------
+    evidence
+        Text and flows, in centred unit coordinates.
+    prior
+        Of the focal length.
+    parameters
+        Starts, rounds and limits.
+
+    Returns
+    -------
+    CurvedPage or NoSheet
+        The page, or the reason why no bent sheet is plausible.
     """
     p, e = parameters or CurvedParameters(), evidence
     if e.start:
@@ -220,8 +234,8 @@ def _fit_flows(e: PageEvidence, prior: FocalPrior, p: CurvedParameters) -> Fitte
     soft = FittingParameters(max_evaluations=12)
     cauchy = replace(soft, cauchy_flows=True)
     starts = [start_surface(e.vanishing_points, prior, e.characters, skew, p) for skew in p.start_skews_rad]
-    # A strong bend is out of reach of Cauchy's loss, and of a focal length that is held; pictures' flows draw the
-    # soft loss, and a free focal length.
+    # Cauchy's loss, and a focal length near its prior, do not reach a strong bend. The soft L1 loss, and a free
+    # focal length, are biased by the flows of pictures. So all are tried.
     fits = [fit_surface(start, held, cauchy) for start in starts]
     fits += [fit_surface(fit_surface(start, free, soft).start, free, cauchy) for start in starts]
     likely = [fit for fit in fits if implausibility(fit.surface, e.characters, p) is None]
@@ -234,7 +248,7 @@ def _fit_flows(e: PageEvidence, prior: FocalPrior, p: CurvedParameters) -> Fitte
 def _fit_lines(
     e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters
 ) -> tuple[FittedSurface, LineObservations]:
-    """Rounds: the lines are traced again in the view of the round before, with the deviations it has shown."""
+    """Fit flows and lines in rounds: each traces the lines in the view of the one before, and uses its deviations."""
     parameters, lines, hull = FittingParameters(cauchy_flows=True), NO_LINES, page_hull(e.characters)
     for _ in range(p.line_rounds):
         lines = trace_by_characters(e.text, e.view, fitted.surface)
@@ -249,8 +263,8 @@ def _fit_lines(
 def implausibility(surface: DevelopableSurface, characters: Points, p: CurvedParameters) -> str | None:
     """Why no camera could see this surface under these characters (N, 2), centred; None if one could.
 
-    Nearly every character has its place, before the camera, on the front, where rulings do not cross, and at a
-    believable magnification.
+    Nearly all characters must be in front of the camera, on the visible side, where rulings do not cross, and at a
+    plausible magnification.
     """
     at = surface.unroll(characters)
     det = np.linalg.det(at.jacobians)

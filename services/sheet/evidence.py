@@ -1,4 +1,4 @@
-"""What a photo shows of its page, before any shape is fitted to it."""
+"""Evidence of a page's shape in a photo, before a shape is fitted to it."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class PageEvidence:
     vanishing_points: FlowVanishingPoints
     has_strokes: bool = True
     start: SurfaceStart | None = None
-    """A bent sheet that is near already."""
+    """A bent sheet near the right one, from which a fit may start."""
 
     @property
     def characters(self) -> Points:

@@ -1,4 +1,4 @@
-"""Which part of an unrolled page is shown, and at what resolution."""
+"""Frames of the views of unrolled pages: the part that is shown, and its resolution."""
 
 from dataclasses import dataclass
 
@@ -14,20 +14,20 @@ from services.sheet.ridged.mesh import SheetMesh
 
 @dataclass(frozen=True, slots=True)
 class CurvedFramingParameters:
-    """How far the view goes beyond the text, where the surface is only a continuation."""
+    """How far the view extends beyond the text, where the surface is extrapolated."""
 
     reach: float = 0.3
-    """In widths of the text, when the paper's edge is not seen."""
+    """Extent beyond the text in widths of the text, if the edge of the paper is not seen."""
     sheet_reach: float = 0.6
-    """The same when it is."""
+    """Extent if the edge is seen."""
     max_stretch: float = 4.0
-    """Enlargement in the margins over that of the text, up or down; what is stretched more is left out."""
+    """Enlargement in the margins over that of the text, up or down; parts that are stretched more are left out."""
     steps: int = 12
-    """In which the view shrinks back to the text where the margins are not believable."""
+    """Steps in which the view shrinks to the text if the margins are not plausible."""
 
 
 CURVED_TEXT_FRAMING = CurvedFramingParameters(reach=0.0)
-"""Of a view that shows the text with its margins and nothing else."""
+"""For a view of the text with its margins only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,9 +64,9 @@ def frame_curved_page(
     framing: FramingParameters | None = None,
     parameters: CurvedFramingParameters | None = None,
 ) -> CurvedFrame:
-    """View that shows the whole sheet, or all of the photo that lies near the text.
+    """View of the whole sheet, or, without an outline, of the part of the photo that is near the text.
 
-    `text_points` (N, 2) are centres of characters in photo pixels; `paper` the sheet's outline if it was found.
+    `text_points` (N, 2) are centres of characters in photo pixels; `paper` is the sheet's outline if it was found.
     """
     f, p = framing or FramingParameters(), parameters or CurvedFramingParameters()
     characters = (text_points - view.centre) / view.unit_px
@@ -105,9 +105,10 @@ def frame_curved_page(
 def frame_mesh(
     mesh: SheetMesh, view: PhotoFrame, text_points: Points | None, framing: FramingParameters | None = None
 ) -> CurvedFrame:
-    """View of a whole sheet, cut at its sides, at the resolution that the photo has of its text.
+    """View of a whole sheet, cut at its sides, at the resolution of the text in the photo.
 
-    `text_points` (N, 2) are centres of characters in photo pixels; None or few: the whole sheet counts.
+    `text_points` (N, 2) are centres of characters in photo pixels; with None or few, the resolution is that of the
+    whole sheet.
     """
     f = framing or FramingParameters()
     points = None if text_points is None else (text_points - view.centre) / view.unit_px
@@ -146,9 +147,9 @@ def _grid(box: Floats, count: int) -> Points:
 def _believable(
     page_map: PageMap, view: PhotoFrame, core: Floats, box: Floats, usual: float, p: CurvedFramingParameters
 ) -> Floats:
-    """The greatest box between `core` and `box` whose rim neither folds nor stretches.
+    """The greatest box between `core` and `box` at whose border the map neither folds nor stretches too much.
 
-    Each side shrinks on its own, to where the map from page to photo keeps its orientation and its scale within
+    Each side shrinks independently to where the map from page to photo keeps its orientation and its scale within
     `max_stretch` of the text's.
     """
     box = box.copy()

@@ -23,27 +23,27 @@ from services.texture_flow.field import FlowSamples
 
 @dataclass(frozen=True, slots=True)
 class RidgedPageParameters:
-    """How the mesh is fitted, and when it is believed."""
+    """How the mesh is fitted, and when it is accepted."""
 
     fit: RidgedParameters = field(default_factory=RidgedParameters)
     sides_only: RidgedParameters = field(default_factory=lambda: RidgedParameters(bend_rad=3.0))
-    """Without text. Sides alone do not tell a few creases from a smooth bend, and it is seldom creases: a prior for
+    """Without text. Sides alone do not separate a few creases from a smooth bend, which is more frequent: a prior for
     few ridges made cylinders worse than the start (aspect 3-12 % off, now 0-1.5 %)."""
     fit_to_flow: tuple[Stage, ...] = (Stage(12, 100.0, 10.0, 30.0), Stage(12, 10.0, 3.0, 3.0))
     """Schedule of a fit to the directions of the text lines, before any is traced."""
     focal_steps: tuple[float, ...] = (1.25, 0.8)
-    """Factors of the walk along a focal length that was only assumed, upwards, else downwards."""
+    """Factors of a search over an assumed focal length, first upwards, else downwards."""
     most_focal_steps: int = 2
     focal_gain: float = 0.97
     """A step is taken when it brings the cost below this share."""
     believable_focal: float = 2.0
-    """Of the prior's deviations: on sheets that are no paper the cost falls with the focal length without end."""
+    """Of the prior's deviations: if the sheet is not paper, the cost falls with the focal length without limit."""
     again: tuple[Stage, ...] = (Stage(24, 3.0, 1.5, 1.5), Stage(24, 1.0, 1.0, 1.0))
     """Schedule of the second fit, on lines traced in the view of the first."""
     rounds: int = 4
-    """Fits at most, each on lines traced anew; the last ones only where lines are still wavy and getting straighter."""
+    """Most fits, each on lines traced again; the last ones only while lines are not straight and still improve."""
     straight: float = 0.05
-    """RMS straightness of the lines, in text heights, below which a page reads as well as it can."""
+    """Line straightness (RMS, in text heights) below which a page cannot be read better."""
     improvement: float = 0.85
     """Share of the straightness before, above which another round gains nothing."""
     min_confidence: float = 0.5
@@ -55,19 +55,19 @@ class RidgedPageParameters:
     beyond: float = 0.3
     """A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
     max_skew_rad: float = float(np.deg2rad(2.5))
-    """Of the print against its sheet: beyond, the sheet's sides say nothing of the lines' directions."""
+    """Largest skew of the print; above it the sides of the sheet show nothing of the lines' directions."""
     parallel: float = 0.1
     """Sine of the angle between two sides below which they do not meet in a corner."""
     max_stretch: float = 0.02
-    """RMS change of the edges' lengths: no paper does that."""
+    """Largest RMS change of the edges' lengths; paper stretches less."""
     max_side: float = 0.012
-    """RMS distance of the sides from the mesh's border, in photo units: beyond, it is another sheet."""
+    """RMS distance of the sides from the mesh's border, in photo units: above it, the outline is another sheet's."""
     max_magnification_ratio: float = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RidgedPage:
-    """The map that flattens a creased page, and what to say about it.
+    """The map that flattens a creased page, and the evidence for it.
 
     `line_count` lines of text were traced. `line_straightness` is their RMS deviation from straight ones, in text
     heights, 0 without lines; `side_deviation` is the RMS distance of the outline from the mesh's border, in photo
@@ -82,7 +82,7 @@ class RidgedPage:
     side_deviation: float
     stretch: float
     log_focal_deviation: float = float("inf")
-    """A flexible sheet shows the focal length less well than a smooth one, and how well is not known."""
+    """A flexible sheet shows the focal length less precisely than a smooth one; the precision is not known."""
 
     def surface(self, view: PhotoFrame) -> MeshSurface:
         """The mesh as the answer describes it."""
@@ -103,7 +103,7 @@ class NoRidgedPage:
 
 
 def complete_corners(outline: SheetOutline, p: RidgedPageParameters) -> Points | None:
-    """The outline's corners (4, 2); one that is not seen is where the sides beside it meet. None if they do not."""
+    """The outline's corners (4, 2); one that is not seen is where its two sides meet. None if they do not."""
     corners = outline.corners.copy()
     low, high = outline.polygon.min(axis=0), outline.polygon.max(axis=0)
     reach = p.beyond * float((high - low).max())
@@ -168,9 +168,9 @@ def sides_crease(outline: SheetOutline, order: int = 4) -> float:
 
 
 def print_skew(mesh: SheetMesh, major: FlowSamples) -> float:
-    """Angle (rad) that three quarters of the text lines are askew by at least, from the sheet's top and bottom sides.
+    """Least skew (rad) of three quarters of the text lines against the sheet's top and bottom sides.
 
-    It is seen in the flat view of `mesh`. Creases turn lines both ways, print that is askew turns all of them alike.
+    It is measured in the flat view of `mesh`. Creases turn lines both ways; skewed print turns all of them alike.
     """
     J = mesh.jacobians(major.points)
     known = np.isfinite(J).all(axis=(1, 2))
@@ -276,10 +276,10 @@ def _fit_to_lines(
 def _search_focal(
     fitted: FittedMesh, observed: SheetObservations, steps: tuple[float, ...], p: RidgedPageParameters
 ) -> FittedMesh:
-    """The best fit on a walk along the focal length.
+    """The best fit of a search over the focal length.
 
-    Depth and focal length that grow alike leave the photo as it is, so a fit stays near the focal length that it
-    began with, though another one explains the photo better.
+    If depth and focal length grow by the same factor, the photo does not change. So a fit stays near the focal length
+    of its start, even if another one explains the photo better.
     """
     last = replace(p.fit, schedule=p.fit.schedule[-1:])
     best = fitted

@@ -1,7 +1,7 @@
-"""A bent page with straight sides: what its surface leaves of their bends is taken out of the margins.
+"""A bent page with straight sides: the bends of its sides that the surface leaves are removed from the margins.
 
-Text fixes a smooth surface where it is printed; in the margins the surface is a continuation, and the sheet's own sides
-show how far it is off. A shift that moves every side to its straight line fades out towards the text, which stays.
+Text determines a smooth surface where it is printed; in the margins the surface is extrapolated, and the sides of the
+sheet show its error. A shift moves every side to its straight line and falls to zero towards the text.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class StraightSidesParameters:
     max_shift: float = 0.04
     """Sides that are bent further are those of another surface: nothing is moved."""
     max_slope: float = 0.035
-    """Of a side against the page's axis: print that is askew on its sheet keeps its sides askew."""
+    """Of a side against the page's axis: skewed print keeps the sides of its sheet skewed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +61,7 @@ class StraightSidedPage:
     sides: tuple[SideShift, ...]
 
     def shift(self, page: Points) -> Points:
-        """What is added to page points (N, 2) of the base."""
+        """Shift (N, 2) of page points (N, 2) of the base."""
         total = np.zeros_like(page)
         for side in self.sides:
             total[:, side.axis] += side.at(page)
@@ -127,7 +127,7 @@ def straighten_sides(
 def _side_shift(
     page: Points, low: Vector, high: Vector, size: float, p: StraightSidesParameters
 ) -> SideShift | None:
-    """The shift that straightens a side with the points `page` (N, 2) beside text from `low` to `high` (u, v)."""
+    """The shift that straightens a side with the points `page` (N, 2), for text from `low` to `high` (u, v)."""
     middle = page.mean(axis=0)
     way = np.linalg.svd(page - middle, full_matrices=False)[2][0]
     axis = 0 if abs(way[1]) > abs(way[0]) else 1

@@ -1,4 +1,4 @@
-"""How a bent page is described to those who ask for its shape, in photo pixels and the camera frame."""
+"""Descriptions of bent pages for the answer, in photo pixels and the camera frame."""
 
 from dataclasses import dataclass
 

@@ -47,7 +47,7 @@ class MajorFlowParameters:
     repeats: int = 2
     outlier_rad: float = np.deg2rad(8.0)
     max_samples: int = 600
-    """Bound on the fine samples: the blocks grow until there are no more."""
+    """Bound on the fine samples: the blocks grow until there are at most this many."""
     smoothing: float = 6.0
     """Of the field that neighbours are judged by."""
     field_smoothing: float = 5.0
@@ -188,7 +188,7 @@ def _measure_slopes(
 ) -> tuple[Vector, NDArray[np.bool_], Vector, Points]:
     """Slope of the profile's peak against `theta`, whether it is an inner peak, its weight and place, for every window.
 
-    The place is the centroid of the ink: a window that reaches beyond the ends of its lines tells their direction
+    The place is the centroid of the ink: a window that reaches beyond the ends of its lines shows their direction
     not in its middle but where they are.
     """
     along = window.along_px * np.stack([np.cos(theta), np.sin(theta)], axis=1)

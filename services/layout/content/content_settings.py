@@ -47,8 +47,8 @@ class FeatureSettings:
 
     The cues are found at the `start` of a zone, of each `line`, `anywhere`, or must be the `whole` zone. A phrase
     or pattern counts 1, a weak one 0.5, a phrase with letters misread `fuzzy` times that (0: never). With
-    `words_at_most` the confidence falls with longer zones, to 0 at three times so many words; with
-    `words_at_least` it grows in proportion up to so many. With `full_share` it is the share of the zone's letters
+    `words_at_most` the confidence falls with longer zones, to 0 at three times this number; with
+    `words_at_least` it grows in proportion up to this number. With `full_share` it is the share of the zone's letters
     that the cues cover, 1 from `full_share` on. `capitalised` phrases count only where they begin with a capital;
     up to `capitals_after` capitalised words behind a phrase are covered too.
     """

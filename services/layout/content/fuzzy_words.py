@@ -33,7 +33,7 @@ class Tolerance:
 ANCHORED = Tolerance(folded_from=3, one_edit_from=4, two_edits_from=8)
 """At positions where key words are expected: `ene` matches `enc`, `Deer` `Dear`, `Sincersiy` `Sincerely`."""
 ANYWHERE = Tolerance(folded_from=4, one_edit_from=6, two_edits_from=10)
-"""Within running text, where `match` must not be taken for `March`."""
+"""Within running text, where `match` must not be read as `March`."""
 
 
 def fold(word: str) -> str:
@@ -79,7 +79,7 @@ class FuzzyWords:
         return OSA.distance(fold(word), fold(listed), score_cutoff=edits) <= edits
 
     def _search(self, word: str) -> tuple[str, ...]:
-        # A single letter or a number is never taken for a misreading.
+        # A single letter or a number is never treated as misread.
         if word.isdigit() or not 2 <= len(word) <= LONGEST_WORD + 2:
             return ()
         keys = _shortened(fold(word), self._tolerance.edits(len(word) + 1))

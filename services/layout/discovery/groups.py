@@ -25,7 +25,7 @@ class GroupingParameters:
     """Largest distance of two joined groups, as a multiple of the mean distance within them. It separates publications
     that look similar but vary little within each. Values of 1.6 to 2 split no class."""
     strictest: float = 0.1
-    """Least distance within a group: measurements of one zone differ so much between scans."""
+    """Least distance within a group: measurements of one zone differ by this between scans."""
     most_zones: int = 6000
     """Zones of all pages together. The time grows with the square: 6000 take 20 s. These are 400 title pages, or 12
     pages of 500 zones."""
@@ -68,8 +68,9 @@ def group_pages(
 ) -> tuple[PageGroup, ...]:
     """Groups of similar pages, the largest first; a page that resembles few others is in no group.
 
-    Average linkage: groups grow while the mean distance between their pages is small, whatever the order of the
-    pages. Of more pages than `most_zones` allow only the first are looked at. A page without zones is in no group.
+    Average linkage: groups grow while the mean distance between their pages is small; the order of the pages
+    has no influence. Of more pages than `most_zones` permits only the first are used. A page without zones is in no
+    group.
     """
     graphs = graphs[: choose_pages(graphs, parameters.most_zones)]
     printed = [index for index, graph in enumerate(graphs) if graph.zones]

@@ -37,7 +37,7 @@ class MergingParameters:
 class MergeProposal:
     """Two classes that may be one, in the order of their names.
 
-    `fit` is how well each one's model explains the other's samples beside their own model, the lesser of both;
+    `fit` is how well each one's model explains the other's samples compared with their own model, the smaller of both;
     1: as well. `unsure` is the share of samples whose class is decided wrongly or not clearly. `labels` leads from
     the second one's labels to the first one's where the names differ, None being no label; `agreement` is the share of
     zones to which it applies.

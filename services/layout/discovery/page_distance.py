@@ -86,9 +86,9 @@ def _content_evidence(one: LayoutGraph, other: LayoutGraph) -> NDArray[np.float6
 
 
 def compare_pages(one: LayoutGraph, other: LayoutGraph) -> PageComparison:
-    """Distance of two pages and their corresponding zones; symmetric, whatever the order of zones.
+    """Distance of two pages and their corresponding zones; symmetric, and independent of the order of zones.
 
-    The pairing is the one-to-one assignment with the most evidence; zones may be left alone. Of pages with more
+    The pairing is the one-to-one assignment with the most evidence; zones may stay unpaired. Of pages with more
     than `MOST_ZONES` zones only the largest are compared.
     """
     return _compare(_described(one), _described(other))

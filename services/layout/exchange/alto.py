@@ -133,7 +133,7 @@ def _tags(root: Element) -> dict[str, tuple[str, str, str]]:
 def _blocks(parent: Element, inherited: tuple[str, ...]) -> Iterator[tuple[Element, tuple[str, ...]]]:
     """The blocks that become zones, with the TAGREFS of those they are in, outermost first.
 
-    A table is one zone, whatever is in it. The depth of the recursion is that of the file, which is bounded.
+    A table is one zone with all its contents. The depth of the recursion is that of the file, which is bounded.
     """
     for element in parent:
         if element.tag in _SPACES:
@@ -286,7 +286,7 @@ class _Tags:
         zone = labelled.zone
         measures = {name: getattr(zone, name) for name in _MEASURES}
         if zone.kind == "text" and zone.lines == (len(_lines(zone)) or None):
-            del measures["lines"]  # the TextLines tell it
+            del measures["lines"]  # the TextLines contain it
         found += [("OtherTag", name, decimal(value)) for name, value in measures.items() if value is not None]
         found += [] if zone.id == name else [("OtherTag", _ID, clean(zone.id))]
         for tag in found:

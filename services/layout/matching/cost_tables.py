@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 class CostTables:
     """Costs of labelling N zones with L labels; label 0 is null, label m > 0 the model node m - 1.
 
-    A labelling is one label a zone, so many zones may share a model node and some may have none. Its cost is
+    A labelling is one label for each zone; several zones may share a model node and some may have none. Its cost is
 
         sum_z node[z, l_z] + sum_e edge[e, l_i, l_j] + sum_l count[l, n_l]
 

@@ -67,7 +67,7 @@ def match_directly(tables: CostTables, parameters: MatchingParameters) -> Matchi
 
 
 class _Found:
-    """The best labelling so far."""
+    """The best labelling that was found yet."""
 
     def __init__(self, tables: CostTables, neighbours: Neighbours) -> None:
         self._tables, self._neighbours = tables, neighbours

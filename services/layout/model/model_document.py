@@ -97,7 +97,7 @@ def model_from_document(document: Any) -> LayoutModel:
 
 
 def _whole(number: Any) -> Any:
-    """A whole number as an int: JSON does not tell 3.0 from 3."""
+    """A whole number as an int: JSON does not distinguish 3.0 from 3."""
     return int(number) if isinstance(number, float) and number.is_integer() else number
 
 

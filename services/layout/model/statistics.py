@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.layout.graph.layout_graph import RELATION_OFFSETS, LayoutGraph
 
 MOST_COUNTED = 13
-"""Zones of one label on a page are counted so far; more count as many."""
+"""Zones of one label on a page are counted up to this number; more count as many."""
 
 ROUNDING = 1e-9
 

@@ -33,7 +33,7 @@ on simulated pages that lowered the cost a zone by 0.17 at most, and its odds ri
 
 
 MOST_CONTENDERS = 12
-"""Models that are matched thoroughly, the most probable first; more are so much alike that proofs do not part them."""
+"""Models that are matched thoroughly, the most probable first; more are too similar to be separated by proofs."""
 
 MOST_ENTRIES, MOST_ENTRIES_TOGETHER = 6e7, 6e8
 """Of the tables of pairs of one model (8 bytes each), and of all models together (10 ns each). Beyond it zones are

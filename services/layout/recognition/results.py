@@ -43,7 +43,7 @@ class MatchReport:
     """The match behind the labels; `gap` is how far its cost may lie above the least one, 0 when optimal.
 
     `backbone` names for each model node the zone that matches it best (the one-to-one match of 5.4);
-    `explanation` has the terms of the cost, largest first, when they were asked for.
+    `explanation` has the terms of the cost, largest first, if they were requested.
     """
 
     cost: float

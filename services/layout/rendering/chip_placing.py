@@ -15,7 +15,7 @@ _ON_OWN_ZONE = 0.95
 _LESS_LIKED = 0.06
 """Cost, in areas of the label, of each place further down the list."""
 _STEPS = 12
-"""How many labels up and down a place is looked for where all about the zone are taken."""
+"""Number of labels up and down in which a free place is searched if all near the zone are taken."""
 
 
 def place_chips(

@@ -18,7 +18,7 @@ from services.layout.rendering.chip_placing import Rect, place_chips
 MAX_SIDE_PX = 2000
 """Of the picture: a page is still read at 170 dpi, and a browser shows it at once."""
 MIN_SIDE_PX = 900
-"""Of the page in it: smaller ones are enlarged, so that labels are small beside zones."""
+"""Of the page in it: smaller ones are enlarged, so that labels are small compared with zones."""
 MIN_WIDTH_PX = 480
 """Of the picture: the header says something on the narrowest strip too."""
 CERTAIN = 0.8
@@ -80,7 +80,7 @@ other label follows from a hash of its name."""
 _UNLABELLED: Colour = (110, 116, 122)
 _INK: Colour = (24, 28, 33)
 _DESK: Colour = (226, 229, 233)
-"""Beside a page that is narrower than the picture."""
+"""Colour next to a page that is narrower than the picture."""
 _HEADER: Colour = (32, 38, 46)
 _HEADER_TEXT: Colour = (255, 255, 255)
 _HEADER_ASIDE: Colour = (166, 176, 188)
@@ -249,7 +249,7 @@ def _rounded(width: int, height: int, radius: int) -> Image.Image:
 
 
 def _draw_header(canvas: Image.Image, recognition: Recognition, frame: _Frame) -> None:
-    """Class and probability above the page, what else competed beside them; a bar as long as it is probable."""
+    """Class and probability above the page, then the other candidates; a bar as long as it is probable."""
     title, probability, aside = _headline(recognition)
     large, small = _font(round(1.35 * frame.text)), _font(frame.text)
     draw = ImageDraw.Draw(canvas)

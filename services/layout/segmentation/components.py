@@ -13,7 +13,7 @@ Boxes = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _MOST_PAIRS = 4_000_000
-"""Pairs looked at together; a page of print has 0.5 million."""
+"""Pairs that are processed together; a page of print has 0.5 million."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ def near_pairs(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[Ind
     counts = np.maximum(ends - np.arange(len(low)) - 1, 0)
     total = np.cumsum(counts)
     if len(total) and total[-1] > _MOST_PAIRS:
-        # Only dirt has so many overlaps; there the nearest neighbours are enough.
+        # Only dirt has this many overlaps; there the nearest neighbours are enough.
         counts = np.minimum(counts, _MOST_PAIRS // len(low))
         total = np.cumsum(counts)
     first = np.repeat(np.arange(len(low)), counts)

@@ -39,7 +39,7 @@ def find_entries(lines: Sequence[Line], parameters: SegmentationParameters) -> l
         others = labels[of_list]
         if len(others) < 2:
             continue
-        # Beside notes in a margin runs a text of many more lines.
+        # The text next to notes in a margin has many more lines.
         between = (baseline > np.min(baseline[others]) - em[label]) & (
             baseline < np.max(baseline[others]) + em[label]
         )

@@ -25,7 +25,7 @@ def measure_zones(gray: GrayImage, page: Page, parameters: SegmentationParameter
 
     Parameters
     ----------
-    gray : (H, W) uint8, the page's image; zones whose boxes lie beyond it are left alone.
+    gray : (H, W) uint8, the page's image; zones whose boxes lie outside of it are not changed.
     """
     parameters = parameters or SegmentationParameters()
     known = ("lines", "font_size", "line_spacing", "weight", "alignment")

@@ -31,7 +31,7 @@ def find_parts(
 ) -> list[Part]:
     """Parts without text of a page of `page_px` (width, height).
 
-    `unused` (components,) tells those that are in no line, `lines` (L, 4) where the lines lie.
+    `unused` (components,) marks those that are in no line, `lines` (L, 4) where the lines lie.
     """
     parts = _rules(components, np.flatnonzero(kinds.rules), lines, unit, parameters)
     rest = np.flatnonzero(unused & ~kinds.rules & (kinds.large | kinds.glyphs))
@@ -65,7 +65,7 @@ def without_dirt(
 
 
 def _largest(components: Components, parts: list[Part], most: int) -> list[Part]:
-    """At most so many of `parts`: those with most ink."""
+    """The `most` parts with most ink."""
     if len(parts) <= most:
         return parts
     ink = [float(np.sum(components.area[part.members])) for part in parts]
@@ -149,7 +149,7 @@ def _touches_border(boxes: Boxes, page_px: tuple[int, int], unit: float) -> NDAr
 def _is_compact(
     components: Components, members: Indices, parameters: SegmentationParameters
 ) -> NDArray[np.bool_]:
-    """Solid ink of moderate shape: a picture set to the page's border, not the shadow beside a page."""
+    """Solid ink of moderate shape: a picture set to the page's border, not the shadow at a page's edge."""
     boxes = components.boxes[members]
     sides = boxes[:, 2:] - boxes[:, :2]
     fill, longest = parameters.border_figure

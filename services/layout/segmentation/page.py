@@ -37,7 +37,7 @@ def segment_page(
 ) -> Page:
     """Zones of a flat, upright page: text at paragraph level, figures, rules and noise, in reading order.
 
-    Lines and zones are found from connected components alone; words tell what is text, and its text.
+    Lines and zones are found from connected components alone; words show which of them are text, and what it says.
 
     Parameters
     ----------

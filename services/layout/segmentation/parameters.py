@@ -30,7 +30,7 @@ class SegmentationParameters:
     largest_glyph: float = 6.0
     """... to a large heading's capitals."""
     rule_aspect: float = 9.0
-    """A rule is so many times longer than thick."""
+    """Least ratio of a rule's length to its thickness."""
     rule_thickness: float = 0.5
     """Rules are thinner than this, in units."""
 
@@ -40,7 +40,7 @@ class SegmentationParameters:
     letter_gap: float = 0.6
     """Components nearer than this times their height are one word, or words near each other."""
     tallest_partner: float = 2.3
-    """Heights of linked components differ by no more: x-height against brackets is 2.1."""
+    """Largest ratio of the heights of linked components: x-height to brackets is 2.1."""
     widest_gap: float = 3.0
     """Wider gaps always end a line; three spaces of a typewriter are 2.3."""
     wide_gap: float = 0.7
@@ -52,7 +52,7 @@ class SegmentationParameters:
     least_space: float = 0.2
     """Narrower gaps are between letters."""
     gap_over_space: float = 1.9
-    """Gaps that end a line are so many times wider than the spaces between words around."""
+    """Least ratio of a gap that ends a line to the spaces between words around it."""
     widest_space: float = 1.1
     """Spaces are taken to be no wider: a typewriter's are 1.0."""
     gutter_reach: float = 3.6
@@ -76,7 +76,7 @@ class SegmentationParameters:
     weight_step: float = 1.3
     """Bold strokes are 1.4 to 1.7 times as wide as regular ones."""
     slanted_letters: int = 10
-    """So many letters tell whether a line is set in italics ..."""
+    """Least number of letters that shows whether a line is set in italics ..."""
     slant_step: float = 0.11
     """... which lean by 0.2 more than upright ones; figures and capitals blur that."""
     narrow: float = 12.0
@@ -103,13 +103,13 @@ class SegmentationParameters:
     running_margin: float = 0.1
     """Largest distance of running heads and feet from the page's edge, over its height."""
     running_components: int = 10
-    """They have so many glyphs, at least ..."""
+    """Least number of their glyphs ..."""
     number_digits: int = 4
-    """... and a page number no more than these,"""
+    """... and largest number of those of a page number,"""
     number_step: float = 1.1
-    """higher than the capitals beside it by this factor,"""
+    """which is higher than the capitals next to it by this factor,"""
     number_gap: float = 2.5
-    """or apart by so many of the spaces between words."""
+    """or apart from them by this multiple of the spaces between words."""
     shortest_note: float = 4.8
     """A first line this short at the foot of a letter's text ("JRB:tc", "Encl.") is no name or place."""
     foot_of_text: float = 0.5
@@ -123,15 +123,15 @@ class SegmentationParameters:
     entry_gap: float = 4.5
     """Values begin at most this far behind the longest label."""
     lines_per_entry: float = 1.9
-    """Values have no more lines, in the mean ..."""
+    """Largest mean number of lines of the values ..."""
     widest_value: float = 22.0
-    """... nor are they as wide as running text."""
+    """... and largest width; running text is wider."""
     list_reach: float = 12.0
     """Largest distance of neighbouring entries of one list."""
     paragraph_leading: float = 1.45
     """From here on a line that ends early ends its paragraph: the space may be that between paragraphs."""
     early_end: float = 3.5
-    """A line ends early that leaves so much: the next word would have fitted."""
+    """A line ends early if it leaves this much space: the next word would have fitted."""
 
     figure_gap: float = 2.0
     """Parts of a figure lie nearer to each other, in units."""
@@ -145,9 +145,9 @@ class SegmentationParameters:
     """Shorter rules are dashes, in units."""
 
     scrap_components: int = 6
-    """Text of no more glyphs that nobody read may be a piece of a signature or a stamp, ..."""
+    """Unread text of at most this many glyphs may be a piece of a signature or a stamp, ..."""
     scrap_gap: tuple[float, float] = (0.6, 0.5)
-    """... and is of the next piece if both, grown so far across and down in units, meet."""
+    """... and belongs to the next piece if both, enlarged by this across and down in units, meet."""
     least_noise: float = 4.0
     """Noise is larger, in units; less is dirt."""
     most_noise: int = 12
@@ -155,9 +155,9 @@ class SegmentationParameters:
     rule_gap: float = 5.0
     """Pieces of one rule are no farther apart, in units."""
     trimmed_share: float = 0.5
-    """A figure whose upper part crosses a line of print begins below it, if so much of its height is left."""
+    """A figure whose upper part crosses a line of print begins below it, if this share of its height is left."""
     largest_scrap: float = 40.0
-    """What is longer, in units, is no scrap but a border or a picture."""
+    """Longer parts, in units, are not scraps but borders or pictures."""
 
     sure_confidence: float = 0.5
     """A line read with more is text, however it looks."""
@@ -172,4 +172,4 @@ class SegmentationParameters:
     dirt_share: float = 1.0
     """Loose components round a short line, against its own: more is dirt."""
     border_figure: tuple[float, float] = (0.5, 6.0)
-    """What touches the border of the page is a figure if it fills its box so far, and is no longer than this."""
+    """Ink at the border of the page is a figure if it fills this share of its box and is at most this elongated."""

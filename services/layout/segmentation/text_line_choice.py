@@ -43,11 +43,11 @@ def choose_text_lines(
     inside &= em >= parameters.least_em_px
     inside &= (boxes[:, 2] < page_px[0] - margin) & (boxes[:, 3] < page_px[1] - margin)
     long = (counts >= parameters.long_line) & regular & inside
-    # So many glyphs in a row are text even where two lines of it touch.
+    # This many glyphs in a row are text even where two of its lines touch.
     long |= (counts >= 3 * parameters.long_line) & inside
     known = em[sure & (counts > 2)] if np.any(sure & (counts > 2)) else em[long]
     if len(known) == 0:
-        known = em  # A page with a few words on it: nothing tells their size.
+        known = em  # A page with a few words on it: nothing shows their size.
     least, most = parameters.size_range
     ratio = em[:, None] / known[None, :]
     alike = np.any((ratio > least) & (ratio < most), axis=1)
@@ -64,7 +64,7 @@ def choose_text_lines(
 
 
 def _is_dirty(lines: Sequence[Line], components: Components, is_long: NDArray[np.bool_]) -> bool:
-    """Whether a page has so much loose ink that short lines without words are more often dirt than print."""
+    """Whether a page has enough loose ink that short lines without words are more often dirt than print."""
     in_lines = sum(len(line.members) for line, long in zip(lines, is_long, strict=True) if long)
     return len(components) - in_lines > 60 + 0.8 * in_lines
 

@@ -13,7 +13,7 @@ from services.layout.segmentation.ink import Components
 from services.layout.segmentation.parameters import SegmentationParameters
 
 _LONG = 4
-"""Lines with so many components are no fragments of others."""
+"""Lines with this many components are not fragments of others."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,7 +22,7 @@ class Line:
 
     `members` are indices of its components; `em` its font size by its capitals and ascenders, `small` the
     height of its letters without (of capitals, where there are no others); `stroke` its mean stroke width;
-    `slant` the median one of its letters, None where too few tell.
+    `slant` the median one of its letters, None where there are too few.
     """
 
     members: Indices

@@ -1,1 +1,1 @@
-"""One global developable surface of few parameters, fitted to all that the photo shows of the page's shape."""
+"""A global developable surface of few parameters, fitted to all evidence of the page's shape in the photo."""

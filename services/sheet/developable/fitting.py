@@ -15,9 +15,9 @@ from services.sheet.developable.surface import BendBasis, DevelopableSurface
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceStart:
-    """Where a fit begins.
+    """Start of a fit.
 
-    `rotation` (3, 3) holds the text's axes at the `anchor` (centred photo point), `parameters` (5 + K,) log focal
+    `rotation` (3, 3) has the text's axes at the `anchor` (centred photo point), `parameters` (5 + K,) log focal
     length, skew, slopes, slant and bends over `basis`.
     """
 
@@ -29,11 +29,11 @@ class SurfaceStart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedSurface:
-    """The fitted surface and how well it explains what was seen.
+    """The fitted surface, its cost, and the deviations of its residuals.
 
     `cost` is half the sum of the squared residuals under their losses; the scales are robust deviations of the
-    residuals (lines in units of those assumed); `log_focal_deviation` is what the observations leave, without the
-    prior.
+    residuals (lines in units of those assumed); `log_focal_deviation` is that of the observations, without
+    the prior.
     """
 
     surface: DevelopableSurface
@@ -52,7 +52,22 @@ class FittedSurface:
 def fit_surface(
     start: SurfaceStart, observed: PageObservations, parameters: FittingParameters | None = None
 ) -> FittedSurface:
-    """Least squares from `start` over turn, focal length, skew, slopes of the rulings, slant and bends."""
+    """Fit the surface by robust least squares over turn, focal length, skew, slopes of the rulings, slant and bends.
+
+    Parameters
+    ----------
+    start
+        Pose, focal length and bends at which the fit starts.
+    observed
+        Flows, text lines and margins in centred unit coordinates.
+    parameters
+        Standard deviations of the observations, and priors.
+
+    Returns
+    -------
+    FittedSurface
+        The surface of least cost near `start`.
+    """
     p = parameters or FittingParameters()
     free = observed.principal_point.start if observed.principal_point else ()
     x0 = np.concatenate([np.zeros(3), start.parameters, free])
@@ -92,7 +107,7 @@ def fit_surface(
 def free_gain(
     at: SurfaceStart, observed: PageObservations, parameters: FittingParameters
 ) -> tuple[float, float]:
-    """What a free principal point would take off the cost, along x and along y, to first order (Rao's score test).
+    """Gain in cost by a free principal point, along x and along y, to first order (Rao's score test).
 
     `at` is a surface that was fitted with the principal point at the origin; `observed` has a prior on it.
     """
@@ -102,14 +117,14 @@ def free_gain(
     J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-12)
     gains = []
     for axis in (-2, -1):
-        # What of the offset's effect the other parameters cannot do.
+        # The part of the offset's effect that the other parameters cannot explain.
         effect = J[:, axis] - J[:, :-2] @ np.linalg.lstsq(J[:, :-2], J[:, axis], rcond=1e-9)[0]
         gains.append(0.5 * float(effect @ r) ** 2 / max(float(effect @ effect), 1e-12))
     return gains[0], gains[1]
 
 
 def _focal_deviation(jacobian: Floats, prior_deviation: float) -> float:
-    """Deviation of log f from the observations alone: the prior's information is taken out again."""
+    """Deviation of log f from the observations alone: without the prior's information."""
     information = jacobian.T @ jacobian
     information[3, 3] -= 1 / prior_deviation**2
     information += 1e-9 * np.trace(information) * np.eye(len(information))
@@ -118,7 +133,7 @@ def _focal_deviation(jacobian: Floats, prior_deviation: float) -> float:
 
 
 def rescale_deviations(parameters: FittingParameters, fitted: FittedSurface) -> FittingParameters:
-    """Parameters whose deviations of lines and spacings are those that a fit has shown, where they are larger."""
+    """Parameters with the deviations of lines and spacings that a fit has shown, where they are larger."""
     spacing = max(1.0, fitted.spacing_scale)
     return replace(
         parameters,

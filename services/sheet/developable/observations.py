@@ -1,4 +1,4 @@
-"""What a photo shows of the page's shape: flows, traced text lines, line spacing, margins."""
+"""Observations of the page's shape in a photo: flows, traced text lines, line spacing, margins."""
 
 from dataclasses import dataclass
 
@@ -48,8 +48,8 @@ NO_LINES = LineObservations(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0),
 class PageObservations:
     """All that a surface is fitted to, in centred unit coordinates.
 
-    `hull` (H, 2) surrounds the text, where rulings must not cross; `log_focal` and `focal_deviation` say what is
-    known of the focal length beforehand.
+    `hull` (H, 2) surrounds the text, where rulings must not cross; `log_focal` and `focal_deviation` are the prior
+    of the focal length.
     """
 
     major: FlowSamples

@@ -24,7 +24,7 @@ SLANT = GLOBAL
 BENDS = SLANT + 1
 MIN_LOG_FOCAL, MAX_LOG_FOCAL = -1.05, 2.5
 _PROBE = 0.002
-"""A flow's direction on the page is that of the way between two photo points so far apart (about 3 px)."""
+"""Distance of the two photo points whose vector on the page is the flow's direction there (about 3 px)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,35 +32,35 @@ class FittingParameters:
     """Standard deviations of observations and priors; lengths in centred units."""
 
     flow_overlap: float = 12.0
-    """Windows of neighbouring major samples share ink: so many count as one."""
+    """Windows of neighbouring major samples share ink: this many count as one."""
     major_rad: float = np.deg2rad(0.3)
     stroke_overlap: float = 4.0
     minor_rad: float = np.deg2rad(0.5)
     slant_mean_rad: float = np.deg2rad(0.2)
     slant_rad: float = np.deg2rad(0.15)
     skew_rad: float = np.deg2rad(12.0)
-    """Sheets bend across or along their text lines more often than aslant: of sin(2 skew) / 2."""
+    """Sheets bend across or along their text lines more often than diagonally: deviation of sin(2 skew) / 2."""
     slope: float = 0.15
-    """Of the rulings, per unit: books and bent sheets are nearly cylinders."""
+    """Deviation of the slope of the rulings, per unit: books and bent sheets are nearly cylinders."""
     tilt_rad: float = np.deg2rad(35.0)
     bend: float = 6.0
-    """Of the curvature of the a-axis, per unit."""
+    """Deviation of the curvature of the a-axis, per unit."""
     bend_difference: float = 3.0
     bend_change: float = 1.0
-    """Of the first and second differences of neighbouring bends."""
+    """Deviations of the first and second differences of neighbouring bends."""
     rim_difference: float = 0.7
     rim_bends: int = 2
-    """Of the first differences of so many bends at either end, beyond the text: there the bend goes on as it is."""
+    """Deviation of the first differences of this many bends at either end, beyond the text: the bend continues."""
     line_factor: float = 1.0
     spacing: float = 0.012
     spacing_between: float = 0.012
     margin: float = 0.25
-    """Of a flush end in text heights."""
+    """Deviation of a flush end in text heights."""
     growth: float = 0.35
     growth_deviation: float = 0.05
-    """Neighbouring rulings may approach one another under the text to this share of their distance, or little more."""
+    """Under the text, neighbouring rulings may approach each other to about this share of their distance."""
     cauchy_flows: bool = False
-    """Flows may be wrong in whole parts (pictures taken for text): their loss is Cauchy's."""
+    """Whether the loss of flows is Cauchy's: flows of whole parts may be wrong (pictures that were read as text)."""
     max_evaluations: int = 40
 
 
@@ -81,7 +81,7 @@ def under(loss: Callable[[Vector], tuple[Vector, Vector]], r: Residual) -> Resid
 def surface_of(
     x: Vector, rotation: Floats, anchor: tuple[float, float], basis: BendBasis
 ) -> DevelopableSurface:
-    """Surface of the parameters x (8 + K,): a turn of `rotation`, log f, skew, slopes, slant, bends.
+    """Surface of the parameters x (8 + K,): turn of `rotation` (3), log f, skew, slopes (2), slant, bends.
 
     `rotation` has the text's axes as columns; the sheet's a-axis lies `skew` before the text's direction.
     """
@@ -105,7 +105,7 @@ def _right_jacobian(w: Vector) -> Floats:
 
 
 class PageResiduals:
-    """All residuals and their derivatives at a vector of parameters; the photo points are unrolled in one go."""
+    """All residuals and their derivatives at a vector of parameters; all photo points are unrolled at once."""
 
     def __init__(
         self,
@@ -176,7 +176,7 @@ class PageResiduals:
         )
         moved = np.insert(moved, SLANT, 0.0, axis=2)
         if self.observed.principal_point:
-            # The sheet's origin stays at its place in the photo: where the depth is the origin's, nothing moves.
+            # The origin of the sheet keeps its place in the photo: points at its depth do not move.
             nearer = surface.focal / at.X[:, 2] - 1
             moved = np.concatenate([moved, at.jacobians * nearer[:, None, None]], axis=2)
         return at, moved
@@ -205,7 +205,7 @@ class PageResiduals:
         }
 
     def _crossing(self, sheet: Points, x: Vector) -> Residual:
-        """Rulings keep apart under the text: 1 + t w'(s) stays above a least growth."""
+        """Rulings do not cross under the text: 1 + t w'(s) is at least `growth`."""
         s, t = sheet.T
         short = self.p.growth - (1 + t * (x[5] + 2 * x[6] * s))
         slope = np.zeros((len(s), len(x)))
@@ -237,7 +237,7 @@ class PageResiduals:
         for group in self.lines.alike:
             log, rate = np.array([logs[k] for k in group]), np.array([dlogs[k] for k in group])
             weight = np.array([len(self.lines.runs[k].lines) for k in group], float)
-            # A short paragraph knows its spacing less well: its own deviation is added to the common one.
+            # The spacing of a short paragraph is less certain: its own deviation is added to the common one.
             deviation = np.hypot(p.spacing_between, p.spacing * np.sqrt(12.0) / weight**1.5)
             share = weight / weight.sum()
             values.append((log - share @ log) / deviation)
@@ -310,7 +310,7 @@ class PageResiduals:
         """Residuals (n,) under their losses, with the priors, and their derivatives (n, M)."""
         if self._last is None or self._last[0] != x.tobytes():
             parts = self.parts(x)
-            # Single observations may be outliers, groups may be wholly wrong; the priors are meant as they are.
+            # Single observations may be outliers, and groups may be wrong as a whole; priors are squared.
             of_flows = cauchy if self.p.cauchy_flows else soft_l1
             losses = {"major": of_flows, "minor": of_flows, "straight": soft_l1}
             losses |= {"spacing": cauchy, "margins": cauchy}
@@ -326,7 +326,7 @@ def _ahead(flow: FlowSamples) -> Points:
 
 
 def _direction(q: Points, dq: Floats, here: slice, there: slice, across: int) -> Residual:
-    """Angle on the page of the ways from `here` to `there` against the axis 1 - `across`."""
+    """Angle on the page of the vectors from `here` to `there` against the axis 1 - `across`."""
     way, dway = q[there] - q[here], dq[there] - dq[here]
     a, b = way[:, 1 - across], way[:, across]
     a = np.where(a == 0, 1e-15, a)

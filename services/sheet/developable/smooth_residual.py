@@ -1,7 +1,7 @@
-"""What a smooth developable sheet leaves of the text lines' waves (creases, soaked paper), taken out gently.
+"""A small smooth field for the waves of text lines that a developable sheet leaves (creases, soaked paper).
 
-The lines' points show by how much v must be shifted on the flat page; a smooth field through these shifts, small by
-construction, is added to the surface's map. Nothing is moved along the lines, of which the lines say nothing.
+The points of the lines show by how much v must be shifted on the flat page. A smooth field through these shifts, small
+by construction, is added to the map of the surface. Points are not moved along the lines: these show nothing of it.
 """
 
 from dataclasses import dataclass
@@ -24,13 +24,13 @@ class ResidualParameters:
     rows: int = 10
     """Cubic B-splines over the text along u and v."""
     deviation: float = 0.06
-    """Of a line's point: below it nothing needs to be moved."""
+    """Deviation of a line's point: a smaller shift is not needed."""
     bend: float = 0.12
-    """Of the second differences of neighbouring coefficients."""
+    """Deviation of the second differences of neighbouring coefficients."""
     size: float = 0.6
-    """Of the coefficients: the field is small, or the surface is wrong."""
+    """Deviation of the coefficients: the field is small, or the surface is wrong."""
     max_shift: float = 1.5
-    """Of the field anywhere: more is no crease but a surface or lines gone wrong, and the field is left out."""
+    """Largest shift: more is not a crease but an error of the surface or of the lines, and the field is left out."""
     min_points: int = 60
     iterations: int = 6
 
@@ -39,7 +39,7 @@ class ResidualParameters:
 class MorphedPage:
     """A `PageMap`: `surface`, then v + shift(u, v) with the tensor-product spline `coefficients` (rows, columns).
 
-    The field spans `low` to `high` (u, v) and goes on constantly beyond.
+    The field spans `low` to `high` (u, v) and is constant beyond.
     """
 
     surface: DevelopableSurface
@@ -48,7 +48,7 @@ class MorphedPage:
     high: Points
 
     def shift(self, page: Points) -> Vector:
-        """What is added to v at page points (N, 2) of the surface."""
+        """Shift (N,) of v at page points (N, 2) of the surface."""
         rows, columns = self.coefficients.shape
         across = _splines(page[:, 0], float(self.low[0]), float(self.high[0]), columns)
         down = _splines(page[:, 1], float(self.low[1]), float(self.high[1]), rows)
@@ -88,7 +88,7 @@ def _splines(x: Vector, low: float, high: float, count: int) -> Floats:
 def morph_to_lines(
     surface: DevelopableSurface, lines: LineObservations, parameters: ResidualParameters | None = None
 ) -> PageMap:
-    """The surface with the smooth residual of its `lines`, or without: where they are few or it is too large."""
+    """The surface with the smooth residual of its `lines`; without it if they are few or it is too large."""
     p = parameters or ResidualParameters()
     if len(lines.points) < p.min_points:
         return surface
@@ -100,7 +100,7 @@ def morph_to_lines(
     across = _splines(at.page[:, 0], float(low[0]), float(high[0]), p.columns)
     down = _splines(at.page[:, 1], float(low[1]), float(high[1]), p.rows)
     design = np.einsum("nr,nc->nrc", down, across).reshape(len(down), -1)
-    # A line's own level is free: averages over its points are taken out of both sides.
+    # The level of each line is free: averages over its points are subtracted on both sides.
     count = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)
 
     def without_level(values: Floats, weight: Vector) -> Floats:

@@ -7,7 +7,7 @@ along the a-axis turns its frame F(s) = (A, B, N) about the ruling at the rate k
 
     F' = F [k (w, 1, 0)]_x,    P' = F (1, 0, 0),    X(s, t) = P(s) + t R(s),    R(s) = F (w, 1, 0),
 
-so that dX = A (1 + t w') ds + R dt: the metric is that of the flat sheet, whatever k and w. The text's axes (u, v)
+so that dX = A (1 + t w') ds + R dt: the metric is that of the flat sheet for all k and w. The text's axes (u, v)
 are turned against (a, b) by the skew. All lengths are in centred unit coordinates (half the photo's diagonal); the
 sheet's origin is seen at the `anchor`, at the depth where the page's unit is the photo's.
 """
@@ -20,17 +20,17 @@ from scipy.interpolate import BSpline
 from services.arrays import Floats, Points, Vector
 
 NODES = 160
-"""Nodes along the a-axis; the trapezoidal rule is then good to 1e-5 of the page at any bend that a page takes."""
+"""Nodes along the a-axis; the error of the trapezoidal rule is then below 1e-5 of the page for all bends of paper."""
 
 LEAST_SIGHT = 0.02
-"""Cosine between normal and line of sight at which the sheet is taken to turn away."""
+"""Cosine between normal and line of sight from which on the sheet counts as turned away."""
 MIN_GROWTH = 0.1
-"""Rulings nearer to one another than this share of their distance on the a-axis are taken to cross."""
+"""Rulings nearer to each other than this share of their distance on the a-axis count as crossing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BendBasis:
-    """Cubic B-splines of the bend k over a in [low, high]; the sheet goes on straight beyond.
+    """Cubic B-splines of the bend k over a in [low, high]; the sheet is straight beyond.
 
     `nodes` (n,) are the a at which the surface is tabulated, `values` (n, K) the splines there, and `midpoints`
     (n - 1, K) half-way between.
@@ -101,7 +101,7 @@ class DevelopableSurface:
     N: Floats = field(init=False)
     """Unit normals (n, 3) along the rulings, away from the viewer."""
     front: tuple[int, int] = field(init=False)
-    """First and last of the nodes round s = 0 that face the camera; beyond, the sheet hides itself."""
+    """First and last of the nodes round s = 0 that face the camera; beyond, the sheet is hidden."""
     R: Floats = field(init=False)
     """Ruling vectors (n, 3), one unit of b long in b."""
 
@@ -113,7 +113,7 @@ class DevelopableSurface:
         turn = step * np.stack([k * self.slope(middle), k, np.zeros_like(k)], axis=1)
         frames = np.concatenate([np.eye(3)[None], running_products(rotations(turn))])
         origin = int(np.argmin(np.abs(s)))
-        # The frame at s = 0 is the given one: from the nearest node by the rest of the way.
+        # The frame at s = 0 is the given one: from the nearest node, by the remaining distance.
         k0 = float(self.basis.values[origin] @ self.bends)
         rest = -s[origin] * k0 * np.array([[self.slope(s[origin : origin + 1])[0], 1.0, 0.0]])
         start = frames[origin] @ rotations(rest)[0]
@@ -212,7 +212,7 @@ class DevelopableSurface:
         for _ in range(3):
             value = y0 + x * (m0 + x * (c2 + x * c3))
             x = x - value / _away_from_zero(m0 + x * (2 * c2 + 3 * x * c3))
-        # Beyond the table the last span goes on; the surface is straight there.
+        # Beyond the table the last interval is continued; the surface is straight there.
         s = nodes[front][left] + step * np.clip(x, -50.0, 50.0)
         P, R = self.line_at(s)
         dR, dP = np.cross(d, R), np.cross(d, P)

@@ -74,7 +74,7 @@ def _at(surface: DevelopableSurface, s: Vector, table: Floats, rates: Floats) ->
     """Values (M, N, 3) of a table (M, n, 3) at s (N,).
 
     Parabolas whose slopes at the nodes are the `rates`: the directions of flows are differences within a span, and
-    straight lines would leave them wrong by some percent.
+    linear interpolation would have errors of some percent.
     """
     nodes = surface.basis.nodes
     step = float(nodes[1] - nodes[0])

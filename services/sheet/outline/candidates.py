@@ -17,24 +17,24 @@ from services.sheet.outline.reduced_photo import ReducedPhoto
 
 @dataclass(frozen=True, slots=True)
 class CandidateParameters:
-    """Where boundaries are sought."""
+    """Where boundaries are searched."""
 
     rays: RayParameters = field(default_factory=RayParameters)
     corners: CornerParameters = field(default_factory=CornerParameters)
     inside: float = 0.8
-    """Of the way to the last print on a ray: a boundary lies further out."""
+    """Share of the distance to the last print on a ray; a boundary is further out."""
     least_ground: float = 0.01
-    """Share of the photo: less than this outside of a curve says nothing about the ground."""
+    """Share of the photo: a smaller area outside of a curve shows nothing about the ground."""
     concavity: float = 0.08
-    """Of the radius: how far creased sheets stay inside of their convex hull."""
+    """Distance of creased sheets from their convex hull, as a share of the radius."""
     tolerance: float = 3.0
-    """Samples by which a curve may stay inside of one that it is asked to hold."""
+    """Samples by which a curve may be inside of one that it should contain."""
     outward: float = 0.15
-    """Log odds of paper everywhere, when the outer of good edges is looked for."""
+    """Log odds of paper at all samples, if the outer one of good edges is searched."""
     extension: float = 1.04
-    """Of the radius: a side is sought again beyond this."""
+    """A side is searched again beyond this multiple of its radius."""
     extended_share: float = 0.6
-    """Of a side's rays, in its middle, that must go further out then."""
+    """Share of a side's rays, in its middle, on which the new side must be further out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,10 +90,10 @@ def find_candidates(
         if 1 - inside.mean() < p.least_ground:
             break
         odds_image = color_log_odds(reduced.colors, inside, ~inside)
-    # By edges alone, beyond the print or, where a desk was taken for print, beyond its core.
+    # By edges alone, beyond the print, or beyond its core if texture of a desk was found as print.
     search.add(p.inside * rays.reach_of_hull(rays.at(reach)))
     search.add(rays.reach_of_mask(place.core).astype(np.float64))
-    # A sheet is about convex: what a curve passes by (pictures, shadows) belongs to it.
+    # A sheet is nearly convex: what lies in a notch of the curve (pictures, shadows) belongs to it.
     for path in search.best(2, first=1):
         search.add((1 - p.concavity) * rays.reach_of_hull(rays.at(path)))
     return search.found
@@ -102,7 +102,7 @@ def find_candidates(
 def improve_candidate(
     reduced: ReducedPhoto, start: Candidate, rate: Callable[[Points], float], parameters: CandidateParameters
 ) -> list[Candidate]:
-    """Curves near and outside of `start`, sought on rays from its own middle."""
+    """Curves near and outside of `start`, searched on rays from its own middle."""
     p = parameters
     inside = _filled(start.curve, reduced.colors.shape[:2])
     if inside.sum() < 50:

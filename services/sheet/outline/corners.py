@@ -12,7 +12,7 @@ from services.sheet.outline.edges import EdgePoints
 
 @dataclass(frozen=True, slots=True)
 class CornerParameters:
-    """Lengths are shares of the curve's length unless told."""
+    """Lengths are shares of the curve's length unless stated."""
 
     candidates: int = 12
     """Turns of the curve that are tried as corners ..."""
@@ -63,8 +63,8 @@ def split_sides(
 ) -> Corners | None:
     """The four corners of a closed clockwise curve (N, 2): four smooth sides describe what is `shown` (N,) of it best.
 
-    None when the curve does not turn in four places. Of a side that is out of the photo nothing is seen: the curve
-    follows the photo's border there, and its ends, or its middle, stand for the corners.
+    None if the curve does not turn in four places. A side that is out of the photo is not seen: the curve
+    follows the photo's border there, and its ends, or its middle, replace the corners.
     """
     p = parameters or CornerParameters()
     count = len(points)
@@ -142,7 +142,7 @@ def _side_costs(
     weighted = design * weight[..., None]
     normal = np.einsum("sni,snj->sij", weighted, design) + 1e-6 * np.eye(3)
     fit = np.linalg.solve(normal, np.einsum("sni,sn->si", weighted, d)[..., None])[..., 0]
-    # A few jags of creases are no corner.
+    # A few jags of creases are not a corner.
     residual = np.minimum(np.abs(d - np.einsum("sni,si->sn", design, fit)), p.jag)
     cost[a, b] = (weight * residual**2).sum(axis=1) * lengths[a, b] / p.side_samples
     return cost

@@ -46,7 +46,7 @@ class OutlineParameters:
     corners: CornerParameters = field(default_factory=CornerParameters)
     scoring: ScoringParameters = field(default_factory=ScoringParameters)
     tried: int = 7
-    """Candidates that are measured in the photo, until one is certain: measured edges tell more than ratings."""
+    """Candidates that are measured in the photo, until one is certain: they are better evidence than ratings."""
     alike: float = 1e-3
     """Candidates whose ratings differ less are one curve found twice."""
     well_rated: float = 0.75
@@ -55,7 +55,7 @@ class OutlineParameters:
     """An outline with this confidence needs no second candidate."""
     side_points: int = 60
     least_confidence: float = 0.4
-    """Outlines that are less certain are not answered."""
+    """Less certain outlines are not returned."""
 
 
 def find_outline(
@@ -83,7 +83,7 @@ def find_outline(
         rate = partial(rate_curve, reduced, place.characters, p.scoring)
         candidates += find_candidates(reduced, place, rate, p.candidates)
         candidates.sort(key=lambda c: c.rating, reverse=True)
-        # Texture of a desk may be taken for print; then the photo's middle is the better start.
+        # Texture of a desk may have been found as print; then the middle of the photo is the better start.
         if candidates[0].rating >= p.well_rated or characters is None:
             break
     candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)

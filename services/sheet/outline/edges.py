@@ -12,7 +12,7 @@ from services.sheet.outline.paths import find_closed_path, find_open_path
 
 @dataclass(frozen=True, slots=True)
 class EdgeParameters:
-    """Lengths are pixels of the image that is searched unless told; colours are RGB levels."""
+    """Lengths are pixels of the image that is searched unless stated; colours are RGB levels."""
 
     spacing_px: float = 6.0
     """Between points when an edge is followed in the medium image."""
@@ -35,7 +35,7 @@ class EdgeParameters:
     seen_contrast: float = 6.0
     """An edge counts as seen from this difference of colour on ..."""
     seen_ratio: float = 2.0
-    """... and this many times the unrest of the ground beside it."""
+    """... and this many times the variation of the ground next to it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +43,7 @@ class EdgePoints:
     """Points of an edge in pixels of the image that it was measured in, clockwise, one row a point.
 
     `points` (N, 2); `normals` (N, 2) point outwards; `deviations` (N,) are standard deviations across the edge;
-    `strength` (N,) is how clear the edge is, 0-1; `seen` (N,) tells where an edge is, `shown`
+    `strength` (N,) is how clear the edge is, 0-1; `seen` (N,) marks where an edge is, `shown`
     (N,) where the curve is inside the photo.
     """
 
@@ -56,7 +56,7 @@ class EdgePoints:
 
     @property
     def support(self) -> float:
-        """How clear the edge is on average, 0-1; not at all where it is not seen."""
+        """Mean strength of the edge, 0-1; it is 0 where no edge is seen."""
         return float(np.mean(self.strength * self.seen))
 
 
@@ -197,7 +197,7 @@ def _measure(
     spacing = float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     colors = _profiles(image, points, normals, offsets, np.linspace(-0.4, 0.4, 5) * spacing)
     first, last = int(np.ceil(near / step)), int(np.ceil(far / step))
-    # Means beside every sample, from running sums.
+    # Means on both sides of every sample, from running sums.
     sums = np.concatenate(
         [np.zeros((len(points), 1, 3)), np.cumsum(colors, axis=1, dtype=np.float64)], axis=1
     )
@@ -226,6 +226,6 @@ def _measure(
     unrest = np.maximum(ground[:, : last - first + 1].std(axis=1), ground[:, last - first + 1 :].std(axis=1))
     shown = _shown(found, window, 1.5)
     seen = shown & (contrast > p.seen_contrast) & (contrast > p.seen_ratio * unrest) & (here > 0)
-    # Unrest shifts the steepest place by its own slope's share of the edge's.
+    # Variation of the ground shifts the steepest place by the ratio of its slope to that of the edge.
     deviations = np.clip(0.5 * unrest / np.maximum(here, 1e-6), 0.05, reach)
     return EdgePoints(found, normals, deviations, strength[n, m], np.asarray(seen), shown)

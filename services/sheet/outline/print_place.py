@@ -1,4 +1,4 @@
-"""Where a photo's print lies, and which of it is the sheet's."""
+"""Place of the print in a photo, and the part of it that is on the sheet."""
 
 from dataclasses import dataclass
 
@@ -12,20 +12,21 @@ from services.sheet.outline.reduced_photo import ReducedPhoto
 
 @dataclass(frozen=True, slots=True)
 class PrintParameters:
-    """Which characters are believed, and where the sheet's middle is sought."""
+    """Which characters are accepted, and where the middle of the sheet is searched."""
 
     least_characters: int = 10
     """With fewer there is no print to start from."""
     radius: float = 0.02
-    """Of the photo's long side: print reaches so far round its characters."""
+    """Of the photo's long side: print extends this far around its characters."""
     like_print: float = 0.1
-    """Of the commonest density: characters on colours that are rarer among them are no print of the sheet."""
+    """Of the commonest density: characters on colours that are rarer among them are not print on the sheet."""
     part: float = 0.1
     """Of the characters of the largest part: smaller parts are clutter."""
     core: float = 1.0
-    """Half axes of the print's core, in standard deviations: the sheet holds it, whatever else was taken for print."""
+    """Half axes of the print's core, in standard deviations: the sheet contains it, even if texture was found
+    as print."""
     middle: float = 0.25
-    """Of the photo: half axes of the ellipse that is taken for the sheet's middle where no print was found."""
+    """Of the photo: half axes of the ellipse that replaces the print if none was found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +43,7 @@ class PrintPlace:
 
 
 def place_print(reduced: ReducedPhoto, characters: Points | None, p: PrintParameters) -> PrintPlace:
-    """Where print, or what is taken for the sheet's middle without it, lies."""
+    """Place of the print; without print, an ellipse in the middle of the photo."""
     height, width = reduced.colors.shape[:2]
     if characters is None or len(characters) < p.least_characters:
         x0, y0, x1, y1 = reduced.window

@@ -19,7 +19,7 @@ class RayParameters:
     samples: int = 176
     """Along a ray: about 2 px of the reduced photo."""
     longest: float = 1.02
-    """Of the way to the photo's furthest corner."""
+    """Length of the longest ray, as a share of the distance to the photo's furthest corner."""
     max_shift: int = 7
     """Samples from ray to ray: a side that leans 60 degrees against the ray's normal."""
     shift_cost: float = 0.02
@@ -35,7 +35,7 @@ class Rays:
     """N rays of M samples on the reduced photo.
 
     Sample m of ray n is at `origin + (m + 1) * steps[n]`. `edges` (N, M) is how clearly the colour changes along the
-    ray (0-1), `shown` (N, M) tells the samples inside the photo.
+    ray (0-1), `shown` (N, M) marks the samples inside the photo.
     """
 
     origin: Vector
@@ -68,7 +68,7 @@ class Rays:
         return np.asarray(np.where(there.any(axis=1), last, 0), np.intp)
 
     def reach_of_hull(self, points: Points) -> Vector:
-        """(N,) sample, with fraction, at which every ray leaves the convex hull of `points`, which holds the origin."""
+        """(N,) sample, with fraction, at which every ray leaves the convex hull of `points`; the origin is inside."""
         hull = cv2.convexHull(points.astype(np.float32))[:, 0, :].astype(np.float64)
         way = np.roll(hull, -1, axis=0) - hull
         normal = np.column_stack([way[:, 1], -way[:, 0]])
@@ -88,7 +88,7 @@ class Rays:
         """
         rays, samples = self.edges.shape
         region = np.cumsum(np.where(self.shown, odds, 0.0), axis=1) * (p.region_weight / max(typical, 10.0))
-        # An edge at a sample has what lies before it inside.
+        # The samples before an edge are inside.
         score = self.edges + region
         n, last = np.arange(rays), self.last
         score[n, last] = p.exit_score + region[n, last]

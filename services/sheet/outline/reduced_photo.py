@@ -1,4 +1,4 @@
-"""The photo as outlines are looked for in it: small, without print, without black bands."""
+"""The reduced photo in which outlines are searched: without print and without black bands."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +23,7 @@ class ReductionParameters:
     contrast: tuple[float, float] = (3.0, 8.0)
     """Colour difference (CIE Lab) on which an edge counts half: at least and at most, ..."""
     unrest_factor: float = 3.0
-    """... this many times the photo's unrest, ..."""
+    """... this many times the variation of the photo, ..."""
     unrest_percentile: float = 80.0
     """... which is this percentile of the differences over three pixels: 0.6-1.1 on plain grounds, 2-5 on wood."""
     band_level: int = 10
@@ -38,9 +38,9 @@ class ReductionParameters:
 class ReducedPhoto:
     """`colors` (h, w, 3) float32: CIE Lab of the photo resized by `factor`, print closed.
 
-    `contrast` is the colour difference on which an edge counts half: it stands out from the photo's unrest.
-    `window` (x0, y0, x1, y1), inclusive pixels, is what is no padding. `medium` (H, W, 3) is the photo resized by
-    `medium_factor`, with its print.
+    `contrast` is the colour difference on which an edge counts half: it is above the variation of the photo.
+    `window` (x0, y0, x1, y1), inclusive pixels, is the part that is not padding. `medium` (H, W, 3) is the photo
+    resized by `medium_factor`, with its print.
     """
 
     colors: Floats
@@ -59,7 +59,7 @@ class ReducedPhoto:
         return np.asarray((points + 0.5) * self.factor - 0.5)
 
     def window_of(self, shape: tuple[int, ...], factor: float) -> tuple[float, float, float, float]:
-        """First and last pixels (x0, y0, x1, y1) of what is no padding, in the photo resized by `factor` to `shape`."""
+        """First and last pixels (x0, y0, x1, y1) without padding, in the photo resized by `factor` to `shape`."""
         scale = factor / self.factor
         x0, y0, x1, y1 = self.window
         height, width = self.colors.shape[:2]
@@ -72,7 +72,7 @@ class ReducedPhoto:
 
 
 def reduce_photo(photo: RgbImage, parameters: ReductionParameters | None = None) -> ReducedPhoto:
-    """`photo` (H, W, 3) at the size where its sheet is looked for."""
+    """Reduce `photo` (H, W, 3) to the size at which its sheet is searched."""
     p = parameters or ReductionParameters()
     medium, medium_factor = _halved(photo, p.medium_long_side_px)
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
@@ -126,7 +126,7 @@ def _resized(image: RgbImage, width: int, height: int) -> RgbImage:
 
 
 def _without_bands(small: RgbImage, p: ReductionParameters) -> tuple[int, int, int, int]:
-    """First and last column and row of what is no black band.
+    """First and last column and row that are not in a black band.
 
     Bands are as long as the photo and equally wide on both sides, and what follows them begins everywhere at once;
     a sheet on a black ground does not.
@@ -138,7 +138,7 @@ def _without_bands(small: RgbImage, p: ReductionParameters) -> tuple[int, int, i
 
 
 def _trimmed(dark: Mask, p: ReductionParameters) -> tuple[int, int]:
-    """First and last column of `dark` (rows, columns) that are no band."""
+    """First and last column of `dark` (rows, columns) that are not in a band."""
     count = dark.shape[1]
     lit = np.flatnonzero((~dark).any(axis=0))
     if not len(lit):

@@ -1,4 +1,4 @@
-"""What is known of a sheet's boundary in the photo."""
+"""Results of the search for a sheet's boundary in a photo."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""How much a closed curve looks like a sheet's boundary."""
+"""Rating of closed curves as boundaries of a sheet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ from services.sheet.outline.reduced_photo import ReducedPhoto
 
 @dataclass(frozen=True, slots=True)
 class ScoringParameters:
-    """Weights of what is seen of a curve; colours are CIE Lab's."""
+    """Weights of the evidence for a curve; colours are CIE Lab."""
 
     border_px: float = 2.5
     """Of the reduced photo: nearer to its border a curve is out of view."""
     out_of_view: float = 0.35
-    """What a piece out of view counts for, in full edges."""
+    """Score of a piece out of view, in full edges."""
     concavity: float = 4.0
     """Weight of the share of the convex hull that the curve leaves out."""
     evidence: tuple[float, float, float, float] = (8.7, 3.2, 3.8, 8.1)
@@ -29,7 +29,7 @@ class ScoringParameters:
     creased: float = 0.03
     """Of the hull's area: what creased sheets leave out."""
     lasting: int = 9
-    """Of 200 points: an edge keeps its contrast over so many."""
+    """An edge keeps its contrast over this many of 200 points."""
     corners: CornerParameters = field(default_factory=CornerParameters)
     misfit: float = 5.0
     """Weight of the distance from four smooth sides, beyond ..."""
@@ -39,7 +39,7 @@ class ScoringParameters:
     lost_print: float = 1.0
     """Weight of the share of the characters that lie outside ..."""
     false_print: float = 0.1
-    """... beyond this: texture of a desk is taken for print."""
+    """... beyond this share, which texture of a desk that was found as print may have."""
     area: float = 0.35
     """Weight of the logarithm of the area: of two good curves the outer one is the sheet."""
 
@@ -78,14 +78,14 @@ def rate_curve(reduced: ReducedPhoto, characters: Points, p: ScoringParameters, 
 
 
 def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float, ...]) -> Floats:
-    """Mean colours (N, 3) beside a curve at `offsets` along its normals."""
+    """Mean colours (N, 3) next to a curve at `offsets` along its normals."""
     at = (points[:, None] + np.array(offsets)[None, :, None] * normals[:, None]).astype(np.float32)
     found = cv2.remap(colors, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(found.mean(axis=1))
 
 
 def outline_features(sides: Sequence[EdgePoints], located: Points, rating: float) -> Floats:
-    """What tells right outlines from wrong ones (4,).
+    """Features (4,) that separate right outlines from wrong ones.
 
     Shares of what is in view on which an edge is seen, on all sides and on the worst one; the share of corners that
     are known; the candidate's rating.

@@ -1,4 +1,4 @@
-"""Smooth curves for the sides of a sheet, where what was followed has notches."""
+"""Smooth curves for the sides of a sheet whose followed edge has notches."""
 
 import numpy as np
 
@@ -75,7 +75,7 @@ class _RobustCubic:
         return np.asarray(d - self._height(s))
 
     def tangent(self, place: Points) -> tuple[Points, Points]:
-        """Point and direction of the curve beside `place` (2,)."""
+        """Point and direction of the curve next to `place` (2,)."""
         s = float((place - self.centre) @ self.axes[0])
         u = s / self.scale
         slope = (self.fit[1] + 2 * self.fit[2] * u + 3 * self.fit[3] * u * u) / self.scale
@@ -83,6 +83,6 @@ class _RobustCubic:
         return point, self.axes[0] + slope * self.axes[1]
 
     def between(self, start: Points, end: Points) -> Points:
-        """The curve (N, 2) beside `start` to beside `end`."""
+        """The curve (N, 2) from next to `start` to next to `end`."""
         s = np.linspace((start - self.centre) @ self.axes[0], (end - self.centre) @ self.axes[0], 60)
         return np.asarray(self.centre + s[:, None] * self.axes[0] + self._height(s)[:, None] * self.axes[1])

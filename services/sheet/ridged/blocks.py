@@ -1,4 +1,4 @@
-"""Blocks of residuals: values, sparse derivatives, and the loss that they are charged by."""
+"""Blocks of residuals: values, sparse derivatives, and their loss."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -15,15 +15,16 @@ from services.arrays import Floats, Points, Vector
 
 NEWTON_STEPS = 8
 LONGEST_STEP = 2.0
-"""Cells that one step of Newton's method goes at most: beyond, the linear model means nothing."""
+"""Longest step of Newton's method in cells: beyond it the linear model is not valid."""
 FOUND = 1e-8
-"""Photo units of all points within which Newton's method ends: a thousandth of what an observation deviates by."""
+"""Newton's method ends if the residuals of all points are smaller, in photo units: a thousandth of the deviation of an
+observation."""
 LOCATED = 1e-3
 """Photo units within which a point counts as found."""
 MIN_ROWS = 5
-"""Of nodes, however wide the sheet."""
+"""Least number of rows of nodes."""
 REACH = 0.75
-"""Cells by which the sheet goes on, straight, beyond its border."""
+"""Cells by which the sheet is continued, straight, beyond its border."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +104,7 @@ class SheetMesh:
         return np.asarray(grid * self._steps() + self.origin)
 
     def place(self, grid: Points) -> PlacedPoints:
-        """Points of the mesh at grid coordinates (N, 2); the border cells go on beyond the mesh."""
+        """Points of the mesh at grid coordinates (N, 2); the border cells are continued beyond the mesh."""
         columns, rows = self.columns, self.rows
         c0 = np.clip(np.floor(grid[:, 0]).astype(np.intp), 0, columns - 2)
         r0 = np.clip(np.floor(grid[:, 1]).astype(np.intp), 0, rows - 2)

@@ -16,7 +16,7 @@ class NormalEquations:
 
     `band` (bandwidth + 1, n) is the lower band of the first n unknowns in scipy's form, `border` (n, k) couples them
     with the last k, `corner` (k, k) these among themselves; `gradient` (n + k,) is J^T r in that order, and `order`
-    (n + k,) tells which unknown each is.
+    (n + k,) are the numbers of the unknowns.
     """
 
     band: Floats

@@ -1,4 +1,4 @@
-"""What a photo shows of a creased sheet: its text, its strokes, its sides."""
+"""Observations of a creased sheet in a photo: its text, its strokes, its sides."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class SheetObservations:
     """What the mesh is fitted to, in centred units.
 
     `sides` are top, right, bottom and left of the page, None where one is not seen. `flow` are directions of text
-    lines: they tell less than traced lines, but also where no line can be followed over a crease.
+    lines: less precise than traced lines, but known also where no line can be followed over a crease.
     """
 
     lines: LineObservations

@@ -1,4 +1,4 @@
-"""How firmly paper and print hold a creased sheet, and the stages in which it is fitted."""
+"""Standard deviations of the fit of a creased sheet, and the stages of the fit."""
 
 from dataclasses import dataclass
 
@@ -7,10 +7,10 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One of the fits that follow one another: the start is further off than the last of them sees.
+    """One of several successive fits: the last one does not converge from a start that is further off.
 
-    `cells` of the mesh across the sheet; `scale`, where the loss of observations bends away from squares, in
-    deviations; `slack`, how much more than paper the sheet may stretch; `ridge`, where the loss of ridges bends.
+    `cells` of the mesh across the sheet; `scale` of the robust loss of observations, in deviations; `slack`, by which
+    factor the sheet may stretch more than paper; `ridge`, scale of the robust loss of ridges.
     """
 
     cells: int
@@ -36,7 +36,7 @@ class RidgedParameters:
     letters."""
     stroke_rad: float = np.deg2rad(0.8)
     stroke_overlap: float = 4.0
-    """Windows of neighbouring samples share ink: so many count as one."""
+    """Windows of neighbouring samples share ink: this many count as one."""
     flow_rad: float = np.deg2rad(1.0)
     """Of a text line's direction; weights are as for strokes."""
     slant_rad: float = np.deg2rad(0.2)

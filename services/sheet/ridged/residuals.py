@@ -1,10 +1,10 @@
-"""Residuals of a creased sheet and their derivatives: what is seen of it, and what paper does.
+"""Residuals of a creased sheet and their derivatives: of the observations, and of the properties of paper.
 
-Seen at photo points, whose place on the sheet is found anew at every step: the points of a text line share one row,
-lines of a paragraph are equally spaced, flush ends share one column, strokes run along the columns (but for the slant
-of the type), and the sheet's own sides are the mesh's border. Paper does not stretch (edges and diagonals of cells
-keep their lengths) and is flat but for few ridges (second differences under Cauchy's loss, which charges a ridge by
-the logarithm of its angle, wherever it is).
+The places of the observed photo points on the sheet are computed again at every step: the points of a text line share
+one row, lines of a paragraph are equally spaced, flush ends share one column, strokes run along the columns (but for
+the slant of the type), and the sheet's own sides are the mesh's border. Paper does not stretch (edges and diagonals
+of cells keep their lengths) and is flat except at few ridges (second differences under Cauchy's loss: the cost of a
+ridge is about the logarithm of its angle).
 
 With a point x seen at grid coordinates g, f X(g) / Z(g) = x: if the nodes move by dX_k, then g moves by
 dg = -G^-1 sum_k w_k P dX_k, with P = (f I | -x) / Z and G = P (X_c X_r); if f changes, by -G^-1 x d(log f).
@@ -127,7 +127,7 @@ class SheetResiduals:
 
     @property
     def order(self) -> NDArray[np.intp]:
-        """Unknowns from the top of the sheet to its bottom, so that what is coupled is near; globals last."""
+        """Unknowns from the top of the sheet to its bottom, so that coupled ones are near each other; globals last."""
         rows = np.repeat(np.arange(self.start.rows), 3 * self.start.columns).astype(np.float64)
         keys = np.concatenate([rows, self.start_levels + 0.5])
         return np.concatenate([np.argsort(keys, kind="stable"), np.arange(self.globals_at, self.unknowns)])
@@ -297,7 +297,7 @@ class SheetResiduals:
         return found
 
     def _priors(self, x: Vector) -> ResidualBlock:
-        """Focal length, slant, and a weak hold of the aspect."""
+        """Priors of focal length, slant and aspect, the last one weak."""
         at = self.globals_at + np.arange(3)
         deviation = np.array([self.observed.focal_deviation, 1.0, np.deg2rad(0.4)])
         mean = np.array([self.observed.log_focal, np.log(self.start.aspect), self.p.slant_rad])

@@ -124,7 +124,7 @@ def _right_neighbours(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs (character, its neighbour to the right on the same line)."""
     unit = float(np.median(height))
-    # Neighbours are looked for in a frame stretched across the lines, from right end to left end.
+    # Neighbours are searched in a frame stretched across the lines, from right end to left end.
     tree = cKDTree(np.stack([x0, 2.5 * bottom], axis=1))
     k = min(10, len(x0))
     distance, index = tree.query(
@@ -216,7 +216,7 @@ def _weighted_lines(t: Floats, y: Floats, weights: Floats) -> tuple[Vector, Vect
 
 
 def group_paragraphs(lines: Baselines, tolerance: float = 0.12, min_lines: int = 3) -> list[Paragraph]:
-    """Runs of lines below one another at a constant spacing.
+    """Runs of lines at a constant spacing, one below the other.
 
     The next line of a run overlaps the last in x, is of like height, and lies the run's spacing (within
     `tolerance`) below; a blank line ends the run.

@@ -32,10 +32,10 @@ class TracingParameters:
     """Lengths are multiples of the text height."""
 
     piece: float = 9.0
-    """Length of a line that one point stands for."""
+    """Length of the piece of a line that gives one point."""
     min_piece_characters: int = 4
     order: int = 5
-    """Highest order of the polynomial that tells a line's characters from descenders and strays."""
+    """Highest order of the polynomial that separates a line's characters from descenders and strays."""
     scale: float = 0.12
     """Of Geman and McClure's loss in that fit."""
     min_length: float = 6.0
@@ -85,7 +85,7 @@ def flatten_ink(
     margin = 3 * text_height * float(H_reduced_centred[0, 0]) / density
     low, high = low - margin, high + margin
     scale = 1.2 * density
-    scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded, whatever the model
+    scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded for every model
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)
     seen = sampling_map(page_map, width, height, scale, offset)

@@ -37,7 +37,7 @@ class ProfileParameters:
     """Gaussian along the profile, which joins x-height and ascenders to one ridge."""
     edge_smooth: float = 0.12
     contrast: float = 0.25
-    """Least height of a ridge above the valleys beside it, in darkness of the view's typical ridge."""
+    """Least height of a ridge above its two valleys, in darkness of the view's typical ridge."""
     drift: float = 0.55
     """A line's ridge lies at most this far up or down in the next window; lines are 1.8 apart at least."""
     gap: int = 3
@@ -48,7 +48,7 @@ class ProfileParameters:
     deviation: float = 0.05
     """Of an edge's place: what letters differ in by design, over one window."""
     reach: float = 2.0
-    """A line's end is looked for so far beyond its last window."""
+    """The end of a line is searched this far beyond its last window."""
     max_points: int = 7000
     """Of all lines: of a dense page, windows are left out evenly."""
     max_groups: int = 8
@@ -97,13 +97,13 @@ def flatten_darkness(
     margin = 3 * text_height * grow
     low, high = low - margin, high + margin
     scale = min(p.height_px / (text_height * grow), p.enlargement * density)
-    scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded, whatever the model
+    scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded for every model
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)
     seen = sampling_map(page_map, width, height, scale, offset)
     at = seen * np.float32(H_gray_centred[0, 0]) + H_gray_centred[:2, 2].astype(np.float32)
     x, y = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
-    # Words that were not taken for text lie between others that were.
+    # Words that were not found as text lie between others that were.
     side = max(round(p.closing * text_height * float(H_gray_centred[0, 0])), 1) | 1
     area = cv2.morphologyEx(
         text_area.astype(np.uint8) * 255, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8)
@@ -174,7 +174,7 @@ def _extremum(slopes: Floats, row: NDArray[np.intp], window: NDArray[np.intp], l
 
 
 def link_ridges(ridges: _Ridges, height_px: float, p: ProfileParameters) -> list[NDArray[np.intp]]:
-    """Members of every line, from left to right: ridges that follow one another, each the other's best."""
+    """Members of every line, from left to right: successive ridges, each the best match of the other."""
     window, y = ridges.window, ridges.middle
     if not len(window):
         return []

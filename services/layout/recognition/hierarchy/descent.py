@@ -171,7 +171,7 @@ def rank_models(
     parameters: ClassificationParameters,
     most_candidates: int = MOST_CANDIDATES,
 ) -> ModelRanking:
-    """Ranking of all models on a page of N >= 1 zones, whatever their order.
+    """Ranking of all models on a page of N >= 1 zones, independent of their order.
 
     Their hierarchy is made when they compete for the first time. When one model has changed, its genre is made anew.
     """
