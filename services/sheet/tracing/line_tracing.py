@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
-from services.robust import fit_reweighted, geman_mcclure_weights, narrowing
+from services.robust import geman_mcclure_weights
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import (
+    BATCH,
+    EDGE_ROUNDS,
     Baselines,
     CharacterRows,
     chain_characters,
@@ -111,19 +113,13 @@ def trace_lines(
     index: list[NDArray[np.intp]] = []
     ends: list[tuple[float, float, float, float, float]] = []
     lines = 0
-    for members in found.rows:
-        traced = _trace_row(found, members, p)
-        if traced is None:
-            continue
-        base, crown, row = traced
-        if not len(base) or not len(crown):
-            continue
+    for traced in _trace_rows(found, p):
         # Baseline and x-height line are two lines of their own: blur moves the two apart.
-        for edge in (base, crown):
+        for edge in (traced.base, traced.crown):
             pieces.append(edge)
             index.append(np.full(len(edge), lines))
             lines += 1
-        ends.append(row)
+        ends.append(traced.row)
     if not pieces:
         return NO_LINES
 
@@ -166,49 +162,99 @@ def trace_lines(
     )
 
 
-def _trace_row(
-    found: CharacterRows, members: NDArray[np.intp], p: TracingParameters
-) -> tuple[Floats, Floats, tuple[float, float, float, float, float]] | None:
+@dataclass(frozen=True, slots=True, eq=False)
+class _TracedRow:
     """Pieces (n, 3) of baseline and x-height line as (x, y, deviation), and the row's ends and height."""
-    left, right = found.left[members], found.right[members]
-    top, bottom = found.top[members], found.bottom[members]
-    unit = float(np.median(bottom - top))
+
+    base: Floats
+    crown: Floats
+    row: tuple[float, float, float, float, float]
+
+
+def _trace_rows(found: CharacterRows, p: TracingParameters) -> list[_TracedRow]:
+    """The rows of characters that are long enough and have both lines. All are fitted at once."""
+    long = []
+    for members in sorted(found.rows, key=len):
+        unit = float(np.median(found.bottom[members] - found.top[members]))
+        if np.ptp(np.concatenate([found.left[members], found.right[members]])) >= p.min_length * unit:
+            long.append((members, unit))
+    traced: list[_TracedRow] = []
+    first = 0
+    for k in range(1, len(long) + 1):
+        if k == len(long) or (k + 1 - first) * len(long[k][0]) > BATCH:
+            traced += _trace_batch(found, long[first:k], p)
+            first = k
+    return traced
+
+
+def _trace_batch(
+    found: CharacterRows, rows: list[tuple[NDArray[np.intp], float]], p: TracingParameters
+) -> list[_TracedRow]:
+    """Rows of a batch, given as numbers of their characters and text height."""
+    size = np.array([len(members) for members, _ in rows])
+    unit = np.array([height for _, height in rows])
+    present = np.arange(size.max()) < size[:, None]
+    member = np.zeros(present.shape, np.intp)
+    member[present] = np.concatenate([members for members, _ in rows])
+    left, right, top, bottom = (side[member] for side in (found.left, found.right, found.top, found.bottom))
     x = 0.5 * (left + right)
-    length = float(right.max() - left.min())
-    if length < p.min_length * unit:
-        return None
-    order = int(np.clip(length / (12 * unit), 1, p.order))
-    base, base_inliers = _follow(x, bottom, unit, order, p)
-    crown, crown_inliers = _follow(x, top, unit, order, p)
-    if base is None or crown is None:
-        return None
-    at = np.array([left.min(), right.max()])
-    y = np.polynomial.chebyshev.chebval(_scaled(at, x), base)
-    row = (float(at[0]), float(y[0]), float(at[1]), float(y[1]), unit)
-    return _pieces(x, bottom, base_inliers, unit, p), _pieces(x, top, crown_inliers, unit, p), row
+    low = np.where(present, x, np.inf).min(axis=1)
+    extent = np.maximum(np.where(present, x, -np.inf).max(axis=1) - low, 1e-9)
+    ends = np.stack(
+        [np.where(present, left, np.inf).min(axis=1), np.where(present, right, -np.inf).max(axis=1)], axis=1
+    )
+    order = np.clip((ends[:, 1] - ends[:, 0]) / (12 * unit), 1, p.order).astype(int)
+    design = _chebyshev(2 * (x - low[:, None]) / extent[:, None] - 1, order, p) * present[:, :, None]
+    base, on_base, based = _follow(design, bottom, present, unit, order, p)
+    _, on_crown, crowned = _follow(design, top, present, unit, order, p)
+    at_ends = _chebyshev(2 * (ends - low[:, None]) / extent[:, None] - 1, order, p)
+    level = (at_ends @ base[:, :, None])[:, :, 0]
+    traced = []
+    for k in np.flatnonzero(based & crowned):
+        n, height = size[k], float(unit[k])
+        lower = _pieces(x[k, :n], bottom[k, :n], on_base[k, :n], height, p)
+        upper = _pieces(x[k, :n], top[k, :n], on_crown[k, :n], height, p)
+        if len(lower) and len(upper):
+            row = (float(ends[k, 0]), float(level[k, 0]), float(ends[k, 1]), float(level[k, 1]), height)
+            traced.append(_TracedRow(lower, upper, row))
+    return traced
 
 
-def _scaled(at: Vector, x: Vector) -> Vector:
-    low, high = float(x.min()), float(x.max())
-    return np.asarray(2 * (at - low) / max(high - low, 1e-9) - 1)
+def _chebyshev(t: Floats, order: NDArray[np.intp], p: TracingParameters) -> Floats:
+    """Chebyshev polynomials (L, N, order + 1) at `t` (L, N), without those above each row's `order` (L,)."""
+    return np.asarray(np.polynomial.chebyshev.chebvander(t, p.order) * _used(order, p)[:, None, :])
+
+
+def _used(order: NDArray[np.intp], p: TracingParameters) -> Mask:
+    return np.asarray(np.arange(p.order + 1) <= order[:, None])
 
 
 def _follow(
-    x: Vector, y: Vector, unit: float, order: int, p: TracingParameters
-) -> tuple[Floats | None, NDArray[np.bool_]]:
-    """Chebyshev coefficients of the curve that most of the points (x, y) lie on, and these points."""
-    design = np.polynomial.chebyshev.chebvander(_scaled(x, x), order)
-    c: Vector = np.zeros(order + 1)
-    c[0] = np.median(y)
-    ridge = 1e-3 * len(x) * np.diag(np.arange(order + 1.0) ** 2)
-    scale = narrowing(0.5 * unit, 0.7, p.scale * unit)
-    c = fit_reweighted(
-        design, y, geman_mcclure_weights, scale, 10, start=c, damping=ridge, weigh_damping=True
-    )
-    near = np.abs(y - design @ c) < 2 * p.scale * unit
-    if near.sum() < max(0.35 * len(x), 4):
-        return None, near
-    return c, near
+    design: Floats, y: Floats, present: Mask, unit: Vector, order: NDArray[np.intp], p: TracingParameters
+) -> tuple[Floats, Mask, Mask]:
+    """Chebyshev coefficients (L, order + 1) of the curves that most points of each row lie on.
+
+    Also which points (L, N) these are, and for which rows (L,) there is such a curve. `design` (L, N, order + 1) and
+    `y` (L, N) are zero where no point is `present`. Reweighted least squares under Geman and McClure's loss, whose
+    scale narrows.
+    """
+    count = present.sum(axis=1)
+    middle = np.nanmedian(np.where(present, y, np.nan), axis=1)
+    y = (y - middle[:, None]) * present
+    used = _used(order, p)
+    ridge = 1e-3 * count[:, None] * np.arange(p.order + 1.0) ** 2
+    c = np.zeros(used.shape)
+    for k in range(EDGE_ROUNDS):
+        rest = y - (design @ c[:, :, None])[:, :, 0]
+        scale = np.maximum(0.5 * 0.7**k, p.scale) * unit
+        weights = present * geman_mcclure_weights(rest, scale[:, None])
+        weighted = (design * weights[:, :, None]).transpose(0, 2, 1)
+        held = ridge * (weights.sum(axis=1) / count)[:, None] + ~used
+        A = weighted @ design + held[:, :, None] * np.eye(p.order + 1)
+        c = np.linalg.solve(A, weighted @ y[:, :, None])[:, :, 0]
+    near = present & (np.abs(y - (design @ c[:, :, None])[:, :, 0]) < 2 * p.scale * unit[:, None])
+    c[:, 0] += middle
+    return c, near, near.sum(axis=1) >= np.maximum(0.35 * count, 4)
 
 
 def _pieces(x: Vector, y: Vector, inliers: NDArray[np.bool_], unit: float, p: TracingParameters) -> Floats:
