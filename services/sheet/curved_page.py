@@ -38,6 +38,9 @@ class CurvedParameters:
     start_skews_rad: tuple[float, ...] = (0.0, np.pi / 2)
     """Rulings of the flat starts: across the text lines and along them."""
     start_samples: int = 200
+    good_share: float = 0.08
+    """Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13 simulated
+    photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
     start_focal_deviation: float = 0.05
     """Deviation of the prior in starts whose focal length stays near it."""
     focal_held: float = 3.5
@@ -235,9 +238,15 @@ def _fit_flows(e: PageEvidence, prior: FocalPrior, p: CurvedParameters) -> Fitte
     cauchy = replace(soft, cauchy_flows=True)
     starts = [start_surface(e.vanishing_points, prior, e.characters, skew, p) for skew in p.start_skews_rad]
     # Cauchy's loss, and a focal length near its prior, do not reach a strong bend. The soft L1 loss, and a free
-    # focal length, are biased by the flows of pictures. So all are tried.
-    fits = [fit_surface(start, held, cauchy) for start in starts]
-    fits += [fit_surface(fit_surface(start, free, soft).start, free, cauchy) for start in starts]
+    # focal length, are biased by the flows of pictures. So both are tried, for one direction of the rulings after
+    # the other until one is clearly good.
+    enough = p.good_share * (len(free.major) + len(free.minor))
+    fits: list[FittedSurface] = []
+    for start in starts:
+        fits.append(fit_surface(start, held, cauchy))
+        fits.append(fit_surface(fit_surface(start, free, soft).start, free, cauchy))
+        if any(fit.cost < enough and implausibility(fit.surface, e.characters, p) is None for fit in fits):
+            break
     likely = [fit for fit in fits if implausibility(fit.surface, e.characters, p) is None]
     best = min(likely or fits, key=lambda fit: fit.cost)
     return fit_surface(
