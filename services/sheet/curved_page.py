@@ -39,8 +39,8 @@ class CurvedParameters:
     """Rulings of the flat starts: across the text lines and along them."""
     start_samples: int = 200
     good_share: float = 0.08
-    """Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13 simulated
-    photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
+    """Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13
+    simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
     start_focal_deviation: float = 0.05
     """Deviation of the prior in starts whose focal length stays near it."""
     focal_held: float = 3.5
