@@ -42,7 +42,7 @@ BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
 .PHONY: help serve test test-fast lint format check lock bench-rectify bench-photos bench-speed bench-mosaic bench-layout bench-learning \
-	system-packages postgresql python venv venv-dev venv-bench data-folder clean
+	system-packages postgresql chromium typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
 help:
@@ -70,7 +70,7 @@ serve: venv
 TEST_PROCESSES := 2
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_PROCESSES) \
 	--dist loadgroup --no-loadscope-reorder
-test: venv-dev postgresql
+test: venv-dev postgresql chromium typescript
 	@$(PYTEST) $(TEST_OPTIONS)
 
 test-fast: venv-dev
@@ -151,6 +151,18 @@ postgresql:
 	@command -v initdb >/dev/null && exit 0; \
 	for program in /usr/lib/postgresql/*/bin/initdb; do [ -x "$$program" ] && exit 0; done; \
 	$(call install_packages, postgresql,The tests of the store run on SQLite only.)
+
+# The tests of browser apps and of /docs.
+chromium:
+	@for program in chromium chromium-browser google-chrome; do command -v $$program >/dev/null && exit 0; done; \
+	$(call install_packages, chromium,The tests with a real browser are left out.)
+
+# The programs that make and check TypeScript types, for one test.
+TYPESCRIPT := tests/end_to_end
+typescript:
+	@[ -x $(TYPESCRIPT)/node_modules/.bin/openapi-typescript ] && exit 0; \
+	command -v npm >/dev/null && npm ci --silent --no-audit --no-fund --prefix $(TYPESCRIPT) >/dev/null 2>&1 || \
+		echo 'openapi-typescript could not be installed (it needs npm). The test of TypeScript types is left out.' >&2
 
 python: system-packages
 	@if [ -z '$(PYTHON)' ] && ! command -v python3 >/dev/null; then \

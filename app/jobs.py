@@ -32,6 +32,8 @@ Tell = Callable[[Exception], Response]
 """Returns the problem document with which the request would have been answered."""
 SMALL_BYTES = 65_536
 """Responses up to this size stay in memory."""
+MOST_KEY_CHARACTERS = 200
+"""Longest Idempotency-Key."""
 COME_AGAIN_S = 5
 """`Retry-After` of a request that finds no free place."""
 
@@ -52,6 +54,20 @@ class JobCancelled(DocumentError):
     """The job was cancelled and will have no answer."""
 
     code = "cancelled"
+
+
+class KeyReused(DocumentError):
+    """An Idempotency-Key came with a different request before."""
+
+    code = "conflict"
+
+
+@dataclass(frozen=True, slots=True)
+class Repeatable:
+    """Idempotency-Key of a request, and a digest of all that it asks for."""
+
+    key: str
+    digest: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,10 +139,11 @@ def _spool(body: bytes | memoryview) -> IO[bytes]:
 class Job:
     """State of one job."""
 
-    def __init__(self, owner: str | None) -> None:
+    def __init__(self, owner: str | None, repeatable: Repeatable | None = None) -> None:
         """`owner` is the API key of the request; None if the service has no keys."""
         self.id = uuid.uuid4().hex  # 122 random bits: cannot be guessed
         self.owner = owner
+        self.repeatable = repeatable
         self.state: JobState = "queued"
         self.stage: str | None = None
         self.progress = 0.0
@@ -197,7 +214,30 @@ class Jobs:
         self._closed = False
         self._timer: asyncio.TimerHandle | None = None
 
-    def start(self, work: Work, owner: str | None, tell: Tell) -> Job:
+    def repeated(self, request: Repeatable, owner: str | None) -> Job | None:
+        """The job that the same request of the same owner started before; None: there is none.
+
+        Raises
+        ------
+        KeyReused
+            When the key came with a different request.
+        """
+        self._sweep()
+        job = next(
+            (
+                job
+                for job in self._jobs.values()
+                if job.owner == owner and job.repeatable is not None and job.repeatable.key == request.key
+            ),
+            None,
+        )
+        if job is not None and job.repeatable != request:
+            raise KeyReused(
+                "This Idempotency-Key came with a different request. Send a new key for new work."
+            )
+        return job
+
+    def start(self, work: Work, owner: str | None, tell: Tell, repeatable: Repeatable | None = None) -> Job:
         """Start a job and return it; `tell` turns a failure into a response.
 
         Raises
@@ -213,7 +253,7 @@ class Jobs:
                 f"All {self._limits.max_jobs} jobs (MAX_JOBS) are unfinished; send the request again later.",
                 COME_AGAIN_S,
             )
-        job = Job(owner)
+        job = Job(owner, repeatable)
         self._jobs[job.id] = job
         job.task = asyncio.create_task(self._run(job, work, tell))
         return job

@@ -3,22 +3,22 @@
 import logging
 import signal
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import uvicorn
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI
 from fastapi.exceptions import RequestValidationError
-from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
+from starlette.middleware.cors import CORSMiddleware
+from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from app import __version__
-from app.authentication import HEADER as API_KEY_HEADER
-from app.authentication import OPEN_PATHS, ApiKeys
+from app.authentication import ApiKeys
 from app.engine.local import LocalEngine, PoolLimits
 from app.interprocess_lock import InterprocessLock
 from app.jobs import JobLimits, Jobs
@@ -26,7 +26,8 @@ from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
 from app.metrics import Metrics
 from app.model_locks import ModelLocks
-from app.problems import FrameworkErrors, ProblemBoundary, documented
+from app.openapi import describe
+from app.problems import FrameworkErrors, ProblemBoundary
 from app.routes import (
     health,
     layout,
@@ -38,13 +39,15 @@ from app.routes import (
     layout_training,
     layout_versions,
     mosaic,
+    pages,
     rectify,
+    tokens,
 )
 from app.routes import jobs as job_routes
+from app.routes.known_options import KnownQueryOptions
 from app.routes.state import AppState
-from app.schemas.layout_samples import PageBody
-from app.schemas.problem import Problem
 from app.settings import Settings
+from app.transfer import ConditionalGet, HeadAndOptions, RootPath
 from app.uploads import Admission, BodyGuard, BodyLimits
 from services.contract.operations import Operations
 from services.layout.content.content_settings import InvalidContentSettings, read_settings
@@ -63,6 +66,7 @@ ROUTERS = (
     layout_settings.router,
     layout_proposals.router,
     job_routes.router,
+    tokens.router,
     health.router,
 )
 LEARNING_LOCK = "learning.lock"
@@ -75,6 +79,7 @@ TAGS = {
     "layout models": "Models of document classes: their samples, versions, training and settings.",
     "layout proposals": "Pages of no known class; new classes, classes to merge and to split.",
     "jobs": "Work whose answer comes later (`Prefer: respond-async`).",
+    "tokens": "Short-lived tokens for links that cannot have an API key.",
     "health": "Whether the service is up, and its metrics.",
 }
 WORK = frozenset(
@@ -96,12 +101,29 @@ MAX_FIELD_BYTES = 64 * 1024
 """Largest option field. 200 points of a region need a tenth of it. The zones of a page have their own limit."""
 
 
+OPENAPI_PATH = "/openapi.json"
+COMMON_HEADERS = frozenset(
+    {"ETag", "Location", "Retry-After", "X-Request-ID", "Content-Disposition", "Link", "Allow"}
+)
+"""Response headers of many routes."""
+METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
+COMPRESSED_FROM_BYTES = 4096
+"""Smaller responses are sent faster than they are compressed."""
+COMPRESSION = 5
+"""gzip's level: 9 takes three times as long for 3 % less JSON."""
+COMPACT_TYPES = (*DEFAULT_EXCLUDED_CONTENT_TYPES, "application/pdf", "image/tiff")
+"""Responses that gzip would not make smaller."""
+
+
 def create_app(settings: Settings | None = None, operations: Operations | None = None) -> FastAPI:
     """The service as an ASGI application; its workers start with its lifespan."""
     settings = settings or Settings()
     operations = operations or Operations()
-    routes = [route for router in ROUTERS for route in router.routes if isinstance(route, APIRoute)]
-    metrics = Metrics(route.path for route in routes)
+    routes = [
+        route for router in (*ROUTERS, pages.router) for route in router.routes if isinstance(route, APIRoute)
+    ]
+    methods = _methods_of(routes)
+    metrics = Metrics(methods)
     engine = LocalEngine(
         PoolLimits(
             workers=settings.workers,
@@ -153,9 +175,11 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         summary="Photos of documents in; flat pages, their classes and the labels of their parts out.",
         version=__version__,
         lifespan=lifespan,
+        openapi_url=OPENAPI_PATH,
+        docs_url=None,
         redoc_url=None,
-        swagger_ui_oauth2_redirect_url=None,
         redirect_slashes=False,
+        dependencies=[Depends(KnownQueryOptions(routes))],
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
     app.state.document_rectification = AppState(settings, engine, operations, store, metrics, locks, jobs)
@@ -168,13 +192,59 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             app.include_router(router, form_limits={"max_part_size": spare, "max_files": files})
         else:
             app.include_router(router)
-    answer = FrameworkErrors((route.path, route.methods or ()) for route in routes)
+    app.include_router(pages.router)
+    app.mount(pages.ASSETS_PATH, pages.assets())
+    answer = FrameworkErrors(methods)
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
-    # The middleware that is added last is the outermost: log, body limits, errors, API keys, admission.
+    _add_middleware(app, settings, engine, metrics, routes)
+    _describe(app, settings)
+    return app
+
+
+def _check_content_features(path: Path | None) -> None:
+    """Raise if workers could not use the settings file; the error names the wrong entry.
+
+    Raises
+    ------
+    InvalidContentSettings
+    """
+    if path is None:
+        return
+    try:
+        read_settings(path)
+    except InvalidContentSettings as error:
+        log.error("the content features (CONTENT_FEATURES) cannot be used: %s", error)
+        raise error.with_traceback(None) from None  # the server logs the error; omit its traceback
+
+
+def _add_middleware(
+    app: FastAPI, settings: Settings, engine: LocalEngine, metrics: Metrics, routes: list[APIRoute]
+) -> None:
+    """Add everything that every request passes before its route.
+
+    The middleware that is added last is the outermost: prefix, log, body limits, origins, compression, errors, API
+    keys, methods, admission.
+    """
     app.add_middleware(Admission, engine=engine, work=WORK)
+    app.add_middleware(ConditionalGet)
+    app.add_middleware(HeadAndOptions, methods=_methods_of(routes))
     app.add_middleware(ApiKeys, keys=settings.api_keys)
     app.add_middleware(ProblemBoundary)
+    app.add_middleware(
+        GZipMiddleware,
+        minimum_size=COMPRESSED_FROM_BYTES,
+        compresslevel=COMPRESSION,
+        exclude_content_types=COMPACT_TYPES,
+    )
+    if settings.cors_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=settings.cors_origins,
+            allow_methods=METHODS,
+            allow_headers=("*",),
+            expose_headers=_headers_of(routes),
+        )
     body_limits = BodyLimits(
         max_upload_bytes=settings.max_upload_bytes,
         body_timeout_s=settings.body_timeout_s,
@@ -200,61 +270,36 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         of_path={"/mosaic": mosaic_limits, "/layout": document_limits, "/layout/models/{name}": model_limits},
     )
     app.add_middleware(RequestLog, metrics=metrics)
-    _describe(app, bool(settings.api_keys))
-    return app
+    app.add_middleware(RootPath, root_path=settings.root_path)
 
 
-def _check_content_features(path: Path | None) -> None:
-    """Raise if workers could not use the settings file; the error names the wrong entry.
-
-    Raises
-    ------
-    InvalidContentSettings
-    """
-    if path is None:
-        return
-    try:
-        read_settings(path)
-    except InvalidContentSettings as error:
-        log.error("the content features (CONTENT_FEATURES) cannot be used: %s", error)
-        raise error.with_traceback(None) from None  # the server logs the error; omit its traceback
+def _methods_of(routes: Iterable[APIRoute]) -> dict[str, frozenset[str]]:
+    """Methods of each path template."""
+    methods: dict[str, frozenset[str]] = {OPENAPI_PATH: frozenset({"GET"})}
+    for route in routes:
+        methods[route.path] = methods.get(route.path, frozenset()) | route.methods
+    return methods
 
 
-def _describe(app: FastAPI, keys: bool) -> None:
-    """Add problem responses and API keys to the OpenAPI document; FastAPI does not know them."""
+def _headers_of(routes: Iterable[APIRoute]) -> list[str]:
+    """Response headers that browser apps of other origins may read: documented ones and common ones."""
+    documented = {
+        header
+        for route in routes
+        for response in route.responses.values()
+        for header in response.get("headers", ())
+    }
+    return sorted(documented | COMMON_HEADERS)
+
+
+def _describe(app: FastAPI, settings: Settings) -> None:
+    """Make the OpenAPI document that of `app.openapi`, once."""
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
-            document = get_openapi(
-                title=app.title,
-                version=app.version,
-                summary=app.summary,
-                routes=app.routes,
-                tags=[{"name": name, "description": meaning} for name, meaning in TAGS.items()],
+            app.openapi_schema = describe(
+                app, TAGS, keys=bool(settings.api_keys), root_path=settings.root_path
             )
-            components = document.setdefault("components", {})
-            operations = [
-                (path, operation)
-                for path, methods in document["paths"].items()
-                for operation in methods.values()
-            ]
-            for _, operation in operations:  # FastAPI documents a validation response that is never sent
-                if "HTTPValidationError" in str(operation["responses"].get("422")):
-                    del operation["responses"]["422"]
-            schemas = components.setdefault("schemas", {})
-            for foreseen in ("HTTPValidationError", "ValidationError"):
-                schemas.pop(foreseen, None)
-            schemas["Problem"] = Problem.model_json_schema()
-            page = PageBody.model_json_schema(ref_template="#/components/schemas/{model}")
-            schemas |= {**page.pop("$defs"), "PageBody": page}
-            if keys:
-                scheme = {"type": "apiKey", "in": "header", "name": API_KEY_HEADER}
-                components["securitySchemes"] = {"ApiKey": scheme}
-                for operation in (operation for path, operation in operations if path not in OPEN_PATHS):
-                    operation["security"] = [{"ApiKey": []}]
-                    refusals = documented("unauthorized", "forbidden")
-                    operation["responses"] |= {str(status): said for status, said in refusals.items()}
-            app.openapi_schema = document
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from services.errors import DocumentError, InvalidOption
 
-_TAG = re.compile(r'(W/)?"([^"]*)"')
+_TAG = re.compile(r'(W/)?"([^"]*)"|([^\s",]+)')
 _VERSION = re.compile("[1-9][0-9]{0,9}")
 
 
@@ -51,12 +51,15 @@ class Precondition:
             raise PreconditionFailed(f"Model {name} has no version yet (If-Match).")
         if self.versions is not None and current not in self.versions:
             raise PreconditionFailed(
-                f"Model {name} has {now} now; If-Match does not name it. Read the model again."
+                f"Model {name} has {now} now; If-Match does not name it. Read the model again, and send its ETag "
+                'as If-Match, for example If-Match: "3".'
             )
 
 
 def parse_precondition(if_match: str | None, if_none_match: str | None) -> Precondition:
     """The condition in these headers (RFC 9110, 13.1); weak or unknown tags match no version.
+
+    A tag may lack its quotes, because shells remove them.
 
     Raises
     ------
@@ -71,5 +74,6 @@ def parse_precondition(if_match: str | None, if_none_match: str | None) -> Preco
     if if_match.strip() == "*":
         return Precondition(exists=True, is_new=is_new)
     tags = _TAG.findall(if_match)
-    versions = frozenset(int(tag) for weak, tag in tags if not weak and _VERSION.fullmatch(tag))
+    numbers = [quoted or bare for weak, quoted, bare in tags if not weak]
+    versions = frozenset(int(number) for number in numbers if _VERSION.fullmatch(number))
     return Precondition(versions, is_new=is_new)

@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from http import HTTPStatus
 
@@ -17,6 +17,7 @@ from app.paths import PathTemplates
 from app.preconditions import PreconditionFailed
 from app.schemas.options import WRONG_NUMBER_OF_FILES
 from app.schemas.problem import Problem
+from app.transfer import allowed
 from models.errors import StoreError, StoreUnavailable
 from services.errors import DocumentError
 
@@ -65,7 +66,7 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "method-not-allowed": "The resource does not support this method; `Allow` lists the supported ones.",
     "not-acceptable": "No representation fits `Accept`.",
     "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S.",
-    "conflict": "The model changed since it was read, or an Idempotency-Key came with a different body.",
+    "conflict": "The model changed since it was read, or an Idempotency-Key came with a different request.",
     "not-finished": "The job has no result yet.",
     "cancelled": "The job was cancelled; it has no result and will have none.",
     "store-full": "The limit MAX_MODELS or MAX_SAMPLES_PER_MODEL is reached.",
@@ -160,20 +161,17 @@ class ProblemBoundary:
 class FrameworkErrors:
     """Exception handler for requests that the framework refuses."""
 
-    def __init__(self, routes: Iterable[tuple[str, Iterable[str]]]) -> None:
-        """`routes` are pairs of a path template and its methods; a template may appear more than once."""
-        self._methods: dict[str, set[str]] = {}
-        for template, methods in routes:
-            self._methods.setdefault(template, set()).update(methods)
-        self._templates = PathTemplates(self._methods)
+    def __init__(self, methods: Mapping[str, frozenset[str]]) -> None:
+        """`methods` are those of each path template."""
+        self._methods = methods
+        self._templates = PathTemplates(methods)
 
     async def __call__(self, request: Request, error: Exception) -> Response:
         refusal = _told(error, request.scope)
         template = self._templates.match(request.scope["path"])
         if refusal.code == "method-not-allowed" and template is not None:
             # The framework lists only the methods of the first route with this path.
-            allowed = ", ".join(sorted(self._methods[template]))
-            refusal = replace(refusal, headers=(("Allow", allowed),))
+            refusal = replace(refusal, headers=(("Allow", allowed(self._methods[template])),))
         return _response_for(refusal, request.scope)
 
 
@@ -255,7 +253,10 @@ def _headers_of(error: DocumentError) -> tuple[tuple[str, str], ...]:
     if isinstance(error, Busy):
         return (("Retry-After", str(error.retry_after_s)),)
     if error.code == "unauthorized":
-        return (("WWW-Authenticate", 'ApiKey realm="document-rectification", header="X-API-Key"'),)
+        schemes = (
+            'ApiKey realm="document-rectification", header="X-API-Key", Bearer realm="document-rectification"'
+        )
+        return (("WWW-Authenticate", schemes),)
     return ()
 
 

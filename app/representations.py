@@ -1,8 +1,10 @@
 """Format of a response, from `Accept` and the form field `format`."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar, get_args
+from urllib.parse import quote
 
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import AnswerFormat, PagesFormat, SeveralFormat
@@ -187,6 +189,56 @@ def may_have_pages(head: bytes) -> bool:
     return sniff_format(head) in ("tiff", None)
 
 
+def check_json_accepted(accept: str | None) -> None:
+    """Check that a stored result may be sent as JSON.
+
+    Raises
+    ------
+    NotAcceptable
+        When the header `accept` excludes JSON.
+    """
+    ranges = parse_accept(accept) if accept is not None else ()
+    if ranges and _weight_of("application/json", ranges) <= 0:
+        raise NotAcceptable(
+            "This result is stored as JSON. Send Accept: application/json, or no Accept header; for another format, "
+            "send the page to POST /layout again."
+        )
+
+
+_EXTENSIONS = {
+    "image/jpeg": "jpg",
+    "image/png": "png",
+    "image/webp": "webp",
+    "image/tiff": "tif",
+    "application/pdf": "pdf",
+    "application/zip": "zip",
+    "application/xml": "xml",
+}
+
+
+def content_disposition(upload_name: str | None, suffix: str, media_type: str) -> dict[str, str]:
+    """Header with the file name under which a browser saves the response (RFC 6266).
+
+    Parameters
+    ----------
+    upload_name
+        File name of the upload, as the client sent it.
+    suffix
+        What is added to it, so that the upload itself is not overwritten.
+    media_type
+        Media type of the response, for the extension.
+    """
+    base = (upload_name or "").replace("\\", "/").rpartition("/")[2]
+    stem = "".join(character for character in base if character.isprintable())[:100]
+    stem = stem.rpartition(".")[0] or stem or "page"
+    name = f"{stem}{suffix}.{_EXTENSIONS.get(media_type, 'bin')}"
+    plain = re.sub(r'[?"\\]', "_", name.encode("ascii", "replace").decode())
+    value = f'inline; filename="{plain}"'
+    if plain != name:
+        value += f"; filename*=UTF-8''{quote(name.encode('utf-8', 'replace'), safe='')}"
+    return {"Content-Disposition": value}
+
+
 def image_headers(document: Mapping[str, object]) -> dict[str, str]:
     """Main values of a result as headers of an image response. `document` is the route's result as JSON.
 
@@ -242,5 +294,5 @@ def _notices(warnings: object) -> dict[str, str]:
 def _stages(timings_ms: object) -> dict[str, str]:
     if not isinstance(timings_ms, Mapping):
         return {}
-    stages = (f"{name.replace('_', '-')};dur={float(ms):.1f}" for name, ms in timings_ms.items())
+    stages = (f"{name};dur={float(ms):.1f}" for name, ms in timings_ms.items())
     return {"Server-Timing": ", ".join(stages)}

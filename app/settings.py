@@ -24,6 +24,15 @@ class Settings(BaseSettings):
     shutdown_grace_s: int = Field(
         default=30, ge=0, description="After SIGTERM, requests in progress may take this long to finish."
     )
+    root_path: str = Field(
+        default="",
+        pattern="^(/[A-Za-z0-9._~-]+)*$",
+        description="Prefix of all paths behind a proxy, for example /documents. Paths in responses begin with it.",
+    )
+    cors_origins: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Comma-separated origins (https://app.example.org) whose browser apps may use the service; *: all.",
+    )
     log_level: str = Field(
         default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$", description="Lowest level that is logged."
     )
@@ -31,9 +40,12 @@ class Settings(BaseSettings):
     # Authentication
     api_keys: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Comma-separated keys; if set, a request must send one of them as X-API-Key "
-        "(except to /health, /metrics, /docs).",
+        description="Comma-separated keys; if set, a request must send one of them as X-API-Key or as "
+        "Authorization: Bearer (except to /, /health, /metrics, /docs).",
         repr=False,
+    )
+    token_ttl_s: int = Field(
+        default=300, ge=1, le=86400, description="A token of POST /tokens allows to read for this long."
     )
 
     # Limits of a request
@@ -189,7 +201,7 @@ class Settings(BaseSettings):
             max_bytes=self.max_upload_bytes,
         )
 
-    @field_validator("api_keys", mode="before")
+    @field_validator("api_keys", "cors_origins", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         if isinstance(value, str):

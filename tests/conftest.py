@@ -1,6 +1,7 @@
 """What kind of test each one is, by its folder; photos that several tests use; what this machine cannot test."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,8 @@ from hypothesis import settings
 
 from services.ocr.tesseract import find_tessdata
 from simulation.flat_page import Page
+from tests.end_to_end.browser import CHROMIUM
+from tests.end_to_end.typescript import HAS_TYPESCRIPT
 from tests.models.databases import KINDS
 from tests.services.scenes import Album
 
@@ -61,6 +64,12 @@ def untested() -> list[str]:
     missing = []
     if "postgresql" not in KINDS:
         missing.append("The store on PostgreSQL: its programs are not installed (Debian: postgresql).")
+    if CHROMIUM is None:
+        missing.append("A real browser: Chromium is not installed (Debian: chromium).")
+    if not HAS_TYPESCRIPT:
+        missing.append("TypeScript types: openapi-typescript is not installed (make typescript).")
+    if shutil.which("curl") is None:
+        missing.append("The commands of README.md and docs/api.md: curl is not installed (Debian: curl).")
     if find_tessdata("eng") is None:
         missing.append("OCR with Tesseract: its language data are not installed (Debian: tesseract-ocr-eng).")
     return missing

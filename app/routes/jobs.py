@@ -1,7 +1,7 @@
 """/jobs: state, result and cancellation of long work."""
 
 from collections.abc import AsyncIterator
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Request, Response
 from starlette.responses import StreamingResponse
@@ -14,14 +14,41 @@ from app.routes.long_work import owner_of, status_of
 from app.routes.state import State
 from app.schemas.jobs import JobStatus
 from app.schemas.options import Absent
+from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 
 router = APIRouter(prefix="/jobs/{id}", tags=["jobs"])
 
+_JSON_RESULTS = [
+    {"$ref": f"#/components/schemas/{name}"}
+    for name in (
+        "RectifyResult",
+        "PagesResult",
+        "MosaicResult",
+        "LayoutResult",
+        "DocumentResult",
+        "InitializedModel",
+        "TrainedModel",
+        "Proposals",
+    )
+]
+_POLLING: dict[str, Any] = {
+    "headers": {
+        "Retry-After": {
+            "description": "While the work lasts: seconds until the next request makes sense.",
+            "schema": {"type": "integer", "minimum": 1},
+        }
+    }
+}
+_BINARY_RESULTS = sorted({*PAGES_MEDIA_TYPES.values(), "image/png"} - {"application/json"})
 
-@router.get("", operation_id="job", responses=documented("not-found", "internal"))
-async def job(request: Request, state: State, id: str) -> JobStatus:
+
+@router.get("", operation_id="job", responses={200: _POLLING, **documented("not-found", "internal")})
+async def job(request: Request, response: Response, state: State, id: str) -> JobStatus:
     """The state of the job. It is kept for JOB_TTL_S seconds after the job's end, or until the service restarts."""
-    return status_of(state.jobs.find(id, owner_of(request, state.settings)))
+    status = status_of(state.jobs.find(id, owner_of(request)), state.settings.root_path)
+    if status.poll_after_s is not None:
+        response.headers["Retry-After"] = str(status.poll_after_s)
+    return status
 
 
 @router.get(
@@ -47,10 +74,10 @@ async def job_events(
     ] = None,
 ) -> Response:
     """Stream of the job's states: as GET /jobs/{id}, after each change."""
-    found = state.jobs.find(id, owner_of(request, state.settings))
+    found = state.jobs.find(id, owner_of(request))
     if found.is_over and last_event_id == str(found.revision):
         return Response(status_code=204)  # a browser would reconnect without end
-    return _EventStream(state.jobs, found)
+    return _EventStream(state.jobs, found, state.settings.root_path)
 
 
 @router.get(
@@ -61,7 +88,11 @@ async def job_events(
         200: {
             "description": "The response that the request would have received without a job: its status, headers and "
             "body. For a failed job this is the problem; its `request_id` is that of the request.",
-            "content": {"*/*": {}},
+            "content": {
+                "application/json": {"schema": {"anyOf": _JSON_RESULTS}},
+                **{name: {"schema": {"type": "string", "format": "binary"}} for name in _BINARY_RESULTS},
+                "application/xml": {"schema": {"type": "string"}},
+            },
         },
         **documented(
             "not-found",
@@ -83,7 +114,7 @@ async def job_events(
 )
 async def job_result(request: Request, state: State, id: str) -> Response:
     """The response of the job, as if the request had waited for it."""
-    return await state.jobs.answer(state.jobs.find(id, owner_of(request, state.settings)))
+    return await state.jobs.answer(state.jobs.find(id, owner_of(request)))
 
 
 @router.delete("", operation_id="cancel_job", status_code=204, responses=documented("not-found", "internal"))
@@ -92,15 +123,15 @@ async def cancel_job(request: Request, state: State, id: str) -> None:
 
     Anything that the work has already written (a version of a model) remains.
     """
-    await state.jobs.cancel(state.jobs.find(id, owner_of(request, state.settings)))
+    await state.jobs.cancel(state.jobs.find(id, owner_of(request)))
 
 
 class _EventStream(StreamingResponse):
     """Server-sent events of one job; the number of such streams is limited."""
 
-    def __init__(self, jobs: Jobs, job: Job) -> None:
+    def __init__(self, jobs: Jobs, job: Job, root_path: str) -> None:
         super().__init__(
-            _events(jobs, job),
+            _events(jobs, job, root_path),
             # Proxies must not buffer events.
             headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
             media_type="text/event-stream",
@@ -115,9 +146,9 @@ class _EventStream(StreamingResponse):
             self._jobs.leave_listener()
 
 
-async def _events(jobs: Jobs, job: Job) -> AsyncIterator[str]:
+async def _events(jobs: Jobs, job: Job, root_path: str) -> AsyncIterator[str]:
     async for has_changed in jobs.follow(job):
         if has_changed:
-            yield f"id: {job.revision}\ndata: {status_of(job).model_dump_json()}\n\n"
+            yield f"id: {job.revision}\ndata: {status_of(job, root_path).model_dump_json()}\n\n"
         else:
             yield ": still there\n\n"

@@ -1,5 +1,6 @@
 """JSON request bodies: reading, validation, and documentation in the OpenAPI document."""
 
+import json
 from typing import Any, TypeVar
 
 from fastapi import Request
@@ -42,10 +43,44 @@ async def read_json(
         raise TooLarge(f"The body is limited to {limit}; this one has {len(body)}.")
     if not body.strip() and default is not None:
         return default
+    _check_names(body)
     try:
         return model.model_validate_json(body)
     except ValidationError as error:
         raise _told(error) from error
+
+
+async def refuse_body(request: Request) -> None:
+    """Raise if a request without options has a body; an empty object counts as none.
+
+    Raises
+    ------
+    InvalidOption
+    """
+    if (await request.body()).strip() not in (b"", b"{}"):
+        raise InvalidOption("body: this request has no options; send it without a body.", "body")
+
+
+def _check_names(body: bytes) -> None:
+    """Raise if an object has the same name twice; `json` and pydantic would take the last value.
+
+    Raises
+    ------
+    InvalidOption
+    """
+
+    def check(pairs: list[tuple[str, Any]]) -> None:
+        names: set[str] = set()
+        for name, _ in pairs:
+            shown = ascii(name)[1:-1][:_LONGEST_FIELD]
+            if name in names:
+                raise InvalidOption(f"{shown}: this name appears twice in one object; send it once.", shown)
+            names.add(name)
+
+    try:
+        json.loads(body, object_pairs_hook=check)
+    except (ValueError, RecursionError):
+        return  # pydantic describes what is wrong
 
 
 def _told(error: ValidationError) -> InvalidOption:

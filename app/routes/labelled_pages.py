@@ -21,6 +21,7 @@ LABELLED_PAGE_BODY: dict[str, Any] = {
             "multipart/form-data": {
                 "schema": {
                     "type": "object",
+                    "title": "SampleForm",
                     "required": ["zones"],
                     "additionalProperties": False,
                     "properties": {
@@ -98,7 +99,7 @@ async def labelled_page(request: Request, max_zones_bytes: int) -> AsyncIterator
         yield LabelledPageUpload(None, body)
     elif media_type == "multipart/form-data":
         most = max_zones_bytes + _SPARE_BYTES
-        async with request.form(max_files=2, max_fields=4, max_part_size=most) as form:
+        async with request.form(max_files=8, max_fields=50, max_part_size=most) as form:
             yield _parts(form, max_zones_bytes)
     else:
         raise MissingPart(
@@ -114,9 +115,12 @@ def _parts(form: FormData, max_zones_bytes: int) -> LabelledPageUpload:
     parts: dict[str, UploadFile | str] = {}
     for name, part in form.multi_items():
         if name not in {"image", "zones"}:
-            raise InvalidOption(f"{name[:80]}: there is no such option.", name[:80])
+            raise InvalidOption(
+                f"{name[:80]}: there is no such part; send the page as `image`, its labelled zones as `zones`.",
+                name[:80],
+            )
         if name in parts:
-            raise InvalidOption(f"{name}: this option was sent more than once.", name)
+            raise InvalidOption(f"{name}: this part was sent more than once; send it once.", name)
         if part != "":  # an empty field of a form counts as absent
             parts[name] = part
     image = parts.get("image")

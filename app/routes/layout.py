@@ -3,17 +3,21 @@
 from dataclasses import replace
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Form, Request, Response, UploadFile
+from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
 
 from app.engine.base import TimeLimit
+from app.form_parts import FormRoute
 from app.problems import documented
 from app.representations import (
     SNIFFED_BYTES,
+    check_json_accepted,
     choose_layout_format,
+    content_disposition,
     layout_headers,
     may_have_pages,
 )
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
+from app.routes.known_options import known_parts, with_format
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import State
@@ -25,16 +29,19 @@ from app.schemas.layout import (
     parse_names,
     result_of,
 )
+from app.schemas.options import FORMAT, Absent
 from app.settings import Settings
 from services.contract.layout import DocumentReply, LayoutFormat, LayoutOptions, LayoutSettings
 from services.errors import InvalidOption, TooLarge
 from services.progress import ProgressSink
 
-router = APIRouter(tags=["layout"])
+router = APIRouter(tags=["layout"], route_class=FormRoute)
 
 FEWEST_FILES = 64
 """Smallest limit on the number of files in a form."""
 
+_SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png": "-labelled"}
+"""What the file names of results add to that of the upload."""
 _STRING = {"schema": {"type": "string"}}
 _HEADERS: dict[str, Any] = {
     "Document-Class": {"description": "Name of the class; absent when `class` is null.", **_STRING},
@@ -61,13 +68,27 @@ _HEADERS: dict[str, Any] = {
             "headers": _HEADERS,
         },
         **ACCEPTED,
-        **documented("not-found", "not-acceptable", "invalid-model", "no-text", *FORM, *IMAGE, *STORE, *WORK),
+        **documented(
+            "not-found",
+            "not-acceptable",
+            "conflict",
+            "invalid-model",
+            "no-text",
+            *FORM,
+            *IMAGE,
+            *STORE,
+            *WORK,
+        ),
     },
     openapi_extra=PREFER,
-    form_limits={"max_fields": 10},
+    dependencies=[known_parts(LayoutForm)],
+    form_limits={"max_fields": 50},
 )
 async def layout(
-    request: Request, state: State, form: Annotated[LayoutForm, Form(media_type="multipart/form-data")]
+    request: Request,
+    state: State,
+    form: Annotated[LayoutForm, Form(media_type="multipart/form-data")],
+    format: Annotated[LayoutFormat | Absent, FORMAT, Query(description="As the field of the form.")] = None,
 ) -> Response:
     """Recognize the class of a document and the logical label of each of its zones.
 
@@ -81,6 +102,7 @@ async def layout(
     describes later pages of that class's documents. The chosen class is the one whose models together fit all pages
     best.
     """
+    form = with_format(form, format)
     settings = state.settings
     check_parts(form, settings.max_pages)
     chosen = choose_layout_format(form.format, request.headers.get("accept"))
@@ -113,11 +135,12 @@ async def layout(
         )
         request.state.seat.release()
         if isinstance(reply, DocumentReply):
-            return await _answer_document(state, reply, chosen)
+            return await _answer_document(state, reply, chosen, _image_name(images[:1]))
         result_of(reply.document, "validated before it is stored")
         result_id = await state.store.keep_result({"result": reply.document, "page": reply.page})
         headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
         if chosen != "json":
+            headers |= content_disposition(_image_name(images[:1]), _SUFFIXES[chosen], reply.media_type)
             return Response(reply.body, media_type=reply.media_type, headers=headers)
         body = result_of(reply.document, result_id).model_dump_json(by_alias=True)
         return Response(body, media_type="application/json", headers=headers)
@@ -131,11 +154,12 @@ async def layout(
     response_class=Response,
     responses={
         200: {"description": "The result again.", "model": LayoutResult | DocumentResult},
-        **documented("not-found", *STORE),
+        **documented("not-found", "not-acceptable", *STORE),
     },
 )
-async def layout_result(state: State, id: str) -> Response:
+async def layout_result(request: Request, state: State, id: str) -> Response:
     """A stored result as JSON. It is kept for RESULT_TTL_S seconds, or until MAX_RESULTS newer results exist."""
+    check_json_accepted(request.headers.get("accept"))
     kept = await state.store.call(lambda store: store.result(id))
     result: LayoutResult | DocumentResult
     if "pages" in kept.document:
@@ -146,7 +170,7 @@ async def layout_result(state: State, id: str) -> Response:
     return Response(result.model_dump_json(by_alias=True), media_type="application/json")
 
 
-async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFormat) -> Response:
+async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFormat, name: str) -> Response:
     before = "validated before it is stored"
     document_of(reply.document, before, [result_of(page.document, before) for page in reply.pages])
     result_id, page_ids = await state.store.keep_document(
@@ -155,6 +179,7 @@ async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFor
     pages = [result_of(page.document, page_id) for page, page_id in zip(reply.pages, page_ids, strict=True)]
     headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
     if chosen != "json":
+        headers |= content_disposition(name, _SUFFIXES[chosen], reply.media_type)
         return Response(reply.body, media_type=reply.media_type, headers=headers)
     body = document_of(reply.document, result_id, pages).model_dump_json(by_alias=True)
     return Response(body, media_type="application/json", headers=headers)

@@ -12,6 +12,7 @@ from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, STORE, WORK
 from app.routes.connection import while_connected
+from app.routes.json_bodies import refuse_body
 from app.routes.labelled_pages import count_labels, layout_settings
 from app.routes.layout_settings import health_of
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
@@ -36,6 +37,7 @@ router = APIRouter(prefix="/layout/models", tags=["layout models"])
 
 _MODEL: dict[str, Any] = {
     "type": "object",
+    "title": "LayoutModel",
     "description": "A layout graph model, as GET exports it.",
     "required": ["format", "format_version"],
     "properties": {"format": {"type": "string"}, "format_version": {"type": "integer"}},
@@ -171,7 +173,7 @@ async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch =
     responses={
         200: {"description": "The new version.", "model": InitializedModel, "headers": ETAG},
         **ACCEPTED,
-        **documented("no-samples", *READING, *BODY, *WORK, conditional=True),
+        **documented("conflict", "no-samples", *READING, *BODY, *WORK, conditional=True),
     },
     openapi_extra=PREFER,
 )
@@ -184,6 +186,7 @@ async def initialize_layout_model(
     response counts them.
     """
     precondition = parse_precondition(if_match, None)
+    await refuse_body(request)
 
     def read(store: Store) -> list[StoredSample]:
         precondition.check(name, store.model_summary(name).version)

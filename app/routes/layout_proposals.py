@@ -8,6 +8,7 @@ from fastapi import APIRouter, Request, Response
 from app.engine.base import TimeLimit
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, STORE, WORK
+from app.routes.json_bodies import refuse_body
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import State
@@ -76,7 +77,7 @@ async def forget_unknown_layout_page(state: State, id: str) -> None:
     responses={
         200: {"description": "The proposals; nothing was changed.", "model": Proposals},
         **ACCEPTED,
-        **documented(*STORE, *BODY, *WORK),
+        **documented("conflict", "invalid-option", *STORE, *BODY, *WORK),
     },
     openapi_extra=PREFER,
 )
@@ -87,6 +88,7 @@ async def propose_layout_classes(request: Request, state: State) -> Response:
     other; models with at least eight are checked for a split. Nothing changes: every proposal lists the requests that
     carry it out.
     """
+    await refuse_body(request)
 
     async def work(progress: ProgressSink | None) -> Response:
         unknown, classes = await state.store.call(_read_all)

@@ -2,6 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
+from app.form_parts import FormRoute
 from app.problems import documented
 from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
 from app.routes.connection import while_connected
@@ -12,7 +13,7 @@ from app.schemas.layout_models import ModelName
 from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary
 from models.records import StoredSample
 
-router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"])
+router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"], route_class=FormRoute)
 
 
 @router.post(

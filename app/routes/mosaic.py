@@ -3,17 +3,20 @@
 from dataclasses import replace
 from typing import Annotated
 
-from fastapi import APIRouter, Form, Request, Response
+from fastapi import APIRouter, Form, Query, Request, Response
 
 from app.engine.base import TimeLimit
+from app.form_parts import FormRoute
+from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import answer_page, choose_encoding, documented_page
 from app.routes.state import State
 from app.schemas.mosaic import MosaicForm, MosaicResult
+from app.schemas.options import AskedFormat
 from services.contract.mosaic import MosaicLimits
 from services.progress import ProgressSink
 
-router = APIRouter(tags=["mosaic"])
+router = APIRouter(tags=["mosaic"], route_class=FormRoute)
 
 MOST_FILES = 64
 """Larger than the limit of a mosaic, so that the error for too many photos is about photos, not about the form."""
@@ -30,16 +33,21 @@ MOST_FILES = 64
         ("not-overlapping",),
     ),
     openapi_extra=PREFER,
+    dependencies=[known_parts(MosaicForm)],
     form_limits={"max_files": MOST_FILES},
 )
 async def mosaic(
-    request: Request, state: State, form: Annotated[MosaicForm, Form(media_type="multipart/form-data")]
+    request: Request,
+    state: State,
+    form: Annotated[MosaicForm, Form(media_type="multipart/form-data")],
+    format: Annotated[AskedFormat, Query()] = None,
 ) -> Response:
     """Join overlapping photos of one page, in any order and from any positions, into the whole flat page.
 
     The response format follows `Accept`, or the field `format`; else it is an image in the first photo's own format
     (HEIC: JPEG). Photos that could not be placed are listed.
     """
+    form = with_format(form, format)
     parameters = form.parameters()
     encoding = await choose_encoding(request, form, form.images[0])
     settings = state.settings
@@ -56,6 +64,6 @@ async def mosaic(
             progress=progress,
         )
         request.state.seat.release()
-        return answer_page(reply, MosaicResult)
+        return answer_page(reply, MosaicResult, form.images[0], "-mosaic")
 
     return await answer_now_or_later(request, state, work)

@@ -11,6 +11,7 @@ from app.representations import (
     SNIFFED_BYTES,
     choose_format,
     choose_pages_formats,
+    content_disposition,
     image_headers,
     sniff_format,
 )
@@ -41,7 +42,7 @@ _PAGES_HEADERS: dict[str, Any] = {
         "schema": {"type": "string"},
     },
 }
-_PROBLEMS = ("not-acceptable", "no-text", "internal", *FORM, *IMAGE, *WORK)
+_PROBLEMS = ("not-acceptable", "conflict", "no-text", "internal", *FORM, *IMAGE, *WORK)
 
 
 class AskedEncoding(Protocol):
@@ -125,10 +126,14 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
     return Encoding(format=single, quality=asked.quality, embed=asked.embed, pages_format=several)
 
 
-def answer_page(reply: PageReply, model: type[BaseModel]) -> Response:
-    """Response with the image and its headers, or with its description, validated by `model`."""
+def answer_page(reply: PageReply, model: type[BaseModel], photo: UploadFile, suffix: str) -> Response:
+    """Response with the image and its headers, or with its description, validated by `model`.
+
+    A saved image gets the file name of `photo` with `suffix`.
+    """
     if reply.media_type == JSON:
         body = model.model_validate(reply.document).model_dump_json()
         return Response(body, media_type=JSON, headers={"Vary": "Accept"})
     headers = image_headers(reply.document) | {"Vary": "Accept"}
+    headers |= content_disposition(photo.filename, suffix, reply.media_type)
     return Response(reply.body, media_type=reply.media_type, headers=headers)

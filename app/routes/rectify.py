@@ -2,15 +2,21 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Form, Request, Response
+from fastapi import APIRouter, Form, Query, Request, Response
 
+from app.form_parts import FormRoute
+from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
 from app.routes.state import State
+from app.schemas.options import AskedPagesFormat
 from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult
 from services.progress import ProgressSink
 
-router = APIRouter(tags=["rectify"])
+router = APIRouter(tags=["rectify"], route_class=FormRoute)
+
+MOST_FILES = 64
+"""More than the route accepts, so that the error for several photos is about photos, not about the form."""
 
 
 @router.post(
@@ -24,9 +30,14 @@ router = APIRouter(tags=["rectify"])
         pages_model=PagesResult,
     ),
     openapi_extra=PREFER,
+    dependencies=[known_parts(RectifyForm, "To join overlapping photos, use /mosaic.")],
+    form_limits={"max_files": MOST_FILES},
 )
 async def rectify(
-    request: Request, state: State, form: Annotated[RectifyForm, Form(media_type="multipart/form-data")]
+    request: Request,
+    state: State,
+    form: Annotated[RectifyForm, Form(media_type="multipart/form-data")],
+    format: Annotated[AskedPagesFormat, Query()] = None,
 ) -> Response:
     """Flatten one photo of a page, taken from any position.
 
@@ -37,6 +48,7 @@ async def rectify(
     pages, an archive with one image per page (format=zip), or JSON; without `Accept` and `format`, as a PDF. `jpeg`,
     `png` and `webp` hold one page: they are refused (`not-acceptable`) when two pages are found.
     """
+    form = with_format(form, format)
     encoding = await choose_pages_encoding(request, form, form.image)
 
     async def work(progress: ProgressSink | None) -> Response:
@@ -49,6 +61,6 @@ async def rectify(
             progress=progress,
         )
         request.state.seat.release()
-        return answer_page(reply, RectifyResult if form.pages == "main" else PagesResult)
+        return answer_page(reply, RectifyResult if form.pages == "main" else PagesResult, form.image, "-flat")
 
     return await answer_now_or_later(request, state, work)

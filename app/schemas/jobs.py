@@ -8,16 +8,29 @@ from app.jobs import JobState
 from app.schemas.problem import Problem
 
 
+class JobLinks(BaseModel):
+    """Paths of a job."""
+
+    result: str = Field(description="The response of the work; 409 before its end.")
+    events: str = Field(description="Server-sent events: the state whenever it changes.")
+
+
 class JobStatus(BaseModel):
     """State of a job."""
 
     id: str = Field(description="Random. The id, together with the API key, gives access to the result.")
     state: JobState = Field(description="The last three are final.")
-    stage: str | None = Field(description="Current stage of the work; `started` until the work reports one.")
+    stage: str | None = Field(
+        description="Current stage of the work, spelled as in `timings_ms`; `started` until the work reports one."
+    )
     progress: float = Field(ge=0, le=1, description="Share of the work that is done; it never decreases.")
     created: datetime
     started: datetime | None = Field(description="When a worker started it.")
     ended: datetime | None
     problem: Problem | None = Field(
         description="Why it failed or was cancelled; /jobs/{id}/result responds with the same problem."
+    )
+    links: JobLinks = Field(description="Paths of the job, its result and its events.")
+    poll_after_s: int | None = Field(
+        description="Ask for the state again after this many seconds; null: the job has ended."
     )

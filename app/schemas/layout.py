@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.schemas.options import Absent, Switch
+from app.schemas.options import FORMAT, Absent, Switch
 from app.schemas.page import Answer, Warning
 from services.contract.layout import LayoutFormat
 
@@ -41,15 +41,16 @@ def _checked_names(text: str) -> str:
     return text
 
 
+def _as_text(schema: dict[str, Any]) -> None:
+    """Document a field that may also be a file as text: generators make a plain argument of it."""
+    schema.pop("anyOf", None)
+    schema |= {"type": "string", "contentMediaType": "application/json"}
+
+
 class LayoutForm(BaseModel):
     """Form of POST /layout: `image` (one or several), `zones` or `zones_file`, or `image` and one of them."""
 
-    model_config = ConfigDict(
-        extra="forbid",
-        json_schema_extra={
-            "anyOf": [{"required": ["image"]}, {"required": ["zones"]}, {"required": ["zones_file"]}]
-        },
-    )
+    model_config = ConfigDict(extra="forbid")
 
     image: list[UploadFile] | Absent = Field(
         default=None,
@@ -62,6 +63,7 @@ class LayoutForm(BaseModel):
         description='JSON `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "font_size"?, "lines"?, '
         '"text"?, "kind"?}]}`, as a field or as a file: zones from another segmenter. With `image`, they are in '
         "pixels of the image.",
+        json_schema_extra=_as_text,
     )
     zones_file: UploadFile | Absent = Field(
         default=None, description="Zones as a file of PAGE-XML, ALTO or JSON."
@@ -77,7 +79,7 @@ class LayoutForm(BaseModel):
         description="The models to compare, separated by commas; default: all.",
         json_schema_extra={"pattern": _NAMES_PATTERN},
     )
-    format: LayoutFormat | Absent = Field(
+    format: Annotated[LayoutFormat | Absent, FORMAT] = Field(
         default=None,
         description="Format of the response; overrides `Accept`. png: the page with its labelled zones drawn on it. "
         "Several pages can be json, or an archive (application/zip) with one pagexml or alto file per page.",

@@ -1,7 +1,7 @@
 """Request and response of POST /mosaic."""
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
@@ -21,6 +21,7 @@ from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, Composition, Mo
 from services.errors import InvalidOption
 
 _INDEX = re.compile("[0-9]|1[0-5]")
+BASE_PATTERN = f"^(auto|{_INDEX.pattern})$"
 
 
 def _enough_photos(images: list[UploadFile]) -> list[UploadFile]:
@@ -43,6 +44,12 @@ def _base(value: object) -> object:
     raise ValueError(f"expected auto or the index of a photo, 0-{MOST_PHOTOS - 1}")
 
 
+def _as_text(schema: dict[str, Any]) -> None:
+    """Document `base` as the text that a form sends; generators cannot handle a union with a constant."""
+    schema.pop("anyOf", None)
+    schema |= {"type": "string", "pattern": BASE_PATTERN}
+
+
 class MosaicForm(BaseModel):
     """The multipart form of POST /mosaic."""
 
@@ -63,6 +70,7 @@ class MosaicForm(BaseModel):
         default="auto",
         description="Index, from 0, of a photo. If the photos form parts that do not connect, the response shows the "
         "part with this photo; auto: the largest part.",
+        json_schema_extra=_as_text,
     )
     composition: Composition = Field(
         default="selective",

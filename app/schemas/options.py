@@ -25,6 +25,16 @@ def _whole(value: object) -> object:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
+def _format(value: object) -> object:
+    """A format in small letters; file extensions are accepted too."""
+    if not isinstance(value, str):
+        return value
+    name = value.strip().lower()
+    return {"jpg": "jpeg", "tif": "tiff"}.get(name, name)
+
+
+FORMAT = BeforeValidator(_format)
+"""Validator of `format`: `jpg` and any case are accepted."""
 Switch = Annotated[bool, BeforeValidator(_switch)]
 WHOLE = BeforeValidator(_whole)
 """Validator of an integer in JSON, which has no difference between 3.0 and 3. It must be the last annotation, because
@@ -45,18 +55,21 @@ Illumination = Annotated[
 ]
 AskedFormat = Annotated[
     AnswerFormat | Absent,
+    FORMAT,
     Field(
         description="Format of the response; overrides `Accept`. Default: an image in the (first) photo's own format."
     ),
 ]
 AskedPagesFormat = Annotated[
     PagesFormat | Absent,
+    FORMAT,
     Field(
         description="Format of the response; overrides `Accept`. Default: an image in the photo's own format, or a PDF "
         "for several pages. `zip` has one image per page; `jpeg`, `png` and `webp` hold one page only."
     ),
 ]
 Quality = Annotated[
-    Annotated[int, Field(ge=1, le=100)] | Absent, Field(description="1-100, for lossy formats.")
+    Annotated[int, Field(ge=1, le=100)] | Absent,
+    Field(description="1-100, for lossy formats; default 90.", examples=[90]),
 ]
 Embed = Annotated[Switch, Field(description="With JSON: include the image as base64 in `image`.")]

@@ -36,7 +36,7 @@ def propose_classes(
     features = content_features(settings.content_features)
     # Limits may have been higher when the page was stored.
     limits = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
-    report_progress("unknown pages", 0.0)
+    report_progress("unknown_pages", 0.0)
     read = [(kept.id, _read(kept.document, limits, features)) for kept in unknown]
     known = _without_repeats([(page_id, page) for page_id, page in read if page is not None])
     graphs = [build_graph(page, features.names) for _, page in known]
@@ -72,7 +72,7 @@ def propose_classes(
                     "better": round(split.better, 3),
                 }
             )
-    report_progress("pairs of classes", 0.8)
+    report_progress("pairs_of_classes", 0.8)
     merges = [
         {
             "models": [merge.first, merge.second],

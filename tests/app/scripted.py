@@ -107,7 +107,7 @@ def _follow(upload: bytes, field: str) -> bytes:
     _, _, script = upload.partition(b"do:")
     verb, _, object_ = script.partition(b" ")
     if verb in REFUSALS:
-        raise REFUSALS[verb](f"{field}: scripted {verb.decode()}", field)
+        raise REFUSALS[verb](f"{field}: scripted {verb.decode()}.", field)
     if verb == b"fail":
         raise ZeroDivisionError("secret of the house")
     if verb == b"sleep":
@@ -191,9 +191,9 @@ def _page(zones: bytes) -> dict[str, Any]:
         page: dict[str, Any] = json.loads(zones, parse_float=lambda text: _plain(float(text)))
         PageBody.model_validate_json(json.dumps(page), strict=True)
     except ValidationError as error:
-        raise InvalidOption(f"zones: {error.errors()[0]['msg']}", "zones") from error
+        raise InvalidOption(f"zones: {error.errors()[0]['msg']}.", "zones") from error
     except ValueError as error:
-        raise InvalidOption("zones: this is not JSON", "zones") from error
+        raise InvalidOption("zones: this is not JSON.", "zones") from error
     return page
 
 
@@ -221,7 +221,7 @@ def import_model(name: str, document: bytes) -> ModelDraft:
     try:
         model = json.loads(document)
     except ValueError as error:
-        raise InvalidModel("this is not JSON") from error
+        raise InvalidModel("This is not JSON.") from error
     if not isinstance(model, dict) or not isinstance(model.get("format"), str):
         raise InvalidModel("format: this is not a layout model.", "format")
     if type(model.get("format_version")) is not int:

@@ -58,7 +58,7 @@ def test_the_openapi_document_tells_of_keys_when_there_are_some() -> None:
             if path in OPEN_PATHS:
                 assert "security" not in operation
             else:
-                assert operation["security"] == [{"ApiKey": []}]
+                assert operation["security"] == [{"ApiKey": []}, {"Bearer": []}]
                 assert {"401", "403"} <= operation["responses"].keys()
     operation = create_app(Settings(api_keys=()), OPERATIONS).openapi()["paths"]["/rectify"]["post"]
     assert "security" not in operation

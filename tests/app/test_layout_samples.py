@@ -174,4 +174,4 @@ def test_zones_have_a_limit(shared: httpx.Client) -> None:
     ):
         assert "(MAX_ZONES_BYTES)" in str(assert_problem(response, 413, "too-large")["detail"])
     response = shared.post(PATH, files={"zones": (None, " " * 200_000)})
-    assert_problem(response, 400, "bad-request")
+    assert assert_problem(response, 413, "too-large")["field"] == "zones"

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+import jsonschema_rs
 import pytest
 import schemathesis
 from fastapi.routing import APIRoute
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from app.main import ROUTERS, WORK, create_app
+from app.openapi import operations_of
 from app.problems import STATUS_OF_CODE
 from app.schemas.rectify import REGION_PATTERN, parse_region
 from app.settings import Settings
@@ -38,6 +40,8 @@ def base_url() -> Iterator[str]:
 def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: str) -> None:
     if isinstance(case.body, dict) and case.media_type == "multipart/form-data":
         assume_a_form(case.body)
+        asked = case.query.get("format") if case.query else None
+        assume(not (asked and case.body.get("format")) or asked == case.body.get("format"))
         if case.operation.path.startswith("/layout"):
             assume_parts_that_go_together(case.body)
     response = case.call(base_url=base_url)
@@ -63,7 +67,8 @@ def assume_a_form(body: dict[str, Any]) -> None:
     assume("" not in [value for name, value in body.items() if name not in FILES])
     # What the document cannot say: the base is one of the photos that came with it.
     base = body.get("base")
-    assume(not isinstance(base, int) or not len(images) <= base < MOST_PHOTOS)
+    is_index = str(base).isascii() and str(base).isdigit()
+    assume(not is_index or not len(images) <= int(base) < MOST_PHOTOS)
 
 
 def as_list(value: Any) -> list[Any]:
@@ -72,6 +77,7 @@ def as_list(value: Any) -> list[Any]:
 
 def assume_parts_that_go_together(body: dict[str, Any]) -> None:
     """Zones are sent once, for an image as it is; their text is a page's."""
+    assume({"image", "zones", "zones_file"} & body.keys())
     assume(not {"zones", "zones_file"} <= body.keys())
     has_zones = bool({"zones", "zones_file"} & body.keys())
     assume(body.get("rectify") is not True or not has_zones)
@@ -88,7 +94,8 @@ def test_every_route_is_documented_and_every_job_is_admitted() -> None:
     assert {route.path for route in routes} == DOCUMENT["paths"].keys()
     methods = {(method, route.path) for route in routes for method in route.methods}
     writes = {(method, path) for method, path in methods if method in {"POST", "PUT"}}
-    assert writes - WORK == {("POST", "/layout/models/{name}/rollback")}  # of the store alone
+    of_the_store_alone = {("POST", "/layout/models/{name}/rollback")}
+    assert writes - WORK == {*of_the_store_alone, ("POST", "/tokens")}
     assert WORK - writes == {("GET", "/layout/models/{name}/versions/{version}/diff")}
 
 
@@ -153,6 +160,56 @@ def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)
     assert fields["base"]["default"] == "auto"
     assert fields["illumination"]["default"] == "normalize"
+
+
+def test_files_are_binary_and_no_form_has_a_condition_on_its_parts() -> None:
+    text = json.dumps(DOCUMENT)
+    assert "octet-stream" not in text
+    assert "*/*" not in text
+    schemas = DOCUMENT["components"]["schemas"]
+    for form, name in (("RectifyForm", "image"), ("LayoutForm", "zones_file"), ("SampleForm", "image")):
+        assert schemas[form]["properties"][name]["format"] == "binary"
+    for form, name in (("MosaicForm", "images"), ("LayoutForm", "image")):
+        assert schemas[form]["properties"][name]["items"]["format"] == "binary"
+    assert [name for name, schema in schemas.items() if "properties" in schema and "anyOf" in schema] == []
+
+
+def test_nothing_in_the_document_has_a_misleading_default() -> None:
+    quality = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]["quality"]
+    assert ("default" in quality, quality["examples"]) == (False, [90])
+    prefer = [
+        parameter
+        for parameter in DOCUMENT["paths"]["/rectify"]["post"]["parameters"]
+        if parameter["name"] == "Prefer"
+    ]
+    assert [sorted(parameter) for parameter in prefer] == [
+        ["description", "in", "name", "required", "schema"]
+    ]
+
+
+def test_every_operation_has_examples_that_fit_their_schemas() -> None:
+    contents = 0
+    for _, operation in operations_of(DOCUMENT):
+        name = operation["operationId"]
+        for media_type, content in operation.get("requestBody", {}).get("content", {}).items():
+            if (media_type, name) != ("multipart/form-data", "add_layout_sample"):
+                assert "example" in content, (name, media_type)
+                contents += check(content)
+        for status, response in operation["responses"].items():
+            content = response.get("content", {}).get("application/json")
+            if content is not None:
+                assert "example" in content, (name, status)
+                contents += check(content)
+            if status >= "4":
+                contents += check(response["content"]["application/problem+json"])
+    assert contents > 200
+
+
+def check(content: dict[str, Any]) -> int:
+    """The example of `content` fits its schema; 1."""
+    schema = {**content["schema"], "components": DOCUMENT["components"]}
+    jsonschema_rs.validate(schema, content["example"])
+    return 1
 
 
 def test_every_kind_of_surface_is_documented_and_told_by_its_type() -> None:

@@ -33,7 +33,7 @@ def test_an_image_answer_carries_the_facts_as_headers(client: httpx.Client) -> N
     assert response.headers["document-kind"] == "planar"
     assert response.headers["document-rotation"] == "180"
     assert response.headers["document-warnings"] == "options, encoding"
-    assert response.headers["server-timing"] == "decode;dur=1.2, texture-flow;dur=20.0"
+    assert response.headers["server-timing"] == "decode;dur=1.2, texture_flow;dur=20.0"
     assert response.headers["vary"] == "Accept"
 
 

@@ -121,7 +121,7 @@ def test_headers_of_a_result_without_warnings() -> None:
         "Document-Kind": "planar",
         "Document-Rotation": "0",
         "Document-Warnings": "",
-        "Server-Timing": "texture-flow;dur=1.0",
+        "Server-Timing": "texture_flow;dur=1.0",
     }
 
 

@@ -1,0 +1,76 @@
+"""Multipart forms whose errors name the part that they are about."""
+
+from collections.abc import Callable, Coroutine
+from contextlib import aclosing
+from typing import Any
+
+from fastapi import Request, Response
+from fastapi.routing import APIRoute
+from starlette.datastructures import FormData
+from starlette.formparsers import MultiPartException, MultiPartParser
+
+from services.errors import DocumentError, TooLarge
+
+_LONGEST_NAME = 80
+
+
+class InvalidForm(DocumentError):
+    """The body is not a valid form."""
+
+    code = "bad-request"
+
+
+class FormRoute(APIRoute):
+    """A route whose request reads forms by `_NamingParser`."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The handler of the route, with a `_FormRequest` instead of the request."""
+        handle = super().get_route_handler()
+
+        async def handle_form(request: Request) -> Response:
+            return await handle(_FormRequest(request.scope, request.receive))
+
+        return handle_form
+
+
+class _FormRequest(Request):
+    """A request that names the part in errors of a multipart form."""
+
+    async def _get_form(self, **limits: Any) -> FormData:
+        """The form.
+
+        Raises
+        ------
+        InvalidForm, TooLarge
+        """
+        media_type = self.headers.get("content-type", "").partition(";")[0].strip().lower()
+        if self._form is not None or media_type != "multipart/form-data":
+            return await super()._get_form(**limits)
+        async with aclosing(self.stream()) as stream:
+            try:
+                self._form = await _NamingParser(self.headers, stream, **limits).parse()
+            except MultiPartException as error:
+                raise InvalidForm(f"The form cannot be read: {error.message.rstrip('.')}.") from error
+        return self._form
+
+
+class _NamingParser(MultiPartParser):
+    """The parser of the framework; its error about a large part names the part."""
+
+    def on_part_data(self, data: bytes, start: int, end: int) -> None:
+        """Add data to the current part.
+
+        Raises
+        ------
+        TooLarge
+            When the part is a field with more than `max_part_size` bytes.
+        """
+        part = self._current_part
+        if part.file is None and len(part.data) + end - start > self.max_part_size:
+            name = part.field_name[:_LONGEST_NAME]
+            raise TooLarge(
+                f"{name}: a field of a form may have {self.max_part_size} bytes. Send images and other files as file "
+                "parts (with a filename).",
+                name,
+            )
+        super().on_part_data(data, start, end)

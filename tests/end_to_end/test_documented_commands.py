@@ -1,0 +1,62 @@
+"""Every command of README.md and docs/api.md, in order, as written, against a running service."""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.end_to_end.processes import PRODUCT, ROOT, running
+
+ADDRESS = "127.0.0.1:8000"
+NOT_RUN = ("make ", "docker ")
+"""Commands that set up and start the service; the tests themselves run in what they make."""
+STRICT_CURL = 'curl() { command curl --fail-with-body --silent --show-error "$@"; }'
+NEEDS_CURL = pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
+
+
+def commands_of(document: Path) -> str:
+    """All shell blocks of a Markdown document, in order."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", document.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    kept = [block for block in blocks if not block.startswith(NOT_RUN)]
+    assert len(kept) >= 1
+    return "\n".join(kept)
+
+
+def test_no_command_is_left_out() -> None:
+    for document in (ROOT / "README.md", ROOT / "docs" / "api.md"):
+        text = document.read_text(encoding="utf-8")
+        lines = [line for line in text.splitlines() if re.match(r"\s*(\w+=\$\()?curl ", line)]
+        commands = commands_of(document).splitlines()
+        assert [line for line in lines if line not in commands] == []
+        assert lines
+
+
+@NEEDS_CURL
+@pytest.mark.parametrize("name", ["README.md", "docs/api.md"])
+def test_the_commands_run_as_written(name: str, tmp_path: Path) -> None:
+    folder = tmp_path / "examples"
+    shutil.copytree(ROOT / "examples", folder, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
+    commands = re.sub(r"^cd examples$", "", commands_of(ROOT / name), flags=re.MULTILINE)
+    assert ADDRESS in commands
+    with running(PRODUCT, workers=1, job_timeout_s=120, mosaic_timeout_s=300) as process:
+        script = f"set -euo pipefail\n{STRICT_CURL}\nset -x\n" + commands.replace(
+            ADDRESS, f"127.0.0.1:{process.port}"
+        )
+        ran = subprocess.run(
+            ["bash", "-c", script],
+            cwd=folder,
+            env={**os.environ, "LC_ALL": "C.UTF-8"},
+            capture_output=True,
+            timeout=500,
+            check=False,
+        )
+    assert ran.returncode == 0, ran.stderr.decode(errors="replace")[-2000:] + ran.stdout[-1000:].decode(
+        errors="replace"
+    )
+    made = {path.name: path.stat().st_size for path in folder.iterdir()}
+    written = re.findall(r" -o ([\w./-]+)", commands)
+    assert written
+    assert [path for path in written if path != "/dev/null" and not made.get(path)] == []
