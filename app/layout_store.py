@@ -246,16 +246,20 @@ def document_of(model: StoredModel) -> ModelDocument:
     """A version of a model, as sent to workers."""
     assert model.version is not None
     assert model.document is not None
-    document = json.dumps(model.document, ensure_ascii=False, separators=(",", ":")).encode()
     settings = model.settings
     return ModelDocument(
         model.name,
         model.version,
-        document,
+        packed_model(model.document),
         genre=settings.genre,
         continues=settings.continues,
         learner=settings.learner,
     )
+
+
+def packed_model(document: Mapping[str, Any]) -> bytes:
+    """The JSON of a model's document."""
+    return json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
 
 
 def labels_of(document: Mapping[str, Any]) -> tuple[str, ...]:

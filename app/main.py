@@ -93,6 +93,7 @@ WORK = frozenset(
         ("POST", "/layout/models/{name}/train"),
         ("GET", "/layout/models/{name}/versions/{version}/diff"),
         ("POST", "/layout/results/{id}/feedback"),
+        ("DELETE", "/layout/results/{id}/feedback"),
         ("POST", "/layout/proposals"),
     }
 )

@@ -1,6 +1,7 @@
 """The store's calls for feedback: people's corrections of results, and the model versions made from them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 
 from sqlalchemy import ColumnElement, Label, case, delete, func, literal, select, update
@@ -8,6 +9,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, defer
 
 from models.documents import Document, decode_document, digest_document, encode_document
 from models.errors import KeyReused, NotStorable
+from models.lesson_repository import revise_result, take_back
 from models.queries import (
     add_unknown_page,
     append_version,
@@ -18,7 +20,14 @@ from models.queries import (
     require_storable,
     require_version,
 )
-from models.records import FeedbackDraft, FeedbackSummary, ModelChange, ModelHealth, StoredFeedback
+from models.records import (
+    FeedbackDraft,
+    FeedbackSummary,
+    ModelChange,
+    ModelHealth,
+    ModelUndo,
+    StoredFeedback,
+)
 from models.tables import FeedbackModelRow, FeedbackRow, ModelRow, SampleRow, UnknownPageRow
 from models.transactions import Transactions
 
@@ -48,7 +57,12 @@ class FeedbackRepository(Transactions):
             return None if row is None else _stored_feedback(session, row, created=False)
 
     def add_feedback(
-        self, draft: FeedbackDraft, changes: Sequence[ModelChange], *, max_samples: int | None = None
+        self,
+        draft: FeedbackDraft,
+        changes: Sequence[ModelChange],
+        *,
+        max_samples: int | None = None,
+        undone: Sequence[ModelUndo] = (),
     ) -> StoredFeedback:
         """Store a feedback with its report, the new versions of the models in `changes`, and its sample.
 
@@ -58,21 +72,16 @@ class FeedbackRepository(Transactions):
         sample from feedback is deleted first; if all samples were posted, the page does not become a sample. The result
         itself may have expired.
 
+        `undone` has the models without the lessons of earlier feedback on the result. They are stored first. A change
+        of such a model starts from its document there; its `expected_version` is not used.
+
         Raises `VersionConflict` when a model does not have the version that its change expects, `ModelNotFound`,
         `KeyReused`, `NotStorable`.
         """
-        require_result_id(draft.result_id)
-        if draft.key is not None:
-            require_storable(draft.key, "key")
-        for name in (draft.found_class, draft.verified_class):
-            if name is not None:
-                require_storable(name, "name")
-        if not 0 <= draft.wrong_zones <= draft.zones <= _MOST_ZONES:
-            raise NotStorable(f"of {draft.zones} zones {draft.wrong_zones} cannot be wrong")
-        if len({change.name for change in changes}) != len(changes):
-            raise NotStorable("a model can change once in a feedback")
+        _require_feedback(draft, changes)
         digest = digest_document(draft.request)
         request, report = encode_document(draft.request), encode_document(draft.report)
+        lesson = None if draft.lesson is None else encode_document(draft.lesson)
         documents = {change.name: encode_document(change.document) for change in changes}
         sample = (
             None if draft.sample is None else (encode_document(draft.sample), digest_document(draft.sample))
@@ -84,17 +93,18 @@ class FeedbackRepository(Transactions):
             now = self._clock()
             feedback_id = self._ulids.make(now)
             rows = {change.name: find_model(session, change.name) for change in changes}
-            for change in changes:
+            fresh = {each.name for each in undone}
+            for change in (each for each in changes if each.name not in fresh):
                 require_version(change.name, rows[change.name].version, change.expected_version)
+            taken_back = take_back(session, state, draft.result_id, undone, now)
             links = {
                 row.id: FeedbackModelRow(model_id=row.id, feedback_id=feedback_id)
                 for row in (*rows.values(), *_models_of_feedback(session, draft))
             }
             for name, row in rows.items():
-                links[row.id].old_version = row.version
-                append_version(
-                    session, state, row, documents[name], "feedback", f"result {draft.result_id}", now
-                )
+                old, note = row.version, f"result {draft.result_id}"
+                links[row.id].old_version = old
+                append_version(session, state, row, documents[name], "feedback", note, now, parent=old)
                 links[row.id].new_version = row.version
             sample_id = self._keep_sample(session, draft, sample, max_samples, now)
             if draft.unknown_page is not None:
@@ -117,12 +127,17 @@ class FeedbackRepository(Transactions):
                 created_at=now,
                 request=request,
                 report=report,
+                lesson=lesson,
+                owner=draft.owner,
             )
             session.add(feedback)
             session.flush()
             session.add_all(links.values())
+            if draft.revised is not None:
+                revise_result(session, draft.result_id, draft.revised)
             session.flush()
-            return _stored_feedback(session, feedback, created=True)
+            stored = _stored_feedback(session, feedback, created=True)
+            return replace(stored, taken_back=taken_back)
 
     def feedbacks(self, name: str, newest: int = 50) -> list[FeedbackSummary]:
         """The last feedbacks whose found or verified class is this one, newest first. Raises `ModelNotFound`."""
@@ -204,6 +219,19 @@ class FeedbackRepository(Transactions):
         session.add(row)
         session.flush()
         return row.id
+
+
+def _require_feedback(draft: FeedbackDraft, changes: Sequence[ModelChange]) -> None:
+    require_result_id(draft.result_id)
+    if draft.key is not None:
+        require_storable(draft.key, "key")
+    for name in (draft.found_class, draft.verified_class):
+        if name is not None:
+            require_storable(name, "name")
+    if not 0 <= draft.wrong_zones <= draft.zones <= _MOST_ZONES:
+        raise NotStorable(f"of {draft.zones} zones {draft.wrong_zones} cannot be wrong")
+    if len({change.name for change in changes}) != len(changes):
+        raise NotStorable("a model can change once in a feedback")
 
 
 def _give_up_samples(session: Session, result_id: str, kept: tuple[int, str | None] | None) -> None:

@@ -150,7 +150,8 @@ class ModelRepository(Transactions):
             now = self._clock()
             if row is None:
                 row = create_model(session, name, now, max_models)
-            version = append_version(session, state, row, packed, origin, note, now)
+            parent = row.version if origin == "train" else None
+            version = append_version(session, state, row, packed, origin, note, now, parent=parent)
             samples = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
         return stored_model(row, samples, version)
 
@@ -164,7 +165,9 @@ class ModelRepository(Transactions):
             row = find_model(session, name)
             require_version(name, row.version, expected_version)
             packed, note = find_version(session, row, version).document, f"version {version}"
-            made = append_version(session, state, row, packed, "rollback", note, self._clock())
+            made = append_version(
+                session, state, row, packed, "rollback", note, self._clock(), parent=version
+            )
             samples = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
         return stored_model(row, samples, made)
 

@@ -74,14 +74,28 @@ def create_model(session: Session, name: str, now: datetime, max_models: int | N
 
 
 def append_version(
-    session: Session, state: StateRow, row: ModelRow, packed: bytes, origin: Origin, note: str, now: datetime
+    session: Session,
+    state: StateRow,
+    row: ModelRow,
+    packed: bytes,
+    origin: Origin,
+    note: str,
+    now: datetime,
+    *,
+    parent: int | None = None,
 ) -> VersionRow:
-    """Make an encoded document the newest version of a class."""
+    """Make an encoded document the newest version of a class; `parent` is the version that it was made from."""
     row.last_version += 1
     row.version, row.updated_at = row.last_version, now
     state.revision += 1
     version = VersionRow(
-        model_id=row.id, version=row.version, origin=origin, note=note, created_at=now, document=packed
+        model_id=row.id,
+        version=row.version,
+        origin=origin,
+        note=note,
+        created_at=now,
+        document=packed,
+        parent=parent,
     )
     session.add(version)
     session.flush()

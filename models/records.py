@@ -1,7 +1,7 @@
 """The records that the store returns: plain values. Times are aware and in UTC."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import Enum
 from typing import Any, Final, Literal
@@ -12,7 +12,7 @@ from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 MAX_NAME = 200
 """Characters of a class's name or of an idempotency key."""
 
-Origin = Literal["initialize", "import", "feedback", "train", "rollback"]
+Origin = Literal["initialize", "import", "feedback", "train", "rollback", "undo"]
 """The action that made a version of a model."""
 SampleOrigin = Literal["posted", "feedback"]
 """"posted": a client sent the sample. "feedback": it is the verified page of a feedback."""
@@ -136,6 +136,81 @@ class ModelChange:
     expected_version: int | None
 
 
+@dataclass(frozen=True, slots=True)
+class ModelStep:
+    """One step of a model's history: how version `version` was made.
+
+    `feedback_id` is the feedback of a version of origin "feedback", None when it was deleted.
+    """
+
+    version: int
+    origin: Origin
+    note: str
+    created_at: datetime
+    feedback_id: str | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelPast:
+    """What is needed to compute a model as if it had never learned from the feedback on one result.
+
+    Parameters
+    ----------
+    current
+        The newest version; None: none.
+    base
+        The version before the first lesson on the result, without any lesson that was taken back earlier. None: the
+        model had no version.
+    steps
+        The steps after `base`, oldest first, without those to be taken back; None: the newest version contains no
+        lesson on the result, and the model does not change.
+    superseded
+        The versions that contain what is taken back.
+    """
+
+    name: str
+    current: int | None
+    base: int | None
+    steps: tuple[ModelStep, ...] | None
+    superseded: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelUndo:
+    """The document of a class without the lessons on one result; None: the class has no version without them.
+
+    `changes` is False if the newest version contains none of these lessons. Then the document is not stored.
+    """
+
+    name: str
+    document: Document | None
+    expected_version: int | None
+    superseded: tuple[int, ...]
+    changes: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UndoneFeedback:
+    """What taking back the feedback on a result has done.
+
+    `versions` has the version before and after for every model that changed; None after: the model has no version now.
+    `samples` counts the deleted samples.
+    """
+
+    feedback_ids: tuple[str, ...]
+    versions: Mapping[str, tuple[int | None, int | None]]
+    samples: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lesson:
+    """The lesson of a feedback (`FeedbackDraft.lesson`), and the versions of its models before and after it."""
+
+    result_id: str
+    document: dict[str, Any]
+    versions: Mapping[str, tuple[int | None, int]]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FeedbackDraft:
     """A person's feedback on a result, with its consequences.
@@ -152,6 +227,12 @@ class FeedbackDraft:
         The verified page. It becomes a sample of `verified_class` if both are given.
     unknown_page
         Stored in the same transaction, once for each result.
+    lesson
+        The verified page with all labels, from which the models can learn again. The store does not read it.
+    owner
+        Name of the API key that gave it; None without keys.
+    revised
+        The result with the zones of the person; None: it does not change.
     """
 
     result_id: str
@@ -165,6 +246,9 @@ class FeedbackDraft:
     class_wrong: bool
     sample: Document | None
     unknown_page: UnknownPageDraft | None = None
+    lesson: Document | None = None
+    owner: str | None = None
+    revised: Document | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,7 +256,8 @@ class StoredFeedback:
     """A stored feedback. `created` is False when it was stored before (same key, or same body and result).
 
     `versions` has the version before (None: none) and after the feedback for every model that it changed. `sample_id`
-    is None when there is no sample, or it was deleted. The result itself may have expired.
+    is None when there is no sample, or it was deleted. The result itself may have expired. `taken_back` has the version
+    before and after for every model from which this feedback took earlier lessons on the same result back.
     """
 
     id: str
@@ -183,6 +268,7 @@ class StoredFeedback:
     sample_id: str | None
     created_at: datetime
     created: bool
+    taken_back: Mapping[str, tuple[int | None, int | None]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,9 @@
 """The store's calls for samples: labelled pages of document classes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-from sqlalchemy import select
+from sqlalchemy import delete, select, update
+from sqlalchemy.orm import Session
 
 from models.documents import Document, digest_document, encode_document
 from models.errors import KeyReused, StoreFull
@@ -12,12 +13,13 @@ from models.queries import (
     create_model,
     find_model,
     find_sample,
+    find_version,
     look_up_model,
     require_storable,
     stored_sample,
 )
 from models.records import StoredSample
-from models.tables import ModelRow, SampleRow
+from models.tables import FeedbackRow, ModelRow, SampleRow
 from models.transactions import Transactions
 
 
@@ -107,5 +109,34 @@ class SampleRepository(Transactions):
     def delete_sample(self, name: str, sample_id: str) -> None:
         """Delete a sample; the class remains. Raises `ModelNotFound`, `SampleNotFound`."""
         with self._changing() as (session, _):
-            session.delete(find_sample(session, name, sample_id))
+            find_sample(session, name, sample_id)
+            _delete_samples(session, [sample_id])
             find_model(session, name).updated_at = self._clock()
+
+    def samples_after(self, name: str, version: int) -> list[str]:
+        """Ids of the samples that came after a version was made, oldest first. Raises `ModelNotFound`."""
+        with self._reading() as session:
+            row = find_model(session, name)
+            return _samples_after(session, row, version)
+
+    def delete_samples_after(self, name: str, version: int) -> int:
+        """Delete the samples that came after a version was made; return their number. Raises `ModelNotFound`."""
+        with self._changing() as (session, _):
+            row = find_model(session, name)
+            ids = _samples_after(session, row, version)
+            _delete_samples(session, ids)
+            if ids:
+                row.updated_at = self._clock()
+            return len(ids)
+
+
+def _samples_after(session: Session, row: ModelRow, version: int) -> list[str]:
+    made = find_version(session, row, version).created_at
+    wanted = select(SampleRow.id).where(SampleRow.model_id == row.id, SampleRow.created_at > made)
+    return list(session.execute(wanted.order_by(SampleRow.id)).scalars())
+
+
+def _delete_samples(session: Session, ids: Sequence[str]) -> None:
+    """Delete samples, and the pages in the lessons of the feedback that they are from."""
+    session.execute(update(FeedbackRow).where(FeedbackRow.sample_id.in_(ids)).values(lesson=None))
+    session.execute(delete(SampleRow).where(SampleRow.id.in_(ids)))

@@ -67,7 +67,11 @@ class ModelRow(Table):
 
 
 class VersionRow(Table):
-    """A version of a model: written once, never changed."""
+    """A version of a model. Its document is written once and never changes.
+
+    `parent` is the version from which it was made; NULL: it was made from samples or imported. `undone_by` is the
+    version that took back what this version learned from a feedback.
+    """
 
     __tablename__ = "layout_model_versions"
 
@@ -77,6 +81,8 @@ class VersionRow(Table):
     note: Mapped[str] = mapped_column(Text)
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
     document: Mapped[bytes] = mapped_column(LargeBinary)
+    parent: Mapped[int | None]
+    undone_by: Mapped[int | None]
 
 
 class SampleRow(Table):
@@ -99,7 +105,11 @@ class SampleRow(Table):
 
 
 class FeedbackRow(Table):
-    """A person's feedback on a result, once for each body and once for each key. The result itself may have expired."""
+    """A person's feedback on a result, once for each body and once for each key. The result itself may have expired.
+
+    `lesson` is the verified page with all labels. The models learn from it again when an earlier feedback is taken
+    back. It is NULL when a later feedback on the same result has replaced this one, or when its sample was deleted.
+    """
 
     __tablename__ = "layout_feedback"
     __table_args__ = (Unique("result_id", "digest"), Unique("key"))
@@ -119,6 +129,8 @@ class FeedbackRow(Table):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
     request: Mapped[bytes] = mapped_column(LargeBinary)
     report: Mapped[bytes] = mapped_column(LargeBinary)
+    lesson: Mapped[bytes | None] = mapped_column(LargeBinary)
+    owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
 
 
 class FeedbackModelRow(Table):
@@ -144,10 +156,14 @@ class UnknownPageRow(Table):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
     expires_at: Mapped[datetime] = mapped_column(UtcDateTime, index=True)
     document: Mapped[bytes] = mapped_column(LargeBinary)
+    owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
 
 
 class ResultRow(Table):
-    """The result of a recognition. It expires."""
+    """The result of a recognition. It expires.
+
+    `owner` is the name of the API key that made it; NULL: made without keys. The other tables use it in the same way.
+    """
 
     __tablename__ = "layout_results"
 
@@ -155,3 +171,4 @@ class ResultRow(Table):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
     expires_at: Mapped[datetime] = mapped_column(UtcDateTime, index=True)
     document: Mapped[bytes] = mapped_column(LargeBinary)
+    owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)

@@ -1,29 +1,34 @@
 """The path of a feedback, from the request to new versions of the models that it concerns.
 
 1. `routes.layout_feedback` reads the body and calls `learn_from_feedback`. A repeated feedback gets its earlier answer.
-2. `verified_page` joins the kept result and the body: the verified page.
-3. `_learn_once`, under a lock for each model concerned, reads the newest versions of the found and the verified class.
+2. `verified_page` joins the kept result and the body: the verified page. Zones that the person drew replace its zones.
+3. `_learn_once`, under a lock for each model concerned, takes earlier feedback on the same result back
+   (`routes.feedback_undo`), and reads the newest versions of the found and the verified class.
 4. A worker runs `services.operations.layout_learning.adapt_models`: it reads the documents, the models learn in
    `services.layout.learning.feedback.adapt_models`, and their new documents come back. A class that has samples and no
-   version gets its first one, from the samples and this page.
+   version gets its first one, from the samples and this page (`routes.lessons`).
 5. One transaction (`Store.add_feedback`) writes the new versions, the sample and the feedback, if no model has changed
    since step 3. Else steps 3 to 5 are done again.
 """
 
 import asyncio
+import json
 import random
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import Any
 
-from app.engine.base import Busy, TimeLimit
-from app.layout_store import document_of
+from app.engine.base import Busy, JobTimedOut
+from app.layout_store import document_of, labels_of
+from app.routes.feedback_undo import NotUndoable, fresh_models, models_without
 from app.routes.labelled_pages import layout_settings
+from app.routes.lessons import lesson_document, teach
 from app.routes.model_samples import newest_samples
 from app.routes.state import AppState
 from app.schemas.layout_feedback import FeedbackBody
-from models.errors import ModelNotFound, VersionConflict
-from models.records import FeedbackDraft, ModelChange, StoredFeedback, StoredSample
+from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
+from models.records import FeedbackDraft, ModelChange, ModelUndo, StoredFeedback, StoredSample
 from models.repository import Store
 from services.contract.layout import ModelDocument
 from services.contract.layout_learning import Adaptation, VerifiedPage
@@ -39,9 +44,11 @@ _MOST_NAMED = 20
 
 
 async def learn_from_feedback(
-    state: AppState, result_id: str, key: str | None, body: FeedbackBody
+    state: AppState, result_id: str, key: str | None, body: FeedbackBody, owner: str | None = None
 ) -> StoredFeedback:
     """Update the models concerned by the feedback on a result; only once for each key and for each body.
+
+    What an earlier feedback on the same result taught is taken back first.
 
     Raises
     ------
@@ -59,13 +66,14 @@ async def learn_from_feedback(
     if earlier is not None:
         return earlier
     result = await state.store.call(lambda store: store.result(result_id))
-    verified = verified_page(result.document, body)
+    verified, revised = await _verified(state, result.document, body)
     names = [name for name in (verified.found_class, verified.verified_class) if name is not None]
+    names += await state.store.call(lambda store: store.taught_models(result_id))
     limit_s = state.settings.queue_timeout_s
     async with state.locks.hold(names, limit_s, "QUEUE_TIMEOUT_S"):
         for _ in range(MOST_TRIES):
             try:
-                feedback = await _learn_once(state, result_id, key, verified, request)
+                feedback = await _learn_once(state, _Given(result_id, key, request, verified, revised, owner))
                 break
             except VersionConflict:  # another process wrote a version first: start again from it
                 await asyncio.sleep(random.uniform(0.0, LONGEST_PAUSE_S))
@@ -77,6 +85,42 @@ async def learn_from_feedback(
     return feedback
 
 
+@dataclass(frozen=True, slots=True)
+class _Given:
+    """A feedback as it was given, the verified page, and the result with the zones that the person drew."""
+
+    result_id: str
+    key: str | None
+    request: dict[str, Any]
+    verified: VerifiedPage[dict[str, Any]]
+    revised: dict[str, Any] | None
+    owner: str | None
+
+
+async def _verified(
+    state: AppState, document: Mapping[str, Any], body: FeedbackBody
+) -> tuple[VerifiedPage[dict[str, Any]], dict[str, Any] | None]:
+    """The verified page, and the changed parts of the stored result if the person drew zones.
+
+    Raises
+    ------
+    InvalidOption
+        As `verified_page`; also when a zone is invalid.
+    """
+    if body.zones is None:
+        return verified_page(document, body), None
+    _require_single_page(document)
+    zones = [zone.model_dump(exclude_none=True) for zone in body.zones]
+    settings = layout_settings(state.settings)
+    drawn = await state.engine.submit(state.operations.revise_page, document["page"], zones, settings)
+    labels = {str(zone["id"]): zone.get("label") for zone in drawn.zones}
+    found = verified_page(document, body)
+    found_labels = {zone: found.found_labels.get(zone) for zone in labels}
+    verified = replace(found, page=drawn.page, found_labels=found_labels, labels=labels)
+    result = {**document["result"], "zones": drawn.zones, "match": None}
+    return verified, {"page": drawn.page, "result": result}
+
+
 def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[dict[str, Any]]:
     """The page of a stored result, with the feedback applied.
 
@@ -86,13 +130,7 @@ def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPa
         When the result is of a document of several pages, each of which has its own result; when the result has no
         such zone; when no class was found and none is given.
     """
-    if "page" not in document:
-        pages = ", ".join(document["pages"][:_MOST_NAMED])
-        raise InvalidOption(
-            f"id: this document has {len(document['pages'])} pages. Send the feedback on each page to the result of "
-            f"that page ({pages}).",
-            "id",
-        )
+    _require_single_page(document)
     result = document["result"]
     found_class = None if result["class"] is None else result["class"]["name"]
     found_labels = {zone["id"]: zone["label"] for zone in result["zones"]}
@@ -117,43 +155,81 @@ def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPa
     return VerifiedPage(document["page"], found_class, found_labels, verified_class, body.labels)
 
 
-async def _learn_once(
-    state: AppState,
-    result_id: str,
-    key: str | None,
-    verified: VerifiedPage[dict[str, Any]],
-    request: dict[str, Any],
-) -> StoredFeedback:
-    """Read the models, adapt them in a worker, and store the outcome if their versions have not changed."""
-    settings = layout_settings(state.settings)
-    models, samples = await state.store.call(lambda store: _read_models(store, result_id, verified))
-    adaptation = await state.engine.submit(state.operations.adapt_models, verified, models, settings)
-    versions = {model.name: model.version for model in models}
-    changes = [ModelChange(name, document, versions[name]) for name, document in adaptation.documents.items()]
-    if samples is not None and verified.verified_class is not None and adaptation.zones:
-        first = await state.engine.submit(
-            state.operations.initialize_model,
-            verified.verified_class,
-            [*(sample.document for sample in samples), adaptation.sample],
-            settings,
-            time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
+def _require_single_page(document: Mapping[str, Any]) -> None:
+    if "page" not in document:
+        pages = ", ".join(document["pages"][:_MOST_NAMED])
+        raise InvalidOption(
+            f"id: this document has {len(document['pages'])} pages. Send the feedback on each page to the result of "
+            f"that page ({pages}).",
+            "id",
         )
-        changes.append(ModelChange(verified.verified_class, first.document, None))
+
+
+async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
+    """Read the models, adapt them in a worker, and store the outcome if their versions have not changed."""
+    verified, result_id = given.verified, given.result_id
+    undone, warnings = await _without_earlier(state, result_id)
+    models, samples = await state.store.call(lambda store: _read_models(store, result_id, verified, undone))
+    versions = {model.name: model.version for model in models}
+    models = fresh_models(models, undone)
+    taught = await teach(state, verified, models, samples)
+    adaptation = taught.adaptation
+    changes = [ModelChange(name, document, versions.get(name)) for name, document in taught.documents.items()]
     is_unknown = verified.verified_class is None and bool(verified.found_labels)
     unknown_page = state.store.unknown_page(verified.page) if is_unknown else None
-    draft = replace(_draft(result_id, key, verified, request, adaptation), unknown_page=unknown_page)
+    right = next((model for model in models if model.name == verified.verified_class), None)
+    draft = replace(
+        _draft(given, adaptation),
+        unknown_page=unknown_page,
+        lesson=lesson_document(verified, adaptation, models),
+    )
+    draft = replace(draft, report={**draft.report, "warnings": [*warnings, *_new_labels(right, adaptation)]})
     return await state.store.call(
-        lambda store: store.add_feedback(draft, changes, max_samples=state.settings.max_samples_per_model)
+        lambda store: store.add_feedback(
+            draft, changes, max_samples=state.settings.max_samples_per_model, undone=tuple(undone.values())
+        )
     )
 
 
+async def _without_earlier(
+    state: AppState, result_id: str
+) -> tuple[dict[str, ModelUndo], list[dict[str, str]]]:
+    """The models without the earlier lessons on this result, by name; a warning if these cannot be taken back."""
+    try:
+        return {undo.name: undo for undo in await models_without(state, result_id)}, []
+    except FeedbackNotFound:
+        return {}, []
+    except (NotUndoable, JobTimedOut) as error:
+        detail = f"The models keep what an earlier feedback on this result taught them. {error.detail}"
+        return {}, [{"code": "earlier-lesson-kept", "detail": detail}]
+
+
+def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[dict[str, str]]:
+    """Warnings about labels that the class has not had yet, each with the nearest existing label."""
+    if model is None:
+        return []
+    known = labels_of(json.loads(model.document))
+    given = dict.fromkeys(zone.get("label") for zone in adaptation.sample["zones"])
+    new = [label for label in given if label is not None and label not in known]
+    warnings = []
+    for label in new[:_MOST_NAMED]:
+        near = get_close_matches(label, known, 1)
+        hint = f" The nearest existing label is {near[0]!r}." if near else ""
+        detail = (
+            f"The class {model.name} had no label {label!r} before.{hint} If it is a mistake, send DELETE for this "
+            "feedback."
+        )
+        warnings.append({"code": "new-label", "detail": detail})
+    return warnings
+
+
 def _read_models(
-    store: Store, result_id: str, verified: VerifiedPage[dict[str, Any]]
+    store: Store, result_id: str, verified: VerifiedPage[dict[str, Any]], undone: Mapping[str, ModelUndo]
 ) -> tuple[list[ModelDocument], list[StoredSample] | None]:
     """Newest versions of the found and the verified class, and samples for a first version of the verified class.
 
     The found class may have been deleted, or have no version. The samples are None when the verified class has a
-    version or does not exist.
+    version, also without the lessons that are taken back (`undone`), or does not exist.
     """
     models: list[ModelDocument] = []
     samples: list[StoredSample] | None = None
@@ -170,20 +246,16 @@ def _read_models(
                     name,
                 ) from error
             continue
-        if model.version is not None:
+        undo = undone.get(name)
+        if model.version is not None and (undo is None or not undo.changes or undo.document is not None):
             models.append(document_of(model))
         elif is_verified:  # the sample of an earlier feedback on this page will be replaced
             samples = newest_samples(store, name, without_results=(result_id,))
     return models, samples
 
 
-def _draft(
-    result_id: str,
-    key: str | None,
-    verified: VerifiedPage[dict[str, Any]],
-    request: dict[str, Any],
-    adaptation: Adaptation,
-) -> FeedbackDraft:
+def _draft(given: _Given, adaptation: Adaptation) -> FeedbackDraft:
+    verified = given.verified
     report = {
         "class": {"found": verified.found_class, "verified": verified.verified_class},
         "zones": adaptation.zones,
@@ -191,9 +263,9 @@ def _draft(
         "costs": adaptation.costs,
     }
     return FeedbackDraft(
-        result_id=result_id,
-        key=key,
-        request=request,
+        result_id=given.result_id,
+        key=given.key,
+        request=given.request,
         report=report,
         found_class=verified.found_class,
         verified_class=verified.verified_class,
@@ -201,4 +273,6 @@ def _draft(
         wrong_zones=len(adaptation.wrong),
         class_wrong=verified.found_class != verified.verified_class,
         sample=adaptation.sample if verified.verified_class is not None and adaptation.zones else None,
+        owner=given.owner,
+        revised=given.revised,
     )

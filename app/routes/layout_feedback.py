@@ -1,5 +1,6 @@
 """POST /layout/results/{id}/feedback: corrections of results, from which models learn."""
 
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
@@ -8,6 +9,7 @@ from app.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
 from app.routes.connection import while_connected
 from app.routes.feedback_learning import learn_from_feedback
+from app.routes.feedback_undo import undo_feedback
 from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import IdempotencyKey
 from app.routes.state import State
@@ -20,9 +22,12 @@ from app.schemas.layout_feedback import (
     FeedbackList,
     FeedbackVersions,
     FoundAndVerified,
+    UndoneFeedback,
+    UndoneModel,
     WrongLabel,
 )
 from app.schemas.layout_models import ModelName
+from app.schemas.page import Warning
 from models.records import FeedbackSummary, StoredFeedback
 
 router = APIRouter(tags=["layout feedback"])
@@ -57,7 +62,30 @@ async def give_layout_feedback(
     body = await read_json(request, FeedbackBody, most_bytes=limit, setting="MAX_ZONES_BYTES")
     feedback = await while_connected(request, learn_from_feedback(state, id, idempotency_key, body))
     request.state.seat.release()
-    return Response(_answer(feedback).model_dump_json(by_alias=True), media_type="application/json")
+    warnings = [] if feedback.created else await _without_effect(state, feedback)
+    return Response(_answer(feedback, warnings).model_dump_json(by_alias=True), media_type="application/json")
+
+
+@router.delete(
+    "/layout/results/{id}/feedback",
+    operation_id="undo_layout_feedback",
+    responses=documented("conflict", "invalid-model", *READING, *WORK),
+)
+async def undo_layout_feedback(request: Request, state: State, id: str) -> UndoneFeedback:
+    """Take back all feedback on a result, as if it had never been sent.
+
+    Every model that learned from it gets a new version: what it learned later is done again without this page. The
+    sample made from the page is deleted, and the result has its recognized zones again. `conflict` when a model
+    learned too much since, or when a page that it learned from later was deleted; then nothing changes. After it the
+    same feedback may be sent again.
+    """
+    undone = await while_connected(request, undo_feedback(state, id))
+    return UndoneFeedback(
+        result=id,
+        feedback=list(undone.feedback_ids),
+        models=_undone_models(undone.versions),
+        samples=undone.samples,
+    )
 
 
 @router.get(
@@ -73,7 +101,32 @@ async def layout_model_feedback(
     return FeedbackList(model=name, feedback=[_entry(feedback) for feedback in feedbacks])
 
 
-def _answer(feedback: StoredFeedback) -> Feedback:
+async def _without_effect(state: State, feedback: StoredFeedback) -> list[Warning]:
+    """Why a repeated feedback is no longer part of its models."""
+    made = {name: new for name, (_, new) in feedback.versions.items()}
+    effects = await state.store.call(lambda store: store.effects(made))
+    detail = {
+        "rolled-back": "Version {version} of {name} has this feedback, but the model has left that version (rollback, "
+        "import or initialization), so this feedback is not in effect. To teach it again, send DELETE to this path and "
+        "then the feedback.",
+        "replaced": "A later feedback on this result has replaced this one in {name}. To return to this one, send "
+        "DELETE to this path and then the feedback.",
+    }
+    return [
+        Warning(code=code, detail=detail[code].format(name=name, version=made[name]))
+        for name, code in effects.items()
+        if code is not None
+    ]
+
+
+def _undone_models(versions: Mapping[str, tuple[int | None, int | None]]) -> list[UndoneModel]:
+    return [
+        UndoneModel(name=name, old_version=old, new_version=new)
+        for name, (old, new) in sorted(versions.items())
+    ]
+
+
+def _answer(feedback: StoredFeedback, warnings: Sequence[Warning]) -> Feedback:
     costs = {told["model"]: told for told in feedback.report["costs"]}
 
     def cost(model: str, labelling: str) -> CostChange | None:
@@ -96,7 +149,9 @@ def _answer(feedback: StoredFeedback) -> Feedback:
             )
             for name, (old, new) in sorted(feedback.versions.items())
         ],
+        taken_back=_undone_models(feedback.taken_back),
         sample=feedback.sample_id,
+        warnings=[*(Warning(**told) for told in feedback.report.get("warnings", [])), *warnings],
     )
 
 

@@ -111,14 +111,28 @@ async def layout_model_diff(
 async def roll_layout_model_back(
     request: Request, state: State, name: ModelName, if_match: IfMatch = None
 ) -> Response:
-    """Make the content of an earlier version the newest version; the versions between them are kept."""
+    """Make the content of an earlier version the newest version; the versions between them are kept.
+
+    The samples remain, also those that came after that version; the next initialization uses them. The response names
+    these. `drop_later_samples` deletes them.
+    """
     expected = partial(parse_precondition(if_match, None).check, name)
     body = await read_json(request, RollbackBody)
     model = await state.store.call(lambda store: store.rollback(name, body.version, expected))
+    dropped = 0
+    if body.drop_later_samples:
+        dropped = await state.store.call(lambda store: store.delete_samples_after(name, body.version))
+    later = await state.store.call(lambda store: store.samples_after(name, body.version))
     assert model.version is not None
     assert model.document is not None
     answer = RestoredModel(
-        name=name, version=model.version, restored=body.version, labels=list(labels_of(model.document))
+        name=name,
+        version=model.version,
+        restored=body.version,
+        labels=list(labels_of(model.document)),
+        samples=model.samples - dropped,
+        later_samples=later,
+        dropped_samples=dropped,
     )
     headers = {"ETag": entity_tag(model.version)}
     return Response(answer.model_dump_json(), headers=headers, media_type="application/json")

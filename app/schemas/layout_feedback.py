@@ -1,15 +1,33 @@
 """Requests and responses of /layout/results/{id}/feedback and /layout/models/{name}/feedback."""
 
 from datetime import datetime
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from app.schemas.layout_models import NameInBody
-from app.schemas.page import Answer
+from app.schemas.page import Answer, Warning
 from services.contract.layout import LONGEST_LABEL
 
 Label = Annotated[str, Field(min_length=1, max_length=LONGEST_LABEL), AfterValidator(str.strip)]
+
+
+class FeedbackZone(BaseModel):
+    """A zone that a person drew."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    id: str | None = Field(
+        default=None,
+        min_length=1,
+        description="Absent: the zone gets an id. An id of the result may be used again.",
+    )
+    box: tuple[float, float, float, float] = Field(
+        description="x0, y0, x1, y1 in pixels of the page, x0 < x1, y0 < y1."
+    )
+    label: Label | None = Field(description="null: no label of the model.")
+    text: str | None = Field(default=None, description="Absent: the text of the zones found there.")
+    kind: Literal["text", "figure", "rule", "noise"] | None = None
 
 
 class FeedbackBody(BaseModel):
@@ -18,7 +36,9 @@ class FeedbackBody(BaseModel):
     model_config = ConfigDict(
         extra="forbid",
         strict=True,
-        json_schema_extra={"anyOf": [{"required": ["class"]}, {"required": ["labels"]}]},
+        json_schema_extra={
+            "anyOf": [{"required": ["class"]}, {"required": ["labels"]}, {"required": ["zones"]}]
+        },
     )
 
     class_: NameInBody | None = Field(
@@ -32,10 +52,18 @@ class FeedbackBody(BaseModel):
         "keep the found label; if the class was wrong, they take the label that the correct class's model finds.",
     )
 
+    zones: Annotated[list[FeedbackZone], Field(min_length=1)] | None = Field(
+        default=None,
+        description="All zones of the page in reading order, with their labels: they replace those of the result "
+        "(corrected, divided, merged or added boxes). Zones at the same place keep what was measured.",
+    )
+
     @model_validator(mode="after")
     def _says_something(self) -> Self:
         if not self.model_fields_set:
-            raise ValueError("send class, labels, or both")
+            raise ValueError("send class, labels or zones")
+        if self.zones is not None and self.labels:
+            raise ValueError("send labels in zones, not beside them")
         return self
 
 
@@ -76,6 +104,26 @@ class AdaptedModel(Answer):
     cost_verified: CostChange | None = Field(description="Cost of the verified labels.")
 
 
+class UndoneModel(Answer):
+    """A model from which a feedback was taken back; null as the new version: it has none without that feedback."""
+
+    name: str
+    old_version: int | None
+    new_version: int | None
+
+
+class UndoneFeedback(Answer):
+    """Effect of taking the feedback on a result back."""
+
+    result: str
+    feedback: list[str] = Field(description="Ids of the feedback that was deleted, oldest first.")
+    models: list[UndoneModel] = Field(
+        description="The models that changed, by name. A model that was rolled back, imported or initialized without "
+        "this feedback since is not among them."
+    )
+    samples: int = Field(ge=0, description="Number of samples that were deleted.")
+
+
 class Feedback(Answer):
     """Effect of a feedback."""
 
@@ -90,8 +138,16 @@ class Feedback(Answer):
     zones: int = Field(ge=0, description="Number of zones of the page.")
     wrong: list[WrongLabel] = Field(description="Zones whose label was wrong.")
     models: list[AdaptedModel] = Field(description="The models that changed, by name.")
+    taken_back: list[UndoneModel] = Field(
+        description="Models from which this feedback took back what earlier feedback on the result had taught; the "
+        "models in `models` learned after that."
+    )
     sample: str | None = Field(
         description="Id of the sample of the verified class made from the page; null: none, or deleted since."
+    )
+    warnings: list[Warning] = Field(
+        description="`new-label`: a label that the class did not have. `earlier-lesson-kept`: earlier feedback on the "
+        "result could not be taken back. `rolled-back`, `replaced`: a repeated feedback is not in effect any more."
     )
 
 

@@ -43,6 +43,7 @@ class TrainedModel(Answer):
     rounds: list[Round]
     kept_round: int = Field(ge=0, description="The round whose model is kept.")
     stopped: Stop = Field(
-        description="Reason for the end: all rounds were done; the held-out error rose; no error was left; or the work "
+        description="Reason for the end: all rounds were done; the held-out error rose; no error was left; a round "
+        "changed nothing although errors are left (the learner counting changes nothing in rounds); or the work "
         "limit of one training was reached."
     )

@@ -15,7 +15,7 @@ class Version(Answer):
     """One version of a model; all versions are kept."""
 
     version: int = Field(ge=1)
-    origin: Literal["initialize", "import", "feedback", "train", "rollback"] = Field(
+    origin: Literal["initialize", "import", "feedback", "train", "rollback", "undo"] = Field(
         description="Operation that created it."
     )
     note: str = Field(description="Short description of its creation.")
@@ -35,6 +35,9 @@ class RollbackBody(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
     version: Annotated[int, Field(ge=1, le=MOST_VERSION), WHOLE]
+    drop_later_samples: bool = Field(
+        default=False, description="Delete the samples that came after that version."
+    )
 
 
 class RestoredModel(Answer):
@@ -44,6 +47,11 @@ class RestoredModel(Answer):
     version: int = Field(ge=1)
     restored: int = Field(ge=1, description="The earlier version.")
     labels: list[str]
+    samples: int = Field(ge=0, description="Number of samples that remain.")
+    later_samples: list[str] = Field(
+        description="Ids of the remaining samples that came after that version; `drop_later_samples` deletes them."
+    )
+    dropped_samples: int = Field(ge=0, description="Number of samples that were deleted.")
 
 
 class Change(Answer):

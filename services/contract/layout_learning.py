@@ -9,9 +9,9 @@ DEFAULT_LEARNER: Final[Learner] = "passive-aggressive"
 """The learner of models whose settings name none. It made the fewest errors on streams of verified pages
 (docs/decisions.md, 2026-11-22)."""
 
-Stop = Literal["rounds", "held-out", "no-errors", "effort"]
-"""Why training ended: after the last round; the error on held-out pages rose; no error was left; the limit of work was
-reached."""
+Stop = Literal["rounds", "held-out", "no-errors", "no-change", "effort"]
+"""Why training ended: after the last round; the error on held-out pages rose; no error was left; a round changed
+nothing although errors are left; the limit of work was reached."""
 
 P = TypeVar("P")
 Q = TypeVar("Q")
@@ -72,6 +72,14 @@ class Adaptation:
     costs: list[dict[str, Any]]
     sample: dict[str, Any]
     zones: int
+
+
+@dataclass(frozen=True, slots=True)
+class RevisedPage:
+    """A page with the zones that a person drew: the page with all measurements, and the `zones` of its result."""
+
+    page: dict[str, Any]
+    zones: list[dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)

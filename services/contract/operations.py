@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 from services.contract.images import PageReply
 from services.contract.layout import DocumentReply, LayoutReply
-from services.contract.layout_learning import Adaptation, TrainingReport
+from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
 from services.contract.layout_models import ModelDifference, ModelDraft
 
 T = TypeVar("T")
@@ -41,6 +41,7 @@ class Operations:
     )
     import_model: Operation[ModelDraft] = Operation("services.operations.layout_models:import_model")
     adapt_models: Operation[Adaptation] = Operation("services.operations.layout_learning:adapt_models")
+    revise_page: Operation[RevisedPage] = Operation("services.operations.layout_learning:revise_page")
     train_model: Operation[tuple[ModelDraft, TrainingReport]] = Operation(
         "services.operations.layout_learning:train_model"
     )

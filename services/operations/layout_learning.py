@@ -2,22 +2,25 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 from services.contract.layout import LayoutSettings, ModelDocument
-from services.contract.layout_learning import Adaptation, TrainingReport, VerifiedPage
+from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport, VerifiedPage
 from services.contract.layout_models import ModelDraft
 from services.errors import InvalidOption
 from services.layout.content.content_features import content_features
-from services.layout.exchange.page_json import page_from_document
+from services.layout.exchange.page_json import page_from_document, page_to_document
 from services.layout.learning import feedback
+from services.layout.learning.revised_zones import revise_zones
 from services.layout.learning.training import train_in_rounds
 from services.layout.model.layout_model import MOST_LABELS
 from services.layout.model.model_document import model_to_document
 from services.layout.page import InvalidLayout, Page
 from services.operations.layout_models import draft_of, read_samples, sample_document
+from services.operations.layout_result import describe_zones
 from services.operations.page_zones import exchange_limits
-from services.operations.replies import rounded
+from services.operations.replies import rounded, to_json_ready
 from services.operations.stored_models import read_model
 from services.progress import report_progress
 
@@ -104,6 +107,39 @@ def train_model(
     return draft_of(trained), report
 
 
+def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
+    """The page of a stored result with the zones that a person drew on it.
+
+    Parameters
+    ----------
+    page
+        The page of the stored result.
+    zones
+        The person's zones, `[{"id"?, "box", "label"?, "text"?, "kind"?}]`. A zone without an id gets one.
+    settings
+        Limits, and the settings file of content features.
+
+    Raises
+    ------
+    InvalidOption
+        When a zone is invalid; the error names it.
+    """
+    taken = {str(zone["id"]) for zone in zones if zone.get("id") is not None}
+    fresh = (name for name in map("n{}".format, count(1)) if name not in taken)
+    named = [{**zone, "id": zone["id"] if zone.get("id") is not None else next(fresh)} for zone in zones]
+    document = {"width": page["width"], "height": page["height"], "zones": named}
+    try:
+        drawn = page_from_document(document, exchange_limits(settings))
+    except InvalidLayout as error:
+        raise InvalidOption(f"{error.field or 'zones'}: {error.detail}", error.field or "zones") from error
+    features = content_features(settings.content_features)
+    revised = features.measure_page(revise_zones(_kept_page(page, settings), drawn))
+    return RevisedPage(
+        to_json_ready(page_to_document(revised)),
+        to_json_ready(describe_zones(revised, [(zone, zone.label, 1.0, None) for zone in revised.zones])),
+    )
+
+
 def _kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:
     """The page of a stored result. Its zones are not limited again: it was within the limits at recognition."""
     bounds = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
@@ -114,10 +150,10 @@ def _kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:
 
 
 def _check_labels(name: str, labels: set[str | None]) -> None:
-    count = len(labels - {None})
-    if count > MOST_LABELS:
+    number = len(labels - {None})
+    if number > MOST_LABELS:
         raise InvalidOption(
-            f"labels: model {name} would have {count} different labels; a model may have {MOST_LABELS}.",
+            f"labels: model {name} would have {number} different labels; a model may have {MOST_LABELS}.",
             "labels",
         )
 

@@ -5,37 +5,18 @@ from collections.abc import Sequence
 from services.layout.exchange.page_json import plain_number
 from services.layout.graph.font_sizes import measure_font_classes
 from services.layout.model.cost import MOST_EXPLAINED
+from services.layout.page import Page, Zone
 from services.layout.recognition.results import ClassMatch, MatchReport, Recognition
 from services.operations.replies import rounded
 
 
 def describe_recognition(recognition: Recognition, *, explain: bool) -> dict[str, object]:
     """The `LayoutResult` of the HTTP contract without id, warnings and timings."""
-    font_classes = dict(
-        zip((zone.id for zone in recognition.page.zones), measure_font_classes(recognition.page), strict=True)
+    zones = describe_zones(
+        recognition.page,
+        [(each.zone, each.label, each.confidence, each.group) for each in recognition.zones],
+        [each.order for each in recognition.zones],
     )
-    zones = []
-    for labelled in recognition.zones:
-        zone = labelled.zone
-        zones.append(
-            {
-                "id": zone.id,
-                "box": [round(value, 2) for value in zone.box],
-                "label": labelled.label,
-                "confidence": rounded(labelled.confidence),
-                "group": labelled.group,
-                "order": labelled.order,
-                "kind": zone.kind,
-                "lines": zone.lines,
-                "font_size": rounded(zone.font_size),
-                "font_class": font_classes[zone.id],
-                "line_spacing": rounded(zone.line_spacing),
-                "weight": rounded(zone.weight),
-                "alignment": zone.alignment,
-                "text": zone.text,
-                "content": {name: round(value, 4) for name, value in zone.content.items() if value >= 5e-5},
-            }
-        )
     return {
         "width": plain_number(recognition.page.width),
         "height": plain_number(recognition.page.height),
@@ -43,6 +24,38 @@ def describe_recognition(recognition: Recognition, *, explain: bool) -> dict[str
         "zones": zones,
         "match": None if recognition.match is None else _describe_match(recognition.match, explain),
     }
+
+
+def describe_zones(
+    page: Page,
+    labelled: Sequence[tuple[Zone, str | None, float, str | None]],
+    order: Sequence[int] | None = None,
+) -> list[dict[str, object]]:
+    """The `zones` of the HTTP contract, from (zone, label, confidence, group) of each.
+
+    `order` has their places in reading order; None: they are in it.
+    """
+    font_classes = dict(zip((zone.id for zone in page.zones), measure_font_classes(page), strict=True))
+    return [
+        {
+            "id": zone.id,
+            "box": [round(value, 2) for value in zone.box],
+            "label": label,
+            "confidence": rounded(confidence),
+            "group": group,
+            "order": place if order is None else order[place],
+            "kind": zone.kind,
+            "lines": zone.lines,
+            "font_size": rounded(zone.font_size),
+            "font_class": font_classes[zone.id],
+            "line_spacing": rounded(zone.line_spacing),
+            "weight": rounded(zone.weight),
+            "alignment": zone.alignment,
+            "text": zone.text,
+            "content": {name: round(value, 4) for name, value in zone.content.items() if value >= 5e-5},
+        }
+        for place, (zone, label, confidence, group) in enumerate(labelled)
+    ]
 
 
 def describe_classes(

@@ -23,7 +23,7 @@ from services.contract.layout import (
     LayoutSettings,
     ModelDocument,
 )
-from services.contract.layout_learning import Adaptation, Round, TrainingReport, VerifiedPage
+from services.contract.layout_learning import Adaptation, RevisedPage, Round, TrainingReport, VerifiedPage
 from services.contract.layout_models import ModelDifference, ModelDraft, StoredPage
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
@@ -262,6 +262,15 @@ def adapt_models(
     ]
     zones = [{**zone, "label": verified[str(zone["id"])]} for zone in task.page["zones"]]
     return Adaptation(documents, wrong, costs, {**task.page, "zones": zones}, len(zones))
+
+
+def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
+    """The zones as they were drawn, numbered where they have no id."""
+    named = [{"label": None, **zone, "id": zone.get("id") or f"n{n}"} for n, zone in enumerate(zones, 1)]
+    measured = layout_document({**page, "zones": named}, [], [], {})["zones"]
+    assert isinstance(measured, list)
+    shown = [{**each, "label": zone["label"]} for each, zone in zip(measured, named, strict=True)]
+    return RevisedPage({**page, "zones": named}, shown)
 
 
 def train_model(

@@ -84,7 +84,9 @@ def test_a_correction_makes_a_version_and_a_sample(client: httpx.Client) -> None
                 "cost_verified": {"before": 1.5, "after": None},
             }
         ],
+        "taken_back": [],
         "sample": told["sample"],
+        "warnings": [],
     }
     assert taught(client) == [["date", None, DEFAULT]]
     sample = client.get(f"/layout/models/letter/samples/{told['sample']}").json()

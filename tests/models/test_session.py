@@ -90,8 +90,8 @@ NEXT_RELEASE = """
 import sqlalchemy as sa
 from alembic import op
 
-revision = "0003"
-down_revision = "0002"
+revision = "0099"
+down_revision = "0003"
 
 def upgrade():
     with op.batch_alter_table("layout_models", recreate="always") as table:
@@ -174,7 +174,7 @@ def test_a_later_migration_may_make_tables_anew(tmp_path: Path, monkeypatch: pyt
     folder = tmp_path / "migrations"
     (ours,) = migrations.__path__
     shutil.copytree(ours, folder, ignore=shutil.ignore_patterns("__pycache__"))
-    (folder / "versions" / "v0003_colour.py").write_text(NEXT_RELEASE)
+    (folder / "versions" / "v0099_colour.py").write_text(NEXT_RELEASE)
     with monkeypatch.context() as patch:
         patch.setattr(migrations, "__path__", [str(folder)])
         with Store.open(path) as store:

@@ -83,7 +83,7 @@ def run_rounds(
             kept, kept_model = number, whole.model
         report(number / max(1, rounds))
         if number and not changed:
-            stopped = "no-errors"
+            stopped = "no-change" if wrong else "no-errors"
             break
         if number - kept >= parameters.patience and held > errors[kept][0]:
             stopped = "held-out"

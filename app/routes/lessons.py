@@ -1,0 +1,74 @@
+"""One lesson: models learn from one verified page in a worker, and the documents that come back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from app.engine.base import TimeLimit
+from app.routes.labelled_pages import layout_settings
+from app.routes.state import AppState
+from models.documents import Document
+from models.records import StoredSample
+from services.contract.layout import ModelDocument
+from services.contract.layout_learning import Adaptation, VerifiedPage
+
+
+@dataclass(frozen=True, slots=True)
+class Taught:
+    """What a verified page has done: the answer of the worker, and the new documents of all models by name."""
+
+    adaptation: Adaptation
+    documents: dict[str, dict[str, Any]]
+
+
+async def teach(
+    state: AppState,
+    verified: VerifiedPage[dict[str, Any]],
+    models: Sequence[ModelDocument],
+    samples: Sequence[StoredSample] | None,
+) -> Taught:
+    """The models of the found and the verified class after they have learned from a page.
+
+    `models` has the newest versions of both classes. `samples` are those for a first version of the verified class;
+    None: the class has a version, or there is no such class.
+    """
+    settings = layout_settings(state.settings)
+    adaptation = await state.engine.submit(state.operations.adapt_models, verified, models, settings)
+    documents = dict(adaptation.documents)
+    if samples is not None and verified.verified_class is not None and adaptation.zones:
+        first = await state.engine.submit(
+            state.operations.initialize_model,
+            verified.verified_class,
+            [*(sample.document for sample in samples), adaptation.sample],
+            settings,
+            time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
+        )
+        documents[verified.verified_class] = first.document
+    return Taught(adaptation, documents)
+
+
+def lesson_document(
+    verified: VerifiedPage[dict[str, Any]], adaptation: Adaptation, models: Sequence[ModelDocument]
+) -> dict[str, Any] | None:
+    """The lesson as it is stored, with the labels of all zones; None for a page without zones: it teaches nothing."""
+    if not adaptation.zones:
+        return None
+    return {
+        "page": verified.page,
+        "found_class": verified.found_class,
+        "found_labels": verified.found_labels,
+        "verified_class": verified.verified_class,
+        "labels": {str(zone["id"]): zone.get("label") for zone in adaptation.sample["zones"]},
+        "learners": {model.name: model.learner for model in models},
+    }
+
+
+def lesson_page(lesson: Document) -> VerifiedPage[dict[str, Any]]:
+    """The verified page of a stored lesson."""
+    return VerifiedPage(
+        lesson["page"],
+        lesson["found_class"],
+        dict(lesson["found_labels"]),
+        lesson["verified_class"],
+        dict(lesson["labels"]),
+    )

@@ -1,0 +1,99 @@
+"""Zones that a person has drawn over found ones: what was measured of the found zones passes on to them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from services.layout.page import Box, Page, Zone
+
+
+@dataclass(frozen=True, slots=True)
+class RevisionParameters:
+    """When a drawn zone is a found one, and when it has a line of it."""
+
+    same_px: float = 1.0
+    """Largest distance of the sides of one zone. Results round boxes to hundredths of a pixel; drawing is coarser."""
+    covered: float = 0.5
+    """Least share of a line's width within the drawn zone."""
+
+
+def revise_zones(page: Page, drawn: Page, parameters: RevisionParameters = RevisionParameters()) -> Page:
+    """The drawn zones, with the properties of the found zones that they cover.
+
+    A drawn zone at the place of a found one has all its properties. Other zones take means of font size, line spacing
+    and stroke weight over the found zones, weighted by area, and the lines of text that lie in them. What the person
+    gave (text, kind, and so on) has priority.
+
+    Parameters
+    ----------
+    page
+        The page with its found zones.
+    drawn
+        The page with the person's zones and labels.
+    """
+    return replace(drawn, zones=tuple(_revised(zone, page.zones, parameters) for zone in drawn.zones))
+
+
+def _revised(drawn: Zone, found: Sequence[Zone], parameters: RevisionParameters) -> Zone:
+    under = [(zone, area) for zone in found if (area := _common_area(zone.box, drawn.box)) > 0]
+    for zone, _ in under:
+        if max(abs(a - b) for a, b in zip(zone.box, drawn.box, strict=True)) <= parameters.same_px:
+            return _with_given(replace(zone, id=drawn.id, label=drawn.label), drawn)
+    if not under:
+        return drawn
+    largest = max(under, key=lambda each: each[1])[0]
+    lines = [line for zone, _ in under for line in _lines_within(zone, drawn.box, parameters)]
+    measured = Zone(
+        id=drawn.id,
+        box=drawn.box,
+        kind=largest.kind,
+        lines=len(lines) or None,
+        font_size=_mean(under, "font_size"),
+        line_spacing=_mean(under, "line_spacing"),
+        weight=_mean(under, "weight"),
+        alignment=largest.alignment if len(under) == 1 else None,
+        text="\n".join(line for line in lines if line),
+        label=drawn.label,
+    )
+    return _with_given(measured, drawn)
+
+
+def _with_given(measured: Zone, drawn: Zone) -> Zone:
+    """The measured zone with everything that the person gave; another text has other content features."""
+    given = {
+        name: getattr(drawn, name)
+        for name in ("lines", "font_size", "line_spacing", "weight", "alignment")
+        if getattr(drawn, name) is not None
+    }
+    if drawn.kind != "text":
+        given["kind"] = drawn.kind
+    if drawn.text and drawn.text != measured.text:
+        given |= {"text": drawn.text, "content": {}}
+    return replace(measured, **given)
+
+
+def _lines_within(zone: Zone, box: Box, parameters: RevisionParameters) -> list[str]:
+    """The lines of a found zone whose middle lies in a box; the zone's height is divided among its lines equally."""
+    x0, y0, x1, y1 = zone.box
+    if min(x1, box[2]) - max(x0, box[0]) < parameters.covered * (x1 - x0):
+        return []
+    texts = zone.text.split("\n") if zone.text else []
+    count = zone.lines or len(texts) or 1
+    if (
+        len(texts) != count
+    ):  # the text is not divided into the zone's lines: it goes with the middle of the zone
+        texts = ["" for _ in range(count)]
+        texts[(count - 1) // 2] = zone.text
+    middles = [y0 + (y1 - y0) * (line + 0.5) / count for line in range(count)]
+    return [text for text, middle in zip(texts, middles, strict=True) if box[1] <= middle < box[3]]
+
+
+def _common_area(first: Box, second: Box) -> float:
+    width = min(first[2], second[2]) - max(first[0], second[0])
+    height = min(first[3], second[3]) - max(first[1], second[1])
+    return max(width, 0.0) * max(height, 0.0)
+
+
+def _mean(under: Sequence[tuple[Zone, float]], name: str) -> float | None:
+    """Mean of a property over the found zones that have it, weighted by common area."""
+    known = [(getattr(zone, name), area) for zone, area in under if getattr(zone, name) is not None]
+    return sum(value * area for value, area in known) / sum(area for _, area in known) if known else None
