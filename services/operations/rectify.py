@@ -11,12 +11,12 @@ from services.imaging.codec import decode_image
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
-    rounded,
     ENCODING_BEGINS,
     SourceFacts,
     describe_orientation,
     describe_warnings,
     make_reply,
+    rounded,
     timed,
 )
 from services.progress import progress_within
@@ -80,7 +80,9 @@ def describe_rectification(result: RectifyResult) -> dict[str, object]:
         },
         "camera": {
             "focal_length_px": rounded(result.camera.focal_length_px, 2),
-            "field_of_view_deg": None if field_of_view_rad is None else rounded(math.degrees(field_of_view_rad), 3),
+            "field_of_view_deg": None
+            if field_of_view_rad is None
+            else rounded(math.degrees(field_of_view_rad), 3),
             "source": result.camera.source,
             "principal_point": _describe_point(result.camera.principal_point),
             "principal_point_source": result.camera.principal_point_source,
