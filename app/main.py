@@ -278,7 +278,7 @@ def _methods_of(routes: Iterable[APIRoute]) -> dict[str, frozenset[str]]:
     """Methods of each path template."""
     methods: dict[str, frozenset[str]] = {OPENAPI_PATH: frozenset({"GET"})}
     for route in routes:
-        methods[route.path] = methods.get(route.path, frozenset()) | route.methods
+        methods[route.path] = methods.get(route.path, frozenset()) | (route.methods or set())
     return methods
 
 

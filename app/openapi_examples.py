@@ -192,7 +192,15 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
                 "cost_verified": {"before": 13.0, "after": 12.2},
             }
         ],
+        "taken_back": [],
         "sample": _SAMPLE,
+        "warnings": [],
+    },
+    ("200", "undo_layout_feedback"): {
+        "result": _RESULT,
+        "feedback": [_SAMPLE],
+        "models": [{"name": "letter", "old_version": 8, "new_version": 9}],
+        "samples": 1,
     },
     ("200", "layout_model_feedback"): {
         "model": "letter",
@@ -269,6 +277,9 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "version": 9,
         "restored": 7,
         "labels": ["receiver"],
+        "samples": 12,
+        "later_samples": [],
+        "dropped_samples": 0,
     },
     ("200", "layout_model_health"): {"name": "letter", **_HEALTH},
     ("200", "layout_model_settings"): _SETTINGS,

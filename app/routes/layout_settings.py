@@ -60,8 +60,12 @@ def health_of(health: ModelHealth) -> Health:
     return Health(
         feedbacks=health.feedbacks,
         recent=health.recent,
-        recent_zone_error=health.recent_zone_error,
-        recent_class_error=health.recent_class_error,
-        earlier_zone_error=health.earlier_zone_error,
+        recent_zone_error=_rounded(health.recent_zone_error),
+        recent_class_error=_rounded(health.recent_class_error),
+        earlier_zone_error=_rounded(health.earlier_zone_error),
         last_feedback=health.last_feedback_at,
     )
+
+
+def _rounded(error: float | None) -> float | None:
+    return None if error is None else round(error, 4)

@@ -16,6 +16,7 @@ from services.operations.replies import (
     describe_orientation,
     describe_warnings,
     make_reply,
+    rounded,
     timed,
 )
 from services.progress import progress_within
@@ -70,16 +71,18 @@ def describe_rectification(result: RectifyResult) -> dict[str, object]:
     return {
         "kind": result.kind,
         "evidence": {
-            "major_convergence": result.evidence.major_convergence,
-            "minor_convergence": result.evidence.minor_convergence,
-            "text_area_fraction": result.evidence.text_area_fraction,
+            "major_convergence": rounded(result.evidence.major_convergence, 6),
+            "minor_convergence": rounded(result.evidence.minor_convergence, 6),
+            "text_area_fraction": rounded(result.evidence.text_area_fraction),
             "source": list(result.evidence.source),
-            "outline_confidence": result.evidence.outline_confidence,
+            "outline_confidence": rounded(result.evidence.outline_confidence),
             "sides_seen": result.evidence.sides_seen,
         },
         "camera": {
-            "focal_length_px": result.camera.focal_length_px,
-            "field_of_view_deg": None if field_of_view_rad is None else math.degrees(field_of_view_rad),
+            "focal_length_px": rounded(result.camera.focal_length_px, 2),
+            "field_of_view_deg": None
+            if field_of_view_rad is None
+            else rounded(math.degrees(field_of_view_rad), 3),
             "source": result.camera.source,
             "principal_point": _describe_point(result.camera.principal_point),
             "principal_point_source": result.camera.principal_point_source,

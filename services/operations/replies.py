@@ -79,7 +79,7 @@ def describe_orientation(orientation: Orientation) -> dict[str, object]:
     return {
         "rotation_deg": orientation.rotation_deg,
         "mirrored": orientation.mirrored,
-        "confidence": orientation.confidence,
+        "confidence": rounded(orientation.confidence),
     }
 
 
@@ -88,9 +88,9 @@ def describe_warnings(notices: tuple[Notice, ...]) -> list[dict[str, str]]:
     return [{"code": notice.code, "detail": notice.detail} for notice in notices]
 
 
-def rounded(value: float | None) -> float | None:
-    """A number with four decimals; None stays None."""
-    return None if value is None else round(float(value), 4)
+def rounded(value: float | None, decimals: int = 4) -> float | None:
+    """A number without the decimals that mean nothing; None stays None."""
+    return None if value is None else round(float(value), decimals)
 
 
 def to_json_ready(value: Any) -> Any:
