@@ -1,13 +1,12 @@
 """One lesson: models learn from one verified page in a worker, and the documents that come back."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from app.engine.base import TimeLimit
 from app.routes.labelled_pages import layout_settings
 from app.routes.state import AppState
-from models.documents import Document
 from models.records import StoredSample
 from services.contract.layout import ModelDocument
 from services.contract.layout_learning import Adaptation, VerifiedPage
@@ -63,7 +62,7 @@ def lesson_document(
     }
 
 
-def lesson_page(lesson: Document) -> VerifiedPage[dict[str, Any]]:
+def lesson_page(lesson: Mapping[str, Any]) -> VerifiedPage[dict[str, Any]]:
     """The verified page of a stored lesson."""
     return VerifiedPage(
         lesson["page"],

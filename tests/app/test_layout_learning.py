@@ -160,11 +160,15 @@ def test_the_way_back(client: httpx.Client) -> None:
     client.put(PATH, json=model_document("letter", "other"))
     response = client.post(f"{PATH}/rollback", json={"version": 1})
     assert (response.status_code, response.headers["etag"]) == (200, '"3"')
+    [sample] = client.get(f"{PATH}/samples").json()["samples"]
     assert response.json() == {
         "name": "letter",
         "version": 3,
         "restored": 1,
         "labels": ["sender", "date"],
+        "samples": 1,
+        "later_samples": [sample["id"]],
+        "dropped_samples": 0,
     }
     assert client.get(PATH).json() == LETTER
     assert origins(client)[0] == ("rollback", "version 1")

@@ -96,7 +96,10 @@ def test_every_route_is_documented_and_every_job_is_admitted() -> None:
     writes = {(method, path) for method, path in methods if method in {"POST", "PUT"}}
     of_the_store_alone = {("POST", "/layout/models/{name}/rollback")}
     assert writes - WORK == {*of_the_store_alone, ("POST", "/tokens")}
-    assert WORK - writes == {("GET", "/layout/models/{name}/versions/{version}/diff")}
+    assert WORK - writes == {
+        ("GET", "/layout/models/{name}/versions/{version}/diff"),
+        ("DELETE", "/layout/results/{id}/feedback"),
+    }
 
 
 def test_every_route_stands_under_a_heading_that_is_explained() -> None:
