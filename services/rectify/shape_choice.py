@@ -37,6 +37,9 @@ SMOOTH_SIDE = 0.001
 """RMS distance of a side from a smooth curve, as a share of the sheet's size, up to which it has no kinks."""
 FLAT_SIDE = 0.008
 """RMS bend of a side on the flat page, as a share of its length, up to which a smooth surface explains it."""
+RIGHT_ANGLE_RAD = 0.02
+"""Difference between the directions of the sides on the flat page, up to quarter turns, up to which a smooth surface
+explains them: cylinders and cones leave 0.002 to 0.018, crumpled sheets up to 0.05."""
 CERTAIN_OUTLINE = 0.95
 """Confidence from which on 99 % of the outlines are right."""
 CURVED_GAIN = 0.7
@@ -157,7 +160,8 @@ def why_not_bent(bent: NoSheet | None) -> Notice:
 
 
 def straightens_sides(curved: CurvedPage, outline: SheetOutline, view: PhotoFrame) -> bool:
-    """Whether the sheet's sides are straight on the flat page of `curved`, as those of its paper are."""
+    """Whether the sheet's sides are straight and at right angles on the flat page of `curved`, as on paper."""
+    directions: list[float] = []
     for side in outline.sides:
         page = curved.page_map.to_page((side.points - view.centre) / view.unit_px)
         known = np.isfinite(page).all(axis=1)
@@ -165,10 +169,15 @@ def straightens_sides(curved: CurvedPage, outline: SheetOutline, view: PhotoFram
             continue
         if known.mean() < 0.8:
             return False
-        spread = np.linalg.svd(page[known] - page[known].mean(axis=0), compute_uv=False)
+        _, spread, axes = np.linalg.svd(page[known] - page[known].mean(axis=0), full_matrices=False)
         if spread[1] > FLAT_SIDE * np.sqrt(12.0) * spread[0]:
             return False
-    return True
+        directions.append(float(np.arctan2(axes[0, 1], axes[0, 0])))
+    # Print may be askew on its sheet: only the angles between the sides count, up to quarter turns.
+    quadruple = 4 * np.array(directions)
+    mean = np.angle(np.exp(1j * quadruple).sum()) if directions else 0.0
+    turns = np.angle(np.exp(1j * (quadruple - mean))) / 4
+    return bool(np.ptp(turns) < RIGHT_ANGLE_RAD) if directions else True
 
 
 def with_straight_sides(curved: CurvedPage, outline: SheetOutline, e: PageEvidence) -> CurvedPage:
