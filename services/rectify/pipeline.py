@@ -8,7 +8,7 @@ import numpy as np
 
 from services.arrays import GrayImage, Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
-from services.errors import InvalidOption, NoText
+from services.errors import NoText
 from services.geometry.camera import field_of_view
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_frame import TEXT_FRAMING, mesh_of, resize_frame, turn_frame
@@ -24,6 +24,7 @@ from services.rectify.focal_length import focal_prior
 from services.rectify.framing import FlatFrame, frame_page
 from services.rectify.orientation import estimate_orientation
 from services.rectify.outline_plane import read_sides
+from services.rectify.parameter_checks import check_parameters
 from services.rectify.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.pose import PagePose
 from services.rectify.principal_point import find_principal_point
@@ -37,7 +38,13 @@ from services.rectify.results import (
     ShapeSource,
 )
 from services.rectify.shape_choice import FEW_LINES, choose_shape
-from services.rectify.sheet_cut import cut_to_outline, cut_to_page, paper_in_photo, restore_detail
+from services.rectify.sheet_cut import (
+    cut_to_outline,
+    cut_to_page,
+    paper_in_photo,
+    restore_detail,
+    within_polygon,
+)
 from services.rectify.stage_clock import StageClock
 from services.rectify.textless import TextlessPage, draw_for_reading, find_textless_page, frame_textless
 from services.sheet.curved_page import CurvedPage
@@ -77,8 +84,14 @@ class FlatPage:
 
     @property
     def characters(self) -> Points:
-        """Centres of the characters (N, 2) in photo pixels."""
-        return self.analysis.characters
+        """Centres of the page's characters (N, 2) in photo pixels.
+
+        Where the sheet's outline was believed and the text was not, what lies outside is texture of the desk.
+        """
+        found = self.analysis.characters
+        if self.outline is None or not isinstance(self.shape, PagePose) or self.shape.sources != ("outline",):
+            return found
+        return found[within_polygon(self.outline.polygon, found)]
 
     @property
     def kind(self) -> Literal["planar", "curved"]:
@@ -180,23 +193,6 @@ def flatten_page(
     )
 
 
-def check_parameters(photo: RgbImage, parameters: RectifyParameters) -> None:
-    """Check the options that depend on the size of the photo."""
-    height, width = photo.shape[:2]
-    diagonal = float(np.hypot(width, height))
-    if parameters.focal_length_px is not None and not 0.15 < parameters.focal_length_px / diagonal < 15.0:
-        raise InvalidOption(
-            f"focal_length_px: {parameters.focal_length_px:g} is not believable for a photo of {width} x {height} "
-            f"pixels; expected {0.15 * diagonal:.0f} to {15 * diagonal:.0f}.",
-            "focal_length_px",
-        )
-    if parameters.region is not None:
-        corners = np.array(parameters.region)
-        beside = (corners.max(axis=0) < 0).any() or (corners.min(axis=0) > [width - 1, height - 1]).any()
-        if beside:
-            raise InvalidOption("region: the polygon lies outside of the photo.", "region")
-
-
 def find_page(
     photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
 ) -> FlatPage | TextlessPage:
@@ -296,10 +292,9 @@ def cut_view(
     photo: RgbImage, frame: FlatFrame | CurvedFrame, page: FlatPage, border: Points | None
 ) -> FlatFrame | CurvedFrame:
     """`frame` cut to the page: its outline's sides, the gutter, edges in the flat view, blank ground."""
-    characters = page.analysis.characters
     known: frozenset[str] = frozenset()
     if page.outline is not None:
-        frame, known = cut_to_outline(frame, page.outline, characters)
+        frame, known = cut_to_outline(frame, page.outline, page.characters)
     frame = crop_to_gutter(frame, page.analysis)
     # Lines on a flat sheet that is wholly in the photo are print, except on a spread of two pages.
     flat_sheet = border if isinstance(frame, FlatFrame) and not page.analysis.facing_page else None

@@ -14,11 +14,11 @@ from services.ocr.engine import OcrEngine
 from services.progress import progress_within
 from services.rectify.analysis import analyse_spread
 from services.rectify.focal_length import focal_prior
+from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import (
     FACING_PAGE,
     STAGE_BEGINS,
     FlatPage,
-    check_parameters,
     flatten_page,
     rectify,
     shape_page,

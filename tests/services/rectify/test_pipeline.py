@@ -1,6 +1,8 @@
 """The whole rectification on simulated photos: errors are bounded."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import cv2
 import numpy as np
@@ -8,15 +10,20 @@ import pytest
 
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NoText
+from services.geometry.photo_frame import PhotoFrame
+from services.geometry.vanishing_points import FlowVanishingPoints
 from services.ocr.engine import OcrEngine, Word
 from services.progress import progress_to
-from services.rectify.pipeline import rectify
+from services.rectify.analysis import PageAnalysis
+from services.rectify.pipeline import FlatPage, rectify
+from services.rectify.pose import PagePose
 from services.rectify.results import RectifyResult
 from services.sheet.surfaces import StripsSurface
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
 from simulation.scenes import BOOK, POSES, photograph
+from tests.services.sheet.sheet_sides import outline_of
 
 pytestmark = pytest.mark.pipeline
 
@@ -262,3 +269,15 @@ def test_the_view_shows_the_sheet_the_text_or_the_photo_round_it(photo: Simulate
             )
             == 1.0
         )
+
+
+def test_texture_of_the_desk_is_no_text_where_the_outline_was_believed() -> None:
+    inside, outside = np.full((3, 2), 50.0), np.full((20, 2), 150.0)
+    square = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0]])
+    outline = outline_of(square, 0.3, np.random.default_rng(0))
+    pose = PagePose(np.eye(3), (0.0, 0.0, 1.0), 1000.0, "assumed", (), 0, 0.1, sources=("outline",))
+    analysis = cast(PageAnalysis, SimpleNamespace(characters=np.concatenate([inside, outside])))
+    page = FlatPage(analysis, PhotoFrame(200, 200), cast(FlowVanishingPoints, None), pose, (), outline)
+    assert len(page.characters) == 3
+    assert len(replace(page, shape=replace(pose, sources=("outline", "text"))).characters) == 23
+    assert len(replace(page, outline=None).characters) == 23
