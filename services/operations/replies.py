@@ -99,6 +99,14 @@ def to_json_ready(value: Any) -> Any:
         return {str(key): to_json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [to_json_ready(item) for item in value]
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        # A page's mesh holds thousands of numbers: no Python call for each of them.
+        finite = np.isfinite(value)
+        return (
+            value.tolist()
+            if finite.all()
+            else np.where(finite, value.astype(object), np.array(None)).tolist()
+        )
     if isinstance(value, np.ndarray | np.generic):
         return to_json_ready(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):

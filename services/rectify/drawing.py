@@ -15,6 +15,10 @@ MAX_REDUCTION = 12.0
 """Most photo pixels per output pixel along one axis; a page needs fewer."""
 MASK_SIDE_PX = 2000
 """Long side of the image on which distances from the paper's edge are taken."""
+TILE_NODES = 16
+"""Nodes of the map's grid along the side of a tile in which the paper's edge is drawn."""
+FAR_PX = 1e6
+"""From the view: its paper has no corners farther away."""
 BAND_PX = 512
 """Rows drawn at a time; this bounds the memory of the dense map."""
 
@@ -73,18 +77,34 @@ def draw_flat_view(
         _remap(photo, frame, 1.0, cv2.INTER_CUBIC, flat)
         corners = None if outline is None else _certain_flat_sheet(frame, outline)
     if corners is not None:
-        beside = np.full((frame.height, frame.width), 255, np.uint8)
-        cv2.fillConvexPoly(beside, np.round(corners).astype(np.int32), 0)
-        cv2.max(flat, cv2.merge([beside, beside, beside]), dst=flat)
+        _whiten_outside(flat, corners)
     return flat
+
+
+def _whiten_outside(flat: RgbImage, polygon: Points) -> None:
+    """Draw white, in place, what lies outside `polygon` (M, 2), pixels of the view `flat`."""
+    height, width = flat.shape[:2]
+    around = np.array([[-2, -2], [width + 1, -2], [width + 1, height + 1], [-2, height + 1]])
+    # The contours themselves are drawn too, so the polygon is a pixel larger.
+    beyond = np.round(polygon + np.sign(polygon - polygon.mean(axis=0)))
+    # Two contours: what lies in one of them but not in both is filled.
+    cv2.fillPoly(flat, [around.astype(np.int32), beyond.astype(np.int32)], (255, 255, 255))
 
 
 def whiten_beyond(flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points) -> None:
     """Make the pixels of the view `flat` white, in place, whose photo points are outside the polygon `paper` (M, 2).
 
-    The map of a bent page has no inverse beyond its horizon. So the polygon is not mapped into the view: pixels of the
-    view are mapped into the photo, and their distances from the polygon are computed at the nodes of a grid.
+    The map of a bent page has no inverse beyond its horizon. So the polygon is mapped into the view of a flat page only,
+    and only if it ends before the horizon. Else pixels of the view are mapped into the photo, and their distances from
+    the polygon are computed at the nodes of a grid.
     """
+    if isinstance(frame, FlatFrame):
+        H_flat_photo = np.linalg.inv(frame.H_photo_flat)
+        depth = paper @ H_flat_photo[2, :2] + H_flat_photo[2, 2]
+        corners = transform_points(H_flat_photo, paper)
+        if depth.min() * depth.max() > 0 and np.abs(corners).max() < FAR_PX:
+            _whiten_outside(flat, corners)
+            return
     low = paper.min(axis=0) - 2.0
     scale = min(1.0, MASK_SIDE_PX / float(np.ptp(paper, axis=0).max()))
     size = np.ceil((paper.max(axis=0) + 2.0 - low) * scale).astype(int) + 1
@@ -103,8 +123,25 @@ def whiten_beyond(flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points)
         borderMode=cv2.BORDER_CONSTANT,
         borderValue=(-GRID_STEP_PX,),
     )
-    away = between_nodes(np.asarray(nodes, np.float32), frame.width, frame.height)
-    flat[away < 0] = 255
+    _whiten_negative(flat, np.asarray(nodes, np.float32))
+
+
+def _whiten_negative(flat: RgbImage, nodes: NDArray[np.float32]) -> None:
+    """Draw white, in place, where the values between `nodes` (rows, columns) are negative: tile by tile of the view.
+
+    Most tiles lie wholly inside or outside, and need no values between the nodes.
+    """
+    height, width = flat.shape[:2]
+    step = TILE_NODES * GRID_STEP_PX
+    for top in range(0, height, step):
+        for left in range(0, width, step):
+            tile = flat[top : top + step, left : left + step]
+            row, column = top // GRID_STEP_PX, left // GRID_STEP_PX
+            near = nodes[row : row + TILE_NODES + 2, column : column + TILE_NODES + 2]
+            if near.max() < 0:
+                tile[:] = 255
+            elif near.min() < 0:
+                tile[between_nodes(near, tile.shape[1], tile.shape[0]) < 0] = 255
 
 
 def _certain_flat_sheet(frame: CurvedFrame, outline: Points) -> Points | None:
