@@ -11,6 +11,7 @@ from urllib.parse import parse_qsl, urlencode
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from app.key_names import spellings_of_key
 from services.errors import DocumentError
 
 HEADER = "X-API-Key"
@@ -46,7 +47,9 @@ class ApiKeys:
 
     def __init__(self, app: ASGIApp, keys: Collection[str], clock: Callable[[], float] = time.time) -> None:
         self.app = app
-        self.keys = {form: key for key in keys for form in _bytes_of(key)}
+        self.keys = {
+            form: key for key in keys for spelled in spellings_of_key(key) for form in _bytes_of(spelled)
+        }
         self.clock = clock
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

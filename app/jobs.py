@@ -140,7 +140,7 @@ class Job:
     """State of one job."""
 
     def __init__(self, owner: str | None, repeatable: Repeatable | None = None) -> None:
-        """`owner` is the API key of the request; None if the service has no keys."""
+        """`owner` is the name of the request's API key; None if the service has no keys."""
         self.id = uuid.uuid4().hex  # 122 random bits: cannot be guessed
         self.owner = owner
         self.repeatable = repeatable
@@ -258,8 +258,8 @@ class Jobs:
         job.task = asyncio.create_task(self._run(job, work, tell))
         return job
 
-    def find(self, id: str, owner: str | None) -> Job:
-        """The job with this id.
+    def find(self, id: str, owner: str | None, *, sees_all: bool = False) -> Job:
+        """The job with this id; `sees_all` finds those of other owners too.
 
         Raises
         ------
@@ -268,7 +268,7 @@ class Jobs:
         """
         self._sweep()
         job = self._jobs.get(id)
-        if job is None or job.owner != owner:
+        if job is None or not (sees_all or job.owner == owner):
             raise JobNotFound(
                 f"There is no job {id[:64]}. Jobs are kept for {self._limits.ttl_s:g} s (JOB_TTL_S) after their end; "
                 "a restart of the service, or too many newer jobs, removes them earlier."
@@ -292,6 +292,12 @@ class Jobs:
             job.is_unwanted = True
             job.abandon()
             await job.wait()
+
+    def delete(self, job: Job) -> None:
+        """Delete a finished job with its result. A job that is removed already does not change."""
+        if job in self._over:
+            self._over.remove(job)
+            self._drop(job)
 
     def enter_listener(self) -> None:
         """Count one more listener.
@@ -390,7 +396,9 @@ class Jobs:
         self._sweep()
 
     def _drop_oldest(self) -> None:
-        job = self._over.popleft()
+        self._drop(self._over.popleft())
+
+    def _drop(self, job: Job) -> None:
         del self._jobs[job.id]
         if job.answer is not None:
             self._bytes -= job.answer.size

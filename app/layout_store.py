@@ -177,24 +177,28 @@ class LayoutStore:
             )
         return documents
 
-    async def keep_result(self, document: dict[str, Any]) -> str:
-        """Store a recognition result and return its id. A page that fits no class is also stored as an unknown page."""
-        draft, ttl_s = self._draft(document), self._results.ttl_s
-        result_id = await self.call(lambda store: store.add_result(draft.document, ttl_s, draft.unknown))
+    async def keep_result(self, document: dict[str, Any], owner: str | None = None) -> str:
+        """Store a recognition result of `owner` and return its id.
+
+        A page that fits no class is also stored as an unknown page.
+        """
+        draft, ttl_s = self._draft(document, owner), self._results.ttl_s
+        result_id = await self.call(lambda store: store.add_result(document, ttl_s, draft.unknown, owner))
         await self._purge_when_due(1)
         return result_id
 
     async def keep_document(
-        self, document: dict[str, Any], pages: Sequence[dict[str, Any]]
+        self, document: dict[str, Any], pages: Sequence[dict[str, Any]], owner: str | None = None
     ) -> tuple[str, list[str]]:
         """Store a document's result and those of its pages in one transaction; their ids."""
-        drafts = [self._draft(page) for page in pages]
+        drafts = [self._draft(page, owner) for page in pages]
         ids = await self.call(lambda store: store.add_document(document, drafts, self._results.ttl_s))
         await self._purge_when_due(1 + len(pages))
         return ids
 
-    def _draft(self, document: dict[str, Any]) -> ResultDraft:
-        return ResultDraft(document, self.unknown_page(document["page"]) if _is_unknown(document) else None)
+    def _draft(self, document: dict[str, Any], owner: str | None) -> ResultDraft:
+        unknown = self.unknown_page(document["page"], owner) if _is_unknown(document) else None
+        return ResultDraft(document, unknown, owner)
 
     async def _purge_when_due(self, new: int) -> None:
         """Delete expired results at intervals. A failure is logged only, because nothing else depends on it."""
@@ -208,9 +212,9 @@ class LayoutStore:
         except StoreError as error:
             log.error("expired results could not be deleted: %s", error.detail)
 
-    def unknown_page(self, page: dict[str, Any]) -> UnknownPageDraft:
+    def unknown_page(self, page: dict[str, Any], owner: str | None) -> UnknownPageDraft:
         """A page that fits no class, with the store's limits for such pages."""
-        return UnknownPageDraft(page, self._results.max_unknown_pages, self._results.unknown_ttl_s)
+        return UnknownPageDraft(page, self._results.max_unknown_pages, self._results.unknown_ttl_s, owner)
 
 
 def _is_unknown(document: Mapping[str, Any]) -> bool:

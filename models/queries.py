@@ -119,6 +119,7 @@ def add_unknown_page(
         created_at=now,
         expires_at=now + timedelta(seconds=draft.ttl_s),
         document=encode_document(draft.page),
+        owner=draft.owner,
     )
     session.add(row)
     session.flush()

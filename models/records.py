@@ -107,24 +107,30 @@ class StoredResult:
     document: dict[str, Any]
     created_at: datetime
     expires_at: datetime
+    owner: str | None = None
     pages: "tuple[StoredResult, ...]" = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnknownPageDraft:
-    """A page that fits no class, kept for `ttl_s` seconds. The store keeps the `bound` newest ones."""
+    """A page that fits no class, kept for `ttl_s` seconds. The store keeps the `bound` newest ones.
+
+    `owner` is the name of the API key that sent it; None without keys.
+    """
 
     page: Document
     bound: int
     ttl_s: float
+    owner: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResultDraft:
-    """The result of a recognition. `unknown` is its page, if no class fits."""
+    """The result of a recognition. `unknown` is its page, if no class fits; `owner` as in `UnknownPageDraft`."""
 
     document: Document
     unknown: UnknownPageDraft | None = None
+    owner: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -311,3 +317,4 @@ class UnknownPage:
     result_id: str
     page: dict[str, Any]
     created_at: datetime
+    owner: str | None = None

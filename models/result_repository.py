@@ -11,7 +11,7 @@ from models.documents import Document, decode_document, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
 from models.queries import READ_AT_ONCE, add_unknown_page
 from models.records import ResultDraft, StoredResult, UnknownPage, UnknownPageDraft
-from models.tables import ResultRow, UnknownPageRow
+from models.tables import FeedbackRow, ResultRow, UnknownPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
 
@@ -19,11 +19,17 @@ from models.ulid import is_ulid
 class ResultRepository(Transactions):
     """Results, which expire, and a limited number of unknown pages."""
 
-    def add_result(self, document: Document, ttl_s: float, unknown: UnknownPageDraft | None = None) -> str:
+    def add_result(
+        self,
+        document: Document,
+        ttl_s: float,
+        unknown: UnknownPageDraft | None = None,
+        owner: str | None = None,
+    ) -> str:
         """Store a result for `ttl_s` seconds, and its page if no class fits; return the result's id."""
         now = self._clock()
         result_id = self._ulids.make(now)
-        self._keep([result_id], [ResultDraft(document, unknown)], now, ttl_s)
+        self._keep([result_id], [ResultDraft(document, unknown, owner)], now, ttl_s)
         return result_id
 
     def add_document(
@@ -36,14 +42,20 @@ class ResultRepository(Transactions):
         """
         now = self._clock()
         document_id, *page_ids = (self._ulids.make(now) for _ in range(1 + len(pages)))
-        whole = ResultDraft({**document, "pages": page_ids})
+        whole = ResultDraft({**document, "pages": page_ids}, owner=pages[0].owner if pages else None)
         self._keep([document_id, *page_ids], [whole, *pages], now, ttl_s)
         return document_id, page_ids
 
     def _keep(self, ids: Sequence[str], drafts: Sequence[ResultDraft], now: datetime, ttl_s: float) -> None:
         expires_at = now + timedelta(seconds=ttl_s)
         rows = [
-            ResultRow(id=id, created_at=now, expires_at=expires_at, document=encode_document(draft.document))
+            ResultRow(
+                id=id,
+                created_at=now,
+                expires_at=expires_at,
+                document=encode_document(draft.document),
+                owner=draft.owner,
+            )
             for id, draft in zip(ids, drafts, strict=True)
         ]
         with self._changing() as (session, _):
@@ -66,6 +78,32 @@ class ResultRepository(Transactions):
         if result is None or None in rows:
             raise ResultNotFound(f"there is no result {result_id!r}, or no longer", result_id)
         return replace(result, pages=tuple(_stored_result(page) for page in rows if page is not None))
+
+    def result_owner(self, result_id: str) -> str | None:
+        """The owner of a result, or of the feedback on a result that is no longer kept. Raises `ResultNotFound`."""
+        if is_ulid(result_id):
+            with self._reading() as session:
+                row = session.get(ResultRow, result_id)
+                if row is not None:
+                    return row.owner
+                of_result = select(FeedbackRow.owner).where(FeedbackRow.result_id == result_id).limit(1)
+                left = session.execute(of_result).first()
+                if left is not None:
+                    return left[0]
+        raise ResultNotFound(f"there is no result {result_id!r}, or no longer", result_id)
+
+    def delete_result(self, result_id: str) -> None:
+        """Delete a result, the results of its pages, and the unknown pages of them. Raises `ResultNotFound`.
+
+        Feedback remains, with its sample: `undo_feedback` deletes both.
+        """
+        with self._changing() as (session, _):
+            row = session.get(ResultRow, result_id) if is_ulid(result_id) else None
+            if row is None:
+                raise ResultNotFound(f"there is no result {result_id!r}, or no longer", result_id)
+            ids = [result_id, *decode_document(row.document).get("pages", ())]
+            session.execute(delete(UnknownPageRow).where(UnknownPageRow.result_id.in_(ids)))
+            session.execute(delete(ResultRow).where(ResultRow.id.in_(ids)))
 
     def purge_results(self, now: datetime | None = None, keep_newest: int | None = None) -> int:
         """Delete results that have expired at `now` (aware), and all but the `keep_newest` newest; return their number.
@@ -109,8 +147,8 @@ class ResultRepository(Transactions):
 
 
 def _stored_result(row: ResultRow) -> StoredResult:
-    return StoredResult(row.id, decode_document(row.document), row.created_at, row.expires_at)
+    return StoredResult(row.id, decode_document(row.document), row.created_at, row.expires_at, row.owner)
 
 
 def _unknown_page(row: UnknownPageRow) -> UnknownPage:
-    return UnknownPage(row.id, row.result_id, decode_document(row.document), row.created_at)
+    return UnknownPage(row.id, row.result_id, decode_document(row.document), row.created_at, row.owner)

@@ -176,7 +176,7 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
     adaptation = taught.adaptation
     changes = [ModelChange(name, document, versions.get(name)) for name, document in taught.documents.items()]
     is_unknown = verified.verified_class is None and bool(verified.found_labels)
-    unknown_page = state.store.unknown_page(verified.page) if is_unknown else None
+    unknown_page = state.store.unknown_page(verified.page, given.owner) if is_unknown else None
     right = next((model for model in models if model.name == verified.verified_class), None)
     draft = replace(
         _draft(given, adaptation),

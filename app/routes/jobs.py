@@ -7,10 +7,11 @@ from fastapi import APIRouter, Header, Request, Response
 from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
+from app.callers import caller_of
 from app.jobs import Job, Jobs
 from app.problems import documented
 from app.routes.common_responses import IMAGE, STORE, WORK
-from app.routes.long_work import owner_of, status_of
+from app.routes.long_work import status_of
 from app.routes.state import State
 from app.schemas.jobs import JobStatus
 from app.schemas.options import Absent
@@ -45,7 +46,7 @@ _BINARY_RESULTS = sorted({*PAGES_MEDIA_TYPES.values(), "image/png"} - {"applicat
 @router.get("", operation_id="job", responses={200: _POLLING, **documented("not-found", "internal")})
 async def job(request: Request, response: Response, state: State, id: str) -> JobStatus:
     """The state of the job. It is kept for JOB_TTL_S seconds after the job's end, or until the service restarts."""
-    status = status_of(state.jobs.find(id, owner_of(request)), state.settings.root_path)
+    status = status_of(_own_job(request, state, id), state.settings.root_path)
     if status.poll_after_s is not None:
         response.headers["Retry-After"] = str(status.poll_after_s)
     return status
@@ -74,7 +75,7 @@ async def job_events(
     ] = None,
 ) -> Response:
     """Stream of the job's states: as GET /jobs/{id}, after each change."""
-    found = state.jobs.find(id, owner_of(request))
+    found = _own_job(request, state, id)
     if found.is_over and last_event_id == str(found.revision):
         return Response(status_code=204)  # a browser would reconnect without end
     return _EventStream(state.jobs, found, state.settings.root_path)
@@ -114,16 +115,25 @@ async def job_events(
 )
 async def job_result(request: Request, state: State, id: str) -> Response:
     """The response of the job, as if the request had waited for it."""
-    return await state.jobs.answer(state.jobs.find(id, owner_of(request)))
+    return await state.jobs.answer(_own_job(request, state, id))
 
 
 @router.delete("", operation_id="cancel_job", status_code=204, responses=documented("not-found", "internal"))
 async def cancel_job(request: Request, state: State, id: str) -> None:
-    """Cancel the job: its work is stopped. A finished job does not change.
+    """Cancel the job: its work is stopped. A finished job is deleted, with its result.
 
     Anything that the work has already written (a version of a model) remains.
     """
-    await state.jobs.cancel(state.jobs.find(id, owner_of(request)))
+    found = _own_job(request, state, id)
+    if found.is_over:
+        state.jobs.delete(found)
+    else:
+        await state.jobs.cancel(found)
+
+
+def _own_job(request: Request, state: State, id: str) -> Job:
+    caller = caller_of(request)
+    return state.jobs.find(id, caller.name, sees_all=caller.sees_all)
 
 
 class _EventStream(StreamingResponse):

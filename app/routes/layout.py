@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
 
+from app.callers import caller_of, require_own_result
 from app.engine.base import TimeLimit
 from app.form_parts import FormRoute
 from app.problems import documented
@@ -103,7 +104,7 @@ async def layout(
     best.
     """
     form = with_format(form, format)
-    settings = state.settings
+    settings, caller = state.settings, caller_of(request)
     check_parts(form, settings.max_pages)
     chosen = choose_layout_format(form.format, request.headers.get("accept"))
     images = form.image or []
@@ -135,9 +136,9 @@ async def layout(
         )
         request.state.seat.release()
         if isinstance(reply, DocumentReply):
-            return await _answer_document(state, reply, chosen, _image_name(images[:1]))
+            return await _answer_document(state, reply, chosen, _image_name(images[:1]), caller.name)
         result_of(reply.document, "validated before it is stored")
-        result_id = await state.store.keep_result({"result": reply.document, "page": reply.page})
+        result_id = await state.store.keep_result({"result": reply.document, "page": reply.page}, caller.name)
         headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
         if chosen != "json":
             headers |= content_disposition(_image_name(images[:1]), _SUFFIXES[chosen], reply.media_type)
@@ -160,6 +161,7 @@ async def layout(
 async def layout_result(request: Request, state: State, id: str) -> Response:
     """A stored result as JSON. It is kept for RESULT_TTL_S seconds, or until MAX_RESULTS newer results exist."""
     check_json_accepted(request.headers.get("accept"))
+    await require_own_result(request, state, id)
     kept = await state.store.call(lambda store: store.result(id))
     result: LayoutResult | DocumentResult
     if "pages" in kept.document:
@@ -170,11 +172,31 @@ async def layout_result(request: Request, state: State, id: str) -> Response:
     return Response(result.model_dump_json(by_alias=True), media_type="application/json")
 
 
-async def _answer_document(state: State, reply: DocumentReply, chosen: LayoutFormat, name: str) -> Response:
+@router.delete(
+    "/layout/results/{id}",
+    operation_id="delete_layout_result",
+    status_code=204,
+    responses=documented("not-found", *STORE),
+)
+async def delete_layout_result(request: Request, state: State, id: str) -> None:
+    """Delete a stored result, the results of its pages, and its unknown page.
+
+    What models learned from feedback on it remains; DELETE /layout/results/{id}/feedback takes that back, before or
+    after.
+    """
+    await require_own_result(request, state, id)
+    await state.store.call(lambda store: store.delete_result(id))
+
+
+async def _answer_document(
+    state: State, reply: DocumentReply, chosen: LayoutFormat, name: str, owner: str | None
+) -> Response:
     before = "validated before it is stored"
     document_of(reply.document, before, [result_of(page.document, before) for page in reply.pages])
     result_id, page_ids = await state.store.keep_document(
-        {"document": reply.document}, [{"result": page.document, "page": page.page} for page in reply.pages]
+        {"document": reply.document},
+        [{"result": page.document, "page": page.page} for page in reply.pages],
+        owner,
     )
     pages = [result_of(page.document, page_id) for page, page_id in zip(reply.pages, page_ids, strict=True)]
     headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
+from app.callers import require_own_result
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
 from app.routes.connection import while_connected
@@ -58,9 +59,12 @@ async def give_layout_feedback(
     first version, from the samples and this page; a class that does not exist is 404. `class` null means that the page
     belongs to none of the classes. It is then stored as an unknown page, from which new classes may be proposed.
     """
+    caller = await require_own_result(request, state, id)
     limit = state.settings.max_zones_bytes
     body = await read_json(request, FeedbackBody, most_bytes=limit, setting="MAX_ZONES_BYTES")
-    feedback = await while_connected(request, learn_from_feedback(state, id, idempotency_key, body))
+    feedback = await while_connected(
+        request, learn_from_feedback(state, id, idempotency_key, body, caller.name)
+    )
     request.state.seat.release()
     warnings = [] if feedback.created else await _without_effect(state, feedback)
     return Response(_answer(feedback, warnings).model_dump_json(by_alias=True), media_type="application/json")
@@ -79,6 +83,7 @@ async def undo_layout_feedback(request: Request, state: State, id: str) -> Undon
     learned too much since, or when a page that it learned from later was deleted; then nothing changes. After it the
     same feedback may be sent again.
     """
+    await require_own_result(request, state, id)
     undone = await while_connected(request, undo_feedback(state, id))
     return UndoneFeedback(
         result=id,

@@ -5,6 +5,7 @@ from typing import Any
 
 from fastapi import APIRouter, Request, Response
 
+from app.callers import Caller, caller_of
 from app.engine.base import TimeLimit
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, STORE, WORK
@@ -14,6 +15,7 @@ from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import State
 from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
 from models.errors import UnknownPageNotFound
+from models.records import UnknownPage as StoredUnknownPage
 from models.repository import Store
 from services.contract.layout_models import MOST_COMPARED_SAMPLES, StoredPage
 from services.progress import ProgressSink
@@ -31,7 +33,7 @@ LEAST_SAMPLES = 4
     operation_id="unknown_layout_pages",
     responses=documented(*STORE),
 )
-async def unknown_layout_pages(state: State) -> UnknownPageList:
+async def unknown_layout_pages(request: Request, state: State) -> UnknownPageList:
     """Pages that fit no class, newest first, without their zones. The newest are kept for some weeks."""
 
     def summarize(store: Store) -> list[UnknownPageSummary]:
@@ -40,15 +42,18 @@ async def unknown_layout_pages(state: State) -> UnknownPageList:
                 id=page.id, result=page.result_id, zones=len(page.page["zones"]), created=page.created_at
             )
             for page in store.each_unknown_page()
+            if caller.sees(page.owner)
         ]
 
+    caller = caller_of(request)
     return UnknownPageList(pages=(await state.store.call(summarize))[::-1])
 
 
 @router.get("/unknown-pages/{id}", operation_id="unknown_layout_page", responses=documented(*READING))
-async def unknown_layout_page(state: State, id: str) -> UnknownPage:
+async def unknown_layout_page(request: Request, state: State, id: str) -> UnknownPage:
     """One page that fits no class, to be labelled and sent to POST /layout/models/{name}/samples."""
-    page = await state.store.call(lambda store: store.unknown_page(id))
+    caller = caller_of(request)
+    page = await state.store.call(lambda store: _own_page(store, id, caller))
     return UnknownPage.model_validate(
         {**page.page, "id": page.id, "result": page.result_id, "created": page.created_at}
     )
@@ -60,10 +65,13 @@ async def unknown_layout_page(state: State, id: str) -> UnknownPage:
     status_code=204,
     responses=documented(*READING),
 )
-async def forget_unknown_layout_page(state: State, id: str) -> None:
+async def forget_unknown_layout_page(request: Request, state: State, id: str) -> None:
     """Delete an unknown page, for example after it has become a sample."""
 
+    caller = caller_of(request)
+
     def forget(store: Store) -> None:
+        _own_page(store, id, caller)
         if not store.forget_unknown_pages([id]):
             raise UnknownPageNotFound(f"there is no unknown page {id!r}, or it has expired", id)
 
@@ -89,9 +97,10 @@ async def propose_layout_classes(request: Request, state: State) -> Response:
     carry it out.
     """
     await refuse_body(request)
+    caller = caller_of(request)
 
     async def work(progress: ProgressSink | None) -> Response:
-        unknown, classes = await state.store.call(_read_all)
+        unknown, classes = await state.store.call(lambda store: _read_all(store, caller))
         found = await state.engine.submit(
             state.operations.propose_classes,
             unknown,
@@ -113,9 +122,18 @@ async def propose_layout_classes(request: Request, state: State) -> Response:
     return await answer_now_or_later(request, state, work)
 
 
-def _read_all(store: Store) -> tuple[list[StoredPage], dict[str, list[StoredPage]]]:
-    """Unknown pages, newest first, and samples of every model."""
-    unknown = [StoredPage(page.id, page.page) for page in store.each_unknown_page()][::-1]
+def _own_page(store: Store, page_id: str, caller: Caller) -> StoredUnknownPage:
+    """An unknown page of the caller. Raises `UnknownPageNotFound`."""
+    page = store.unknown_page(page_id)
+    if not caller.sees(page.owner):
+        raise UnknownPageNotFound(f"there is no unknown page {page_id!r}, or no longer", page_id)
+    return page
+
+
+def _read_all(store: Store, caller: Caller) -> tuple[list[StoredPage], dict[str, list[StoredPage]]]:
+    """The caller's unknown pages, newest first, and samples of every model."""
+    pages = [page for page in store.each_unknown_page() if caller.sees(page.owner)]
+    unknown = [StoredPage(page.id, page.page) for page in pages[::-1]]
     names = [model.name for model in store.models() if model.samples]
     each = max(LEAST_SAMPLES, min(MOST_COMPARED_SAMPLES, MOST_SAMPLES_TOGETHER // max(1, len(names))))
     classes = {}

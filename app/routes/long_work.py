@@ -7,6 +7,7 @@ from fastapi import Request, Response
 from starlette.datastructures import Headers
 from starlette.types import Receive, Scope, Send
 
+from app.callers import caller_of
 from app.jobs import MOST_KEY_CHARACTERS, Job, Repeatable, Work
 from app.problems import problem_response
 from app.routes.connection import while_connected
@@ -80,7 +81,7 @@ async def answer_now_or_later(request: Request, state: AppState, work: Work) -> 
     key = _key_of(request.headers)
     if not prefers_async(request.headers):
         return await while_connected(request, work(None))
-    owner, root_path = owner_of(request), state.settings.root_path
+    owner, root_path = caller_of(request).name, state.settings.root_path
     repeated: Repeatable | None = None
     if key is not None:
         repeated = Repeatable(key, await digest_of(request))
@@ -111,12 +112,6 @@ def prefers_async(headers: Headers) -> bool:
         preference.partition(";")[0].partition("=")[0].strip().lower() == RESPOND_ASYNC
         for preference in preferences
     )
-
-
-def owner_of(request: Request) -> str | None:
-    """API key that owns the request's jobs; None if the service has no keys."""
-    key: str | None = request.state.api_key
-    return key
 
 
 def status_of(job: Job, root_path: str) -> JobStatus:

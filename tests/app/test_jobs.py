@@ -162,7 +162,7 @@ def test_cancelling_stops_the_worker_and_frees_the_seat(tmp_path: Path) -> None:
         while not (tmp_path / "running").exists() or not (tmp_path / "running").read_text():
             assert time.monotonic() < deadline
         worker = psutil.Process(int((tmp_path / "running").read_text()))
-        for path in (queued, running, running):
+        for path in (queued, running):
             assert client.delete(path).status_code == 204
             assert client.get(path).json()["state"] == "cancelled"
         worker.wait(10)
@@ -171,8 +171,10 @@ def test_cancelling_stops_the_worker_and_frees_the_seat(tmp_path: Path) -> None:
         assert client.post("/rectify", files={"image": upload("")}).status_code == 200
         done = start(client, "")
         until(client, done)
-        assert client.delete(done).status_code == 204
-        assert client.get(done).json()["state"] == "succeeded"
+        for path in (done, running):  # finished jobs are deleted
+            assert client.delete(path).status_code == 204
+            assert_problem_of(client.get(path), 404, "not-found")
+            assert_problem_of(client.get(f"{path}/result"), 404, "not-found")
 
 
 def assert_problem_of(response: httpx.Response, status: int, code: str) -> None:

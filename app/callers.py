@@ -1,0 +1,49 @@
+"""Who sends a request: the name of its API key, and whose data it may see.
+
+What a request stores belongs to the name of its key, so that a key can be replaced by another one of the same name.
+"""
+
+from dataclasses import dataclass
+
+from fastapi import Request
+
+from app.key_names import name_of_key
+from app.routes.state import AppState
+from models.errors import ResultNotFound
+
+ADMIN = "admin"
+"""The key of this name sees what all keys have made."""
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """The name of a request's key (None: the service has no keys), and whether it sees everything."""
+
+    name: str | None
+    sees_all: bool
+
+    def sees(self, owner: str | None) -> bool:
+        """Whether something that `owner` made is shown to this caller."""
+        return self.sees_all or owner == self.name
+
+
+def caller_of(request: Request) -> Caller:
+    """Who sends this request."""
+    key: str | None = request.state.api_key
+    name = None if key is None else name_of_key(key)
+    return Caller(name, name in (None, ADMIN))
+
+
+async def require_own_result(request: Request, state: AppState, result_id: str) -> Caller:
+    """The caller, if the result (or the feedback that is left of it) is its own.
+
+    Raises
+    ------
+    ResultNotFound
+        When there is no such result, or another key made it. Both cases look the same to the caller.
+    """
+    caller = caller_of(request)
+    owner = await state.store.call(lambda store: store.result_owner(result_id))
+    if not caller.sees(owner):
+        raise ResultNotFound(f"there is no result {result_id!r}, or no longer", result_id)
+    return caller

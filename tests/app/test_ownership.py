@@ -1,0 +1,122 @@
+"""What a key has made belongs to it, and after it has deleted everything nothing of it is left."""
+
+import json
+import logging
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from app.key_names import name_of_key, spellings_of_key
+from app.layout_store import DATABASE
+from models.repository import Store
+from tests.app.scripted import PAGE, model_document, upload
+from tests.app.serving import serving
+from tests.app.test_problems import assert_problem
+from tests.models.whole_database import everything
+
+SECRET = "Kropotkin 4711"
+"""Text of a page that must not stay anywhere."""
+ALICE, BOB, ADMIN = ({"X-API-Key": key} for key in ("alice-secret", "bob-secret", "root-secret"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("owned")
+
+
+@pytest.fixture(scope="module")
+def client(folder: Path) -> Iterator[httpx.Client]:
+    keys = ("alice:alice-secret", "bob-secret", "admin:root-secret")
+    with serving(api_keys=keys, data_dir=folder) as client:
+        yield client
+
+
+def recognize(client: httpx.Client, key: dict[str, str]) -> str:
+    page = {**PAGE, "zones": [{**zone, "text": SECRET} for zone in PAGE["zones"]]}
+    response = client.post("/layout", data={"zones": json.dumps(page)}, headers=key)
+    assert response.status_code == 200, response.text
+    return str(response.json()["id"])
+
+
+def start(client: httpx.Client, key: dict[str, str]) -> str:
+    headers = {**key, "Prefer": "respond-async"}
+    path = client.post("/rectify", files={"image": upload("")}, headers=headers).headers["Location"]
+    deadline = time.monotonic() + 20
+    while client.get(path, headers=key).json()["state"] != "succeeded":
+        assert time.monotonic() < deadline
+    return str(path)
+
+
+def test_names_of_keys() -> None:
+    assert name_of_key("phone:a:b") == "phone"
+    assert spellings_of_key("phone:a:b") == ("phone:a:b", "a:b")
+    assert spellings_of_key("plain") == ("plain",)
+    assert name_of_key("plain").startswith("key-")
+    assert "plain" not in name_of_key("plain")
+
+
+def test_each_key_sees_its_own_and_admin_sees_all(client: httpx.Client) -> None:
+    client.put("/layout/models/letter", json=model_document("letter", "sender", "date"), headers=ADMIN)
+    result, job = recognize(client, ALICE), start(client, ALICE)
+    path = f"/layout/results/{result}"
+    assert client.post(f"{path}/feedback", json={"class": None}, headers=ALICE).status_code == 200
+    [unknown] = client.get("/layout/unknown-pages", headers=ALICE).json()["pages"]
+    page = f"/layout/unknown-pages/{unknown['id']}"
+    for method, hidden in (
+        ("GET", path), ("DELETE", path), ("DELETE", f"{path}/feedback"), ("GET", page), ("DELETE", page),
+        ("GET", job), ("GET", f"{job}/result"), ("GET", f"{job}/events"), ("DELETE", job),
+    ):  # fmt: skip
+        assert_problem(client.request(method, hidden, headers=BOB), 404, "not-found")
+    again = client.post(f"{path}/feedback", json={"class": None}, headers=BOB)
+    assert_problem(again, 404, "not-found")
+    assert client.get("/layout/unknown-pages", headers=BOB).json()["pages"] == []
+    for key in (ALICE, ADMIN, {"X-API-Key": "alice:alice-secret"}):
+        for shown in (path, page, job):
+            assert client.get(shown, headers=key).status_code == 200
+    assert client.get("/layout/models/letter", headers=BOB).status_code == 200
+    for gone in (f"{path}/feedback", path, job):
+        assert client.delete(gone, headers=ADMIN).status_code in (200, 204)
+
+
+def test_after_deletion_nothing_is_left(
+    client: httpx.Client, folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The retention table of docs/operations.md, row by row."""
+    client.put("/layout/models/letter", json=model_document("letter", "sender", "date"), headers=ADMIN)
+    shared = ("layout_models", "layout_model_versions", "store_state", "alembic_version")
+
+    def rows() -> dict[str, int]:
+        with Store.open(folder / DATABASE) as store:
+            return {name: len(kept) for name, kept in everything(store).items() if name not in shared}
+
+    before = rows()
+    with caplog.at_level(logging.INFO):
+        results = [recognize(client, ALICE) for _ in range(3)]
+        bodies = [{"class": "letter", "labels": {"z1": "date"}}, {"class": None}, {"labels": {}}]
+        for result, body in zip(results, bodies, strict=True):
+            response = client.post(f"/layout/results/{result}/feedback", json=body, headers=ALICE)
+            assert response.status_code == 200, response.text
+        job = start(client, ALICE)
+        posted = {**PAGE, "zones": [{**zone, "label": "date", "text": SECRET} for zone in PAGE["zones"]]}
+        sample = client.post("/layout/models/letter/samples", json=posted, headers=ALICE).json()["id"]
+        grown = rows()
+        assert all(grown[name] > before[name] for name in before), grown
+        paths = [f"/layout/results/{result}/feedback" for result in results[:2]]
+        paths += [f"/layout/results/{result}" for result in results]
+        paths += [f"/layout/results/{results[2]}/feedback"]  # also without its result
+        paths += [job, f"/layout/models/letter/samples/{sample}"]
+        for path in paths:
+            response = client.delete(path, headers=ALICE)
+            assert response.status_code in (200, 204), (path, response.text)
+    assert rows() == before
+    for path in {*paths, *(path.removesuffix("/feedback") for path in paths)}:
+        assert client.get(path, headers=ALICE).status_code in (404, 405)
+    assert SECRET not in caplog.text
+    assert "alice-secret" not in caplog.text
+    with Store.open(folder / DATABASE) as store:
+        assert store.model("letter").version is not None
+        for version in store.model_versions("letter"):
+            assert SECRET not in json.dumps(store.model("letter", version.version).document)
