@@ -135,7 +135,7 @@ def _announce_and_wait(folder: Path) -> None:
         time.sleep(0.01)
 
 
-PAGE: dict[str, object] = {
+PAGE: dict[str, Any] = {
     "width": 20,
     "height": 30,
     "zones": [{"id": "z1", "box": [1, 2, 9, 8]}, {"id": "z2", "box": [1, 10, 9, 12]}],
