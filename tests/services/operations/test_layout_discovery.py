@@ -55,4 +55,4 @@ def test_progress_rises() -> None:
         propose_classes([], {"a": [stored("memo", 0)], "b": [stored("fax", 0)]}, SETTINGS)
     fractions = [fraction for _, fraction in told]
     assert fractions == sorted(fractions)
-    assert [stage for stage, _ in told] == ["unknown pages", "samples", "samples", "pairs of classes"]
+    assert [stage for stage, _ in told] == ["unknown_pages", "samples", "samples", "pairs_of_classes"]
