@@ -15,19 +15,9 @@ _LONGEST_FIELD = 80
 
 
 def json_request(model: type[BaseModel], *, required: bool = True) -> dict[str, Any]:
-    """Value of `openapi_extra` for a JSON request body; `model` must not contain itself."""
+    """Value of `openapi_extra` for a JSON request body; `app.openapi` names it and its parts."""
     schema = model.model_json_schema()
-    schema = _inlined(schema, schema.pop("$defs", {}))
     return {"requestBody": {"required": required, "content": {"application/json": {"schema": schema}}}}
-
-
-def _inlined(schema: Any, parts: dict[str, Any]) -> Any:
-    """The schema with the schemas of its parts in the place of references to them."""
-    if isinstance(schema, dict):
-        if "$ref" in schema:
-            return _inlined(parts[schema["$ref"].rpartition("/")[2]], parts)
-        return {key: _inlined(value, parts) for key, value in schema.items()}
-    return [_inlined(each, parts) for each in schema] if isinstance(schema, list) else schema
 
 
 async def read_json(

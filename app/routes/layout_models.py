@@ -4,7 +4,7 @@ import json
 from functools import partial
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from pydantic import Field
 
 from app.engine.base import TimeLimit
@@ -15,7 +15,7 @@ from app.routes.connection import while_connected
 from app.routes.json_bodies import refuse_body
 from app.routes.labelled_pages import count_labels, layout_settings
 from app.routes.layout_settings import health_of
-from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
+from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
 from app.routes.model_answers import ETAG, LOCATION, IfMatch, IfNoneMatch
 from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import State
@@ -176,6 +176,7 @@ async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch =
         **documented("conflict", "no-samples", *READING, *BODY, *WORK, conditional=True),
     },
     openapi_extra=PREFER,
+    dependencies=[Depends(check_key)],
 )
 async def initialize_layout_model(
     request: Request, state: State, name: ModelName, if_match: IfMatch = None

@@ -2,7 +2,7 @@
 
 import json
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 
 from app.engine.base import TimeLimit
 from app.layout_store import document_of
@@ -11,7 +11,7 @@ from app.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
 from app.routes.json_bodies import json_request, read_json
 from app.routes.labelled_pages import layout_settings
-from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
+from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
 from app.routes.model_answers import ETAG, IfMatch
 from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import AppState, State
@@ -39,6 +39,7 @@ router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
         **documented("conflict", "no-samples", "invalid-model", *READING, *BODY, *WORK, conditional=True),
     },
     openapi_extra={**json_request(TrainBody, required=False), **PREFER},
+    dependencies=[Depends(check_key)],
 )
 async def train_layout_model(
     request: Request, state: State, name: ModelName, if_match: IfMatch = None

@@ -91,6 +91,16 @@ async def answer_now_or_later(request: Request, state: AppState, work: Work) -> 
     return _Accepted(state.jobs.start(work, owner, tell, repeated), root_path)
 
 
+async def check_key(request: Request) -> None:
+    """Dependency of routes with other preconditions: the Idempotency-Key is judged before them.
+
+    Raises
+    ------
+    InvalidOption
+    """
+    _key_of(request.headers)
+
+
 def _key_of(headers: Headers) -> str | None:
     """The Idempotency-Key of the request.
 

@@ -41,6 +41,8 @@ MODELS = [
         422, "no-samples"),
     other("initialization of an old version", f"POST {MODEL}/initialize", None, "send its ETag", 412,
         headers={"If-Match": "7"}),
+    other("a key too long for a job", f"POST {MODEL}/initialize", "Idempotency-Key", "1 to 200 characters",
+        headers={"Idempotency-Key": "k" * 201, "If-Match": "7"}),
     other("no round", f"POST {MODEL}/train", "rounds", "greater than or equal to 1", json={"rounds": 0}),
     other("too many rounds", f"POST {MODEL}/train", "rounds", "less than or equal to 100", json={"rounds": 101}),
     other("rounds as text", f"POST {MODEL}/train", "rounds", "integer", json={"rounds": "3"}),
