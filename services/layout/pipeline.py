@@ -11,12 +11,14 @@ from services.arrays import GrayImage, RgbImage
 from services.imaging.illumination import flatten_illumination
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.content.zone_texts import fill_texts
+from services.layout.grouping.joined_page import join_page
+from services.layout.grouping.joining import find_groups
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
 from services.layout.page import Page
 from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel, recognize_page
 from services.layout.recognition.results import Recognition
-from services.layout.segmentation import measure_zones, segment_page
+from services.layout.segmentation import FinePage, compose_with_lines, measure_zones, segment_page
 from services.ocr.engine import OcrEngine, Word
 
 __all__ = [
@@ -27,6 +29,7 @@ __all__ = [
     "initialize_model",
     "read_page",
     "recognize",
+    "recognize_fine",
 ]
 
 LIGHT_GROUND = 96
@@ -91,6 +94,39 @@ def recognize(
     measured_ms = (time.perf_counter() - started) * 1000
     recognition = recognize_page(page, models, features.names, parameters or RecognitionParameters())
     return replace(recognition, timings_ms={"content": measured_ms, **recognition.timings_ms})
+
+
+def recognize_fine(
+    fine: FinePage,
+    models: Sequence[VersionedModel],
+    parameters: RecognitionParameters | None = None,
+    features: ContentFeatures | None = None,
+) -> Recognition:
+    """Class and labels of a page in the zones of segmentation, pieces of one zone put together.
+
+    The zones are recognized first. Those that are pieces of one by the class's model are joined; then the page is
+    labelled again by this model. The classes and their costs are those of the first recognition.
+    """
+    page, lines = compose_with_lines(fine)
+    seen = recognize(page, models, parameters, features)
+    if not seen.classes:
+        return seen
+    best = next(each for each in models if each.model.name == seen.classes[0].name)
+    joining = {node.label: node.joining for node in best.model.nodes if node.label is not None}
+    groups = find_groups(seen.zones, page, joining)
+    if len(groups) == len(page.zones):
+        return seen
+    again = recognize(join_page(fine, page, lines, groups), [best], parameters, features)
+    timings_ms = {
+        name: seen.timings_ms.get(name, 0.0) + again.timings_ms.get(name, 0.0) for name in again.timings_ms
+    }
+    return replace(
+        again,
+        chosen=seen.chosen,
+        classes=seen.classes,
+        unknown_probability=seen.unknown_probability,
+        timings_ms=timings_ms,
+    )
 
 
 def _gray(image: RgbImage) -> GrayImage:

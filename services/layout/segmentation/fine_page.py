@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from services.layout.page import Box, Page, Zone
 from services.layout.segmentation.gathering import trim_figures
 from services.layout.segmentation.measures import (
+    count_rows,
     zone_alignment,
     zone_font_size,
     zone_line_spacing,
@@ -80,7 +81,7 @@ def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:
         id="",
         box=_hull(fine.boxes[list(block)]),
         kind="text",
-        lines=len(lines),
+        lines=count_rows(lines),
         font_size=em * fine.scale,
         line_spacing=None if spacing is None else spacing * fine.scale,
         weight=zone_weight(lines),
