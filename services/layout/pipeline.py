@@ -18,7 +18,14 @@ from services.layout.learning.label_transfer import transfer_labels
 from services.layout.page import Page
 from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel, recognize_page
 from services.layout.recognition.results import Recognition
-from services.layout.segmentation import FinePage, compose_with_lines, measure_zones, segment_page
+from services.layout.segmentation import (
+    FinePage,
+    compose_page,
+    compose_with_lines,
+    measure_zones,
+    segment_finely,
+    segment_page,
+)
 from services.ocr.engine import OcrEngine, Word
 
 __all__ = [
@@ -27,6 +34,8 @@ __all__ = [
     "complete_sample",
     "content_features",
     "initialize_model",
+    "put_together",
+    "read_lines",
     "read_page",
     "recognize",
     "recognize_fine",
@@ -36,11 +45,15 @@ LIGHT_GROUND = 96
 """Median gray level of the darkest photos of white paper; light print on dark ground stays below."""
 
 
+def read_lines(image: RgbImage, engine: OcrEngine | None) -> FinePage:
+    """The lines of the page in an image (H, W, 3), with their words if there is an OCR engine."""
+    gray = _gray(image)
+    return segment_finely(gray, _read_words(gray, engine))
+
+
 def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None) -> Page:
     """The page of an image (H, W, 3): its zones with measurements, and with texts if there is an OCR engine."""
-    gray = _gray(image)
-    words = _read_words(gray, engine)
-    return (features or content_features()).measure_page(segment_page(gray, words))
+    return (features or content_features()).measure_page(compose_page(read_lines(image, engine)))
 
 
 def complete_page(
@@ -104,14 +117,28 @@ def recognize_fine(
 ) -> Recognition:
     """Class and labels of a page in the zones of segmentation, pieces of one zone put together.
 
-    The zones are recognized first. Those that are pieces of one by the class's model are joined; then the page is
-    labelled again by this model. The classes and their costs are those of the first recognition.
+    The zones are recognized first; their classes and costs stay.
     """
-    page, lines = compose_with_lines(fine)
-    seen = recognize(page, models, parameters, features)
-    if not seen.classes:
+    return put_together(
+        fine, recognize(compose_page(fine), models, parameters, features), models, parameters, features
+    )
+
+
+def put_together(
+    fine: FinePage,
+    seen: Recognition,
+    models: Sequence[VersionedModel],
+    parameters: RecognitionParameters | None = None,
+    features: ContentFeatures | None = None,
+) -> Recognition:
+    """A recognition of the zones of `fine`, pieces of one zone put together and labelled again by the page's model.
+
+    A page that fits no model stays as it is.
+    """
+    if seen.chosen is None:
         return seen
-    best = next(each for each in models if each.model.name == seen.classes[0].name)
+    best = next(each for each in models if each.model.name == seen.chosen.name)
+    page, lines = compose_with_lines(fine)
     joining = {node.label: node.joining for node in best.model.nodes if node.label is not None}
     groups = find_groups(seen.zones, page, joining)
     if len(groups) == len(page.zones):

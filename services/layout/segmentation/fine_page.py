@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.page import Box, Page, Zone
+from services.layout.page import Box, Page, ReadWord, Zone
 from services.layout.segmentation.gathering import trim_figures
 from services.layout.segmentation.measures import (
     count_rows,
@@ -77,6 +77,7 @@ def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:
     lines = [fine.lines[index] for index in block]
     em = zone_font_size(lines)
     spacing = zone_line_spacing(lines)
+    read = [index for index in block if fine.texts[index]]
     return Zone(
         id="",
         box=_hull(fine.boxes[list(block)]),
@@ -86,7 +87,12 @@ def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:
         line_spacing=None if spacing is None else spacing * fine.scale,
         weight=zone_weight(lines),
         alignment=zone_alignment(lines, fine.column, em),
-        text="\n".join(fine.texts[index] for index in block if fine.texts[index]),
+        text="\n".join(fine.texts[index] for index in read),
+        words=tuple(
+            ReadWord(word.text, word.box, word.confidence, row)
+            for row, index in enumerate(read)
+            for word in fine.words[index]
+        ),
     )
 
 
