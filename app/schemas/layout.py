@@ -152,7 +152,9 @@ class LabelField(Answer):
     label: str
     text: str = Field(description="The texts of its zones in reading order, one below the other.")
     confidence: float = Field(
-        ge=0, le=1, description="Probability that the class, the labels of all its zones and the text are right."
+        ge=0,
+        le=1,
+        description="Probability that the class, the labels of all its zones and the text are right.",
     )
     zones: list[str] = Field(description="Ids of its zones.")
 
@@ -204,7 +206,8 @@ class LayoutResult(Answer):
     )
     zones: list[LabelledZone]
     fields: list[LabelField] = Field(
-        default=[], description="The text of every label, in reading order; labels without a text are left out."
+        default=[],
+        description="The text of every label, in reading order; labels without a text are left out.",
     )
     match: MatchReport | None
     part: Literal["first", "continuation"] | None = Field(

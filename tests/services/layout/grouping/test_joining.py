@@ -31,9 +31,7 @@ def page(*zones: Zone) -> Page:
 
 
 def labelled(*zones: Zone, confidence: float = 1.0) -> list[LabelledZone]:
-    return [
-        LabelledZone(each, each.label, confidence, each.label, order) for order, each in enumerate(zones)
-    ]
+    return [LabelledZone(each, each.label, confidence, each.label, order) for order, each in enumerate(zones)]
 
 
 HEAD = zone("a", (100, 100, 500, 120), "head")

@@ -12,9 +12,7 @@ from services.layout.recognition.results import ClassMatch, LabelledZone, Recogn
 def labelled(
     order: int, label: str | None, text: str, sure: float = 1.0, words: Sequence[float] = ()
 ) -> LabelledZone:
-    read = tuple(
-        ReadWord("x" * 4, (0.0, 0.0, 1.0, 1.0), confidence, 0) for confidence in words
-    )
+    read = tuple(ReadWord("x" * 4, (0.0, 0.0, 1.0, 1.0), confidence, 0) for confidence in words)
     zone = Zone(f"z{order}", (0.0, 10.0 * order, 50.0, 10.0 * order + 8), text=text, words=read)
     return LabelledZone(zone, label, sure, label, order)
 
