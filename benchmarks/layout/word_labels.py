@@ -2,10 +2,10 @@
 
 python -m benchmarks layout_words [--sets titles/real/jose,letters/real] [--sizes 1,5,all] [--limit N]
 
-A model is made of N samples with their images, then other pages are labelled from their images. Beside it: the same
-pages in zones that a person drew (`drawn`, the ceiling), a random forest on our own zones, and our own zones with the
-label that most of their area has (`oracle`, what segmentation alone loses). Words are those that the engine reads
-within true zones.
+A model is made of N samples with their images, then other pages are labelled from their images (`image`). Beside it: the
+same pages in the zones of segmentation before pieces are put together (`pieces`), in zones that a person drew (`drawn`,
+the ceiling), by a random forest on the zones of segmentation (`forest`), and in these zones with the label that most
+of their area has (`oracle`, what segmentation alone loses). Words are those that the engine reads within true zones.
 """
 
 import sys
@@ -46,7 +46,7 @@ SETS: Mapping[str, tuple[str, str | None]] = {
 SIZES = ("1", "3", "5", "10", "all")
 DRAWS = 2
 FOLDS = 8
-WAYS = ("image", "forest", "drawn", "oracle")
+WAYS = ("image", "pieces", "forest", "drawn", "oracle")
 METRICS = {f"{way}_words_percent": Metric(1.0, True) for way in ("image", "drawn")}
 
 
@@ -88,10 +88,17 @@ def label_photos(
     if "forest" in ways:
         labels = label_by_forest([(photo.own, None) for photo in samples], [photo.own for photo in tested])
         found["forest"] = [with_labels(photo.own, each) for photo, each in zip(tested, labels, strict=True)]
-    if "image" in ways or "drawn" in ways:
+    if {"image", "pieces", "drawn"}.intersection(ways):
         model = make_model("class", [(photo.true, photo.own) for photo in samples])
+        versions = [VersionedModel(model, 1)]
+        if "pieces" in ways:
+            found["pieces"] = [
+                with_labels(
+                    photo.own, tuple(zone.label for zone in recognized(photo.own, {"class": model}).zones)
+                )
+                for photo in tested
+            ]
         if "image" in ways:
-            versions = [VersionedModel(model, 1)]
             found["image"] = [
                 with_labels(seen.page, tuple(zone.label for zone in seen.zones))
                 for seen in (recognize_fine(photo.fine, versions) for photo in tested)
