@@ -138,12 +138,12 @@ def put_together(
     if seen.chosen is None:
         return seen
     best = next(each for each in models if each.model.name == seen.chosen.name)
-    page, lines = compose_with_lines(fine)
+    _, lines = compose_with_lines(fine)
     joining = {node.label: node.joining for node in best.model.nodes if node.label is not None}
-    groups = find_groups(seen.zones, page, joining)
-    if len(groups) == len(page.zones):
+    groups = find_groups(seen.zones, seen.page, joining)
+    if len(groups) == len(seen.page.zones):
         return seen
-    again = recognize(join_page(fine, page, lines, groups), [best], parameters, features)
+    again = recognize(join_page(fine, seen.page, lines, groups), [best], parameters, features)
     timings_ms = {
         name: seen.timings_ms.get(name, 0.0) + again.timings_ms.get(name, 0.0) for name in again.timings_ms
     }

@@ -4,7 +4,13 @@ import heapq
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from services.layout.grouping.piece_pairs import joined_box, neighbours_of, piece_probability, print_size
+from services.layout.grouping.piece_pairs import (
+    MOST_ZONES,
+    joined_box,
+    neighbours_of,
+    piece_probability,
+    print_size,
+)
 from services.layout.page import Page, Zone
 from services.layout.recognition.results import LabelledZone
 
@@ -16,8 +22,8 @@ class JoiningParameters:
     least_probability: float = 0.77
     """Of a join: that both labels are right, and that both zones are pieces of one. A wrong join hides a right zone, a
     missing one leaves its pieces with their label, so that doubtful pieces stay apart."""
-    most_zones: int = 300
-    """Pages of more zones stay as they are; a crowded page of print has 100."""
+    most_zones: int = MOST_ZONES
+    """Pages of more zones stay as they are."""
 
 
 Groups = tuple[tuple[int, ...], ...]

@@ -29,6 +29,11 @@ USUAL_WEIGHTS = (-1.07, -0.12, 0.70, 2.86, -0.02, 0.09, 0.37, 1.97, -0.69, -0.49
 three publications, letters, memos and fax sheets; each set weighs the root of its number of pairs."""
 
 
+MOST_ZONES = 300
+"""Zones of pages with more are not put together: looking for pairs takes time with the square of their number. A
+crowded page of print has 100."""
+
+
 @dataclass(frozen=True, slots=True)
 class PairParameters:
     """Lengths in ems of the page's print."""

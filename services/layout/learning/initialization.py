@@ -9,7 +9,7 @@ import numpy as np
 
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.graph.layout_graph import build_graph
-from services.layout.grouping.learned_joining import learn_joining
+from services.layout.learning.learned_joining import learn_joining
 from services.layout.learning.over_segmentation import over_segment
 from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from services.layout.grouping.joining import JoiningParameters, find_groups
-from services.layout.grouping.learned_joining import learn_joining
 from services.layout.grouping.piece_pairs import (
     PIECE_FEATURES,
     USUAL_WEIGHTS,
@@ -95,20 +94,3 @@ def test_what_a_class_has_learned_moves_the_probability(label: str, likely: bool
     usual, learned = piece_probability(a, b, EM, {}), piece_probability(a, b, EM, SURELY)
     assert 0 < usual < 1
     assert (learned > usual) is likely if likely is not None else learned == usual
-
-
-def test_samples_teach_which_labels_come_in_pieces() -> None:
-    verified = page(zone("h", (90, 95, 510, 155), "head"), BODY, MORE)
-    found = page(HEAD, UNDER, BODY, MORE)
-    once, often = learn_joining([(verified, found)]), learn_joining([(verified, found)] * 8)
-    assert once["head"] > 0 > once["text"]
-    assert often["head"] > once["head"]
-    assert often["text"] < once["text"]
-    assert learn_joining([]) == {}
-
-
-def test_what_was_learned_separates_the_pieces_of_the_next_page() -> None:
-    verified = page(zone("h", (90, 95, 510, 155), "head"), BODY, MORE)
-    found = page(HEAD, UNDER, BODY, MORE)
-    learned = learn_joining([(verified, found)] * 5)
-    assert find_groups(labelled(*found.zones), found, learned) == ((0, 1), (2,), (3,))

@@ -5,7 +5,13 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.special import expit
 
-from services.layout.grouping.piece_pairs import USUAL_WEIGHTS, neighbours_of, piece_features, print_size
+from services.layout.grouping.piece_pairs import (
+    MOST_ZONES,
+    USUAL_WEIGHTS,
+    neighbours_of,
+    piece_features,
+    print_size,
+)
 from services.layout.learning.label_transfer import box_areas, shared_areas
 from services.layout.page import Page
 
@@ -18,12 +24,14 @@ _STEPS = 20
 def learn_joining(samples: Iterable[tuple[Page, Page]]) -> dict[str, float]:
     """Log odds for each label, beyond the usual ones, that neighbouring zones with it are pieces of one zone.
 
-    `samples` are verified pages, and the same pages in the zones of segmentation with the verified labels. The odds are
-    the most probable ones for all pairs of the label, with a normal prior about 0.
+    `samples` are verified pages, and the same pages in the zones of segmentation with the verified labels; those of
+    more than `MOST_ZONES` teach nothing. The odds are the most probable ones for all pairs of the label, with a normal prior about 0.
     """
     odds: dict[str, list[float]] = {}
     joined: dict[str, list[bool]] = {}
     for verified, found in samples:
+        if len(found.zones) > MOST_ZONES:
+            continue
         owner = _owners(verified, found)
         em = print_size(found)
         for place, zone in enumerate(found.zones):
