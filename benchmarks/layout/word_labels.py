@@ -2,10 +2,11 @@
 
 python -m benchmarks layout_words [--sets titles/real/jose,letters/real] [--sizes 1,5,all] [--limit N]
 
-A model is made of N samples with their images, then other pages are labelled from their images (`image`). Beside it:
-the same pages in the zones of segmentation before pieces are put together (`pieces`), in zones that a person drew (`drawn`,
-the ceiling), by a random forest on the zones of segmentation (`forest`), and in these zones with the label that most
-of their area has (`oracle`, what segmentation alone loses). Words are those that the engine reads within true zones.
+A model is made of N samples with their images, then other pages are labelled from their images (`image`). Beside it
+the same pages in the zones of segmentation before pieces are put together (`pieces`), in zones that a person drew
+(`drawn`, the ceiling), by a random forest on the zones of segmentation (`forest`), and in these zones with the label
+that most of their area has (`oracle`, what segmentation alone loses). Words are those that the engine reads within
+true zones.
 """
 
 import sys

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import expit
 
 from services.layout.grouping.piece_pairs import (
@@ -25,7 +26,8 @@ def learn_joining(samples: Iterable[tuple[Page, Page]]) -> dict[str, float]:
     """Log odds for each label, beyond the usual ones, that neighbouring zones with it are pieces of one zone.
 
     `samples` are verified pages, and the same pages in the zones of segmentation with the verified labels; those of
-    more than `MOST_ZONES` teach nothing. The odds are the most probable ones for all pairs of the label, with a normal prior about 0.
+    more than `MOST_ZONES` teach nothing. The odds are the most probable ones for all pairs of the label, with a normal
+    prior about 0.
     """
     odds: dict[str, list[float]] = {}
     joined: dict[str, list[bool]] = {}
@@ -54,7 +56,7 @@ def _owners(verified: Page, found: Page) -> list[int]:
     return [int(place) if shares[row, place] >= 0.5 else -1 for row, place in enumerate(best)]
 
 
-def _most_probable(odds: np.ndarray, joined: np.ndarray) -> float:
+def _most_probable(odds: NDArray[np.float64], joined: NDArray[np.bool_]) -> float:
     """Newton's method, steps of 1 at most; the likelihood is convex."""
     added = 0.0
     for _ in range(_STEPS):
