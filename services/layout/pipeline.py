@@ -35,7 +35,7 @@ __all__ = [
     "content_features",
     "initialize_model",
     "put_together",
-    "read_lines",
+    "read_fine_page",
     "read_page",
     "recognize",
     "recognize_fine",
@@ -45,15 +45,18 @@ LIGHT_GROUND = 96
 """Median gray level of the darkest photos of white paper; light print on dark ground stays below."""
 
 
-def read_lines(image: RgbImage, engine: OcrEngine | None) -> FinePage:
-    """The lines of the page in an image (H, W, 3), with their words if there is an OCR engine."""
-    gray = _gray(image)
-    return segment_finely(gray, _read_words(gray, engine))
-
-
 def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None) -> Page:
     """The page of an image (H, W, 3): its zones with measurements, and with texts if there is an OCR engine."""
-    return (features or content_features()).measure_page(compose_page(read_lines(image, engine)))
+    return read_fine_page(image, engine, features)[0]
+
+
+def read_fine_page(
+    image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None
+) -> tuple[Page, FinePage]:
+    """`read_page`, and the lines that its zones are made of, so that they can be put together (`put_together`)."""
+    gray = _gray(image)
+    fine = segment_finely(gray, _read_words(gray, engine))
+    return (features or content_features()).measure_page(compose_page(fine)), fine
 
 
 def complete_page(

@@ -22,14 +22,14 @@ from services.layout.pipeline import (
     complete_page,
     content_features,
     put_together,
-    read_lines,
+    read_fine_page,
     recognize,
 )
 from services.layout.recognition.documents import PageInDocument, place_page
 from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.results import Recognition
 from services.layout.rendering.overlay import draw_overlay
-from services.layout.segmentation import FinePage, compose_page
+from services.layout.segmentation import FinePage
 from services.ocr.engine import OcrEngine
 from services.operations.layout_result import describe_recognition
 from services.operations.page_zones import check_frame, read_file, read_zones
@@ -158,8 +158,8 @@ def measure_page(
     if zones is None and zones_file is None:
         assert picture is not None, "the app has seen to that"
         with timed("zones", timings_ms, seen):
-            fine = read_lines(picture, engine)
-            return MeasuredPage(features.measure_page(compose_page(fine)), picture, notices, fine)
+            page, fine = read_fine_page(picture, engine, features)
+            return MeasuredPage(page, picture, notices, fine)
     with timed("zones", timings_ms, seen):
         page = (
             read_zones(zones, settings)

@@ -64,7 +64,7 @@ def segment_finely(
     lines = split_page_numbers(lines, levelled, printed.frame.size[1], parameters)
     read, own_words = _read(lines, words, printed.frame, parameters)
     is_text = choose_text_lines(lines, read, levelled, printed.frame.size, parameters)
-    kept = np.flatnonzero(is_text)
+    kept = np.flatnonzero(is_text).tolist()
     rows = _Rows([lines[i] for i in kept], [read.texts[i] for i in kept], [own_words[i] for i in kept])
     rows, begins = _join_entries(rows, levelled, parameters)
     lines, texts = rows.lines, rows.texts

@@ -85,7 +85,7 @@ def test_features_do_not_depend_on_the_order_of_the_pieces_or_on_the_scale() -> 
     double = [
         replace(each, box=tuple(2 * edge for edge in each.box), font_size=2 * EM) for each in (HEAD, UNDER)
     ]
-    assert np.allclose(piece_features(*double, 2 * EM), forth)
+    assert np.allclose(piece_features(double[0], double[1], 2 * EM), forth)
 
 
 @pytest.mark.parametrize(("label", "likely"), [("head", True), ("text", False), ("new", None)])
