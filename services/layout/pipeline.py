@@ -11,7 +11,7 @@ from services.arrays import GrayImage, RgbImage
 from services.imaging.illumination import flatten_illumination
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.content.zone_texts import fill_texts
-from services.layout.grouping.joined_page import join_page
+from services.layout.grouping.joined_page import join_page, join_recognition
 from services.layout.grouping.joining import find_groups
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
@@ -118,45 +118,29 @@ def recognize_fine(
     parameters: RecognitionParameters | None = None,
     features: ContentFeatures | None = None,
 ) -> Recognition:
-    """Class and labels of a page in the zones of segmentation, pieces of one zone put together.
-
-    The zones are recognized first; their classes and costs stay.
-    """
-    return put_together(
-        fine, recognize(compose_page(fine), models, parameters, features), models, parameters, features
-    )
+    """Class and labels of a page in the zones of segmentation, pieces of one zone put together."""
+    return put_together(fine, recognize(compose_page(fine), models, parameters, features), models, features)
 
 
 def put_together(
     fine: FinePage,
     seen: Recognition,
     models: Sequence[VersionedModel],
-    parameters: RecognitionParameters | None = None,
     features: ContentFeatures | None = None,
 ) -> Recognition:
-    """A recognition of the zones of `fine`, pieces of one zone put together and labelled again by the page's model.
+    """A recognition of the zones of `fine`, in which the pieces of one zone are one, by the model of the page's class.
 
-    A page that fits no model stays as it is.
+    Class and labels stay. So does a page that fits no model.
     """
     if seen.chosen is None:
         return seen
     best = next(each for each in models if each.model.name == seen.chosen.name)
-    _, lines = compose_with_lines(fine)
     joining = {node.label: node.joining for node in best.model.nodes if node.label is not None}
     groups = find_groups(seen.zones, seen.page, joining)
     if len(groups) == len(seen.page.zones):
         return seen
-    again = recognize(join_page(fine, seen.page, lines, groups), [best], parameters, features)
-    timings_ms = {
-        name: seen.timings_ms.get(name, 0.0) + again.timings_ms.get(name, 0.0) for name in again.timings_ms
-    }
-    return replace(
-        again,
-        chosen=seen.chosen,
-        classes=seen.classes,
-        unknown_probability=seen.unknown_probability,
-        timings_ms=timings_ms,
-    )
+    page, ordered = join_page(fine, seen.page, compose_with_lines(fine)[1], groups)
+    return join_recognition(seen, (features or content_features()).measure_page(page), ordered)
 
 
 def _gray(image: RgbImage) -> GrayImage:

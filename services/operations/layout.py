@@ -103,7 +103,7 @@ def recognize_picture(
     )
     recognition = recognize(measured.page, versions, parameters, features)
     if measured.fine is not None:
-        recognition = put_together(measured.fine, recognition, versions, parameters, features)
+        recognition = put_together(measured.fine, recognition, versions, features)
     timings_ms |= recognition.timings_ms
     with timed("encode", timings_ms, ENCODING_BEGINS):
         body = _encode(recognition, measured.image, options, settings)

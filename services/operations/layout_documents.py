@@ -122,7 +122,7 @@ def _recognize_pages(
         recognition = replace(
             recognition,
             pages=tuple(
-                _put_together(placed, measured, versions, options, features)
+                _put_together(placed, measured, versions, features)
                 for placed, measured in zip(recognition.pages, measured_pages, strict=True)
             ),
         )
@@ -162,14 +162,11 @@ def _put_together(
     placed: PageInDocument,
     measured: MeasuredPage,
     versions: Sequence[VersionedModel],
-    options: LayoutOptions,
     features: ContentFeatures,
 ) -> PageInDocument:
     if measured.fine is None:
         return placed
-    parameters = RecognitionParameters(explain=options.explain)
-    joined = put_together(measured.fine, placed.recognition, versions, parameters, features)
-    return replace(placed, recognition=joined)
+    return replace(placed, recognition=put_together(measured.fine, placed.recognition, versions, features))
 
 
 def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:
