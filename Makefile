@@ -102,6 +102,7 @@ bench-mosaic: venv-dev
 
 bench-layout: venv-dev
 	@$(BIN)/python -m benchmarks layout_recognition $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks layout_words
 	@$(BIN)/python -m benchmarks layout_segmentation
 	@$(BIN)/python -m benchmarks layout_matching --two-steps
 

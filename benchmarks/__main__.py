@@ -11,6 +11,7 @@ MODULES = {
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",
+    "layout_words": "layout.word_labels",
     "layout_segmentation": "layout.segmentation",
     "layout_matching": "layout.matching",
     "layout_documents": "layout.documents",

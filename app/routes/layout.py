@@ -125,6 +125,7 @@ async def layout(
                 ocr=form.ocr == "auto",
                 format=chosen,
                 explain=form.explain,
+                words=form.words,
                 image_name=_image_name(images[:1]),
                 image_names=tuple(_image_name([image]) for image in images),
                 page=form.page,

@@ -91,6 +91,19 @@ class LayoutForm(BaseModel):
         default=False,
         description="With JSON: list the terms of the cost, largest first, in `match.explanation`.",
     )
+    words: Switch = Field(
+        default=False,
+        description="Add the words of every zone, each with its box and OCR confidence, to JSON, PAGE-XML and ALTO.",
+    )
+
+
+class ReadWord(Answer):
+    """A word that OCR read."""
+
+    text: str
+    box: tuple[float, float, float, float] = Field(description="x0, y0, x1, y1 in pixels of the page.")
+    confidence: float = Field(ge=0, le=1)
+    line: int = Field(ge=0, description="Line of the zone's `text`, from 0.")
 
 
 class DocumentClass(Answer):
@@ -124,7 +137,26 @@ class LabelledZone(Answer):
     weight: float | None = Field(description="Stroke width as a share of the font size.")
     alignment: Literal["left", "right", "centre", "justified"] | None
     text: str
+    text_confidence: float | None = Field(
+        default=None, ge=0, le=1, description="Mean confidence of the words by their length; null: not read."
+    )
+    words: list[ReadWord] | None = Field(
+        default=None, description="The words of the zone, in their order; null: not requested."
+    )
     content: dict[str, float] = Field(description="Content features of the zone, each with a confidence 0-1.")
+
+
+class LabelField(Answer):
+    """The text of all zones of one label."""
+
+    label: str
+    text: str = Field(description="The texts of its zones in reading order, one below the other.")
+    confidence: float = Field(
+        ge=0,
+        le=1,
+        description="Probability that the class, the labels of all its zones and the text are right.",
+    )
+    zones: list[str] = Field(description="Ids of its zones.")
 
 
 class CostTerm(Answer):
@@ -173,6 +205,10 @@ class LayoutResult(Answer):
         description="Probability that the page is of none of these classes; the sum with `classes` is 1.",
     )
     zones: list[LabelledZone]
+    fields: list[LabelField] = Field(
+        default=[],
+        description="The text of every label, in reading order; labels without a text are left out.",
+    )
     match: MatchReport | None
     part: Literal["first", "continuation"] | None = Field(
         default=None,

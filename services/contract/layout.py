@@ -30,14 +30,15 @@ class LayoutOptions:
     """Options of one recognition.
 
     `image_name` is the name of the first upload; PAGE-XML and ALTO files contain it. `image_names` are the names of all
-    uploads. `page` selects one page of several, counted from 1. `format_named` is False when `format` follows from the
-    header `Accept`.
+    uploads. `words` adds the words of every zone to JSON and XML. `page` selects one page of several, counted from 1.
+    `format_named` is False when `format` follows from the header `Accept`.
     """
 
     rectify: bool = False
     ocr: bool = True
     format: LayoutFormat = "json"
     explain: bool = False
+    words: bool = False
     image_name: str = "page"
     image_names: tuple[str, ...] = ()
     page: int | None = None

@@ -24,12 +24,23 @@ class InvalidLayout(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
+class ReadWord:
+    """A word that OCR read: its text, box in pixels of the page, confidence 0-1, and the row of its zone's text."""
+
+    text: str
+    box: Box
+    confidence: float
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
 class Zone:
     """One homogeneous region of a page; None for values that were not measured.
 
     `font_size` is the em of its print and `line_spacing` the distance of its baselines, in pixels; `weight` the
     stroke width as a share of the font size; `content` the confidence, 0-1, that it has a content feature
     (Table 5.1). `label` is the logical label where it is known, None for none of the model's.
+    `words` are those of `text` where OCR read it, in their order.
     """
 
     id: str
@@ -43,6 +54,13 @@ class Zone:
     text: str = ""
     content: Mapping[str, float] = field(default_factory=dict)
     label: str | None = None
+    words: tuple[ReadWord, ...] = ()
+
+    @property
+    def text_confidence(self) -> float | None:
+        """Mean confidence of the words by their length, None where OCR read none."""
+        letters = sum(len(word.text) for word in self.words)
+        return sum(len(word.text) * word.confidence for word in self.words) / letters if letters else None
 
 
 @dataclass(frozen=True, slots=True)

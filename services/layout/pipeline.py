@@ -11,12 +11,21 @@ from services.arrays import GrayImage, RgbImage
 from services.imaging.illumination import flatten_illumination
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.content.zone_texts import fill_texts
+from services.layout.grouping.joined_page import join_page, join_recognition
+from services.layout.grouping.joining import find_groups
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
 from services.layout.page import Page
 from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel, recognize_page
 from services.layout.recognition.results import Recognition
-from services.layout.segmentation import measure_zones, segment_page
+from services.layout.segmentation import (
+    FinePage,
+    compose_page,
+    compose_with_lines,
+    measure_zones,
+    segment_finely,
+    segment_page,
+)
 from services.ocr.engine import OcrEngine, Word
 
 __all__ = [
@@ -25,8 +34,11 @@ __all__ = [
     "complete_sample",
     "content_features",
     "initialize_model",
+    "put_together",
+    "read_fine_page",
     "read_page",
     "recognize",
+    "recognize_fine",
 ]
 
 LIGHT_GROUND = 96
@@ -35,9 +47,16 @@ LIGHT_GROUND = 96
 
 def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None) -> Page:
     """The page of an image (H, W, 3): its zones with measurements, and with texts if there is an OCR engine."""
+    return read_fine_page(image, engine, features)[0]
+
+
+def read_fine_page(
+    image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None
+) -> tuple[Page, FinePage]:
+    """`read_page`, and the lines that its zones are made of, so that they can be put together (`put_together`)."""
     gray = _gray(image)
-    words = _read_words(gray, engine)
-    return (features or content_features()).measure_page(segment_page(gray, words))
+    fine = segment_finely(gray, _read_words(gray, engine))
+    return (features or content_features()).measure_page(compose_page(fine)), fine
 
 
 def complete_page(
@@ -91,6 +110,37 @@ def recognize(
     measured_ms = (time.perf_counter() - started) * 1000
     recognition = recognize_page(page, models, features.names, parameters or RecognitionParameters())
     return replace(recognition, timings_ms={"content": measured_ms, **recognition.timings_ms})
+
+
+def recognize_fine(
+    fine: FinePage,
+    models: Sequence[VersionedModel],
+    parameters: RecognitionParameters | None = None,
+    features: ContentFeatures | None = None,
+) -> Recognition:
+    """Class and labels of a page in the zones of segmentation, pieces of one zone put together."""
+    return put_together(fine, recognize(compose_page(fine), models, parameters, features), models, features)
+
+
+def put_together(
+    fine: FinePage,
+    seen: Recognition,
+    models: Sequence[VersionedModel],
+    features: ContentFeatures | None = None,
+) -> Recognition:
+    """A recognition of the zones of `fine`, in which the pieces of one zone are one, by the model of the page's class.
+
+    Class and labels stay. So does a page that fits no model.
+    """
+    if seen.chosen is None:
+        return seen
+    best = next(each for each in models if each.model.name == seen.chosen.name)
+    joining = {node.label: node.joining for node in best.model.nodes if node.label is not None}
+    groups = find_groups(seen.zones, seen.page, joining)
+    if len(groups) == len(seen.page.zones):
+        return seen
+    page, ordered = join_page(fine, seen.page, compose_with_lines(fine)[1], groups)
+    return join_recognition(seen, (features or content_features()).measure_page(page), ordered)
 
 
 def _gray(image: RgbImage) -> GrayImage:

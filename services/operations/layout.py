@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 
@@ -21,13 +21,15 @@ from services.layout.page import Page
 from services.layout.pipeline import (
     complete_page,
     content_features,
-    read_page,
+    put_together,
+    read_fine_page,
     recognize,
 )
 from services.layout.recognition.documents import PageInDocument, place_page
 from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.results import Recognition
 from services.layout.rendering.overlay import draw_overlay
+from services.layout.segmentation import FinePage
 from services.ocr.engine import OcrEngine
 from services.operations.layout_result import describe_recognition
 from services.operations.page_zones import check_frame, read_file, read_zones
@@ -44,11 +46,12 @@ FLATTENED, MATCHING_BEGINS = 0.6, 0.8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredPage:
-    """A page with measured zones, its picture (None without one), and warnings."""
+    """A page with measured zones, its picture (None without one), and warnings; its lines if we segmented it."""
 
     page: Page
     image: RgbImage | None
     notices: tuple[Notice, ...] = ()
+    fine: FinePage | None = None
 
 
 def recognize_upload(
@@ -94,27 +97,29 @@ def recognize_picture(
         versions = open_models(models)
     measured = measure_page(decode, zones, zones_file, engine, options, settings, timings_ms)
     report_progress("matching", MATCHING_BEGINS)
-    recognition = recognize(
-        measured.page,
-        versions,
-        RecognitionParameters(explain=options.explain),
+    features, parameters = (
         content_features(settings.content_features),
+        RecognitionParameters(explain=options.explain),
     )
+    recognition = recognize(measured.page, versions, parameters, features)
+    if measured.fine is not None:
+        recognition = put_together(measured.fine, recognition, versions, features)
     timings_ms |= recognition.timings_ms
     with timed("encode", timings_ms, ENCODING_BEGINS):
         body = _encode(recognition, measured.image, options, settings)
-    document = describe_page(
-        place_page(recognition, versions), measured.notices, timings_ms, explain=options.explain
-    )
+    document = describe_page(place_page(recognition, versions), measured.notices, timings_ms, options)
     page = to_json_ready(page_to_document(recognition.page))
     return LayoutReply(body, MEDIA_TYPES[options.format], document, page)
 
 
 def describe_page(
-    placed: PageInDocument, notices: tuple[Notice, ...], timings_ms: Mapping[str, float], *, explain: bool
+    placed: PageInDocument,
+    notices: tuple[Notice, ...],
+    timings_ms: Mapping[str, float],
+    options: LayoutOptions,
 ) -> dict[str, object]:
     """The `LayoutResult` of the HTTP contract without its id."""
-    document = describe_recognition(placed.recognition, explain=explain)
+    document = describe_recognition(placed.recognition, explain=options.explain, words=options.words)
     document["part"] = placed.part
     document["document_class"] = placed.document_class
     document["warnings"] = describe_warnings(notices)
@@ -153,7 +158,8 @@ def measure_page(
     if zones is None and zones_file is None:
         assert picture is not None, "the app has seen to that"
         with timed("zones", timings_ms, seen):
-            return MeasuredPage(read_page(picture, engine, features), picture, notices)
+            page, fine = read_fine_page(picture, engine, features)
+            return MeasuredPage(page, picture, notices, fine)
     with timed("zones", timings_ms, seen):
         page = (
             read_zones(zones, settings)
@@ -164,9 +170,12 @@ def measure_page(
         return MeasuredPage(complete_page(page, picture, engine, features), picture, notices)
 
 
-def write_xml(recognition: Recognition, form: str, image_name: str) -> bytes:
+def write_xml(recognition: Recognition, options: LayoutOptions, image_name: str) -> bytes:
     """The labelled page as a file of PAGE-XML, or of ALTO."""
-    write = write_alto if form == "alto" else write_page_xml
+    if not options.words:
+        zones = (replace(each, zone=replace(each.zone, words=())) for each in recognition.zones)
+        recognition = replace(recognition, zones=tuple(zones))
+    write = write_alto if options.format == "alto" else write_page_xml
     return write(recognition, image_name, datetime.now(UTC))
 
 
@@ -174,7 +183,7 @@ def _encode(
     recognition: Recognition, picture: RgbImage | None, options: LayoutOptions, settings: LayoutSettings
 ) -> bytes:
     if options.format in ("pagexml", "alto"):
-        return write_xml(recognition, options.format, options.image_name)
+        return write_xml(recognition, options, options.image_name)
     if options.format == "png":
         paper = _blank_page(recognition.page, settings) if picture is None else picture
         return encode_image(draw_overlay(paper, recognition), "png")

@@ -3,6 +3,7 @@
 import io
 import zipfile
 from collections.abc import Sequence
+from dataclasses import replace
 
 from services.contract.layout import (
     DocumentPage,
@@ -14,9 +15,15 @@ from services.contract.layout import (
 )
 from services.errors import DocumentError, InvalidOption, NotAcceptable
 from services.imaging.page_images import PageLimits, PageSource, open_pages
+from services.layout.content.content_features import ContentFeatures
 from services.layout.exchange.page_json import page_to_document
-from services.layout.pipeline import content_features
-from services.layout.recognition.documents import DocumentParameters, DocumentRecognition, recognize_document
+from services.layout.pipeline import VersionedModel, content_features, put_together
+from services.layout.recognition.documents import (
+    DocumentParameters,
+    DocumentRecognition,
+    PageInDocument,
+    recognize_document,
+)
 from services.layout.recognition.page_recognition import RecognitionParameters
 from services.operations.layout import (
     MATCHING_BEGINS,
@@ -112,6 +119,13 @@ def _recognize_pages(
             features.names,
             DocumentParameters(recognition=RecognitionParameters(explain=options.explain)),
         )
+        recognition = replace(
+            recognition,
+            pages=tuple(
+                _put_together(placed, measured, versions, features)
+                for placed, measured in zip(recognition.pages, measured_pages, strict=True)
+            ),
+        )
     with timed("encode", timings_ms, ENCODING_BEGINS):
         body = b"" if options.format == "json" else _archive(recognition, sources, options)
     for stage in dict.fromkeys(stage for timings in page_timings for stage in timings):
@@ -121,8 +135,8 @@ def _recognize_pages(
     document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
     pages = [
         DocumentPage(
-            describe_page(placed, measured.notices, timings, explain=options.explain),
-            to_json_ready(page_to_document(measured.page)),
+            describe_page(placed, measured.notices, timings, options),
+            to_json_ready(page_to_document(placed.recognition.page)),
         )
         for placed, measured, timings in zip(recognition.pages, measured_pages, page_timings, strict=True)
     ]
@@ -141,7 +155,18 @@ def _measure(
         if error.detail.startswith(source.label):
             raise
         raise type(error)(f"{source.label}: {error.detail}", source.field or error.field) from error
-    return MeasuredPage(measured.page, None, measured.notices)
+    return replace(measured, image=None)
+
+
+def _put_together(
+    placed: PageInDocument,
+    measured: MeasuredPage,
+    versions: Sequence[VersionedModel],
+    features: ContentFeatures,
+) -> PageInDocument:
+    if measured.fine is None:
+        return placed
+    return replace(placed, recognition=put_together(measured.fine, placed.recognition, versions, features))
 
 
 def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:
@@ -169,5 +194,5 @@ def _archive(
             name = options.image_names[source.upload] if options.image_names else options.image_name
             if source.label.endswith(f"page {source.page + 1}"):
                 name += f"#page={source.page + 1}"
-            archive.writestr(f"page-{number:02d}.xml", write_xml(placed.recognition, options.format, name))
+            archive.writestr(f"page-{number:02d}.xml", write_xml(placed.recognition, options, name))
     return buffer.getvalue()

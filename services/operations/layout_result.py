@@ -5,23 +5,36 @@ from collections.abc import Sequence
 from services.layout.exchange.page_json import plain_number
 from services.layout.graph.font_sizes import measure_font_classes
 from services.layout.model.cost import MOST_EXPLAINED
-from services.layout.page import Page, Zone
+from services.layout.page import Page, ReadWord, Zone
+from services.layout.recognition.fields import gather_fields
 from services.layout.recognition.results import ClassMatch, MatchReport, Recognition
 from services.operations.replies import rounded
 
 
-def describe_recognition(recognition: Recognition, *, explain: bool) -> dict[str, object]:
-    """The `LayoutResult` of the HTTP contract without id, warnings and timings."""
+def describe_recognition(
+    recognition: Recognition, *, explain: bool, words: bool = False
+) -> dict[str, object]:
+    """The `LayoutResult` of the HTTP contract without id, warnings and timings; with `words`, those of every zone."""
     zones = describe_zones(
         recognition.page,
         [(each.zone, each.label, each.confidence, each.group) for each in recognition.zones],
         [each.order for each in recognition.zones],
+        words=words,
     )
     return {
         "width": plain_number(recognition.page.width),
         "height": plain_number(recognition.page.height),
         **describe_classes(recognition.chosen, recognition.classes, recognition.unknown_probability),
         "zones": zones,
+        "fields": [
+            {
+                "label": field.label,
+                "text": field.text,
+                "confidence": rounded(field.confidence),
+                "zones": list(field.zones),
+            }
+            for field in gather_fields(recognition)
+        ],
         "match": None if recognition.match is None else _describe_match(recognition.match, explain),
     }
 
@@ -30,6 +43,8 @@ def describe_zones(
     page: Page,
     labelled: Sequence[tuple[Zone, str | None, float, str | None]],
     order: Sequence[int] | None = None,
+    *,
+    words: bool = False,
 ) -> list[dict[str, object]]:
     """The `zones` of the HTTP contract, from (zone, label, confidence, group) of each.
 
@@ -52,10 +67,21 @@ def describe_zones(
             "weight": rounded(zone.weight),
             "alignment": zone.alignment,
             "text": zone.text,
+            "text_confidence": rounded(zone.text_confidence),
+            "words": [_describe_word(word) for word in zone.words] if words else None,
             "content": {name: round(value, 4) for name, value in zone.content.items() if value >= 5e-5},
         }
         for place, (zone, label, confidence, group) in enumerate(labelled)
     ]
+
+
+def _describe_word(word: ReadWord) -> dict[str, object]:
+    return {
+        "text": word.text,
+        "box": [round(value, 2) for value in word.box],
+        "confidence": rounded(word.confidence),
+        "line": word.line,
+    }
 
 
 def describe_classes(

@@ -49,8 +49,8 @@ def test_the_answer_is_the_contracts(client: httpx.Client) -> None:
     assert response.headers["content-type"] == "application/json"
     answer: dict[str, Any] = response.json()
     assert list(answer) == [
-        "id", "width", "height", "class", "classes", "unknown_probability", "zones", "match", "part",
-        "document_class", "warnings", "timings_ms",
+        "id", "width", "height", "class", "classes", "unknown_probability", "zones", "fields", "match",
+        "part", "document_class", "warnings", "timings_ms",
     ]  # fmt: skip
     LayoutResult.model_validate(answer)
     assert answer["class"] == {"name": "letter", "model_version": 1, "cost": 1.5, "probability": 0.375}
@@ -164,10 +164,11 @@ def test_a_bad_option_is_named(
 @pytest.mark.parametrize(
     ("data", "expected"),
     [
-        ({}, "rectify=False, ocr=True, format='json', explain=False, image_name='page.png'"),
+        ({}, "rectify=False, ocr=True, format='json', explain=False, words=False, image_name='page.png'"),
         ({"rectify": "true"}, "rectify=True"),
         ({"ocr": "off"}, "ocr=False"),
         ({"explain": "true"}, "explain=True"),
+        ({"words": "true"}, "words=True"),
     ],
 )
 def test_options_reach_the_operation(client: httpx.Client, data: dict[str, str], expected: str) -> None:

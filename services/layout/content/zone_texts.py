@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.layout.page import Page
+from services.layout.page import Page, ReadWord, Zone
 from services.ocr.engine import Word
 
 
@@ -28,24 +28,37 @@ def fill_texts(page: Page, words: Sequence[Word]) -> Page:
     return replace(
         page,
         zones=tuple(
-            zone if zone.text or not mine else replace(zone, text=_set_lines(mine))
+            zone if zone.text or not mine else _with_words(zone, _lines_of(mine))
             for zone, mine in zip(page.zones, held, strict=True)
         ),
     )
 
 
-def _set_lines(words: Sequence[Word]) -> str:
-    """Texts of words in reading order.
+def _with_words(zone: Zone, lines: Sequence[Sequence[Word]]) -> Zone:
+    """The zone with the text and the words of its lines."""
+    return replace(
+        zone,
+        text="\n".join(" ".join(word.text for word in line) for line in lines),
+        words=tuple(
+            ReadWord(word.text, word.box, word.confidence, row)
+            for row, line in enumerate(lines)
+            for word in line
+        ),
+    )
+
+
+def _lines_of(words: Sequence[Word]) -> list[list[Word]]:
+    """Words in reading order by their lines.
 
     A word begins a line that starts left of the last one and lies lower, or that lies below it altogether.
     """
-    lines: list[list[str]] = [[]]
+    lines: list[list[Word]] = [[]]
     last: Word | None = None
     for word in words:
         if last is not None and (
             (word.box[0] < last.box[0] and word.box[3] > last.box[3]) or word.box[1] >= last.box[3]
         ):
             lines.append([])
-        lines[-1].append(word.text)
+        lines[-1].append(word)
         last = word
-    return "\n".join(" ".join(line) for line in lines)
+    return lines

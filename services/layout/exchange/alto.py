@@ -20,8 +20,18 @@ from services.layout.exchange.xml_reading import (
     polygon_box,
     read_xml,
 )
-from services.layout.exchange.xml_writing import SOFTWARE, XSI, Names, clean, decimal, document, ordered
-from services.layout.page import InvalidLayout, Kind, Page, Zone
+from services.layout.exchange.xml_writing import (
+    SOFTWARE,
+    XSI,
+    Names,
+    clean,
+    decimal,
+    document,
+    ordered,
+    union_box,
+    zone_lines,
+)
+from services.layout.page import Box, InvalidLayout, Kind, Page, Zone
 from services.layout.recognition.results import LabelledZone, Recognition
 
 NAMESPACE = "http://www.loc.gov/standards/alto/ns-v4#"
@@ -320,12 +330,13 @@ def _lines(zone: Zone) -> list[list[str]]:
 
 
 def _write_block(space: Element, zone: Zone, attributes: dict[str, str]) -> None:
-    x0, y0, x1, y1 = zone.box
-    place = {"HEIGHT": decimal(y1 - y0), "WIDTH": decimal(x1 - x0), "HPOS": decimal(x0), "VPOS": decimal(y0)}
-    block = SubElement(space, _BLOCK_OF[zone.kind], {**attributes, **place})
+    block = SubElement(space, _BLOCK_OF[zone.kind], {**attributes, **_place(zone.box)})
     if zone.kind == "noise":
         block.set("TYPE", _NOISE)
     if zone.kind != "text":
+        return
+    if zone.words:
+        _write_read_lines(block, zone)
         return
     for words in _lines(zone):
         line = SubElement(block, "TextLine")
@@ -333,3 +344,19 @@ def _write_block(space: Element, zone: Zone, attributes: dict[str, str]) -> None
             if index:
                 SubElement(line, "SP")
             SubElement(line, "String", {"CONTENT": word})
+
+
+def _write_read_lines(block: Element, zone: Zone) -> None:
+    """Lines and words that OCR read, with their places and confidences."""
+    for words in zone_lines(zone):
+        line = SubElement(block, "TextLine", _place(union_box(words)))
+        for index, word in enumerate(words):
+            if index:
+                SubElement(line, "SP")
+            text = {"CONTENT": clean(word.text), "WC": decimal(word.confidence)}
+            SubElement(line, "String", {**text, **_place(word.box)})
+
+
+def _place(box: Box) -> dict[str, str]:
+    x0, y0, x1, y1 = box
+    return {"HEIGHT": decimal(y1 - y0), "WIDTH": decimal(x1 - x0), "HPOS": decimal(x0), "VPOS": decimal(y0)}

@@ -6,7 +6,7 @@ logical label is in `custom="structure {type:...;}"`, where most tools expect it
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
@@ -23,8 +23,18 @@ from services.layout.exchange.xml_reading import (
     polygon_box,
     read_xml,
 )
-from services.layout.exchange.xml_writing import SOFTWARE, XSI, Names, clean, decimal, document, ordered
-from services.layout.page import InvalidLayout, Kind, Page, Zone
+from services.layout.exchange.xml_writing import (
+    SOFTWARE,
+    XSI,
+    Names,
+    clean,
+    decimal,
+    document,
+    ordered,
+    union_box,
+    zone_lines,
+)
+from services.layout.page import Box, InvalidLayout, Kind, Page, ReadWord
 from services.layout.recognition.results import LabelledZone, Recognition
 
 NAMESPACE = "http://schema.primaresearch.org/PAGE/gts/pagecontent/2019-07-15"
@@ -249,12 +259,14 @@ def write_page_xml(recognition: Recognition, file_name: str, created: datetime) 
         for index, name in enumerate(ids):
             SubElement(group, "RegionRefIndexed", {"index": str(index), "regionRef": name})
     for name, zone in zip(ids, zones, strict=True):
-        _write_region(element, zone, name, _points(zone.zone, width, height), names)
+        _write_region(element, zone, name, (width, height), names)
     return document(root)
 
 
-def _write_region(page: Element, labelled: LabelledZone, name: str, points: str, names: Names) -> None:
-    zone, label = labelled.zone, labelled.label
+def _write_region(
+    page: Element, labelled: LabelledZone, name: str, size: tuple[int, int], names: Names
+) -> None:
+    zone, label, points = labelled.zone, labelled.label, _points(labelled.zone.box, *size)
     tag, attributes = _REGION_OF[zone.kind], {"id": name}
     if zone.kind == "text" and label is not None:
         attributes["type"] = _TEXT_TYPES.get(label, "other")
@@ -277,15 +289,30 @@ def _write_region(page: Element, labelled: LabelledZone, name: str, points: str,
         if zone.kind != "text":
             holder = SubElement(region, "TextRegion", {"id": names.give(f"{name}-text")})
             SubElement(holder, "Coords", {"points": points})
+        for number, line in enumerate(zone_lines(zone), 1):
+            _write_line(holder, line, f"{name}-line-{number}", size, names)
         SubElement(SubElement(holder, "TextEquiv"), "Unicode").text = text
 
 
-def _points(zone: Zone, width: int, height: int) -> str:
+def _write_line(
+    holder: Element, words: Sequence[ReadWord], name: str, size: tuple[int, int], names: Names
+) -> None:
+    line = SubElement(holder, "TextLine", {"id": names.give(name)})
+    SubElement(line, "Coords", {"points": _points(union_box(words), *size)})
+    for place, word in enumerate(words, 1):
+        element = SubElement(line, "Word", {"id": names.give(f"{name}-word-{place}")})
+        SubElement(element, "Coords", {"points": _points(word.box, *size)})
+        read = SubElement(element, "TextEquiv", {"conf": decimal(word.confidence)})
+        SubElement(read, "Unicode").text = clean(word.text)
+    SubElement(SubElement(line, "TextEquiv"), "Unicode").text = clean(" ".join(word.text for word in words))
+
+
+def _points(box: Box, width: int, height: int) -> str:
     """The box as the schema's polygon of whole pixels, inside the page and never empty."""
-    x0 = min(max(round(zone.box[0]), 0), width - 1)
-    y0 = min(max(round(zone.box[1]), 0), height - 1)
-    x1 = min(max(round(zone.box[2]), x0 + 1), width)
-    y1 = min(max(round(zone.box[3]), y0 + 1), height)
+    x0 = min(max(round(box[0]), 0), width - 1)
+    y0 = min(max(round(box[1]), 0), height - 1)
+    x1 = min(max(round(box[2]), x0 + 1), width)
+    y1 = min(max(round(box[3]), y0 + 1), height)
     return f"{x0},{y0} {x1},{y0} {x1},{y1} {x0},{y1}"
 
 

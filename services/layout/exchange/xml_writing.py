@@ -1,8 +1,11 @@
 """Writing PAGE-XML and ALTO: names that are ids, text that XML can hold, whole documents."""
 
 import re
+from collections.abc import Sequence
+from itertools import groupby
 from xml.etree.ElementTree import Element, indent, tostring
 
+from services.layout.page import Box, ReadWord, Zone
 from services.layout.recognition.results import LabelledZone, Recognition
 
 SOFTWARE = "document-rectification"
@@ -38,6 +41,17 @@ def clean(text: str) -> str:
 def ordered(recognition: Recognition) -> list[LabelledZone]:
     """The zones in reading order."""
     return sorted(recognition.zones, key=lambda zone: zone.order)
+
+
+def zone_lines(zone: Zone) -> list[list[ReadWord]]:
+    """The words of a zone by their lines."""
+    return [list(words) for _, words in groupby(zone.words, key=lambda word: word.line)]
+
+
+def union_box(words: Sequence[ReadWord]) -> Box:
+    """The box round one word or more."""
+    x0, y0, x1, y1 = zip(*(word.box for word in words), strict=True)
+    return min(x0), min(y0), max(x1), max(y1)
 
 
 def document(root: Element) -> bytes:

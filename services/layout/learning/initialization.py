@@ -9,6 +9,7 @@ import numpy as np
 
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.graph.layout_graph import build_graph
+from services.layout.learning.learned_joining import learn_joining
 from services.layout.learning.over_segmentation import over_segment
 from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
@@ -29,10 +30,11 @@ take seconds each, so that fewer are held out."""
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A page and its graph with the labels."""
+    """A page and its graph with the labels; `is_found` where segmentation found its zones in an image."""
 
     page: Page
     labelled: LabelledGraph
+    is_found: bool = False
 
 
 Views = Sequence[View]
@@ -107,6 +109,7 @@ def begin_model(
         samples=len(seen),
         calibration=calibrate([]),
         content_names=graphs[0][0].graph.content_names,
+        joining=learn_joining((views[0].page, views[1].page) for views in seen if views[1].is_found),
     )
 
 
@@ -134,6 +137,7 @@ def calibrate_model(begun: LearningModel, seen: Sequence[Views]) -> Calibration:
 
 
 def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
+    is_found = found is not None and bool(found.zones)
     if found is None or not found.zones:
         # The seed depends on the page only, so that the model does not depend on the order of samples.
         seed = zlib.crc32(repr([zone.box for zone in sample.zones]).encode())
@@ -142,6 +146,7 @@ def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
         View(
             page,
             LabelledGraph(build_graph(page, content.names), tuple(zone.label for zone in page.zones)),
+            is_found and place == 1,
         )
-        for page in map(content.measure_page, (sample, found))
+        for place, page in enumerate(map(content.measure_page, (sample, found)))
     ]

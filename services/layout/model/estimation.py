@@ -1,6 +1,6 @@
 """From the statistics of a class to its model (5.6.1): means, weights, look-up tables, expectations."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,6 +119,7 @@ def name_parts(
     content_names: Sequence[str],
     calibration: Calibration,
     statistics: ModelStatistics | None,
+    joining: Mapping[str, float],
 ) -> LayoutModel:
     """The model as it is stored, its arrays as mappings by name, rounded and clipped to the limits of a model."""
     values, variances = _stored(model.values, 5).tolist(), _stored(model.variances, 8).tolist()
@@ -156,6 +157,7 @@ def name_parts(
                     for column, feature in enumerate(content_names)
                     if content_weights[row, column] != 1.0
                 },
+                joining=round(joining.get(label or "", 0.0), 4),
             )
             for row, label in enumerate(model.labels)
         ),

@@ -23,7 +23,7 @@ LEAST_VARIANCE = 1e-9
 """Of a numeric attribute."""
 
 MOST_BIAS = 100.0
-"""Of a calibration; costs a zone are some units."""
+"""Of a calibration, and of log odds that a model learns; both are some units."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,8 @@ class ModelNode:
 
     `zones` is how many zones of the samples had the label. `content` holds the expectation value, 0-1, of every
     content feature (Equation 5.3). `count_costs[n]` is the cost of n zones with the label on a page, the last
-    one also of more; `count_costs[0]` is thus the cost of the component's absence.
+    one also of more; `count_costs[0]` is thus the cost of the component's absence. `joining` are log odds, beyond the
+    usual ones, that two neighbouring zones with the label are pieces of one zone.
     """
 
     label: str | None
@@ -54,6 +55,7 @@ class ModelNode:
     content: Mapping[str, float]
     count_costs: tuple[float, ...]
     content_weights: Mapping[str, float] = field(default_factory=dict)
+    joining: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

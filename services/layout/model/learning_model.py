@@ -1,7 +1,7 @@
 """A model during learning: its arrays, the sums of their estimation, and conversion from and to a stored model."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,8 @@ class LearningModel:
 
     `model` is what matching sees, `statistics` the sums over the pages that were counted, `certainty` (K,) how sure
     the scales are. Differences between `model` and the estimate of `statistics` were learned from errors or set by
-    hand; they remain when a page is counted. `zones` are the verified zones of each node, `samples` the verified pages.
+    hand; they remain when a page is counted. `zones` are the verified zones of each node, `samples` the verified pages;
+    `joining` has the log odds of `ModelNode.joining` by label.
     """
 
     name: str
@@ -30,6 +31,7 @@ class LearningModel:
     samples: int
     calibration: Calibration
     content_names: tuple[str, ...]
+    joining: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def labels(self) -> tuple[str | None, ...]:
@@ -54,6 +56,7 @@ def begin_learning(model: LayoutModel, content_names: Sequence[str]) -> Learning
         samples=model.samples,
         calibration=model.calibration,
         content_names=tuple(content_names),
+        joining={node.label: node.joining for node in model.nodes if node.label is not None},
     )
 
 
@@ -67,6 +70,7 @@ def end_learning(learned: LearningModel) -> LayoutModel:
         learned.content_names,
         learned.calibration,
         store_statistics(learned.statistics, learned.labels, learned.content_names, learned.certainty),
+        learned.joining,
     )
 
 

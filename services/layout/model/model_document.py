@@ -129,6 +129,7 @@ Number = Annotated[float, _between(-LARGEST, LARGEST)]
 Positive = Annotated[float, _between(0.0, LARGEST)]
 Count = Annotated[int, Field(ge=0, le=LARGEST, strict=True), BeforeValidator(_whole)]
 Weight = Annotated[float, _between(0.0, MOST_WEIGHT)]
+Bias = Annotated[float, _between(-MOST_BIAS, MOST_BIAS)]
 Confidence = Annotated[float, _between(0.0, 1.0)]
 Total = Annotated[float, _between(0.0, LARGEST_SUM)]
 SignedTotal = Annotated[float, _between(-LARGEST_SUM, LARGEST_SUM)]
@@ -162,6 +163,7 @@ class _Node(TypedDict):
     content: ByName[Confidence]
     count_costs: Annotated[Row[Number], Field(min_length=2)]
     content_weights: NotRequired[ByName[Weight]]
+    joining: NotRequired[Bias]
 
 
 class _Edge(_Ends):
@@ -172,7 +174,7 @@ class _Calibration(TypedDict):
     mean: Number
     deviation: Annotated[float, _between(1e-6, LARGEST)]
     pages: Count
-    bias: NotRequired[Annotated[float, _between(-MOST_BIAS, MOST_BIAS)]]
+    bias: NotRequired[Bias]
 
 
 class _NodeStatistics(TypedDict):

@@ -1,7 +1,17 @@
 """Page segmentation: zones of a page image, from the engine's words where there are any, else from ink alone."""
 
+from services.layout.segmentation.fine_page import FinePage, compose_page, compose_with_lines, text_zone
 from services.layout.segmentation.measuring import measure_zones
-from services.layout.segmentation.page import segment_page
+from services.layout.segmentation.page import segment_finely, segment_page
 from services.layout.segmentation.parameters import SegmentationParameters
 
-__all__ = ["SegmentationParameters", "measure_zones", "segment_page"]
+__all__ = [
+    "FinePage",
+    "SegmentationParameters",
+    "compose_page",
+    "compose_with_lines",
+    "measure_zones",
+    "segment_finely",
+    "segment_page",
+    "text_zone",
+]

@@ -3,9 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.layout.page import Alignment
 from services.layout.segmentation.text_lines import Line
+
+SAME_ROW = 0.3
+"""Baselines that are nearer, in ems, are those of one row."""
 
 
 def zone_font_size(lines: Sequence[Line]) -> float:
@@ -14,10 +18,20 @@ def zone_font_size(lines: Sequence[Line]) -> float:
 
 
 def zone_line_spacing(lines: Sequence[Line]) -> float | None:
-    """Median distance of baselines in pixels of the working copy; None for one line."""
-    if len(lines) < 2:
-        return None
-    return float(np.median(np.diff(sorted(line.baseline for line in lines))))
+    """Median distance of the baselines of rows in pixels of the working copy; None for one row."""
+    steps = _row_steps(lines)
+    return float(np.median(steps)) if len(steps) else None
+
+
+def count_rows(lines: Sequence[Line]) -> int:
+    """Rows of print: lines side by side, as in a zone that was put together, are one."""
+    return len(_row_steps(lines)) + 1
+
+
+def _row_steps(lines: Sequence[Line]) -> NDArray[np.float64]:
+    steps = np.diff(sorted(line.baseline for line in lines))
+    least = SAME_ROW * min(line.em for line in lines)
+    return np.asarray(steps[steps > least])
 
 
 def zone_weight(lines: Sequence[Line]) -> float:

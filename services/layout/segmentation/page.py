@@ -1,7 +1,7 @@
 """The segmentation of a page, from its image to zones in reading order."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,22 +10,16 @@ from services.arrays import GrayImage
 from services.layout.page import Box, Page, Zone
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.entries import find_entries
-from services.layout.segmentation.frame import Frame, PrintedPage, analyse_print
-from services.layout.segmentation.gathering import gather_scraps, trim_figures
+from services.layout.segmentation.fine_page import FinePage, compose_page
+from services.layout.segmentation.frame import Frame, analyse_print
+from services.layout.segmentation.gathering import gather_scraps
 from services.layout.segmentation.ink import Components
-from services.layout.segmentation.measures import (
-    zone_alignment,
-    zone_font_size,
-    zone_line_spacing,
-    zone_weight,
-)
 from services.layout.segmentation.non_text import Part, find_parts, without_dirt
 from services.layout.segmentation.page_numbers import split_page_numbers
 from services.layout.segmentation.parameters import SegmentationParameters
-from services.layout.segmentation.reading_order import reading_order
 from services.layout.segmentation.text_line_choice import ReadLines, choose_text_lines
 from services.layout.segmentation.text_lines import Line, find_lines, measure_line, unite_boxes
-from services.layout.segmentation.words import assign_words, line_confidences, line_texts
+from services.layout.segmentation.words import assign_words, line_confidences, words_of_lines
 from services.layout.segmentation.zone_grouping import group_lines
 from services.ocr.engine import Word
 
@@ -48,19 +42,32 @@ def segment_page(
     -------
     Page of W x H px; boxes in its pixels, ids "z1", "z2" ... in reading order. A blank page has no zones.
     """
+    return compose_page(segment_finely(gray, words, parameters), None, parameters)
+
+
+def segment_finely(
+    gray: GrayImage,
+    words: Sequence[Word] | None,
+    parameters: SegmentationParameters | None = None,
+) -> FinePage:
+    """The lines of a page with the grouping that `segment_page` makes zones of; other groupings may be tried on it.
+
+    Parameters are those of `segment_page`; a blank page has no lines.
+    """
     parameters = parameters or SegmentationParameters()
     height, width = gray.shape
     printed = analyse_print(gray, parameters)
     if printed is None:
-        return Page(float(width), float(height), ())
+        return FinePage(float(width), float(height), 1.0, (), np.empty((0, 4)), (), (), frozenset(), (), ())
     levelled = printed.levelled
     lines = find_lines(levelled, np.flatnonzero(printed.kinds.glyphs), parameters)
     lines = split_page_numbers(lines, levelled, printed.frame.size[1], parameters)
-    read = _read(lines, words, printed.frame, parameters)
+    read, own_words = _read(lines, words, printed.frame, parameters)
     is_text = choose_text_lines(lines, read, levelled, printed.frame.size, parameters)
-    texts = [text for text, kept in zip(read.texts, is_text, strict=True) if kept]
-    lines = [line for line, kept in zip(lines, is_text, strict=True) if kept]
-    lines, texts, begins = _join_entries(lines, texts, levelled, parameters)
+    kept = np.flatnonzero(is_text).tolist()
+    rows = _Rows([lines[i] for i in kept], [read.texts[i] for i in kept], [own_words[i] for i in kept])
+    rows, begins = _join_entries(rows, levelled, parameters)
+    lines, texts = rows.lines, rows.texts
     line_boxes = np.array([line.box for line in lines]).reshape(-1, 4)
     blocks = group_lines(lines, begins, levelled, printed.frame.size[1], parameters)
     hulls = np.array([_hull([lines[index] for index in block]) for block in blocks]).reshape(-1, 4)
@@ -74,56 +81,75 @@ def segment_page(
     is_sure = np.array([sum(map(str.isalnum, text)) > 1 for text in texts], dtype=bool)
     blocks, parts = gather_scraps(blocks, lines, is_sure, parts, levelled, printed.unit, parameters)
     parts = without_dirt(parts, levelled, printed.unit, parameters)
-    column = (float(line_boxes[:, 0].min()), float(line_boxes[:, 2].max())) if lines else (0.0, 0.0)
-    zones = [
-        _text_zone([lines[i] for i in block], [texts[i] for i in block], printed, column) for block in blocks
-    ]
-    for part in parts:
-        zones.append(Zone("", _union(printed.components, part.members, printed.frame), kind=part.kind))
-    zones = trim_figures(zones, parameters)
-    order = reading_order([zone.box for zone in zones])
-    numbered = (replace(zones[index], id=f"z{number}") for number, index in enumerate(order, 1))
-    return Page(float(width), float(height), tuple(numbered))
+    page_components = printed.components
+    others = tuple(
+        Zone("", _union(page_components, part.members, printed.frame), kind=part.kind) for part in parts
+    )
+    return FinePage(
+        width=float(width),
+        height=float(height),
+        scale=printed.frame.mean_scale,
+        lines=tuple(lines),
+        boxes=np.array([_union(page_components, line.members, printed.frame) for line in lines]).reshape(
+            -1, 4
+        ),
+        texts=tuple(texts),
+        words=tuple(map(tuple, rows.words)),
+        begins=frozenset(begins),
+        blocks=tuple(map(tuple, blocks)),
+        others=others,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Lines of text with their texts and words."""
+
+    lines: list[Line]
+    texts: list[str]
+    words: list[list[Word]]
 
 
 def _join_entries(
-    lines: list[Line], texts: list[str], levelled: Components, parameters: SegmentationParameters
-) -> tuple[list[Line], list[str], set[int]]:
-    """Lines and their texts with entries of lists joined, and the indices of those, which begin zones."""
-    value_of = dict(find_entries(lines, parameters))
+    rows: _Rows, levelled: Components, parameters: SegmentationParameters
+) -> tuple[_Rows, set[int]]:
+    """Lines with entries of lists joined, and the indices of those, which begin zones."""
+    value_of = dict(find_entries(rows.lines, parameters))
     values = set(value_of.values())
-    joined: list[Line] = []
-    read: list[str] = []
+    joined = _Rows([], [], [])
     begins: set[int] = set()
-    for index, line in enumerate(lines):
+    for index, line in enumerate(rows.lines):
         if index in values:
             continue
-        text, value, members = texts[index], value_of.get(index), line.members
+        text, value, words = rows.texts[index], value_of.get(index), rows.words[index]
+        members = line.members
         if value is not None:
-            begins.add(len(joined))
-            members = np.concatenate([members, lines[value].members])
-            text = f"{text} {texts[value]}".strip()
-        joined.append(line if value is None else measure_line(levelled, members, parameters))
-        read.append(text)
-    return joined, read, begins
+            begins.add(len(joined.lines))
+            members = np.concatenate([members, rows.lines[value].members])
+            text, words = f"{text} {rows.texts[value]}".strip(), words + rows.words[value]
+        joined.lines.append(line if value is None else measure_line(levelled, members, parameters))
+        joined.texts.append(text)
+        joined.words.append(words)
+    return joined, begins
 
 
 def _read(
     lines: Sequence[Line], words: Sequence[Word] | None, frame: Frame, parameters: SegmentationParameters
-) -> ReadLines:
-    """Text and confidence of every line."""
+) -> tuple[ReadLines, list[list[Word]]]:
+    """Text and confidence of every line, and its words from left to right."""
     sure = [
         word
         for word in words or ()
         if word.confidence >= parameters.least_confidence and any(map(str.isalnum, word.text))
     ]
     if not sure or not lines:
-        return ReadLines([""] * len(lines), np.zeros(len(lines)))
+        return ReadLines([""] * len(lines), np.zeros(len(lines))), [[] for _ in lines]
     boxes = np.array([line.box for line in lines])
     word_boxes = frame.level(np.array([word.box for word in sure]) / np.array([*frame.scale, *frame.scale]))
     line_of_word = assign_words(sure, word_boxes, boxes)
-    texts = line_texts(sure, word_boxes, line_of_word, len(lines))
-    return ReadLines(texts, line_confidences(sure, line_of_word, len(lines)))
+    own = words_of_lines(sure, word_boxes, line_of_word, len(lines))
+    texts = [" ".join(word.text for word in each) for each in own]
+    return ReadLines(texts, line_confidences(sure, line_of_word, len(lines))), own
 
 
 def _hull(lines: Sequence[Line]) -> NDArray[np.float64]:
@@ -175,23 +201,3 @@ def _union(components: Components, members: Indices, frame: Frame) -> Box:
     x0, y0 = boxes[:, :2].min(axis=0)
     x1, y1 = boxes[:, 2:].max(axis=0)
     return float(x0 * sx), float(y0 * sy), float(x1 * sx), float(y1 * sy)
-
-
-def _text_zone(
-    lines: list[Line], texts: list[str], printed: PrintedPage, column: tuple[float, float]
-) -> Zone:
-    scale = printed.frame.mean_scale
-    em = zone_font_size(lines)
-    spacing = zone_line_spacing(lines)
-    members = np.concatenate([line.members for line in lines])
-    return Zone(
-        id="",
-        box=_union(printed.components, members, printed.frame),
-        kind="text",
-        lines=len(lines),
-        font_size=em * scale,
-        line_spacing=None if spacing is None else spacing * scale,
-        weight=zone_weight(lines),
-        alignment=zone_alignment(lines, column, em),
-        text="\n".join(text for text in texts if text),
-    )

@@ -30,13 +30,15 @@ def assign_words(words: Sequence[Word], boxes: Boxes, lines: Boxes) -> Indices:
     return np.where(shared[np.arange(len(words)), best] > 0, best, -1)
 
 
-def line_texts(words: Sequence[Word], boxes: Boxes, line_of_word: Indices, count: int) -> list[str]:
-    """Text of every line: its words from left to right."""
-    texts: list[list[str]] = [[] for _ in range(count)]
+def words_of_lines(
+    words: Sequence[Word], boxes: Boxes, line_of_word: Indices, count: int
+) -> list[list[Word]]:
+    """Words of every line, from left to right."""
+    found: list[list[Word]] = [[] for _ in range(count)]
     for index in np.argsort(boxes[:, 0], kind="stable") if len(words) else ():
         if line_of_word[index] >= 0:
-            texts[line_of_word[index]].append(words[index].text)
-    return [" ".join(text) for text in texts]
+            found[line_of_word[index]].append(words[index])
+    return found
 
 
 def line_confidences(words: Sequence[Word], line_of_word: Indices, count: int) -> NDArray[np.float64]:

@@ -11,6 +11,8 @@ from services.layout.pipeline import (
     complete_sample,
     content_features,
     initialize_model,
+    put_together,
+    read_fine_page,
     read_page,
     recognize,
 )
@@ -160,3 +162,36 @@ def test_a_page_is_read_in_even_light() -> None:
     inverse = 255 - page.image
     read_page(np.repeat(inverse[..., None], 3, axis=2), engine)
     np.testing.assert_array_equal(engine.seen, inverse)
+
+
+def test_pieces_are_put_together_and_class_and_labels_stay() -> None:
+    """A model joins labels that it has learned to come in pieces, and no others."""
+    page = memo_page(np.random.default_rng(1000))
+    seen, fine = read_fine_page(rgb(page), TruthfulEngine(page))
+    plain = model_of("memo", 3)
+
+    def taught(joining: float) -> list[VersionedModel]:
+        nodes = tuple(replace(node, joining=joining if node.label else 0.0) for node in plain.nodes)
+        return [VersionedModel(replace(plain, nodes=nodes), 7)]
+
+    first = recognize(seen, taught(0.0))
+    apart, joined = (put_together(fine, first, taught(value)) for value in (-20.0, 20.0))
+    assert apart.page == first.page
+    assert len(joined.page.zones) < len(first.page.zones)
+    assert joined.chosen == first.chosen
+    assert len(joined.zones) == len(joined.page.zones)
+    for found in (first, joined):
+        assert [each.zone.id for each in found.zones] == [zone.id for zone in found.page.zones]
+    texts = [sorted(word.text for zone in each.page.zones for word in zone.words) for each in (first, joined)]
+    assert texts[0] == texts[1], "no word is lost"
+    for zone in first.zones:  # each lies in a zone of its label
+        assert any(
+            each.label == zone.label
+            and each.zone.box[0] <= zone.zone.box[0]
+            and each.zone.box[3] >= zone.zone.box[3]
+            for each in joined.zones
+        )
+    assert joined.match is not None
+    assert set(joined.match.backbone.values()) <= {zone.id for zone in joined.page.zones}
+    unknown = replace(first, chosen=None)
+    assert put_together(fine, unknown, taught(20.0)) is unknown

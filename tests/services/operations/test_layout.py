@@ -16,7 +16,7 @@ from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocumen
 from services.errors import InvalidModel, InvalidOption, TooLarge
 from services.layout.model.cost import MOST_EXPLAINED, AttributeCost
 from services.layout.model.layout_model import MOST_LABELS
-from services.layout.page import Page, Zone
+from services.layout.page import Page, ReadWord, Zone
 from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
 from services.operations import layout
 from services.operations.layout import recognize_upload
@@ -109,9 +109,12 @@ def test_a_recognition_as_json() -> None:
                 "weight": None,
                 "alignment": None,
                 "text": "",
+                "text_confidence": None,
+                "words": None,
                 "content": {"date": 0.5},
             }
         ],
+        "fields": [],
         "match": {
             "cost": 1.2346,
             "node_cost": 1.0,
@@ -123,6 +126,24 @@ def test_a_recognition_as_json() -> None:
             "explanation": None,
         },
     }
+
+
+def test_words_and_fields_as_json() -> None:
+    words = (ReadWord("3", (1.0, 1.0, 2.0, 4.0), 0.5, 0), ReadWord("May", (3.0, 1.0, 6.123, 4.0), 0.9, 0))
+    found = recognition()
+    zone = replace(found.zones[0].zone, text="3 May", words=words)
+    read = replace(found, zones=(replace(found.zones[0], zone=zone, confidence=0.8),))
+    described: Any = describe_recognition(read, explain=False, words=True)
+    assert described["zones"][0]["text_confidence"] == 0.8
+    assert described["zones"][0]["words"] == [
+        {"text": "3", "box": [1.0, 1.0, 2.0, 4.0], "confidence": 0.5, "line": 0},
+        {"text": "May", "box": [3.0, 1.0, 6.12, 4.0], "confidence": 0.9, "line": 0},
+    ]
+    assert described["fields"] == [{"label": "date", "text": "3 May", "confidence": 0.48, "zones": ["a"]}], (
+        "0.75 for the class, 0.8 for the label, 0.8 for the words"
+    )
+    plain: Any = describe_recognition(read, explain=False)
+    assert plain["zones"][0]["words"] is None
 
 
 @pytest.mark.parametrize("terms", [0, 5, MOST_EXPLAINED + 1])
@@ -156,7 +177,9 @@ def test_the_page_is_read_if_wanted(monkeypatch: pytest.MonkeyPatch, ocr: bool) 
     seen = []
     monkeypatch.setattr(layout, "ocr_engine", lambda: "an engine")
     monkeypatch.setattr(
-        layout, "read_page", lambda image, engine, features: seen.append(engine) or Page(60.0, 40.0, ())
+        layout,
+        "read_fine_page",
+        lambda image, engine, features: seen.append(engine) or (Page(60.0, 40.0, ()), None),
     )
     photo = make_file(np.full((40, 60, 3), 255, np.uint8), "PNG")
     recognize_upload(photo, None, None, [], LayoutOptions(ocr=ocr), SETTINGS)

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from hypothesis import strategies as st
 
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.page import ALIGNMENTS, KINDS, Page, Zone
+from services.layout.page import ALIGNMENTS, KINDS, Page, ReadWord, Zone
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 
 LIMITS = ExchangeLimits()
@@ -45,6 +45,19 @@ def pages(draw: st.DrawFn) -> Page:
     width, height = draw(st.integers(2, 5000)), draw(st.integers(2, 5000))
     names = draw(st.lists(_printable, max_size=5, unique=True))
     return Page(float(width), float(height), tuple(draw(zones(name, width, height)) for name in names))
+
+
+def read_page() -> Page:
+    """A page with a zone of two lines that OCR read."""
+    words = (
+        ReadWord("Dear", (10.0, 10.0, 40.0, 20.0), 0.9, 0),
+        ReadWord("Ms <&>", (45.0, 11.0, 80.0, 21.0), 0.25, 0),
+        ReadWord("Roe,", (10.0, 30.0, 35.0, 40.0), 1.0, 1),
+    )
+    zone = Zone(
+        "a", (10.0, 10.0, 80.0, 40.0), lines=2, text="Dear Ms <&>\nRoe,", words=words, label="salutation"
+    )
+    return Page(100.0, 60.0, (zone,))
 
 
 def recognized(page: Page, name: str | None = "letter") -> Recognition:

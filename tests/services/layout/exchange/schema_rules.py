@@ -31,6 +31,10 @@ def is_float(value: str) -> bool:
     return matches(r"-?\d+(\.\d+)?([eE][+-]?\d+)?")(value)
 
 
+def is_share(value: str) -> bool:
+    return is_float(value) and 0.0 <= float(value) <= 1.0
+
+
 whole, is_name, moment = matches(r"-?\d+"), matches(NAME.pattern), matches(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ")
 names = matches(rf"{NAME.pattern}( {NAME.pattern})*")
 
@@ -73,14 +77,16 @@ PAGE_RULES = {
     "TextRegion": Rule(
         _REGION,
         {"custom": anything, "type": _TEXT_TYPES, "align": one_of("left", "centre", "right", "justify")},
-        (("Coords", 1, 1), ("TextEquiv", 0, MANY)),
+        (("Coords", 1, 1), ("TextLine", 0, MANY), ("TextEquiv", 0, MANY)),
     ),
+    "TextLine": Rule(_REGION, {}, (("Coords", 1, 1), ("Word", 0, MANY), ("TextEquiv", 0, MANY))),
+    "Word": Rule(_REGION, {}, (("Coords", 1, 1), ("TextEquiv", 0, MANY))),
     "ImageRegion": _PLAIN_REGION,
     "SeparatorRegion": _PLAIN_REGION,
     "NoiseRegion": _PLAIN_REGION,
     "GraphicRegion": Rule(_REGION, {"custom": anything, "type": _GRAPHIC_TYPES}, _PLAIN_REGION.children),
     "Coords": Rule({"points": matches(r"(\d+,\d+ )+\d+,\d+")}, {}),
-    "TextEquiv": Rule({}, {}, (("Unicode", 1, 1),)),
+    "TextEquiv": Rule({}, {"conf": is_share}, (("Unicode", 1, 1),)),
     "Unicode": Rule({}, {}, text=anything),
 }
 
@@ -139,8 +145,8 @@ ALTO_RULES = {
     "TextBlock": Rule({"ID": is_name}, _BLOCK, (("TextLine", 0, MANY),)),
     "Illustration": Rule({"ID": is_name}, {**_BLOCK, "TYPE": anything}),
     "GraphicalElement": Rule({"ID": is_name}, _BLOCK),
-    "TextLine": Rule({}, {}, (("String SP", 1, MANY),)),
-    "String": Rule({"CONTENT": anything}, {}),
+    "TextLine": Rule({}, _PLACE, (("String SP", 1, MANY),)),
+    "String": Rule({"CONTENT": anything}, {**_PLACE, "WC": is_share}),
     "SP": Rule({}, {}),
 }
 

@@ -1,12 +1,14 @@
 """ALTO: what is written is valid and reads back; what others write is read."""
 
+from xml.etree.ElementTree import fromstring
+
 import pytest
 from hypothesis import given, settings
 
 from services.layout.exchange.alto import read_alto, write_alto
 from services.layout.exchange.xml_writing import clean
 from services.layout.page import InvalidLayout, Page, Zone
-from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, recognized
+from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, read_page, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_alto
 
 V2, V3, V4 = (f"http://www.loc.gov/standards/alto/ns-v{version}#" for version in (2, 3, 4))
@@ -43,6 +45,20 @@ def test_what_is_written_is_valid_and_reads_back(page: Page) -> None:
             assert again.lines == zone.lines
         assert (again.font_size, again.line_spacing) == (zone.font_size, zone.line_spacing)
         assert (again.weight, again.alignment) == (zone.weight, zone.alignment)
+
+
+def test_words_are_written_with_their_places_and_confidences() -> None:
+    written = write_alto(recognized(read_page()), "p.png", CREATED)
+    assert faults_of_alto(written) == []
+    words = list(fromstring(written).iter(f"{{{V4}}}String"))
+    assert [(word.get("CONTENT"), word.get("WC")) for word in words] == [
+        ("Dear", "0.9"),
+        ("Ms <&>", "0.25"),
+        ("Roe,", "1"),
+    ]
+    assert [words[1].get(side) for side in ("HPOS", "VPOS", "WIDTH", "HEIGHT")] == ["45", "11", "35", "10"]
+    [back] = read_alto(written, LIMITS).zones
+    assert (back.text, back.lines) == ("Dear Ms <&>\nRoe,", 2)
 
 
 def test_lines_of_the_text_are_lines() -> None:

@@ -1,6 +1,7 @@
 """PAGE-XML: what is written is valid and reads back; what others write is read."""
 
 from datetime import timedelta, timezone
+from xml.etree.ElementTree import fromstring
 
 import pytest
 from hypothesis import given, settings
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from services.layout.exchange.page_xml import NAMESPACE, read_page_xml, write_page_xml
 from services.layout.exchange.xml_writing import clean
 from services.layout.page import InvalidLayout, Page, Zone
-from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, recognized
+from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, read_page, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_page_xml
 
 
@@ -45,6 +46,20 @@ def test_what_is_written_is_valid_and_reads_back(page: Page) -> None:
             zone.weight,
         )
         assert zone.kind != "text" or again.alignment == zone.alignment
+
+
+def test_words_are_written_with_their_places_and_confidences() -> None:
+    written = write_page_xml(recognized(read_page()), "p.png", CREATED)
+    assert faults_of_page_xml(written) == []
+    space = {"pc": NAMESPACE}
+    lines = fromstring(written).findall(".//pc:TextLine", space)
+    assert [len(line.findall("pc:Word", space)) for line in lines] == [2, 1]
+    points = [line.find("pc:Coords", space).get("points") for line in lines]  # type: ignore[union-attr]
+    assert points == ["10,10 80,10 80,21 10,21", "10,30 35,30 35,40 10,40"]
+    sure = [read.get("conf") for read in fromstring(written).findall(".//pc:Word/pc:TextEquiv", space)]
+    assert sure == ["0.9", "0.25", "1"]
+    [back] = read_page_xml(written, LIMITS).zones
+    assert (back.text, back.lines) == ("Dear Ms <&>\nRoe,", 2)
 
 
 def test_boxes_are_rounded_and_stay_on_the_page() -> None:

@@ -158,7 +158,7 @@ def test_what_is_stored_is_what_was_estimated() -> None:
         LabelledGraph(graph_of(numeric, content(1, 0, 0.5, 0), relations), ("a", "b", "a", "b")), known
     )
     model = estimate_model(statistics, known, default_scales(NAMES))
-    stored = name_parts(model, "x", 1, statistics.zones, NAMES, Calibration(-5.0, 1.0, 0), None)
+    stored = name_parts(model, "x", 1, statistics.zones, NAMES, Calibration(-5.0, 1.0, 0), None, {})
     again = compile_model(stored, NAMES)
     assert stored.labels == again.labels == known
     assert [node.zones for node in stored.nodes] == [0, 2, 2]

@@ -215,6 +215,7 @@ DAMAGES: list[tuple[Path, Any, str]] = [
     (("calibration", "pages"), -1, "calibration.pages"),
     (("calibration", "bias"), 1e9, "calibration.bias"),
     ((*NODE, "numeric", "left", "weight"), -0.1, "nodes[1].numeric.left.weight"),
+    ((*NODE, "joining"), 1e9, "nodes[1].joining"),
     ((*NODE, "content_weights", "date"), "much", "nodes[1].content_weights.date"),
     (("memory",), [], "memory"),
     (("memory", "pages"), -1, "memory.pages"),
@@ -255,7 +256,7 @@ def test_a_version_of_more_digits_than_are_told_is_refused() -> None:
 PATHS = sorted(paths(document()), key=str)
 
 
-LEARNED = ("weight", "content_weights", "bias", "memory")
+LEARNED = ("weight", "content_weights", "bias", "joining", "memory")
 """What models of earlier releases have not."""
 NEEDED_OF_MEMORY = (
     *("pages", "nodes", "edges", "certainty"),

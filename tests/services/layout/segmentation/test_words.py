@@ -5,7 +5,7 @@ import numpy as np
 
 from services.arrays import GrayImage
 from services.layout.segmentation import segment_page
-from services.layout.segmentation.words import assign_words, line_confidences, line_texts
+from services.layout.segmentation.words import assign_words, line_confidences, words_of_lines
 from services.ocr.engine import Word
 
 LINES = np.array([[0.0, 0.0, 300.0, 20.0], [0.0, 30.0, 300.0, 50.0], [400.0, 0.0, 700.0, 20.0]])
@@ -22,14 +22,15 @@ def test_words_come_to_the_line_that_holds_them() -> None:
     )
     line_of_word = assign_words(listed, boxes, LINES)
     assert line_of_word.tolist() == [0, 0, 1, 2, -1]
-    assert line_texts(listed, boxes, line_of_word, 3) == ["w1 w0", "w2", "w3"]
+    held = words_of_lines(listed, boxes, line_of_word, 3)
+    assert [[word.text for word in line] for line in held] == [["w1", "w0"], ["w2"], ["w3"]]
     assert np.allclose(line_confidences(listed, line_of_word, 3), [0.55, 0.7, 0.8])
 
 
 def test_without_words_or_lines_nothing_is_assigned() -> None:
     listed, boxes = words()
     assert assign_words(listed, boxes, LINES).shape == (0,)
-    assert line_texts(listed, boxes, assign_words(listed, boxes, LINES), 2) == ["", ""]
+    assert words_of_lines(listed, boxes, assign_words(listed, boxes, LINES), 2) == [[], []]
     listed, boxes = words((0, 0, 10, 10))
     assert assign_words(listed, boxes, np.zeros((0, 4))).tolist() == [-1]
 

@@ -1,0 +1,78 @@
+"""The page, and its recognition, whose zones are groups of another page's zones."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from services.layout.grouping.joining import Groups
+from services.layout.grouping.piece_pairs import joined_box
+from services.layout.page import Page, Zone
+from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.segmentation import FinePage, text_zone
+from services.layout.segmentation.reading_order import reading_order
+
+
+def join_page(
+    fine: FinePage, page: Page, lines: Sequence[Sequence[int]], groups: Groups
+) -> tuple[Page, Groups]:
+    """`page` with one zone for each of `groups`, measured anew from its lines, in reading order, ids "z1", "z2" ...
+
+    `lines` has for each zone of `page` its lines in `fine`. The groups come back in the order of their zones.
+    """
+    zones = [
+        _join(fine, [page.zones[place] for place in group], [lines[place] for place in group])
+        for group in groups
+    ]
+    order = reading_order([zone.box for zone in zones])
+    numbered = tuple(replace(zones[place], id=f"z{number}") for number, place in enumerate(order, 1))
+    return replace(page, zones=numbered), tuple(groups[place] for place in order)
+
+
+def join_recognition(seen: Recognition, page: Page, groups: Groups) -> Recognition:
+    """The recognition of a page for the `page` that `join_page` has made of it.
+
+    A zone has the label of its pieces and the least of their confidences. The match stays that of the pieces; its zones
+    have their new ids.
+    """
+    zones = tuple(
+        LabelledZone(
+            zone,
+            seen.zones[group[0]].label,
+            min(seen.zones[place].confidence for place in group),
+            seen.zones[group[0]].group,
+            order,
+        )
+        for order, (zone, group) in enumerate(zip(page.zones, groups, strict=True))
+    )
+    new_id = {
+        seen.zones[place].zone.id: zone.id
+        for zone, group in zip(page.zones, groups, strict=True)
+        for place in group
+    }
+    match = seen.match
+    if match is not None:
+        match = replace(
+            match,
+            backbone={label: new_id[zone] for label, zone in match.backbone.items()},
+            explanation=tuple(
+                replace(
+                    term, zone=new_id[term.zone], other=None if term.other is None else new_id[term.other]
+                )
+                for term in match.explanation
+            ),
+        )
+    return replace(seen, page=page, zones=zones, match=match)
+
+
+def _join(fine: FinePage, pieces: Sequence[Zone], lines: Sequence[Sequence[int]]) -> Zone:
+    if len(pieces) == 1:
+        return pieces[0]
+    box = pieces[0].box
+    for piece in pieces[1:]:
+        box = joined_box(box, piece.box)
+    rows = sorted(
+        (line for own in lines for line in own),
+        key=lambda line: (fine.lines[line].baseline, fine.boxes[line, 0]),
+    )
+    if not rows:
+        return replace(pieces[0], box=box, kind="figure")
+    return replace(text_zone(fine, rows), box=box)

@@ -1,0 +1,50 @@
+"""Fields: the text of every label in reading order, with the joint confidence of class, labels and words."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from services.layout.page import Page, ReadWord, Zone
+from services.layout.recognition.fields import gather_fields
+from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+
+
+def labelled(
+    order: int, label: str | None, text: str, sure: float = 1.0, words: Sequence[float] = ()
+) -> LabelledZone:
+    read = tuple(ReadWord("x" * 4, (0.0, 0.0, 1.0, 1.0), confidence, 0) for confidence in words)
+    zone = Zone(f"z{order}", (0.0, 10.0 * order, 50.0, 10.0 * order + 8), text=text, words=read)
+    return LabelledZone(zone, label, sure, label, order)
+
+
+def recognition(*zones: LabelledZone, probability: float | None = 0.9) -> Recognition:
+    page = Page(100.0, 100.0, tuple(each.zone for each in zones))
+    classes = () if probability is None else (ClassMatch("letter", 1, -3.0, probability),)
+    return Recognition(page, zones, classes[0] if classes else None, classes)
+
+
+def test_texts_of_a_label_are_joined_in_reading_order() -> None:
+    found = gather_fields(
+        recognition(labelled(2, "body", "third"), labelled(0, "date", "first"), labelled(1, "body", "second"))
+    )
+    assert [(field.label, field.text, field.zones) for field in found] == [
+        ("date", "first", ("z0",)),
+        ("body", "second\nthird", ("z1", "z2")),
+    ]
+
+
+def test_the_confidence_joins_class_labels_and_words() -> None:
+    [field] = gather_fields(
+        recognition(labelled(0, "date", "a b", 0.8, (0.5, 1.0)), labelled(1, "date", "c", 0.5, (0.75,)))
+    )
+    assert field.confidence == pytest.approx(0.9 * 0.8 * 0.5 * 0.75)
+
+
+def test_text_that_came_with_the_zones_counts_as_right() -> None:
+    [field] = gather_fields(recognition(labelled(0, "date", "today", 0.8)))
+    assert field.confidence == pytest.approx(0.9 * 0.8)
+
+
+def test_zones_without_label_or_text_make_no_field() -> None:
+    assert gather_fields(recognition(labelled(0, None, "loose"), labelled(1, "logo", " "))) == ()
+    assert gather_fields(recognition(probability=None)) == ()
