@@ -5,7 +5,6 @@ Steps are averaged over bands of rows. Dynamic programming finds paths through t
 nearly all of its bands support it.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Vector
+from services.imaging.grid_paths import accumulate_scores, trace_back
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,15 +112,14 @@ def find_long_edges(
         return []
     noise = float(np.percentile(np.abs(steps[weight > 0]), p.blank_percentile))
     contrast = max(p.contrast, p.noise_factor * noise)
-    ground = np.median(brightness[: len(steps) * p.band_px].reshape(len(steps), p.band_px, -1), axis=1)
     found = []
-    for sign in (1.0, -1.0):
-        support = np.clip(sign * steps / contrast, 0.0, 1.0)
-        for path in _paths(support, weight, text, p):
+    supports = np.stack([np.clip(sign * steps / contrast, 0.0, 1.0) for sign in (1.0, -1.0)])
+    for sign, support, paths in zip((1.0, -1.0), supports, _paths(supports, weight, text, p), strict=True):
+        for path in paths:
             if not _is_certain(path, support, weight, rows, along, p):
                 continue
             first, last = _extent(sign * steps[np.arange(len(path)), path], text, contrast, p)
-            left, right = (_ground_beside(path, ground, side, p) for side in (-1, 1))
+            left, right = (_ground_beside(path, brightness, side, p) for side in (-1, 1))
             edge = LongEdge(path, rows, text, float(rows[first]), float(rows[last]), left, right)
             if not _ends_on_paper(edge, (first, last), weight, p):
                 found.append(edge)
@@ -145,11 +144,13 @@ def _extent(
     return int(first), int(last)
 
 
-def _ground_beside(columns: NDArray[np.intp], ground: Floats, side: int, p: LongEdgeParameters) -> Vector:
-    """Ground (N,) next to column `columns[n]` in row n of `ground` (N, columns); `side` -1 is left."""
+def _ground_beside(columns: NDArray[np.intp], brightness: Floats, side: int, p: LongEdgeParameters) -> Vector:
+    """Ground (N,) next to column `columns[n]` in band n of `brightness` (H, W): medians; `side` -1 is left."""
     near, far = p.ground_px
-    at = np.clip(columns[:, None] + side * np.arange(near, far), 0, ground.shape[1] - 1)
-    return np.asarray(np.median(np.take_along_axis(ground, at, 1), axis=1))
+    at = np.clip(columns[:, None] + side * np.arange(near, far), 0, brightness.shape[1] - 1)
+    rows = np.arange(len(columns) * p.band_px).reshape(-1, p.band_px)
+    ground = np.median(brightness[rows[:, :, None], at[:, None, :]], axis=1)
+    return np.asarray(np.median(ground, axis=1))
 
 
 def _ends_on_paper(edge: LongEdge, extent: tuple[int, int], weight: Floats, p: LongEdgeParameters) -> bool:
@@ -205,39 +206,28 @@ def _band_steps(brightness: Floats, shown: Mask, p: LongEdgeParameters) -> tuple
 
 
 def _paths(
-    support: Floats, weight: Floats, text: NDArray[np.bool_], p: LongEdgeParameters
-) -> Iterator[NDArray[np.intp]]:
-    """Paths (bands,) of columns down all bands, innermost first, whose support along the text may be enough."""
+    supports: Floats, weight: Floats, text: NDArray[np.bool_], p: LongEdgeParameters
+) -> list[NDArray[np.intp]]:
+    """For each sign the paths (K, bands) of columns down all bands whose support along the text may be enough.
+
+    `supports` (2, bands, columns) are those of steps of either sign. Paths are sorted, innermost first.
+    """
     share = np.where(text, 1.0, p.weight_beyond)[:, None]
-    score = np.where(weight > 0, support - p.support, -p.unseen_cost) * share
-    down, back = _accumulate(score, p)
-    up, forth = (v[::-1] for v in _accumulate(score[::-1], p))
+    score = np.where(weight > 0, supports - p.support, -p.unseen_cost) * share
     inner = np.flatnonzero(text)
     middle = int(inner[len(inner) // 2])
-    through = down[middle] + up[middle] - score[middle]
-    peak = through >= cv2.dilate(through[None], np.ones((1, 2 * p.distinct_px + 1), np.uint8))[0]
-    for column in np.flatnonzero(peak & (through > 0))[::-1][: p.candidates]:
-        path = np.empty(len(support), np.intp)
-        path[middle] = column
-        for band in range(middle, 0, -1):
-            path[band - 1] = back[band, path[band]]
-        for band in range(middle, len(support) - 1):
-            path[band + 1] = forth[band, path[band]]
-        yield path
-
-
-def _accumulate(score: Floats, p: LongEdgeParameters) -> tuple[Floats, NDArray[np.intp]]:
-    """Best sums of `score` (bands, columns) over paths from the first band, and the columns whence they come."""
-    bands, columns = score.shape
-    best, back = score.copy(), np.zeros((bands, columns), np.intp)
-    shifts = np.arange(-p.max_shift_px, p.max_shift_px + 1)
-    whence = np.clip(np.arange(columns) + shifts[:, None], 0, columns - 1)
-    for band in range(1, bands):
-        before = best[band - 1][whence] - p.shift_cost * np.abs(shifts)[:, None]
-        chosen = np.argmax(before, axis=0)
-        best[band] += np.take_along_axis(before, chosen[None], axis=0)[0]
-        back[band] = whence[chosen, np.arange(columns)]
-    return best, back
+    # From both ends of the bands to the middle one, where the halves of a path meet.
+    halves = [score[:, : middle + 1], score[:, middle:][:, ::-1]]
+    down, up = (accumulate_scores(half, p.max_shift_px, p.shift_cost) for half in halves)
+    through = down[:, -1] + up[:, -1] - score[:, middle]
+    peak = through >= cv2.dilate(through, np.ones((1, 2 * p.distinct_px + 1), np.uint8))
+    found = []
+    for sign, candidates in enumerate(peak & (through > 0)):
+        columns = np.flatnonzero(candidates)[::-1][: p.candidates]
+        grids = np.full(len(columns), sign)
+        above, below = (trace_back(half, grids, columns, p.max_shift_px, p.shift_cost) for half in (down, up))
+        found.append(np.concatenate([above, below[:, :-1][:, ::-1]], axis=1))
+    return found
 
 
 def _is_certain(

@@ -94,8 +94,8 @@ def _whiten_outside(flat: RgbImage, polygon: Points) -> None:
 def whiten_beyond(flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points) -> None:
     """Make the pixels of the view `flat` white, in place, whose photo points are outside the polygon `paper` (M, 2).
 
-    The map of a bent page has no inverse beyond its horizon. So the polygon is mapped into the view of a flat page
-    only, and only if it ends before the horizon. Else pixels of the view are mapped into the photo, and their distances
+    The map of a bent page has no inverse beyond its horizon. So the polygon is mapped into the view only if the page is
+    flat and the polygon ends before the horizon. Else pixels of the view are mapped into the photo, and their distances
     from the polygon are computed at the nodes of a grid.
     """
     if isinstance(frame, FlatFrame):

@@ -24,20 +24,21 @@ def scan_directions(
     """
     rows, columns = ink.shape
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
-    side = int(np.ceil(np.hypot(rows, columns))) + 2
     width, height = (max(round(v) | 1, 3) for v in window)
+    reach = np.arange(-(height // 2), height // 2 + 1)
     energies = np.empty((len(centres), len(angles)))
     for k, angle in enumerate(angles):
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, s], [-s, c]])  # photo -> turned frame
-        shift = (side - 1) / 2 - turn @ middle
-        turned = cv2.warpAffine(ink, np.column_stack([turn, shift]), (side, side), flags=cv2.INTER_LINEAR)
+        # As large as the turned image, with rows for the windows that reach beyond it.
+        across, down = (int(v) for v in np.ceil(np.abs(turn) @ [columns, rows]))
+        size = (across + 2, down + height + 1)
+        shift = (np.array(size) - 1) / 2 - turn @ middle
+        turned = cv2.warpAffine(ink, np.column_stack([turn, shift]), size, flags=cv2.INTER_LINEAR)
         profile = cv2.blur(turned, (width, 1), borderType=cv2.BORDER_CONSTANT)
-        mean = cv2.blur(profile, (1, height), borderType=cv2.BORDER_CONSTANT)
-        square = cv2.sqrBoxFilter(profile, -1, (1, height), borderType=cv2.BORDER_CONSTANT)
-        variance = np.maximum(square - mean * mean, 0.0)
         at = np.round(centres @ turn.T + shift).astype(int)
-        energies[:, k] = np.sqrt(variance[at[:, 1], at[:, 0]])
+        values = profile[at[:, 1, None] + reach, at[:, 0, None]]
+        energies[:, k] = values.std(axis=1)
     return energies
 
 
@@ -80,21 +81,25 @@ def scan_slopes(
     """
     count, rows, columns = windows.shape
     width = columns // strips
-    used = windows[:, :, : width * strips].reshape(count, rows, strips, width).sum(axis=3)
+    sums = np.repeat(np.eye(strips, dtype=np.float32), width, axis=0)
+    summed = windows[:, :, : width * strips].reshape(-1, width * strips) @ sums
+    # Rows first, windows last: what is added up for a slope then lies together in memory.
+    used = np.ascontiguousarray(summed.reshape(count, rows, strips).transpose(2, 1, 0))
     for _ in range(2):  # ink is binary; the smoothing makes the peak suitable for a parabola
         used[:, 1:-1] = 0.25 * used[:, :-2] + 0.5 * used[:, 1:-1] + 0.25 * used[:, 2:]
     offset_of = (np.arange(strips) + 0.5) * width - 0.5 - (columns - 1) / 2
     height = rows - 2 * margin
     energies = np.empty((count, len(slopes)))
+    part = np.empty((height, count), np.float32)
     for k, slope in enumerate(slopes):
-        profile = np.zeros((count, height), np.float32)
+        profile = np.zeros((height, count), np.float32)
         for j, offset in enumerate(offset_of * slope):
             whole = int(np.floor(offset))
             top = margin + whole - 1
             for i, weight in enumerate(catmull_rom(offset - whole)):
-                profile += weight * used[:, top + i : top + i + height, j]
-        energies[:, k] = profile.std(axis=1)
-    return energies, used[:, margin : margin + height].sum(axis=(1, 2))
+                profile += np.multiply(used[j, top + i : top + i + height], weight, out=part)
+        energies[:, k] = profile.std(axis=0)
+    return energies, used[:, margin : margin + height].sum(axis=(0, 1))
 
 
 def catmull_rom(t: float) -> NDArray[np.float32]:

@@ -56,13 +56,12 @@ class _Search:
     paths: list[NDArray[np.intp]] = field(default_factory=list)
     found: list[Candidate] = field(default_factory=list)
 
-    def add(self, least: Vector, odds: Floats | float = 0.0) -> NDArray[np.intp]:
-        """The best path beyond the samples `least` (N,)."""
-        path = self.rays.search(least, odds, self.typical, self.parameters.rays)
-        curve = self.rays.at(path)
-        self.paths.append(path)
-        self.found.append(Candidate(curve, self.rate(curve)))
-        return path
+    def add(self, *sought: tuple[Vector, Floats | float]) -> None:
+        """The best paths, each beyond samples (N,) and with log odds of paper; all of them are sought together."""
+        for path in self.rays.search(sought, self.typical, self.parameters.rays):
+            curve = self.rays.at(path)
+            self.paths.append(path)
+            self.found.append(Candidate(curve, self.rate(curve)))
 
     def best(self, count: int, first: int = 0) -> list[NDArray[np.intp]]:
         """Paths of the `count` best candidates from number `first` on."""
@@ -84,18 +83,19 @@ def find_candidates(
     # By colour: what is like the ground of the print, then what is like the inside of the first curve.
     odds_image = color_log_odds(reduced.colors, place.mask, None)
     for _ in range(2):
-        path = search.add(p.inside * reach, rays.sample(odds_image))
+        search.add((p.inside * reach, rays.sample(odds_image)))
+        path = search.paths[-1]
         search.typical = float(np.median(path))
         inside = _filled(rays.at(path), place.mask.shape)
         if 1 - inside.mean() < p.least_ground:
             break
         odds_image = color_log_odds(reduced.colors, inside, ~inside)
     # By edges alone, beyond the print, or beyond its core if texture of a desk was found as print.
-    search.add(p.inside * rays.reach_of_hull(rays.at(reach)))
-    search.add(rays.reach_of_mask(place.core).astype(np.float64))
+    core = rays.reach_of_mask(place.core).astype(np.float64)
+    search.add((p.inside * rays.reach_of_hull(rays.at(reach)), 0.0), (core, 0.0))
     # A sheet is nearly convex: what lies in a notch of the curve (pictures, shadows) belongs to it.
-    for path in search.best(2, first=1):
-        search.add((1 - p.concavity) * rays.reach_of_hull(rays.at(path)))
+    best = search.best(2, first=1)
+    search.add(*(((1 - p.concavity) * rays.reach_of_hull(rays.at(path)), 0.0) for path in best))
     return search.found
 
 
@@ -110,10 +110,9 @@ def improve_candidate(
     rays = cast_rays(reduced, inside, inside, p.rays)
     reach = rays.reach_of_mask(inside)
     search = _Search(rays, rate, p, float(np.median(reach)))
-    search.add((1 - p.concavity) * reach)
-    search.add(reach - p.tolerance, p.outward)
+    search.add(((1 - p.concavity) * reach, 0.0), (reach - p.tolerance, p.outward))
     path = search.best(1)[0]
-    search.add(rays.reach_of_hull(rays.at(path)) - p.tolerance)
+    search.add((rays.reach_of_hull(rays.at(path)) - p.tolerance, 0.0))
     _extend_sides(search, path)
     return search.found
 
@@ -126,6 +125,7 @@ def _extend_sides(search: _Search, path: NDArray[np.intp]) -> None:
     if corners is None:
         return
     count = len(path)
+    sought: list[tuple[Vector, Floats | float]] = []
     for start, end in zip(corners.indices, np.roll(corners.indices, -1), strict=True):
         length = int(end - start) % count
         margin = int(0.5 * (1 - p.extended_share) * length)
@@ -137,7 +137,9 @@ def _extend_sides(search: _Search, path: NDArray[np.intp]) -> None:
         # Between the corners of the old side and the new one, the outer of two good edges is the sheet's.
         outward = np.zeros((count, 1))
         outward[(start - margin + np.arange(length + 2 * margin + 1)) % count] = p.outward
-        search.add(least, outward)
+        sought.append((least, outward))
+    if sought:
+        search.add(*sought)
 
 
 def _filled(curve: Points, shape: tuple[int, ...]) -> Mask:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
-from services.sheet.outline.paths import find_closed_path, find_open_path
+from services.sheet.outline.paths import find_closed_paths, find_open_paths
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,7 @@ def follow_edge(
     strength = difference**2 / (difference**2 + p.contrast**2)
     at = points[:, None] + offsets[None, :, None] * normals[:, None]
     score = np.where(_shown(at, window, 0.0), strength, -1.0) - 0.1 * (offsets / p.reach_px) ** 2
-    path = find_closed_path(score, 2, p.straightness)
+    path = find_closed_paths(score[None], 2, p.straightness)[0]
     return np.asarray(at[np.arange(count), path])
 
 
@@ -213,8 +213,8 @@ def _measure(
     sharp = np.clip(along * width / np.maximum(contrast, p.seen_contrast), 0, 1)
     strength = contrast**2 / (contrast**2 + p.contrast**2) * sharp
     score = strength - 0.1 * (offsets[inside] / reach) ** 2
-    find = find_closed_path if closed else find_open_path
-    m = np.clip(find(score, 3, p.straightness), 1, len(inside) - 2)
+    find = find_closed_paths if closed else find_open_paths
+    m = np.clip(find(score[None], 3, p.straightness)[0], 1, len(inside) - 2)
     n = np.arange(len(points))
     before, here, after = along[n, m - 1], along[n, m], along[n, m + 1]
     bend = before - 2 * here + after

@@ -1,5 +1,6 @@
 """Rays from the middle of a sheet outwards, and closed paths across them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
-from services.sheet.outline.paths import find_closed_path
+from services.sheet.outline.paths import find_closed_paths
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
 
@@ -80,12 +81,17 @@ class Rays:
         return np.asarray(np.clip(reach - 1, 0, self.edges.shape[1] - 1), np.float64)
 
     def search(
-        self, least: Vector, odds: Floats | float, typical: float, p: RayParameters
+        self, sought: Sequence[tuple[Vector, Floats | float]], typical: float, p: RayParameters
     ) -> NDArray[np.intp]:
-        """The best closed path (N,) that lies beyond the samples `least` (N,).
+        """The best closed paths (G, N), each for samples `least` (N,) that it lies beyond, and log odds of paper.
 
-        `odds` (N, M) are log odds that a sample is paper, `typical` the usual radius in samples.
+        The odds (N, M) are those that a sample is paper, `typical` is the usual radius in samples.
         """
+        score = np.stack([self._score(least, odds, typical, p) for least, odds in sought])
+        return find_closed_paths(score, p.max_shift, p.shift_cost)
+
+    def _score(self, least: Vector, odds: Floats | float, typical: float, p: RayParameters) -> Floats:
+        """What a path gains at every sample (N, M); -inf where it may not go."""
         rays, samples = self.edges.shape
         region = np.cumsum(np.where(self.shown, odds, 0.0), axis=1) * (p.region_weight / max(typical, 10.0))
         # The samples before an edge are inside.
@@ -93,7 +99,7 @@ class Rays:
         n, last = np.arange(rays), self.last
         score[n, last] = p.exit_score + region[n, last]
         barred = ~self.shown | (np.arange(samples)[None, :] < np.minimum(least, last)[:, None])
-        return find_closed_path(np.where(barred, -np.inf, score), p.max_shift, p.shift_cost)
+        return np.asarray(np.where(barred, -np.inf, score))
 
 
 def cast_rays(reduced: ReducedPhoto, middle: Mask, extent: Mask, p: RayParameters) -> Rays:

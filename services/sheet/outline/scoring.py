@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from services.arrays import Floats, Points
 from services.sheet.outline.corners import CornerParameters, split_sides
@@ -72,9 +73,19 @@ def rate_curve(reduced: ReducedPhoto, characters: Points, p: ScoringParameters, 
     rating += p.area * float(np.log(max(area, 1.0) / ((x1 - x0) * (y1 - y0))))
     if len(characters):
         some = characters[:: max(len(characters) // 100, 1)]
-        lost = np.mean([cv2.pointPolygonTest(flat, (float(x), float(y)), False) < 0 for x, y in some])
-        rating -= p.lost_print * max(float(lost) - p.false_print, 0.0)
+        lost = 1.0 - float(_inside(points, some).mean())
+        rating -= p.lost_print * max(lost - p.false_print, 0.0)
     return rating
+
+
+def _inside(polygon: Points, points: Points) -> NDArray[np.bool_]:
+    """Which `points` (N, 2) lie within `polygon` (M, 2): rays to the right cross its edges an odd number of times."""
+    x, y = points[:, :1], points[:, 1:]
+    ahead = np.roll(polygon, -1, axis=0)
+    spans = (polygon[:, 1] > y) != (ahead[:, 1] > y)
+    rise = np.where(ahead[:, 1] == polygon[:, 1], 1.0, ahead[:, 1] - polygon[:, 1])
+    crossing = polygon[:, 0] + (y - polygon[:, 1]) * (ahead[:, 0] - polygon[:, 0]) / rise
+    return np.asarray((spans & (crossing > x)).sum(axis=1) % 2 == 1)
 
 
 def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float, ...]) -> Floats:
