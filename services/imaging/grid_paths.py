@@ -4,7 +4,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from services.arrays import Floats
+from services.arrays import Floats, Vector
+
+FEW_PATHS = 6
+"""Up to which paths are traced one after the other: a step of one takes 5 us, a step of all together 30."""
 
 
 def accumulate_scores(score: Floats, max_shift: int, shift_cost: float) -> Floats:
@@ -37,13 +40,30 @@ def trace_back(
     """
     shifts = np.arange(-max_shift, max_shift + 1)
     cost = shift_cost * np.abs(shifts)
+    if len(ends) <= FEW_PATHS:
+        paths = [
+            _trace_one(best[grid], int(end), max_shift, cost) for grid, end in zip(grids, ends, strict=True)
+        ]
+        return np.array(paths, np.intp).reshape(len(ends), best.shape[1])
     rows, last = best.shape[1], best.shape[2] - 1
-    paths = np.empty((len(ends), rows), np.intp)
-    paths[:, -1] = at = np.asarray(ends, np.intp)
+    together = np.empty((len(ends), rows), np.intp)
+    together[:, -1] = at = np.asarray(ends, np.intp)
     for row in range(rows - 1, 0, -1):
         whence = at[:, None] + shifts
         near = best[grids[:, None], row - 1, np.clip(whence, 0, last)] - cost
         # A column beyond the border repeats the border's with a higher cost, so it is never chosen.
         at = np.clip(at + near.argmax(axis=1) - max_shift, 0, last)
-        paths[:, row - 1] = at
-    return paths
+        together[:, row - 1] = at
+    return together
+
+
+def _trace_one(best: Floats, end: int, max_shift: int, cost: Vector) -> NDArray[np.intp]:
+    """Columns (N,) of one path through `best` (N, M)."""
+    rows, columns = best.shape
+    path = np.empty(rows, np.intp)
+    at = path[-1] = end
+    for row in range(rows - 1, 0, -1):
+        low, high = max(at - max_shift, 0), min(at + max_shift + 1, columns)
+        near = best[row - 1, low:high] - cost[low - at + max_shift : high - at + max_shift]
+        at = path[row - 1] = low + int(near.argmax())
+    return path
