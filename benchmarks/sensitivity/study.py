@@ -1,6 +1,6 @@
 """Which parameters matter: every numeric field of a step changed by -20 % and +20 %, on a few reduced cases.
 
-python -m benchmarks sensitivity --step segmentation|rectify|mosaic [--only TEXT] [--minutes N] [--fresh]
+python -m benchmarks sensitivity --step segmentation|rectify|mosaic [--only TEXT] [--cases N] [--minutes N] [--fresh]
 
 A field that changes no answer is tried at half and at twice its value too. What was measured is kept in
 benchmarks/output/sensitivity_STEP.json, so that a run that was stopped goes on; `--fresh` does without.
@@ -99,10 +99,19 @@ def _plain(value: object) -> object:
     return list(value) if isinstance(value, tuple) else value
 
 
-def run_study(step: Step, data: Path, file: Path, *, only: str, minutes: float, fresh: bool) -> StudyRecord:
-    """Measure the fields that `file` does not hold yet; it is written after each of them."""
+def run_study(
+    step: Step,
+    data: Path,
+    file: Path,
+    *,
+    only: str = "",
+    most_cases: int | None = None,
+    minutes: float = 600.0,
+    fresh: bool = False,
+) -> StudyRecord:
+    """Measure the fields that `file` does not hold yet for so many cases; it is written after each of them."""
     end = time.monotonic() + 60.0 * minutes
-    cases = step.cases(data)
+    cases = dict(list(step.cases(data).items())[:most_cases])
     if not cases:
         raise FileNotFoundError(f"no cases for {step.name} in {data}")
     found = find_fields(step.studied)
@@ -115,7 +124,7 @@ def run_study(step: Step, data: Path, file: Path, *, only: str, minutes: float, 
         stack.enter_context(replaying(slow, step.packages, replay))
         study = Study(cases, found, watch, replay)
         before = None if fresh else load_study(file)
-        kept = {each.key: each for each in before.fields} if before else {}
+        kept = {each.key: each for each in before.fields} if before and before.cases == len(cases) else {}
         record = StudyRecord(step.name, step.error, study.error, len(cases), [])
         print(
             f"{step.name}: {len(found)} fields, {len(cases)} cases, mean error {study.error:.4f}", flush=True
@@ -144,6 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--step", choices=tuple(STEPS), required=True, help="which step's parameters")
     add("--data", default=None, help="folder of the data (default: DOCUMENT_DATA, else ../shared/data)")
     add("--only", default="", help="only fields whose module, class or name holds this text")
+    add("--cases", type=int, default=None, help="only the first N cases")
     add("--minutes", type=float, default=600.0, help="begin no further field after this time")
     add("--fresh", action="store_true", help="keep nothing of earlier runs")
     given = parser.parse_args(arguments)
@@ -152,7 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         record = run_study(
             STEPS[given.step], data_folder(given.data), file,
-            only=given.only, minutes=given.minutes, fresh=given.fresh,
+            only=given.only, most_cases=given.cases, minutes=given.minutes, fresh=given.fresh,
         )  # fmt: skip
     except FileNotFoundError as error:
         print(error, file=sys.stderr)

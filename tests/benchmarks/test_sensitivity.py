@@ -144,9 +144,9 @@ def test_a_study_tells_what_moves_and_goes_on_where_it_stopped(
     cases: dict[str, Case] = {"five": lambda: run_toy(np.arange(5.0)), "two": lambda: run_toy(np.arange(2.0))}
     step = Step("toy", (toy.__name__,), (toy.__name__,), "sum", lambda _: cases)
     file = tmp_path / "toy.json"
-    first = study.run_study(step, tmp_path, file, only="scale", minutes=1.0, fresh=False)
+    first = study.run_study(step, tmp_path, file, only="scale")
     assert [each.key.rsplit(".", 1)[-1] for each in first.fields] == ["scale"]
-    whole = study.run_study(step, tmp_path, file, only="", minutes=1.0, fresh=False)
+    whole = study.run_study(step, tmp_path, file)
     by_name: dict[str, FieldRecord] = {each.key.rsplit(".", 1)[-1]: each for each in whole.fields}
     assert by_name["scale"].trials[0].error_change == pytest.approx(-0.2 * 2.0 * (10.0 + 1.0) / 2)
     assert (by_name["scale"].readers, by_name["offset_px"].readers) == (2, 1)

@@ -18,6 +18,8 @@ PRIOR_POINTS = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 7), np.linspace(-0.7,
     -1, 2
 )
 """Points (N, 2) that represent a normalised view."""
+BEHIND = 1e3
+"""Distance, in half diagonals, of a point beyond the vanishing line: far larger than any true residual."""
 PRIOR_PRECISION = 4 * 0.5 / (0.5 * 2.385**2)
 """Weight of the prior: four independent errors with the probability of a match's error, in units of its loss."""
 
@@ -242,7 +244,7 @@ def _residuals(half: _Half, maps: Floats, unit: float) -> tuple[Vector, Vector, 
     M = np.linalg.solve(maps[half.target], maps[half.source])
     there = transform_points(M, half.x)
     behind = (half.x @ M[2, :2] + M[2, 2]) * M[2, 2] <= 0
-    there[behind] = half.y[behind] + 1e3  # beyond the vanishing line: a very large distance
+    there[behind] = half.y[behind] + BEHIND
     return (half.y - there) * unit, there, M
 
 

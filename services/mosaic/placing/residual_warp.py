@@ -22,6 +22,9 @@ from services.robust import MEDIAN_LENGTH, cauchy_weights
 Nodes = NDArray[np.intp]
 """Indices of nodes, any shape."""
 
+HELD_OUT_CELLS = 5
+"""One cell in so many is held out."""
+
 
 @dataclass(frozen=True, slots=True)
 class ResidualWarpParameters:
@@ -227,7 +230,7 @@ def _gather(
         np.repeat(np.arange(len(pairs)), [len(pair.weights) for pair in pairs]),
         rows.tocsr(),
         np.concatenate(confidence),
-        (i + 2 * j) % 5 == 0,
+        (i + 2 * j) % HELD_OUT_CELLS == 0,
     )
 
 
