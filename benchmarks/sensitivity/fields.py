@@ -67,7 +67,8 @@ def find_fields(packages: Sequence[str]) -> list[Field]:
                 continue
             if owner.__name__.endswith("Parameters"):
                 for each in fields(owner):
-                    if _is_numeric(each.default):
+                    # What is inherited is a field of the base class.
+                    if each.name in vars(owner) and _is_numeric(each.default):
                         key = f"{owner.__module__.removeprefix('services.')}.{owner.__name__}.{each.name}"
                         found[key] = Field(key, owner, each.name, each.default)
     return [found[key] for key in sorted(found)]

@@ -31,6 +31,13 @@ class ToyParameters:
     named: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class WiderParameters(ToyParameters):
+    """Of a step that builds on the other: what is inherited belongs to the base class."""
+
+    wider_px: float = 4.0
+
+
 PARAMETERS = ToyParameters()
 """An instance that is there before the study begins."""
 CALLS: list[str] = []
@@ -71,7 +78,8 @@ def toy(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 def test_numeric_fields_are_found_with_their_units(toy: ModuleType) -> None:
     found = {each.name: each for each in find_fields([toy.__name__])}
-    assert set(found) == {"scale", "offset_px", "enough", "unread", "bounds"}
+    assert set(found) == {"scale", "offset_px", "enough", "unread", "bounds", "wider_px"}
+    assert found["scale"].owner is ToyParameters
     assert [found[name].unit for name in ("scale", "offset_px", "enough")] == ["1", "px", "count"]
 
 
@@ -89,6 +97,7 @@ def test_one_field_is_changed_in_instances_that_exist(toy: ModuleType) -> None:
         with watch.changing(found["scale"], 3.0):
             assert (PARAMETERS.scale, PARAMETERS.offset_px) == (3.0, 1.0)
             assert ToyParameters(scale=7.0).scale == 7.0, "chosen by the code"
+            assert WiderParameters().scale == 3.0
         assert PARAMETERS.scale == 2.0
     assert watch.reads[-1] == {found["scale"].key, found["offset_px"].key}
     assert PARAMETERS.scale == 2.0
@@ -156,4 +165,4 @@ def test_a_study_tells_what_moves_and_goes_on_where_it_stopped(
     assert load_study(file) == whole
     table = format_study(whole)
     assert "`ToyParameters` bounds" in table
-    assert "Read by no case: `ToyParameters` unread." in table
+    assert "Read by no case: `ToyParameters` unread; `WiderParameters` wider_px." in table

@@ -26,6 +26,7 @@ from services.mosaic.placing.homography_bundle import (
 )
 from services.mosaic.placing.placement import Placement
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.robust import CAUCHY_WIDTH
 
 OWN_STEPS = 6
 """Steps of the fit of a single pair, which starts at its registration."""
@@ -168,7 +169,7 @@ def _without_contradictions(
         if not trials:
             break
         deviation = min(solution.deviation_px for solution, _ in trials)
-        widths = p.bundle.loss_width * np.maximum(own, min(deviation, best.deviation_px))
+        widths = CAUCHY_WIDTH * np.maximum(own, min(deviation, best.deviation_px))
         losses = [_disagreement(bundle, solution.maps, widths) for solution, _ in trials]
         if min(losses) > p.gain * _disagreement(bundle, best.maps, widths):
             break
