@@ -16,6 +16,25 @@ TYPICAL_DEVIATION = 0.25
 
 
 @dataclass(frozen=True, slots=True)
+class FocalParameters:
+    """When a focal length that a page shows is believed, whatever its shape."""
+
+    believable: float = 3.5
+    """Deviations of the prior. A focal length further from the typical one comes from a page that is not quite flat, or
+    from sides that are not those of a rectangle, not from a rare lens."""
+    held_deviation: float = 0.08
+    """Deviation of the logarithm under the narrow prior that keeps the typical focal length in that case."""
+    exif_contradiction: float = 3.0
+    """Deviations of the prior. If the page shows a focal length further from EXIF's, the photo was cropped or zoomed
+    later."""
+    seen_deviation: float = 0.25
+    """The focal length is called estimated when the page alone fixes its logarithm better than this."""
+
+
+FOCAL = FocalParameters()
+
+
+@dataclass(frozen=True, slots=True)
 class FocalPrior:
     """What is known of the focal length beforehand: its logarithm (unit: half diagonal) and the deviation of that."""
 

@@ -28,6 +28,8 @@ class PageCroppingParameters:
     min_components: int = 30
     steepest: float = 0.04
     """Largest slope of an edge: sheets are cut parallel to their print within two degrees."""
+    slopes: int = 41
+    """Number of slopes that are tried: two next to each other differ by one cell over the page's height."""
     straightness: float = 1.5
     """Largest distance of an edge's points from its line, cells."""
     support: float = 0.05
@@ -252,7 +254,7 @@ def _on_one_line(y: Floats, x: Floats, p: PageCroppingParameters) -> NDArray[np.
     best = np.zeros(len(y), bool)
     if len(y) == 0:
         return best
-    for slope in np.linspace(-p.steepest, p.steepest, 41):
+    for slope in np.linspace(-p.steepest, p.steepest, p.slopes):
         # The line of this slope with most points: the densest window of their intercepts.
         intercept = x - slope * y
         order = np.sort(intercept)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import Floats, Points, Vector
-from services.geometry.focal_prior import FocalPrior
+from services.geometry.focal_prior import FOCAL, FocalPrior
 from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
@@ -18,15 +18,13 @@ from services.rectify.straight_lines import (
     start_plane,
 )
 from services.robust import cauchy_weights, robust_scale
-from services.sheet.outline.results import SheetOutline, SheetSide
+from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline, SheetSide
 
 
 @dataclass(frozen=True, slots=True)
 class OutlinePlaneParameters:
     """Which sides are used, and when their plane is accepted. Lengths are shares of the side's length."""
 
-    min_confidence: float = 0.5
-    """Of the outline: below it, its sides are more often wrong than right."""
     min_points: int = 8
     min_seen: float = 0.25
     """If a smaller share of a side is seen, the other sides show its direction better."""
@@ -40,11 +38,6 @@ class OutlinePlaneParameters:
     """A sheet's corners are right angles to 0.06 degrees (0.3 mm on A4), and lenses bend lines as much."""
     loss_scale: float = 3.0
     """Scale of Cauchy's loss of the line fit, in deviations: a thumb or a dog-ear covers part of a side."""
-    believable_focal: float = 3.5
-    """As in `RefinementParameters`: if the focal length is further from the prior, in deviations, the sides are not
-    those of a rectangle."""
-    held_deviation: float = 0.08
-    """Standard deviation of the prior of the focal length in that case."""
     max_misfit_rad: float = float(np.deg2rad(1.5))
     """RMS angle that the sides leave to the best rectangle."""
     off_centre: float = 0.15
@@ -176,7 +169,7 @@ def read_sides(
     sides, the focal length is the prior's. The sheet is not turned: its top side is at the top of the photo.
     """
     p = parameters or OutlinePlaneParameters()
-    if outline is None or outline.confidence < p.min_confidence:
+    if outline is None or outline.confidence < LEAST_CONFIDENCE:
         return None
     lines = side_lines(outline, view, p)
     if len(lines) == 0:
@@ -220,8 +213,8 @@ def plane_from_lines(
     if start is None:
         return NoOutlinePlane(f"only {len(lines)} straight sides are seen")
     fit = fit_line_plane(lines, prior, start)
-    if abs(float(np.log(fit.plane.focal)) - prior.log_focal) > p.believable_focal * prior.deviation:
-        prior = FocalPrior(prior.log_focal, min(p.held_deviation, prior.deviation), prior.source)
+    if abs(float(np.log(fit.plane.focal)) - prior.log_focal) > FOCAL.believable * prior.deviation:
+        prior = FocalPrior(prior.log_focal, min(FOCAL.held_deviation, prior.deviation), prior.source)
         fit = fit_line_plane(lines, prior, start)
     misfit = float(np.sqrt(np.mean(fit.residuals_rad**2)))
     if misfit > p.max_misfit_rad:

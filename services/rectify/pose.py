@@ -8,7 +8,7 @@ import numpy as np
 
 from services.arrays import Homography, Mask, Points
 from services.geometry.camera import rotation_from_vector
-from services.geometry.focal_prior import FocalLengthSource, FocalPrior, typical_focal_prior
+from services.geometry.focal_prior import FOCAL, FocalLengthSource, FocalPrior, typical_focal_prior
 from services.geometry.homographies import (
     denominators,
     jacobians,
@@ -63,10 +63,6 @@ class PoseParameters:
     curved page, whose vanishing points mean little."""
     minor_share: float = 0.3
     """Weight of the deviation of the minor flow; that of the major flow is 1."""
-    exif_contradiction: float = 3.0
-    """If the page shows a focal length this many deviations away from EXIF's, the photo was cropped or zoomed later."""
-    seen_focal_deviation: float = 0.25
-    """The focal length is called estimated when the page alone fixes its logarithm better than this."""
     aspect_deviation: float = 0.03
     """Above this the width-to-height ratio is called uncertain."""
     side_deviations: float = 4.0
@@ -279,7 +275,7 @@ def choose_pose(
     notices: list[Notice] = []
     tension = focal_tension(refined, prior)
     drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
-    if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
+    if prior.source == "exif" and drawn > FOCAL.exif_contradiction * prior.deviation:
         prior = typical_focal_prior()
         refined, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
         notices.append(EXIF_CONTRADICTED)
@@ -375,6 +371,6 @@ def focal_tension(refined: RefinedPlane, prior: FocalPrior) -> float:
 
 def focal_source(refined: RefinedPlane, prior: FocalPrior, parameters: PoseParameters) -> FocalLengthSource:
     """Source of the focal length: given, else estimated from the page, else assumed."""
-    if prior.source == "assumed" and refined.log_focal_deviation < parameters.seen_focal_deviation:
+    if prior.source == "assumed" and refined.log_focal_deviation < FOCAL.seen_deviation:
         return "estimated"
     return prior.source

@@ -17,12 +17,13 @@ from scipy.optimize import least_squares
 
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
-from services.geometry.focal_prior import MAX_FOCAL, MIN_FOCAL, FocalPrior
+from services.geometry.focal_prior import FOCAL, MAX_FOCAL, MIN_FOCAL, FocalPrior
 from services.geometry.homographies import jacobians, transform_points, translation
 from services.geometry.planar import PagePlane
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.rectify.straight_lines import StraightLines, side_directions, side_skew
 from services.robust import cauchy, robust_scale, soft_l1
+from services.sheet.developable.observations import ObservationParameters
 from services.sheet.tracing.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
 from services.texture_flow.field import FlowSamples
 
@@ -31,34 +32,17 @@ LEAST_GAIN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class RefinementParameters:
-    """Standard deviations of the observations."""
+class RefinementParameters(ObservationParameters):
+    """Standard deviations of the observations of a flat page."""
 
-    flow_overlap: float = 12.0
-    """Windows of neighbouring major samples share ink: this many count as one."""
     flow_floor_rad: float = np.deg2rad(0.1)
-    stroke_overlap: float = 4.0
     stroke_floor_rad: float = np.deg2rad(0.3)
-    slant_mean_rad: float = np.deg2rad(0.2)
-    slant_rad: float = np.deg2rad(0.15)
-    """Flag serifs and round strokes make roman type appear slanted: by 0.14 to 0.18 degrees on ten sharp pages at
-    seven angles, 0.25 to 0.4 blurred. One unknown slant with this prior accounts for it (and for a few italics)."""
     sharp_text_height_px: float = 18.0
     baseline_floor_rad: float = np.deg2rad(0.03)
     baseline_factor: float = 1.0
-    spacing: float = 0.012
-    """Deviation of a line's place over the spacing."""
-    spacing_between: float = 0.012
-    """Deviation of the logarithm of spacings of different paragraphs that are taken as equal."""
     spacing_alike: float = 0.05
-    margin: float = 0.25
-    """Deviation of a flush end in text heights (side bearings)."""
-    tilt_rad: float = np.deg2rad(35.0)
-    """People hold a camera approximately over the page; it decides only where the page shows nothing."""
-    believable_focal: float = 3.5
-    """A focal length further than this many deviations from the typical one comes from a page that is not quite
-    flat, not from a rare lens; then a narrow prior keeps the typical one."""
-    held_deviation: float = 0.08
+    believable_focal: float = FOCAL.believable
+    """Infinite where the focal length is kept at the typical one already."""
     skew_rad: float = np.deg2rad(0.3)
     """Angle between print and its sheet by printers and copiers; its loss permits a larger one, since print may be
     slanted on purpose."""
@@ -371,7 +355,7 @@ def refine_plane(
     fit = least_squares(residuals, x0, x_scale=x_scale, max_nfev=60, ftol=LEAST_GAIN)
     drawn = abs(float(fit.x[3]) - prior.log_focal)
     if principal_point is None and prior.source == "assumed" and drawn > p.believable_focal * prior.deviation:
-        held = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
+        held = FocalPrior(prior.log_focal, FOCAL.held_deviation, "assumed")
         return refine_plane(
             PagePlane(start.rotation, float(np.exp(prior.log_focal))), held, major, minor, points, observations,
             replace(p, believable_focal=np.inf), sides,

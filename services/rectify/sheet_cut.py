@@ -14,7 +14,7 @@ from services.rectify.drawing import draw_flat_view
 from services.rectify.edge_cropping import LONG_SIDE_PX, crop_frame, shown_pixels, view_points
 from services.rectify.framing import FlatFrame
 from services.sheet.framing import CurvedFrame
-from services.sheet.outline.results import SheetOutline
+from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
 
 SIDES = ("left", "top", "right", "bottom")
 
@@ -23,8 +23,6 @@ SIDES = ("left", "top", "right", "bottom")
 class SheetCutParameters:
     """When a side of the outline is accepted, and how much blank ground is kept."""
 
-    min_confidence: float = 0.5
-    """Of the outline: below it, its sides are more often wrong than right."""
     certain_confidence: float = 0.97
     """Confidence of the outline from which on nearly none is wrong."""
     white_confidence: float = 0.8
@@ -64,7 +62,7 @@ def cut_to_outline(
     `characters` (N, 2), photo pixels, must be inside; a side that would cut text off is not used.
     """
     p = parameters or SheetCutParameters()
-    if outline.confidence < p.min_confidence:
+    if outline.confidence < LEAST_CONFIDENCE:
         return frame, frozenset()
     if outline.confidence >= p.certain_confidence:
         on_sheet = within_polygon(outline.polygon, characters)

@@ -8,7 +8,7 @@ import numpy as np
 
 from services.arrays import GrayImage, Points, RgbImage
 from services.errors import NoText
-from services.geometry.focal_prior import FocalLengthSource, FocalPrior
+from services.geometry.focal_prior import FOCAL, FocalLengthSource, FocalPrior
 from services.geometry.homographies import transform_points
 from services.geometry.page_frame import resize_frame
 from services.geometry.photo_frame import PhotoFrame
@@ -40,9 +40,8 @@ class TextlessParameters:
     """Long side of the photo in which a few words are read to find which way is up."""
     straight_side: float = 0.006
     """RMS bend of a side, as a share of the sheet's size: without text a bend must be obvious."""
-    seen_focal_deviation: float = 0.25
     aspect_deviation: float = 0.03
-    """Both as in `PoseParameters`."""
+    """As in `PoseParameters`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +139,7 @@ def pose_of(
                 f"{100 * found.log_aspect_deviation:.0f} %; send focal_length_px or keep EXIF.",
             ),
         )
-    seen = prior.source == "assumed" and found.log_focal_deviation < p.seen_focal_deviation
+    seen = prior.source == "assumed" and found.log_focal_deviation < FOCAL.seen_deviation
     focal_source: FocalLengthSource = "estimated" if seen else prior.source
     N = found.plane.rotation[:, 2]
     return PagePose(

@@ -6,6 +6,7 @@ import numpy as np
 
 from services.arrays import Points, Vector
 from services.geometry.focal_prior import (
+    FOCAL,
     FocalLengthSource,
     FocalPrior,
     typical_focal_prior,
@@ -43,11 +44,6 @@ class CurvedParameters:
     simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
     start_focal_deviation: float = 0.05
     """Deviation of the prior in starts whose focal length stays near it."""
-    focal_held: float = 3.5
-    """If the focal length is further from the prior, in deviations, the page is not a bent sheet."""
-    held_deviation: float = 0.08
-    exif_contradiction: float = 3.0
-    seen_focal_deviation: float = 0.25
     max_magnification_ratio: float = 10.0
     max_tilt_rad: float = np.deg2rad(80.0)
     strips: int = 40
@@ -200,17 +196,17 @@ def estimate_curved_page(
     if reason is None:
         fitted, lines = _fit_lines(e, prior, fitted, p)
         drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
-        if prior.source == "exif" and drawn > p.exif_contradiction * prior.deviation:
+        if prior.source == "exif" and drawn > FOCAL.exif_contradiction * prior.deviation:
             prior, contradicted = typical_focal_prior(), True
             fitted, lines = _fit_lines(e, prior, fitted, p)
             drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
-        if prior.source == "assumed" and drawn > p.focal_held * prior.deviation:
-            prior = FocalPrior(prior.log_focal, p.held_deviation, "assumed")
+        if prior.source == "assumed" and drawn > FOCAL.believable * prior.deviation:
+            prior = FocalPrior(prior.log_focal, FOCAL.held_deviation, "assumed")
             fitted, lines = _fit_lines(e, prior, fitted, p)
         reason = implausibility(fitted.surface, e.characters, p)
     if reason is not None:
         return NoSheet(reason)
-    seen = prior.source == "assumed" and fitted.log_focal_deviation < p.seen_focal_deviation
+    seen = prior.source == "assumed" and fitted.log_focal_deviation < FOCAL.seen_deviation
     page_map = morph_to_lines(fitted.surface, lines)
     return CurvedPage(
         page_map,

@@ -10,7 +10,7 @@ from services.geometry.focal_prior import FocalLengthSource, FocalPrior
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_LINES, LineObservations
-from services.sheet.outline.results import SheetOutline
+from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
@@ -46,8 +46,6 @@ class RidgedPageParameters:
     """Line straightness (RMS, in text heights) below which a page cannot be read better."""
     improvement: float = 0.85
     """Share of the straightness before, above which another round gains nothing."""
-    min_confidence: float = 0.5
-    """Of the outline: below it, its sides are more often wrong than right."""
     min_seen: float = 0.35
     """Share of each side that is seen."""
     end: float = 0.4
@@ -205,7 +203,7 @@ def estimate_ridged_page(
     """
     p = parameters or RidgedPageParameters()
     whole = complete_corners(outline, p)
-    if outline.confidence < p.min_confidence or whole is None:
+    if outline.confidence < LEAST_CONFIDENCE or whole is None:
         return NoRidgedPage("the sheet's outline is not seen clearly")
     if min(side.seen for side in outline.sides) < p.min_seen:
         return NoRidgedPage("a side of the sheet is not seen")

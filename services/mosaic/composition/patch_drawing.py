@@ -19,6 +19,11 @@ RIM_PX = 2.0
 MAX_REDUCTION = 12.0
 """Largest number of photo pixels per mosaic pixel; a larger value means that this is not the page."""
 
+MARGIN_STEPS = 1.5
+"""Margin within the shown part, steps of the map's grid: interpolation reaches one node beyond a pixel."""
+OUTSIDE_PX = -1e4
+"""Place of points that a photo does not show: outside of it, also after interpolation."""
+
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
@@ -105,7 +110,7 @@ def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch
         size = (max(round(source.shape[1] * factor), 1), max(round(source.shape[0] * factor), 1))
         source = np.asarray(cv2.resize(source, size, interpolation=cv2.INTER_AREA), np.uint8)
     step = float(np.nan_to_num(_enlargement(placed.placement.to_flat, inside)).max()) * GRID_STEP_PX
-    side = 2 * int(np.ceil(min(1.5 * step, float(max(shown.shape))))) + 1
+    side = 2 * int(np.ceil(min(MARGIN_STEPS * step, float(max(shown.shape))))) + 1
     well_shown = cv2.erode(
         shown, np.ones((side, side), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
     )
@@ -123,10 +128,10 @@ def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
     if not known.any():
         return None
     photo_size = np.array([patch.placed.flat.photo.shape[1], patch.placed.flat.photo.shape[0]])
-    safe_flat = np.where(known.reshape(-1, 1), flat, -1e4).astype(np.float32)
+    safe_flat = np.where(known.reshape(-1, 1), flat, OUTSIDE_PX).astype(np.float32)
     source_size = np.array([patch.source.shape[1], patch.source.shape[0]])
     scale = source_size / photo_size
-    source_nodes = (np.where(known.reshape(-1, 1), photo, -1e4) + 0.5) * scale - 0.5
+    source_nodes = (np.where(known.reshape(-1, 1), photo, OUTSIDE_PX) + 0.5) * scale - 0.5
     source = between_nodes(source_nodes.reshape(*shape, 2).astype(np.float32), width, height)
     with np.errstate(invalid="ignore"):
         inside = ((photo >= RIM_PX) & (photo <= photo_size - 1 - RIM_PX)).all(axis=1)

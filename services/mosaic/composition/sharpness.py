@@ -37,6 +37,8 @@ class SharpnessParameters:
     border of that print and would connect words."""
     noise_factor: float = 3.0
     """Least gradient of print relative to the gradient of bare paper."""
+    least_print: float = 0.005
+    """Added to the share of print in a window: with less print than this there is no comparison."""
     window: float = 3.0
     """Window over which sharpness is averaged. It is wide, because focus varies slowly and print varies fast."""
 
@@ -150,8 +152,7 @@ def compare_sharpness(
     asked = ((printed > 0) & (maps.covered == 255)).astype(np.float32)
     share = _average(asked, p.window * text_height)
     total = _average(maps.energy * asked[..., None], p.window * text_height)
-    # Almost no print: no comparison.
-    both = np.maximum(total[..., 0] * total[..., 1], 0) / np.square(share + np.float32(0.005))
+    both = np.maximum(total[..., 0] * total[..., 1], 0) / np.square(share + np.float32(p.least_print))
     return np.asarray(np.sqrt(np.sqrt(both)), np.float32)
 
 

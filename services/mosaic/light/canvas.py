@@ -25,6 +25,11 @@ NODE_STEP_PX = 16
 RIM_PX = 2
 """Border of the shown part that is left out; its pixels mix with the outside."""
 
+BORDER_POINTS = 9
+"""Points along each side of a view that give its extent on the mosaic."""
+OUTSIDE_PX = -1e6
+"""Place of points that a photo does not show: outside of it, also after interpolation."""
+
 
 @dataclass(frozen=True, slots=True)
 class Canvas:
@@ -91,7 +96,7 @@ def frame_canvas(
 
 def _border(width: int, height: int) -> Points:
     """Points along the border of a view of the given size."""
-    x, y = np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9)
+    x, y = np.linspace(0, width - 1, BORDER_POINTS), np.linspace(0, height - 1, BORDER_POINTS)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     return np.concatenate([grid[0], grid[-1], grid[1:-1, 0], grid[1:-1, -1]])
 
@@ -124,7 +129,7 @@ def draw_reduced(
     flat = to_flat(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
     seen = photo.to_photo(flat).reshape(rows, columns, 2)
     flat = flat.reshape(rows, columns, 2)
-    seen = np.where(np.isfinite(seen).all(axis=-1, keepdims=True), seen, -1e6)
+    seen = np.where(np.isfinite(seen).all(axis=-1, keepdims=True), seen, OUTSIDE_PX)
     steps = np.linalg.norm(np.diff(seen, axis=1), axis=-1)
     within = _inside(seen[:, 1:], photo.photo.shape) & _inside(seen[:, :-1], photo.photo.shape)
     step = float(np.median(steps[within])) / NODE_STEP_PX if within.any() else 1.0

@@ -13,6 +13,11 @@ from services.robust import cauchy_weights
 DARKEST = 16.0
 """Gray level below which a colour is only noise and the camera's black level."""
 
+CLIPPED_LEVEL = 254
+"""From this level on the camera may have clipped a colour; compression changes 255 by one."""
+WIDER_WEIGHT = 0.01
+"""Weight of a window over that of the next narrower one, so that the narrowest with data decides."""
+
 
 @dataclass(frozen=True, slots=True)
 class LightParameters:
@@ -32,6 +37,12 @@ class LightParameters:
     bright_share: float = 0.85
     """Light is compared where colours have at least this share of the largest brightness nearby. Ink is darker in a
     sharp photo than in a blurred or hazy one, so it gives no information about light."""
+    shown_share: float = 0.7
+    """Least share of a block that a photo shows: two photos see different parts of a half-shown block."""
+    clipped_discount: float = 0.9
+    """Share of a block's weight that is lost where all of it is clipped: a clipped colour is a lower bound."""
+    least_bright: float = 0.1
+    """Least share of a block that is bright, and so shows the light."""
     gauge: float = 1e-6
     """Weight of a prior of gain 1 at every node. It determines only what data leave free: the mean over all photos."""
 
@@ -155,11 +166,10 @@ def _measure_blocks(view: CanvasView, p: LightParameters) -> tuple[Floats, Float
     share = cv2.resize(bright, size, interpolation=cv2.INTER_AREA).astype(np.float64)
     shown = cv2.resize(view.shown.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     color = cv2.resize(view.image * bright[..., None], size, interpolation=cv2.INTER_AREA).astype(np.float64)
-    clipped = (strongest_channel(view.image) >= 254).astype(np.float32) * bright
+    clipped = (strongest_channel(view.image) >= CLIPPED_LEVEL).astype(np.float32) * bright
     clipped_share = cv2.resize(clipped, size, interpolation=cv2.INTER_AREA) / np.maximum(share, 1e-6)
-    # Two photos see different parts of a half-shown block; a clipped colour is a lower bound, not a measurement.
-    weight = np.where(shown > 0.7, share * (1 - 0.9 * clipped_share), 0.0)
-    weight[share < 0.1] = 0.0
+    weight = np.where(shown > p.shown_share, share * (1 - p.clipped_discount * clipped_share), 0.0)
+    weight[share < p.least_bright] = 0.0
     return np.log(np.maximum(color / np.maximum(share, 1e-6)[..., None], 1.0)), weight
 
 
@@ -172,15 +182,15 @@ def to_cells(image: FloatImage) -> FloatImage:
 def spread(weighted: FloatImage, weight: FloatImage, sigmas: Sequence[float]) -> FloatImage:
     """Smoothed means of `weighted` / `weight`, (H, W, C) and (H, W), with Gaussian windows of the given sizes.
 
-    Each window has a hundredth of the weight of the previous one, so the narrowest window with data decides. The mean
-    over the whole image comes last.
+    Each window has `WIDER_WEIGHT` times the weight of the previous one, so the narrowest window with data decides.
+    The mean over the whole image comes last.
     """
     total = 1e-12 + float(weight.mean())
     share = np.full(weight.shape, total, np.float32)
     value = np.broadcast_to(weighted.mean(axis=(0, 1)), weighted.shape).astype(np.float32)
     for sigma in reversed(sigmas):
-        share = share * 0.01 + _gaussian(weight, sigma)
-        value = value * 0.01 + _gaussian(weighted, sigma)
+        share = share * WIDER_WEIGHT + _gaussian(weight, sigma)
+        value = value * WIDER_WEIGHT + _gaussian(weighted, sigma)
     return np.asarray(value / share[..., None], np.float32)
 
 

@@ -37,6 +37,11 @@ from services.mosaic.light.pictures import find_pictures
 from services.mosaic.light.tones import ToneMap
 from services.mosaic.placing.placement import Placement
 
+PAPER_QUANTILE = 0.95
+"""Share of the bright levels that are at most paper's: glare is brighter."""
+PICTURE_EDGE_PX = 5
+"""Width over which the edge of a picture's mask is softened, pixels of the map of levels."""
+
 
 @dataclass(frozen=True, slots=True)
 class ToneParameters:
@@ -195,7 +200,7 @@ def _overall_gain(
 def _paper_level(image: FloatImage, bright: FloatImage) -> float:
     """Level of well-lit paper."""
     levels = image[::CELL_PX, ::CELL_PX].max(axis=2)[bright[::CELL_PX, ::CELL_PX] > 0]
-    return float(np.quantile(levels, 0.95)) if levels.size else 0.0
+    return float(np.quantile(levels, PAPER_QUANTILE)) if levels.size else 0.0
 
 
 def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
@@ -216,7 +221,7 @@ def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
     again = measure_levels(image, p.levels)
     if again is None:
         return levels
-    softened = cv2.blur((~pictures).astype(np.float32), (5, 5))
+    softened = cv2.blur((~pictures).astype(np.float32), (PICTURE_EDGE_PX, PICTURE_EDGE_PX))
     return Levels(again.paper, again.ink, np.asarray(again.measured * softened, np.float32))
 
 

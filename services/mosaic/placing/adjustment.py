@@ -26,6 +26,10 @@ from services.mosaic.placing.homography_bundle import (
 )
 from services.mosaic.placing.placement import Placement
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.robust import CAUCHY_WIDTH
+
+OWN_STEPS = 6
+"""Steps of the fit of a single pair, which starts at its registration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +47,17 @@ class AdjustmentParameters:
     """Factor on the median departure, which also contains match errors: the prior shrinks from pass to pass."""
     prior_passes: int = 4
     """Passes that shrink the prior, from a hundredth to the least departure."""
+    shrinking: float = 0.8
+    """Passes end when the prior keeps more than this share of its width."""
+    pass_step_px: float = 0.001
+    """Convergence of such a pass; the last solution uses the bundle's own."""
     suspicious_weight: float = 0.4
     """Mean weight below which a pair is left out on trial: it is off by three standard deviations."""
     most_suspects: int = 5
     """Largest number of pairs tried in turn; a false pair affects hardly more neighbours."""
+    trial_step_px: float = 0.01
+    trial_steps: int = 30
+    """Convergence and number of steps of a trial: a rough solution shows which pair it is."""
     most_left_out: int = 3
     """Largest number of pairs left out; pairs are verified before, so false ones are rare."""
     gain: float = 0.8
@@ -145,8 +156,7 @@ def _without_contradictions(
     """
     left_out: frozenset[int] = frozenset()
     best = solve_bundle(bundle, _chain(bundle, count, left_out), own, p.bundle, left_out)
-    # A rough solution is enough to decide which pair it is.
-    roughly = replace(p.bundle, step_px=0.01, most_steps=30)
+    roughly = replace(p.bundle, step_px=p.trial_step_px, most_steps=p.trial_steps)
     for _ in range(p.most_left_out):
         suspects = [k for k in _suspects(bundle, best, p.suspicious_weight, p) if k not in left_out]
         trials = []
@@ -159,7 +169,7 @@ def _without_contradictions(
         if not trials:
             break
         deviation = min(solution.deviation_px for solution, _ in trials)
-        widths = p.bundle.loss_width * np.maximum(own, min(deviation, best.deviation_px))
+        widths = CAUCHY_WIDTH * np.maximum(own, min(deviation, best.deviation_px))
         losses = [_disagreement(bundle, solution.maps, widths) for solution, _ in trials]
         if min(losses) > p.gain * _disagreement(bundle, best.maps, widths):
             break
@@ -181,12 +191,12 @@ def _as_frontal_as_known(
     """
     points = PRIOR_POINTS[:, 0] + 1j * PRIOR_POINTS[:, 1]
     expected, prior = np.inf, None
-    roughly = replace(p.bundle, step_px=1000 * p.bundle.step_px)
+    roughly = replace(p.bundle, step_px=p.pass_step_px)
     for _ in range(p.prior_passes):
         views = [ViewInWorld(points, transform_points(A, PRIOR_POINTS), 1.0) for A in solution.maps]
         agreed = agree_on_views(views, np.full(len(views), 1 / len(views)))
         usual = max(p.prior_share * float(np.median(agreed.departures)), p.least_departure)
-        if usual > 0.8 * expected:
+        if usual > p.shrinking * expected:
             break
         expected = usual
         # A view with a larger departure than the others gets a wider prior.
@@ -251,4 +261,4 @@ def _own_deviation(bundle: Bundle, k: int, p: BundleParameters) -> float:
     pair = replace(bundle, halves=(bundle.halves[k],), confidences=(bundle.confidences[k],))
     maps = np.tile(np.eye(3), (len(bundle.units), 1, 1))
     maps[first.source] = bundle.initial[k]
-    return solve_bundle(pair, maps, np.zeros(1), replace(p, most_steps=6)).deviation_px
+    return solve_bundle(pair, maps, np.zeros(1), replace(p, most_steps=OWN_STEPS)).deviation_px

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.homographies import jacobians, transform_points
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.robust import MEDIAN_LENGTH, cauchy_weights
+from services.robust import CAUCHY_WIDTH, MEDIAN_LENGTH, cauchy_weights
 
 FREE = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1)]
 """Entries of a homography near the identity, in the order of the parameters; the last entry, (2, 2), is fixed."""
@@ -18,7 +18,9 @@ PRIOR_POINTS = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 7), np.linspace(-0.7,
     -1, 2
 )
 """Points (N, 2) that represent a normalised view."""
-PRIOR_PRECISION = 4 * 0.5 / (0.5 * 2.385**2)
+BEHIND = 1e3
+"""Distance, in half diagonals, of a point beyond the vanishing line: far larger than any true residual."""
+PRIOR_PRECISION = 4 * 0.5 / (0.5 * CAUCHY_WIDTH**2)
 """Weight of the prior: four independent errors with the probability of a match's error, in units of its loss."""
 
 
@@ -26,8 +28,6 @@ PRIOR_PRECISION = 4 * 0.5 / (0.5 * 2.385**2)
 class BundleParameters:
     """Lengths are relative to the views' diagonals, or pixels of a common resolution (the views' geometric mean)."""
 
-    loss_width: float = 2.385
-    """Width of the Cauchy loss over the standard deviation: 95 % efficiency (Holland and Welsch 1977)."""
     least_deviation_px: float = 0.02
     """Accuracy of block matching on print."""
     greatest_deviation: float = 0.003
@@ -180,15 +180,15 @@ def solve_bundle(
     least, most = p.least_deviation_px, max(p.greatest_deviation * bundle.diagonal, p.least_deviation_px)
     maps, damping, converged = start, 1e-9, False
     distances = transfer_distances(bundle, maps)
-    width = p.loss_width * max([least, *(float(np.median(distances[k])) for k in counted)])
+    width = CAUCHY_WIDTH * max([least, *(float(np.median(distances[k])) for k in counted)])
     deviation = least
     robust: list[Vector] = [np.ones(len(d)) for d in distances]
     for _ in range(p.most_steps):
         middle = float(np.median(np.concatenate([distances[k] for k in counted]))) / MEDIAN_LENGTH
         deviation = float(np.clip(middle, least, most))
-        settled = width * p.annealing <= p.loss_width * deviation
-        width = p.loss_width * deviation if settled else width * p.annealing
-        widths = np.maximum(width, p.loss_width * np.minimum(own, most))
+        settled = width * p.annealing <= CAUCHY_WIDTH * deviation
+        width = CAUCHY_WIDTH * deviation if settled else width * p.annealing
+        widths = np.maximum(width, CAUCHY_WIDTH * np.minimum(own, most))
         robust = [cauchy_weights(d, w) for d, w in zip(distances, widths, strict=True)]
         A, g = _normal_equations(bundle, maps, robust, widths, prior)
         cost = _cost(bundle, distances, widths, maps, prior)
@@ -242,7 +242,7 @@ def _residuals(half: _Half, maps: Floats, unit: float) -> tuple[Vector, Vector, 
     M = np.linalg.solve(maps[half.target], maps[half.source])
     there = transform_points(M, half.x)
     behind = (half.x @ M[2, :2] + M[2, 2]) * M[2, 2] <= 0
-    there[behind] = half.y[behind] + 1e3  # beyond the vanishing line: a very large distance
+    there[behind] = half.y[behind] + BEHIND
     return (half.y - there) * unit, there, M
 
 

@@ -17,10 +17,13 @@ from services.geometry.homographies import jacobians, transform_points
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import DisplacementField
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.robust import MEDIAN_LENGTH, cauchy_weights
+from services.robust import CAUCHY_WIDTH, MEDIAN_LENGTH, cauchy_weights
 
 Nodes = NDArray[np.intp]
 """Indices of nodes, any shape."""
+
+HELD_OUT_CELLS = 5
+"""One cell in so many is held out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +56,6 @@ class ResidualWarpParameters:
     """Largest displacement relative to the view's diagonal."""
     greatest_gradient: float = 0.05
     """Largest gradient of a displacement: far from a fold, and the inverse gains more than a digit per step."""
-    loss_width: float = 2.385
-    """Width of the Cauchy loss over the standard deviation: 95 % efficiency (Holland and Welsch 1977)."""
     least_deviation: float = 0.001
     """Accuracy of block matching."""
     reweightings: int = 4
@@ -227,7 +228,7 @@ def _gather(
         np.repeat(np.arange(len(pairs)), [len(pair.weights) for pair in pairs]),
         rows.tocsr(),
         np.concatenate(confidence),
-        (i + 2 * j) % 5 == 0,
+        (i + 2 * j) % HELD_OUT_CELLS == 0,
     )
 
 
@@ -287,7 +288,7 @@ def _fit(
     for _ in range(p.reweightings):
         distance = np.hypot(*left.T)
         deviation = max(float(np.median(distance)) / MEDIAN_LENGTH, p.least_deviation * text_height)
-        weights = confidence * cauchy_weights(distance, p.loss_width * deviation) / deviation**2
+        weights = confidence * cauchy_weights(distance, CAUCHY_WIDTH * deviation) / deviation**2
         weighted = rows.multiply(weights[:, None]).tocsr()
         normal = splu((rows.T @ weighted + priors).tocsc(), permc_spec="MMD_AT_PLUS_A")
         nodes = normal.solve(-(weighted.T @ apart))

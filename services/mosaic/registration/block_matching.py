@@ -17,6 +17,10 @@ from services.arrays import Floats, GrayImage, Homography, Mask, Points, Vector
 from services.geometry.homographies import transform_points, translation
 from services.mosaic.registration.reduced_view import ReducedView
 
+GRID_TRIES = 12
+GRID_GROWTH = 1.2
+"""The grid of blocks is made coarser by this factor until few enough remain, so many times at most (9-fold)."""
+
 
 @dataclass(frozen=True, slots=True)
 class BlockParameters:
@@ -33,6 +37,10 @@ class BlockParameters:
     least_side_px: float = 18.0
     """Least side of a block in a narrow overlap; the other side becomes longer."""
     longest_side_px: float = 112.0
+    longest_share: float = 0.9
+    """Largest side of a block, relative to the overlap's longer side."""
+    least_shown: float = 0.98
+    """Least share of a block that both views show."""
     breadth_share: float = 0.45
     """Side of a block relative to the overlap's width, so that two fit beside each other."""
     most_blocks: int = 280
@@ -169,7 +177,7 @@ def _block_size(both: Mask, side: float, p: BlockParameters) -> tuple[int, int] 
         return None
     short = float(np.clip(p.breadth_share * breadth, p.least_side_px, side))
     height, width = both.shape
-    long = max(short, min(side**2 / short, p.longest_side_px, 0.9 * max(height, width)))
+    long = max(short, min(side**2 / short, p.longest_side_px, p.longest_share * max(height, width)))
     return (round(short), round(long)) if width < height else (round(long), round(short))
 
 
@@ -199,17 +207,17 @@ def _choose_blocks(
     ]
     # Blocks are half a block apart, or on the finest grid that keeps to their largest number.
     apart = np.array([max(4, w // 2), max(4, h // 2)])
-    for _ in range(12):
+    for _ in range(GRID_TRIES):
         xs, ys = (np.arange(0, n - m + 1, s) for n, m, s in ((width, w, apart[0]), (height, h, apart[1])))
         x, y = (g.ravel() for g in np.meshgrid(xs, ys))
         if not len(x):
             return np.zeros((0, 2), np.intp), np.zeros(0, bool)
-        usable = box(shown, y, x) > 0.98
+        usable = box(shown, y, x) > p.least_shown
         variances = [box(squared, y, x) - box(plain, y, x) ** 2 for plain, squared in sums]
         usable &= np.maximum(*variances) > p.ink**2
         if np.count_nonzero(usable) <= most:
             break
-        apart = np.ceil(apart * 1.2).astype(int)
+        apart = np.ceil(apart * GRID_GROWTH).astype(int)
     chosen = np.stack([x, y], axis=1)[usable]
     chosen = chosen[:: -(-len(chosen) // most)] if len(chosen) > most else chosen
     x, y = chosen.T

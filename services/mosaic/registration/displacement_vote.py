@@ -41,6 +41,8 @@ class VoteParameters:
     matches: for pairs that share less than 8 % of the page, 90 ranks the truth higher than 60, as does 130."""
     size_tolerance: float = math.log(1.4)
     """Largest difference between the logarithms of a match's own scale and of the scale that it votes for."""
+    group_reach: float = 1.5
+    """Distance of a group's members from its centre along each axis, bins: they are counted in 3 x 3 bins."""
     reach: float = 2.5
     """Radius around a group's centre, in bins, that counts as the same place."""
     groups: int = 4
@@ -84,7 +86,7 @@ def vote_displacements(
     while len(groups) < p.groups and np.count_nonzero(voting):
         row, middle = _outstanding_bin(bins, voting)
         away = np.max(np.abs(bins[row] - middle), axis=1)
-        members = np.flatnonzero((away <= 1.5) & voting[row])
+        members = np.flatnonzero((away <= p.group_reach) & voting[row])
         if len(members) < p.least_votes:
             break
         scale = float(scales[row])

@@ -17,6 +17,9 @@ CELLS, DIRECTIONS = 4, 8
 MATCH_ROWS = 512
 """Number of rows of the similarity matrix that are computed at a time."""
 
+OCTAVE_LAYERS, EDGE_RATIO, BLUR_PX = 3, 10.0, 1.6
+"""The detector's defaults (Lowe 2004): layers an octave, ratio of curvatures of an edge, blur of the first layer."""
+
 
 @dataclass(frozen=True, slots=True)
 class FeatureParameters:
@@ -72,7 +75,7 @@ def detect_features(
     reduction = float(np.clip(reduction, p.least_text_height_px / text, p.most_text_height_px / text))
     reduction = min(1.0, fineness * reduction)
     gray, shown, H_reduced_flat = reduce_view(photo.gray, photo.shown, reduction)
-    detector = cv2.SIFT.create(0, 3, p.contrast, 10, 1.6, True)
+    detector = cv2.SIFT.create(0, OCTAVE_LAYERS, p.contrast, EDGE_RATIO, BLUR_PX, True)
     found = detector.detect(gray, shown.view(np.uint8) * 255)
     # Text lines are horizontal: a dominant direction would add noise and duplicates of features.
     upright: dict[tuple[float, float, float], cv2.KeyPoint] = {}

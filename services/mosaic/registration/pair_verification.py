@@ -49,6 +49,8 @@ class VerificationParameters:
     fine_agreement: float = 0.06
     fine_slope: float = 0.02
     """Largest difference of refined neighbours: a constant plus this share of their distance."""
+    least_weight: float = 0.05
+    """Least weight of a match, at the least correlation; 1 at a perfect one."""
     fit: FitParameters = field(default_factory=FitParameters)
     """How far two views may differ from a similarity."""
 
@@ -218,7 +220,7 @@ def refine_overlap(
     points_a, points_b = (near, far) if scale <= 1 else (far, near)
     points_a = transform_points(np.linalg.inv(fine_a.H_reduced_flat), points_a)
     points_b = transform_points(np.linalg.inv(fine_b.H_reduced_flat), points_b)
-    weights = np.clip((correlations - q.correlation) / (1 - q.correlation), 0.05, 1)
+    weights = np.clip((correlations - q.correlation) / (1 - q.correlation), p.least_weight, 1)
     loss = p.fine_loss * a.photo.text_height_px
     left = np.linalg.norm(transform_points(overlap.H_a_b, points_b) - points_a, axis=1)
     loss = max(loss, float(np.median(left)))

@@ -40,6 +40,9 @@ class RegistrationParameters:
 
     group_loss_px: float = 5.0
     """Loss width of the first fit, pixels of the word scale (as in the prototype)."""
+    first_loss: float = 3.0
+    skewed_loss: float = 6.0
+    """The loss at which a fit to a group begins, over `group_loss_px`; and a skewed view's to all matches."""
     finer: float = 1.5
     """Resolution of the second pass relative to the first."""
     most_retries: int = 45
@@ -164,7 +167,7 @@ def _register(
     loss = p.group_loss_px / features[0].reduction
     overlaps: list[tuple[CompatibleGroup, Overlap]] = []
     for group in groups:
-        H_a_turned = _fit_group(group, matches, loss, features[1].width, features[1].height)
+        H_a_turned = _fit_group(group, matches, loss, features[1].width, features[1].height, p)
         if H_a_turned is not None:
             overlap = verify_overlap(a, b, H_a_turned @ H_turned_b, turns)
             if overlap is not None:
@@ -192,11 +195,16 @@ def _register(
 
 
 def _fit_group(
-    group: CompatibleGroup, matches: FeatureMatches, loss: float, width: int, height: int
+    group: CompatibleGroup,
+    matches: FeatureMatches,
+    loss: float,
+    width: int,
+    height: int,
+    p: RegistrationParameters,
 ) -> Homography | None:
     points_a, points_b = matches.points_a[group.members], matches.points_b[group.members]
     initial = translation(*group.displacement) @ scaling(group.scale)
-    H, _ = fit_homography(points_a, points_b, np.ones(group.votes), initial, 3 * loss, loss)
+    H, _ = fit_homography(points_a, points_b, np.ones(group.votes), initial, p.first_loss * loss, loss)
     corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
     return H if is_sane(H, corners, group.scale) else None
 
@@ -207,7 +215,10 @@ def _fit_skewed(
     """A homography with foreshortening, fitted first to the group, then to all matches that agree with it."""
     points_a, points_b = matches.points_a, matches.points_b
     H: Homography = translation(*group.displacement) @ scaling(group.scale)
-    for members, first_loss in ((group.members, 3 * loss), (np.arange(len(points_a)), 6 * loss)):
+    for members, first_loss in (
+        (group.members, p.first_loss * loss),
+        (np.arange(len(points_a)), p.skewed_loss * loss),
+    ):
         weights = np.ones(len(members))
         H, _ = fit_homography(points_a[members], points_b[members], weights, H, first_loss, loss, p.skewed)
     return H

@@ -10,6 +10,28 @@ from services.geometry.camera import PrincipalPointPrior
 from services.texture_flow.field import FlowSamples
 
 
+@dataclass(frozen=True, slots=True)
+class ObservationParameters:
+    """Standard deviations of what print shows, on flat and on bent sheets."""
+
+    flow_overlap: float = 12.0
+    """Windows of neighbouring major samples share ink: this many count as one."""
+    stroke_overlap: float = 4.0
+    """The same of minor samples."""
+    slant_mean_rad: float = np.deg2rad(0.2)
+    slant_rad: float = np.deg2rad(0.15)
+    """Flag serifs and round strokes make roman type appear slanted: by 0.14 to 0.18 degrees on ten sharp pages at
+    seven angles, 0.25 to 0.4 blurred. One unknown slant with this prior accounts for it (and for a few italics)."""
+    spacing: float = 0.012
+    """Deviation of a line's place over the spacing."""
+    spacing_between: float = 0.012
+    """Deviation of the logarithm of spacings of different paragraphs that are taken as equal."""
+    margin: float = 0.25
+    """Deviation of a flush end in text heights (side bearings)."""
+    tilt_rad: float = np.deg2rad(35.0)
+    """People hold a camera approximately over the page; it decides only where the page shows nothing."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
     """Lines of equal spacing: `lines` (n,) are line numbers, `order` (n,) their places in the paragraph."""

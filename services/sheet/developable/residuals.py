@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import rotation_from_vector
 from services.robust import cauchy, soft_l1
-from services.sheet.developable.observations import PageObservations
+from services.sheet.developable.observations import ObservationParameters, PageObservations
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, Unrolled
 from services.sheet.developable.variation import GLOBAL, vary_page
 from services.texture_flow.field import FlowSamples
@@ -28,21 +28,15 @@ _PROBE = 0.002
 
 
 @dataclass(frozen=True, slots=True)
-class FittingParameters:
-    """Standard deviations of observations and priors; lengths in centred units."""
+class FittingParameters(ObservationParameters):
+    """Standard deviations of observations and priors of a bent sheet; lengths in centred units."""
 
-    flow_overlap: float = 12.0
-    """Windows of neighbouring major samples share ink: this many count as one."""
     major_rad: float = np.deg2rad(0.3)
-    stroke_overlap: float = 4.0
     minor_rad: float = np.deg2rad(0.5)
-    slant_mean_rad: float = np.deg2rad(0.2)
-    slant_rad: float = np.deg2rad(0.15)
     skew_rad: float = np.deg2rad(12.0)
     """Sheets bend across or along their text lines more often than diagonally: deviation of sin(2 skew) / 2."""
     slope: float = 0.15
     """Deviation of the slope of the rulings, per unit: books and bent sheets are nearly cylinders."""
-    tilt_rad: float = np.deg2rad(35.0)
     bend: float = 6.0
     """Deviation of the curvature of the a-axis, per unit."""
     bend_difference: float = 3.0
@@ -52,10 +46,6 @@ class FittingParameters:
     rim_bends: int = 2
     """Deviation of the first differences of this many bends at either end, beyond the text: the bend continues."""
     line_factor: float = 1.0
-    spacing: float = 0.012
-    spacing_between: float = 0.012
-    margin: float = 0.25
-    """Deviation of a flush end in text heights."""
     growth: float = 0.35
     growth_deviation: float = 0.05
     """Under the text, neighbouring rulings may approach each other to about this share of their distance."""

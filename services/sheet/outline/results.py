@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from services.arrays import Points, Vector
 
+LEAST_CONFIDENCE = 0.5
+"""Sides of outlines of less confidence are more often wrong than right: they are not used."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetSide:

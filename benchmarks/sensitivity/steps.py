@@ -1,0 +1,221 @@
+"""The steps that are studied: which packages, on which few reduced cases, and how an answer is judged."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.common.memory import Memory
+from benchmarks.common.places import MEMORY
+from benchmarks.common.residuals import mesh_residual_percent
+from benchmarks.layout.segmentation_matching import match_zones
+from benchmarks.layout.specimens import load_gray
+from benchmarks.layout.truth import load_set
+from benchmarks.mosaic.cases import HomographyMap, MosaicCase, TrueSet, load_case
+from benchmarks.mosaic.errors import FALSE_PX, measure_placement
+from benchmarks.rectify.cases import load_pages
+from benchmarks.rectify.sheet_experiments import CRUMPLED, FOLDED, GENTLE, LAMPS
+from benchmarks.sensitivity.replay import digest
+from services.arrays import GrayImage
+from services.contract.mosaic import MosaicParameters
+from services.contract.rectify import RectifyParameters
+from services.errors import DocumentError
+from services.layout.page import Page
+from services.layout.segmentation import segment_page
+from services.mosaic.pipeline import mosaic
+from services.ocr.engine import Word
+from services.ocr.tesseract import open_engine
+from services.rectify.pipeline import rectify
+from simulation.degradation import PHONE
+from simulation.flat_page import Page as FlatPage
+from simulation.photo import SimulatedPhoto
+from simulation.scenes import BOOK, PLANE, POSES, SKEWS_RAD, photograph
+from simulation.sheets import SHEET_VIEWS, photograph_sheet, with_margins
+from simulation.surfaces import Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """`error` against the truth (less is better), and a digest by which two answers are compared."""
+
+    error: float
+    answer: bytes | None
+
+
+Case = Callable[[], Outcome]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step: its fields are those of `studied`; functions of `packages` may be replayed."""
+
+    name: str
+    studied: tuple[str, ...]
+    packages: tuple[str, ...]
+    error: str
+    cases: Callable[[Path], Mapping[str, Case]]
+
+
+SEGMENTATION_SETS = {
+    "titles/real/jose": 1, "titles/real/juliacon": 1, "titles/real/rescience": 1, "titles/made/acm": 1,
+    "titles/made/elsevier": 1, "titles/made/ieee": 1, "titles/made/llncs": 1, "titles/made/revtex": 1,
+    "letters/made": 4,
+}  # fmt: skip
+"""Pages of each set, evenly spread over it. None of them is for measuring only."""
+SMALL_PAGE = 0.5
+"""Factor of the pages' size."""
+
+
+def segmentation_cases(data: Path) -> Mapping[str, Case]:
+    """Labelled pages at half size, with the engine's words where there is an engine."""
+    engine, memory = open_engine(), Memory(MEMORY)
+    cases = {}
+    for name, count in SEGMENTATION_SETS.items():
+        pages = load_set(name, str(data))
+        for place in np.linspace(0, len(pages) - 1, count + 2).astype(int)[1:-1] if pages else ():
+            page = pages[place]
+            gray = cv2.resize(
+                load_gray(page.image), None, fx=SMALL_PAGE, fy=SMALL_PAGE, interpolation=cv2.INTER_AREA
+            )
+            small = np.asarray(gray, np.uint8)
+            words = None if engine is None else memory.page_words(engine, small)
+            cases[page.name] = partial(_segment, small, words, _reduced(page.page))
+    return cases
+
+
+def _reduced(page: Page) -> Page:
+    zones = [
+        replace(zone, box=tuple(SMALL_PAGE * edge for edge in zone.box))  # type: ignore[arg-type]
+        for zone in page.zones
+    ]
+    return Page(page.width * SMALL_PAGE, page.height * SMALL_PAGE, tuple(zones))
+
+
+def _segment(gray: GrayImage, words: Sequence[Word] | None, truth: Page) -> Outcome:
+    found = segment_page(gray, words)
+    fates = match_zones(truth, found).fates
+    broken = sum(fate != "whole" for fate in fates)
+    boxes = [(zone.kind, *(round(edge, 3) for edge in zone.box)) for zone in found.zones]
+    return Outcome(100.0 * broken / max(len(fates), 1), digest(boxes))
+
+
+PHOTO_SIZE = (840, 1080)
+"""Width and height of the photos, px: text is 7 to 9 px high, the least that every step still works on."""
+WORST_MESH_PERCENT = 5.0
+"""What a refusal counts as, and the most that any answer does."""
+
+
+def rectify_cases(data: Path) -> Mapping[str, Case]:
+    """Six photos: flat, flat and oblique, a book's page, a gently bent sheet, a folded and a crumpled one."""
+    pages, _ = load_pages(data)
+
+    def filling(page: FlatPage, pose: int, skew: int, shape: Shape) -> Case:
+        rng = np.random.default_rng(pose)
+        skew_rad = SKEWS_RAD[skew]
+        return _rectification(
+            photograph(page, POSES[pose], skew_rad, shape, dirt=PHONE, rng=rng, size=PHOTO_SIZE)
+        )
+
+    def sheet(page: FlatPage, number: int, shape: Shape) -> Case:
+        rng = np.random.default_rng(number)
+        view, lamp = SHEET_VIEWS[number], LAMPS[number]
+        return _rectification(
+            photograph_sheet(with_margins(page), view, shape, lamp, dirt=PHONE, rng=rng, size=PHOTO_SIZE)
+        )
+
+    # Each of the first three has another shape: --cases 3 is the quickest varied choice.
+    return {
+        "oblique": filling(pages[1], 3, 0, PLANE),
+        "book": filling(pages[2], 1, 0, BOOK),
+        "folded": sheet(pages[0], 1, FOLDED[0]),
+        "flat": filling(pages[0], 0, 1, PLANE),
+        "gentle": sheet(pages[3], 0, GENTLE[1]),
+        "crumpled": sheet(pages[1], 2, CRUMPLED[0]),
+    }
+
+
+def _rectification(photo: SimulatedPhoto) -> Case:
+    def run() -> Outcome:
+        try:
+            answer = rectify(photo.image, RectifyParameters(), None, None)
+        except DocumentError as error:
+            return Outcome(WORST_MESH_PERCENT, digest(error.code))
+        height, width = answer.image.shape[:2]
+        error_percent = mesh_residual_percent(answer.mesh, width, height, photo.truth)
+        capped = min(error_percent, WORST_MESH_PERCENT) if np.isfinite(error_percent) else WORST_MESH_PERCENT
+        return Outcome(capped, digest(answer.mesh.tobytes(), answer.image.tobytes()))
+
+    return run
+
+
+MOSAIC_SETS = ("n2_o20_0_patent", "n2_o40_2_ieee")
+SMALL_PHOTO = 0.5
+
+
+def mosaic_cases(data: Path) -> Mapping[str, Case]:
+    """Two sets of two photos at half size; none where the data has none."""
+    cases: dict[str, Case] = {}
+    for name in MOSAIC_SETS:
+        if (data / "mosaic" / name / "truth.json").is_file():
+            truth = _reduced_set(load_case(MosaicCase("shared", 2, 0.0, name), data, {}))
+            cases[name] = partial(_assemble, truth)
+    return cases
+
+
+def _reduced_set(truth: TrueSet) -> TrueSet:
+    photos = tuple(
+        np.asarray(
+            cv2.resize(photo, None, fx=SMALL_PHOTO, fy=SMALL_PHOTO, interpolation=cv2.INTER_AREA), np.uint8
+        )
+        for photo in truth.photos
+    )
+    shift = 0.5 * SMALL_PHOTO - 0.5
+    H_small_photo = np.array([[SMALL_PHOTO, 0.0, shift], [0.0, SMALL_PHOTO, shift], [0.0, 0.0, 1.0]])
+    maps = [each for each in truth.maps if isinstance(each, HomographyMap)]
+    reduced = tuple(
+        HomographyMap(H_small_photo @ each.H_photo_page, photo.shape[1], photo.shape[0])
+        for each, photo in zip(maps, photos, strict=True)
+    )
+    return replace(truth, photos=photos, maps=reduced)
+
+
+def _assemble(truth: TrueSet) -> Outcome:
+    try:
+        answer = mosaic(truth.photos, MosaicParameters(upright=False), None, None)
+    except DocumentError as error:
+        return Outcome(FALSE_PX, digest(error.code))
+    errors = measure_placement(truth, [patch.mesh for patch in answer.patches])
+    wrong = errors.false or errors.placed < len(truth.photos) or not np.isfinite(errors.rms_px)
+    return Outcome(FALSE_PX if wrong else min(errors.rms_px, FALSE_PX), digest(answer.image.tobytes()))
+
+
+_PLANE = ("services.texture_flow", "services.imaging", "services.geometry", "services.sheet")
+STEPS = {
+    step.name: step
+    for step in (
+        Step(
+            "segmentation",
+            ("services.layout.segmentation",),
+            ("services.layout.segmentation", "services.imaging"),
+            "true zones not whole, %",
+            segmentation_cases,
+        ),
+        Step(
+            "rectify",
+            ("services.rectify", *_PLANE),
+            ("services.rectify", *_PLANE),
+            "mesh against the truth, RMS, % of the page's width",
+            rectify_cases,
+        ),
+        Step(
+            "mosaic",
+            ("services.mosaic",),
+            ("services.mosaic", "services.rectify", *_PLANE),
+            "photos' places against the truth, RMS, px at 300 dpi",
+            mosaic_cases,
+        ),
+    )
+}
