@@ -14,7 +14,7 @@ import struct
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 import pikepdf
 import pypdfium2
@@ -33,7 +33,7 @@ _PASSWORD_ERROR = 4  # FPDF_ERR_PASSWORD
 
 
 def write_message(
-    stream: BinaryIO, header: Mapping[str, object], body: bytes | bytearray | memoryview = b""
+    stream: IO[bytes], header: Mapping[str, object], body: bytes | bytearray | memoryview = b""
 ) -> None:
     """Write one message."""
     packed = json.dumps(header).encode()
@@ -43,7 +43,7 @@ def write_message(
     stream.flush()
 
 
-def read_message(stream: BinaryIO, most_bytes: int) -> tuple[dict[str, Any], bytes]:
+def read_message(stream: IO[bytes], most_bytes: int) -> tuple[dict[str, Any], bytes]:
     """The next message; raises `EOFError` when there is none, or when it is larger than `most_bytes`."""
     lengths = stream.read(LENGTHS.size)
     if len(lengths) < LENGTHS.size:
@@ -65,7 +65,7 @@ def allow_processor_time(seconds: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (min(until, hard - _BEFORE_KILL_S), hard))
 
 
-def serve(requests: BinaryIO, replies: BinaryIO, max_upload_bytes: int, page_s: int) -> None:
+def serve(requests: IO[bytes], replies: IO[bytes], max_upload_bytes: int, page_s: int) -> None:
     """Answer requests until the other side closes. The first one opens the PDF, each later one draws a page.
 
     `page_s` is the processor time of one page, seconds.
