@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from app.probe import Probe
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
 from models.records import ResultDraft, StoredModel, UnknownPageDraft
 from models.repository import Store
@@ -23,6 +24,8 @@ log = logging.getLogger(__name__)
 DATABASE = "layout.sqlite3"
 MOST_THREADS = 4
 """SQLite allows parallel reads and one write at a time. More threads would only wait for each other."""
+PROBE_TIMEOUT_S = 0.7
+"""Time for the check of the store by `/health/ready`, which answers within a second."""
 PURGE_EVERY_S = 60.0
 PURGE_EVERY_RESULTS = 100
 """Expired results are deleted after this many seconds or this many new results, whichever comes first."""
@@ -52,12 +55,16 @@ class LayoutStore:
     Its methods work only inside the `opened` block.
     """
 
-    def __init__(self, data_dir: Path, results: ResultLimits, database_url: str = "") -> None:
+    def __init__(
+        self, data_dir: Path, results: ResultLimits, database_url: str = "", timeout_s: float = 20.0
+    ) -> None:
         self._folder = data_dir
         self._database_url = database_url
         self._results = results
         self._store: Store | None = None
         self._threads: ThreadPoolExecutor | None = None
+        self._timeout_s = timeout_s
+        self._probe = Probe(self._is_readable, "store-probe")
         self._loading = asyncio.Lock()
         self._revision: int | None = None
         self._ready: Mapping[str, ReadyModel] = {}
@@ -121,24 +128,39 @@ class LayoutStore:
         Raises
         ------
         StoreError
-            What `work` raised; StoreUnavailable when the store is not open.
+            What `work` raised; StoreUnavailable when the store is not open or does not answer in time.
         """
         store = self._store
         if store is None:
             raise StoreUnavailable("the store is closed")
-        return await asyncio.get_running_loop().run_in_executor(self._threads, work, store)
+        async with self._in_time():
+            return await asyncio.get_running_loop().run_in_executor(self._threads, work, store)
+
+    @asynccontextmanager
+    async def _in_time(self) -> AsyncIterator[None]:
+        """Raise `StoreUnavailable` when the block takes too long. What has begun goes on in its thread."""
+        try:
+            async with asyncio.timeout(self._timeout_s):
+                yield
+        except TimeoutError:
+            raise StoreUnavailable(
+                f"the database did not answer within {self._timeout_s:g} s (STORE_TIMEOUT_S)"
+            ) from None
 
     async def is_available(self) -> bool:
-        """Whether the store can be read now."""
+        """Whether the store can be read now; False if it does not answer within `PROBE_TIMEOUT_S`."""
+        return bool(await self._probe.result(PROBE_TIMEOUT_S))
+
+    def _is_readable(self) -> bool:
+        store = self._store
         try:
-            await self.call(Store.revision)
+            return store is not None and store.revision() >= 0
         except StoreError:
             return False
-        return True
 
     async def ready(self) -> Mapping[str, ReadyModel]:
         """Newest version of each model that has one, by name. Only changed models are read again."""
-        async with self._loading:
+        async with self._in_time(), self._loading:
             revision = await self.call(Store.revision)
             if revision != self._revision:
                 # A model may change between the two reads. Then the stored revision is too old, and the next call reads

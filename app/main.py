@@ -5,7 +5,6 @@ import signal
 import sys
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +13,14 @@ from fastapi import Depends, FastAPI
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
+from starlette.formparsers import MultiPartParser
 from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from app import __version__
 from app.authentication import ApiKeys
+from app.body_limits import body_limits_of
+from app.disk_space import DiskSpace
 from app.engine.local import LocalEngine, PoolLimits
 from app.interprocess_lock import InterprocessLock
 from app.jobs import JobLimits, Jobs
@@ -48,7 +50,8 @@ from app.routes.known_options import KnownQueryOptions
 from app.routes.state import AppState
 from app.settings import Settings
 from app.transfer import ConditionalGet, HeadAndOptions, RootPath
-from app.uploads import Admission, BodyGuard, BodyLimits
+from app.upload_places import UploadPlaces
+from app.uploads import Admission, BodyGuard
 from services.contract.operations import Operations
 from services.layout.content.content_settings import InvalidContentSettings, read_settings
 
@@ -97,11 +100,13 @@ WORK = frozenset(
         ("POST", "/layout/proposals"),
     }
 )
-"""Requests that need a seat in the engine before their body is read."""
+"""Requests that need a seat in the engine."""
 MAX_FIELD_BYTES = 64 * 1024
 """Largest option field. 200 points of a region need a tenth of it. The zones of a page have their own limit."""
 
 
+MultiPartParser.spool_max_size = 256 * 1024
+"""Bytes of an uploaded file that stay in memory: 64 mosaics of 16 photos may arrive at once."""
 OPENAPI_PATH = "/openapi.json"
 COMMON_HEADERS = frozenset(
     {"ETag", "Location", "Retry-After", "X-Request-ID", "Content-Disposition", "Link", "Allow"}
@@ -146,6 +151,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             settings.result_ttl_s, settings.max_results, settings.max_unknown_pages, settings.unknown_ttl_s
         ),
         database_url=settings.database_url,
+        timeout_s=settings.store_timeout_s,
     )
     shared = None if settings.database_url else settings.data_dir / LEARNING_LOCK
     locks = ModelLocks(InterprocessLock(shared))
@@ -157,6 +163,8 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             max_listeners=settings.max_job_listeners,
         )
     )
+
+    disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -183,7 +191,9 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         dependencies=[Depends(KnownQueryOptions(routes))],
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
-    app.state.document_rectification = AppState(settings, engine, operations, store, metrics, locks, jobs)
+    app.state.document_rectification = AppState(
+        settings, engine, operations, store, metrics, locks, jobs, disk
+    )
     for router in ROUTERS:
         if router is layout.router:
             # The limit of one field must be reached before that of all fields, because its message names the field.
@@ -227,7 +237,8 @@ def _add_middleware(
     The middleware that is added last is the outermost: prefix, log, body limits, origins, compression, errors, API
     keys, methods, admission.
     """
-    app.add_middleware(Admission, engine=engine, work=WORK)
+    places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
+    app.add_middleware(Admission, engine=engine, work=WORK, places=places)
     app.add_middleware(ConditionalGet)
     app.add_middleware(HeadAndOptions, methods=_methods_of(routes))
     app.add_middleware(ApiKeys, keys=settings.api_keys)
@@ -246,30 +257,8 @@ def _add_middleware(
             allow_headers=("*",),
             expose_headers=_headers_of(routes),
         )
-    body_limits = BodyLimits(
-        max_upload_bytes=settings.max_upload_bytes,
-        body_timeout_s=settings.body_timeout_s,
-        max_drain_bytes=settings.max_drain_bytes,
-        drain_timeout_s=settings.drain_timeout_s,
-    )
-    mosaic_limits = replace(
-        body_limits,
-        max_upload_bytes=settings.max_mosaic_upload_bytes,
-        size_setting="MAX_MOSAIC_UPLOAD_BYTES",
-    )
-    document_limits = replace(
-        body_limits,
-        max_upload_bytes=settings.max_document_upload_bytes,
-        size_setting="MAX_DOCUMENT_UPLOAD_BYTES",
-    )
-    model_limits = replace(
-        body_limits, max_upload_bytes=settings.max_model_bytes, size_setting="MAX_MODEL_BYTES"
-    )
-    app.add_middleware(
-        BodyGuard,
-        limits=body_limits,
-        of_path={"/mosaic": mosaic_limits, "/layout": document_limits, "/layout/models/{name}": model_limits},
-    )
+    limits, of_path = body_limits_of(settings)
+    app.add_middleware(BodyGuard, limits=limits, of_path=of_path)
     app.add_middleware(RequestLog, metrics=metrics)
     app.add_middleware(RootPath, root_path=settings.root_path)
 

@@ -72,7 +72,11 @@ class _EngineCollector(Collector):
         for name, value, meaning in (
             ("engine_live_workers", now.live_workers, "Worker processes that are up."),
             ("engine_capacity", now.capacity, "Seats: workers and places in the queue."),
-            ("engine_admitted", now.admitted, "Seats taken, including requests whose bodies still arrive."),
+            (
+                "engine_admitted",
+                now.admitted,
+                "Seats taken by requests whose bodies are there.",
+            ),
             ("engine_queue_depth", now.waiting, "Jobs that wait for a worker."),
             ("engine_running", now.running, "Jobs that have a worker."),
         ):

@@ -1,6 +1,7 @@
 """Errors as `application/problem+json` (RFC 9457). Only this module knows status codes."""
 
 import asyncio
+import errno
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -65,7 +66,7 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "not-found": "There is no such resource.",
     "method-not-allowed": "The resource does not support this method; `Allow` lists the supported ones.",
     "not-acceptable": "No representation fits `Accept`.",
-    "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S.",
+    "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S, or slower than MIN_BODY_BYTES_PER_S.",
     "conflict": "The model changed since it was read, or an Idempotency-Key came with a different request.",
     "not-finished": "The job has no result yet.",
     "cancelled": "The job was cancelled; it has no result and will have none.",
@@ -86,11 +87,12 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "busy": "All workers and the queue are in use; try again after `Retry-After` seconds.",
     "not-ready": "No worker is up.",
     "shutting-down": "The service is stopping; try again after `Retry-After` seconds.",
-    "store-unavailable": "The store cannot be read or written now; nothing was saved.",
+    "store-unavailable": "The store cannot be read or written now, or its disk is full; try again later.",
     "timed-out": "The work exceeded its limit (JOB_TIMEOUT_S, MOSAIC_TIMEOUT_S, DOCUMENT_TIMEOUT_S, MODEL_TIMEOUT_S) "
     "and was stopped.",
 }
 
+_DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 _CODE_OF_STATUS = {400: "bad-request", 404: "not-found", 405: "method-not-allowed", 413: "too-large"}
 """Problem codes of requests that the framework refuses."""
 
@@ -266,7 +268,11 @@ def _refusal_of_http(error: HTTPException) -> Refusal:
         return refusal_of(error.__cause__)
     if isinstance(error.__cause__, ClientDisconnect):
         return _gone()
-    if isinstance(error.__cause__, OSError):  # no disk space to spool the body; the request is valid
+    if isinstance(error.__cause__, OSError) and error.__cause__.errno in _DISK_FULL:
+        return Refusal(
+            "store-unavailable", "The service has no disk space left for this upload. Send it again later."
+        )
+    if isinstance(error.__cause__, OSError):  # the body could not be spooled; the request is valid
         return _internal()
     if error.status_code not in _CODE_OF_STATUS:
         return _internal()

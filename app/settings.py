@@ -88,14 +88,25 @@ class Settings(BaseSettings):
     body_timeout_s: float = Field(
         default=60.0, gt=0, description="A request body must have arrived within this long."
     )
+    min_body_bytes_per_s: float = Field(
+        default=8192.0,
+        gt=0,
+        description="Least mean rate of a request body after its first 5 s; a slower one gets 408.",
+    )
+    max_uploads: int = Field(
+        default=64,
+        ge=1,
+        description="Request bodies that may arrive at once; further ones get 503 `busy`. A request takes its place in "
+        "the queue when its body is there.",
+    )
     max_drain_bytes: int = Field(
-        default=8 * MIB,
+        default=256 * MIB,
         ge=0,
-        description="Largest part of a refused body that is still read, so that a client that sends first and reads "
-        "later receives the refusal.",
+        description="Largest part of a refused body that is still read and discarded, so that a client that sends "
+        "first and reads later receives the refusal.",
     )
     drain_timeout_s: float = Field(
-        default=10.0, gt=0, description="A refused body is read for at most this long."
+        default=30.0, gt=0, description="A refused body is read for at most this long."
     )
 
     # Workers
@@ -171,6 +182,17 @@ class Settings(BaseSettings):
         description="PostgreSQL database (postgresql://user:password@host/name, in UTF-8), used instead of the "
         "file layout.sqlite3 in DATA_DIR; several services may share it.",
         repr=False,
+    )
+    store_timeout_s: float = Field(
+        default=20.0,
+        gt=0,
+        description="A call of the store that takes longer ends as 503 `store-unavailable`.",
+    )
+    min_free_disk_bytes: int = Field(
+        default=256 * MIB,
+        ge=0,
+        description="Least free space of DATA_DIR and of the folder for temporary files; /health/ready tells when "
+        "there is less.",
     )
     max_models: int = Field(default=200, ge=1, description="Most layout models.")
     max_samples_per_model: int = Field(default=1000, ge=1, description="Most samples of one layout model.")

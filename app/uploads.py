@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.engine.base import Admission as Seat
 from app.engine.base import Engine
 from app.paths import PathTemplates
+from app.upload_places import BodyTooSlow, UploadPlaces
 from services.errors import DocumentError, TooLarge
 
-
-class BodyTooSlow(DocumentError):
-    """The body did not arrive in time."""
-
-    code = "request-timeout"
+_RATE_HOLDS_AFTER_S = 5.0
+"""Time before the least rate of a body holds: connections start slowly, and phones pause."""
 
 
 class ClientGone(DocumentError):
@@ -27,16 +26,21 @@ class ClientGone(DocumentError):
 
 @dataclass(frozen=True, slots=True)
 class BodyLimits:
-    """Size and time limits of a body; `app.settings` documents each under the same name.
+    """Size and time limits of a body; `app.settings` documents them.
 
-    `size_setting` is the name of the setting behind `max_upload_bytes`; error messages name it.
+    `max_upload_bytes` limits a multipart form, whose files are spooled, `max_plain_bytes` every other body, which is
+    kept in memory. `size_setting` and `plain_setting` are the settings behind them, which error messages name; empty:
+    there is none.
     """
 
     max_upload_bytes: int
+    max_plain_bytes: int
     body_timeout_s: float
+    min_body_bytes_per_s: float
     max_drain_bytes: int
     drain_timeout_s: float
-    size_setting: str = "MAX_UPLOAD_BYTES"
+    size_setting: str
+    plain_setting: str
 
 
 class BodyGuard:
@@ -74,8 +78,11 @@ class _Exchange:
         self._receive = receive
         self._send = send
         self._limits = limits
+        is_form = headers.get("content-type", "").strip().lower().startswith("multipart/form-data")
+        self._most_bytes = limits.max_upload_bytes if is_form else limits.max_plain_bytes
+        self._setting = limits.size_setting if is_form else limits.plain_setting
         self._received_bytes = 0
-        self._deadline: float | None = None
+        self._begin_s: float | None = None
         self._closing = False
 
     async def receive(self) -> Message:
@@ -88,21 +95,28 @@ class _Exchange:
         """
         if self._body_over:
             return await self._receive()
-        limit = self._limits.max_upload_bytes
-        if self._declared_bytes is not None and self._declared_bytes > limit:
+        if self._declared_bytes is not None and self._declared_bytes > self._most_bytes:
             raise self._too_large(f"{self._declared_bytes} bytes")
-        now = time.monotonic()
-        if self._deadline is None:
-            self._deadline = now + self._limits.body_timeout_s
+        now_s = time.monotonic()
+        if self._begin_s is None:
+            self._begin_s = now_s
+        limits = self._limits
+        by_rate_s = _RATE_HOLDS_AFTER_S + self._received_bytes / limits.min_body_bytes_per_s
+        allowed_s = min(limits.body_timeout_s, by_rate_s)
         try:
-            async with asyncio.timeout(max(0.0, self._deadline - now)):
+            async with asyncio.timeout(max(0.0, self._begin_s + allowed_s - now_s)):
                 message = await self._receive()
         except TimeoutError:
+            if allowed_s < limits.body_timeout_s:
+                raise BodyTooSlow(
+                    f"The body arrived slower than {limits.min_body_bytes_per_s:g} bytes a second "
+                    "(MIN_BODY_BYTES_PER_S). Send it again over a faster connection."
+                ) from None
             raise BodyTooSlow(
-                f"The body did not arrive within {self._limits.body_timeout_s:g} s (BODY_TIMEOUT_S)."
+                f"The body did not arrive within {limits.body_timeout_s:g} s (BODY_TIMEOUT_S)."
             ) from None
         self._note(message)
-        if self._received_bytes > limit:
+        if self._received_bytes > self._most_bytes:
             raise self._too_large("more")
         return message
 
@@ -113,9 +127,9 @@ class _Exchange:
             self._body_over = True
 
     def _too_large(self, size: str) -> TooLarge:
+        setting = f" ({self._setting})" if self._setting else ""
         return TooLarge(
-            f"The request body is limited to {self._limits.max_upload_bytes} bytes "
-            f"({self._limits.size_setting}); this one has {size}."
+            f"The request body is limited to {self._most_bytes} bytes{setting}; this one has {size}."
         )
 
     async def send(self, message: Message) -> None:
@@ -142,28 +156,83 @@ class _Exchange:
 
 
 class Admission:
-    """Middleware: a request for work takes a seat in the engine before its body is read.
+    """Middleware: a request for work gets a seat in the engine when its body is there.
 
-    The seat is `request.state.seat`. The route releases it when the work is done; at the latest it is released with the
-    response. `work` lists pairs of method and path template. Raises what `Engine.admit` raises.
+    A full engine refuses before the body is read. While a body arrives, the request has one of the `places`. The seat
+    is `request.state.seat`. The route releases it when the work is done; at the latest it is released with the
+    response. `work` lists pairs of method and path template. Raises what `Engine.admit` and `UploadPlaces.enter` raise.
     """
 
-    def __init__(self, app: ASGIApp, engine: Engine, work: Collection[tuple[str, str]]) -> None:
+    def __init__(
+        self, app: ASGIApp, engine: Engine, work: Collection[tuple[str, str]], places: UploadPlaces
+    ) -> None:
         self.app = app
         self.engine = engine
         self.work = frozenset(work)
         self.templates = PathTemplates(template for _, template in work)
+        self.places = places
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or not self._is_work(scope):
             await self.app(scope, receive, send)
             return
-        seat = self.engine.admit()
+        seat = _LateSeat(self.engine)
         scope.setdefault("state", {})["seat"] = seat
+        seat.take()
         try:
-            await self.app(scope, receive, send)
+            if _reads_body(scope):
+                seat.release()
+                await self._with_place(seat, scope, receive, send)
+            else:
+                await self.app(scope, receive, send)
         finally:
             seat.release()
 
+    async def _with_place(self, seat: "_LateSeat", scope: Scope, receive: Receive, send: Send) -> None:
+        place = self.places.enter()
+        is_complete = False
+
+        async def receive_then_sit() -> Message:
+            nonlocal is_complete
+            if is_complete:
+                return await receive()
+            message = await place.receive(receive)
+            if message["type"] == "http.request" and not message.get("more_body", False):
+                is_complete = True
+                place.leave()
+                seat.take()
+            return message
+
+        try:
+            await self.app(scope, receive_then_sit, send)
+        finally:
+            place.leave()
+
     def _is_work(self, scope: Scope) -> bool:
         return (scope["method"], self.templates.match(scope["path"])) in self.work
+
+
+class _LateSeat:
+    """A seat that is taken after the request has begun."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._seat: Seat | None = None
+
+    def take(self) -> None:
+        """Take the seat. Raises what `Engine.admit` raises."""
+        self._seat = self._engine.admit()
+
+    def release(self) -> None:
+        """Release the seat if there is one."""
+        seat, self._seat = self._seat, None
+        if seat is not None:
+            seat.release()
+
+
+def _reads_body(scope: Scope) -> bool:
+    """Whether the route reads a body to its end before it works. Routes of GET and DELETE read none."""
+    if scope["method"] in ("GET", "DELETE"):
+        return False
+    headers = Headers(scope=scope)
+    return "transfer-encoding" in headers or headers.get("content-length", "0") != "0"

@@ -6,29 +6,41 @@ one wrote in between. Readers never wait. On PostgreSQL too a reader sees one st
 Writers queue for a row that they lock first (READ COMMITTED: they see the last commit).
 """
 
+import errno
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from alembic import command
 from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
+from sqlalchemy import URL, Connection, Dialect, Engine, create_engine, event, inspect, make_url, text
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 
+from models.bounded_connection import bounded
 from models.errors import StoreDamaged, StoreTooNew, StoreUnavailable
 from models.tables import Table
 
 BUSY_TIMEOUT_S = 10.0
 """Longest wait of a writer for the lock. A write takes 5 ms, but waiting processes poll the lock: one of 1000 writes of
 four busy processes waited 3 s on a shared disk."""
+_ANSWER_TIMEOUT_S = 5.0
+"""Longest wait for PostgreSQL, in addition to that for a lock: the longest statement takes 0.3 s."""
+_CONNECTION_SETTINGS = {
+    "connect_timeout": "5",
+    "keepalives_idle": "30",
+    "keepalives_interval": "10",
+    "keepalives_count": "3",
+    "tcp_user_timeout": "15000",
+}
+"""libpq's settings by which a dead connection is noticed; those in the URL come first."""
 _POOL_SIZE, _POOL_OVERFLOW = 8, 32
 """Connections that stay open, and additional ones under load: 40 in all, the number of anyio's threads."""
 _POSTGRESQL: Final = "postgresql+psycopg"
@@ -63,6 +75,12 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
             max_overflow=_POOL_OVERFLOW,
             pool_timeout=busy_timeout_s,
         )
+    file = _DatabaseFile(Path(url.database))
+
+    @event.listens_for(engine, "do_connect")
+    @event.listens_for(engine, "checkout")
+    def check_file(*_: object) -> None:
+        file.check()  # before a connection, which would make an empty file
 
     @event.listens_for(engine, "connect")
     def prepare(connection: sqlite3.Connection, _: object) -> None:
@@ -70,6 +88,7 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
         _enter_wal(connection, busy_timeout_s)
         for pragma in _PRAGMAS:
             connection.execute(pragma)
+        file.remember()
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
@@ -79,16 +98,46 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
     return engine
 
 
+class _DatabaseFile:
+    """The file of SQLite. A connection to a deleted file still works, and what it writes is lost."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._identity: tuple[int, int] | None = None
+
+    def remember(self) -> None:
+        """Take the file that is there for the database, if no file was taken before."""
+        if self._identity is None:
+            status = self._path.stat()
+            self._identity = status.st_dev, status.st_ino
+
+    def check(self) -> None:
+        """Raise `FileNotFoundError` when the file was deleted or replaced."""
+        if self._identity is None:
+            return
+        status = self._path.stat()
+        if self._identity != (status.st_dev, status.st_ino):
+            raise FileNotFoundError(errno.ENOENT, "the file was replaced; restart the service")
+
+
 def _open_postgresql(url: URL, busy_timeout_s: float) -> Engine:
     engine = create_engine(
         url,
         hide_parameters=True,
+        connect_args={key: value for key, value in _CONNECTION_SETTINGS.items() if key not in url.query},
         isolation_level="REPEATABLE READ",
         pool_pre_ping=True,
         pool_size=_POOL_SIZE,
         max_overflow=_POOL_OVERFLOW,
         pool_timeout=busy_timeout_s,
     )
+    connection_class = bounded(busy_timeout_s + _ANSWER_TIMEOUT_S)
+
+    @event.listens_for(engine, "do_connect")
+    def connect(
+        _: Dialect, __: object, arguments: Sequence[Any], settings: dict[str, Any]
+    ) -> DBAPIConnection:
+        return cast(DBAPIConnection, connection_class.connect(*arguments, **settings))
 
     @event.listens_for(engine, "connect")
     def prepare(connection: DBAPIConnection, _: object) -> None:

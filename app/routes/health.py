@@ -9,6 +9,8 @@ from app.routes.state import State
 from app.schemas.health import Live, Ready
 from services.errors import DocumentError
 
+DISK_TIMEOUT_S = 0.2
+"""Time for the check of the disk; a network file system may hang."""
 router = APIRouter(tags=["health"])
 
 
@@ -37,6 +39,7 @@ async def ready(state: State) -> Ready:
         admitted=status.admitted,
         capacity=status.capacity,
         ocr=None if ocr is None else str(ocr),
+        disk="ready" if await state.disk.is_enough(DISK_TIMEOUT_S) else "full",
         store="ready" if await state.store.is_available() else "unavailable",
     )
 

@@ -5,6 +5,7 @@ from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
+from app.disk_space import DiskSpace
 from app.engine.base import Engine
 from app.jobs import Jobs
 from app.layout_store import LayoutStore
@@ -25,6 +26,7 @@ class AppState:
     metrics: Metrics
     locks: ModelLocks
     jobs: Jobs
+    disk: DiskSpace
 
 
 def app_state(request: Request) -> AppState:

@@ -7,20 +7,19 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import pypdfium2
 
 from services.arrays import RgbImage
 from services.contract.images import ImageLimits
-from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
+from services.errors import DocumentError, InvalidOption, TooLarge, UnsupportedMediaType
 from services.imaging import containers
 from services.imaging.codec import count_pixels, decode_image, detect_format
+from services.imaging.pdf_drawing import PdfLimits, PdfPages, open_pdf
 
 RENDER_DPI = 200.0
 """Resolution for rendering PDF pages: print of 8 pt is 22 px high, and a page of A4 has 3.9 megapixels."""
 _POINTS_PER_INCH = 72.0
 _PDF_MARK, _PDF_MARK_WITHIN = b"%PDF-", 1024
 """The header may follow other bytes (PDF 1.7, implementation note 13)."""
-_PASSWORD_ERROR = 4  # FPDF_ERR_PASSWORD
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +33,7 @@ class PageLimits:
     max_pages: int = 20
     max_megapixels: float = 200.0
     """20 pages of A4 at 300 dpi are 174."""
+    pdf: PdfLimits = field(default_factory=PdfLimits)
 
 
 class PagePicture(NamedTuple):
@@ -169,32 +169,20 @@ class _Tiff:
 class _Pdf:
     """A PDF; its pages are drawn at `RENDER_DPI`, very large ones coarser, so that they keep to the limits."""
 
-    document: pypdfium2.PdfDocument
+    pages: PdfPages
     limits: ImageLimits
-    most: int
+    sizes_pt: list[tuple[float, float]]
 
     def sizes(self) -> list[int]:
-        pages = range(min(len(self.document), self.most))
-        return [width * height for width, height, _ in map(self._plan, pages)]
+        return [width * height for width, height, _ in map(self._plan, range(len(self.sizes_pt)))]
 
     def decode(self, page: int) -> PagePicture:
         width, height, scale = self._plan(page)
-        with _pdf_damage(f"its page {page + 1} cannot be drawn"):
-            sheet = self.document[page]
-            try:
-                bitmap = sheet.render(scale=scale, rev_byteorder=True)
-                pixels = np.array(bitmap.to_numpy()[:height, :width, :3], np.uint8)  # a copy
-                bitmap.close()
-            finally:
-                sheet.close()
-        return PagePicture(pixels, None)
+        return PagePicture(np.ascontiguousarray(self.pages.draw(page, scale)[:height, :width]), None)
 
     def _plan(self, page: int) -> tuple[int, int, float]:
         """Width and height in pixels, and pixels a point."""
-        with _pdf_damage(f"its page {page + 1} cannot be read"):
-            width, height = self.document.get_page_size(page)
-        if not (math.isfinite(width) and math.isfinite(height) and width > 0 and height > 0):
-            raise UndecodableImage(f"The PDF is damaged: its page {page + 1} has no size.")
+        width, height = self.sizes_pt[page]
         scale = RENDER_DPI / _POINTS_PER_INCH
         scale = min(scale, math.sqrt(self.limits.max_pixels / (width * height)))
         scale = min(scale, self.limits.max_side_px / max(width, height))
@@ -206,8 +194,10 @@ class _Pdf:
 @contextmanager
 def _open_file(data: bytes, limits: PageLimits, most: int) -> Iterator[_File]:
     if is_pdf(data) and not _is_image(data):
-        with _open_pdf(data, limits.image) as document:
-            yield _Pdf(document, limits.image, most)
+        if len(data) > limits.image.max_bytes:
+            raise TooLarge(f"The PDF has {len(data)} bytes; the limit is {limits.image.max_bytes}.")
+        with open_pdf(len(data), limits.image.max_pixels, limits.pdf) as pages:
+            yield _Pdf(pages, limits.image, pages.open(data, most))
         return
     try:
         upload_format, _ = detect_format(data)
@@ -219,32 +209,6 @@ def _open_file(data: bytes, limits: PageLimits, most: int) -> Iterator[_File]:
     if len(data) > limits.image.max_bytes:
         raise TooLarge(f"The image has {len(data)} bytes; the limit is {limits.image.max_bytes}.")
     yield _Tiff(data, limits.image, containers.tiff_pages(data, limits.image.max_pixels, most))
-
-
-@contextmanager
-def _open_pdf(data: bytes, limits: ImageLimits) -> Iterator[pypdfium2.PdfDocument]:
-    if len(data) > limits.max_bytes:
-        raise TooLarge(f"The PDF has {len(data)} bytes; the limit is {limits.max_bytes}.")
-    try:
-        document = pypdfium2.PdfDocument(data)
-    except pypdfium2.PdfiumError as error:
-        if error.err_code == _PASSWORD_ERROR:
-            raise UndecodableImage("The PDF is encrypted: send it without its password.") from error
-        raise UndecodableImage("The PDF is damaged, or has no page.") from error
-    try:
-        if document.get_formtype():
-            document.init_forms()  # what was filled in is drawn only with them
-        yield document
-    finally:
-        document.close()
-
-
-@contextmanager
-def _pdf_damage(what: str) -> Iterator[None]:
-    try:
-        yield
-    except pypdfium2.PdfiumError as error:
-        raise UndecodableImage(f"The PDF is damaged: {what}.") from error
 
 
 def _is_image(data: bytes) -> bool:

@@ -273,8 +273,8 @@ def test_old_results_go() -> None:
 
 def test_a_full_queue_refuses_before_the_body() -> None:
     with serving(queue_length=0) as client:
-        occupant = connect(client)
-        occupant.sendall(head(1000) + form(b"")[:50])
+        occupant, body = connect(client), form(upload("hang"))
+        occupant.sendall(head(len(body)) + body)
         until_sample(client, "engine_admitted", 1)
         for path in ("/layout", "/layout/models/letter/samples", "/layout/models/letter/initialize"):
             with connect(client) as connection:

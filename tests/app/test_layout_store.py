@@ -265,9 +265,14 @@ def test_a_result_that_cannot_be_kept_is_not_answered(monkeypatch: pytest.Monkey
         assert client.post("/layout", data={"zones": json.dumps(PAGE)}).status_code == 200
 
 
+def unreadable(store: Store) -> int:
+    raise StoreUnavailable("the database is locked")
+
+
 def test_without_the_store_the_rest_of_the_service_works(monkeypatch: pytest.MonkeyPatch) -> None:
     with serving() as client:
         monkeypatch.setattr(LayoutStore, "call", unavailable)
+        monkeypatch.setattr(Store, "revision", unreadable)
         assert client.get("/health/ready").json()["store"] == "unavailable"
         assert client.post("/rectify", files={"image": b"photo"}).status_code == 200
         for response in (

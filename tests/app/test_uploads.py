@@ -4,7 +4,7 @@ import json
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from threading import Thread
 
@@ -196,12 +196,104 @@ def test_a_client_that_leaves_stops_its_job() -> None:
         assert sample(text, 'http_requests_total{method="POST",path="/rectify",status="499"}') == 1
 
 
-def test_a_client_that_leaves_in_the_middle_of_its_body_frees_its_seat() -> None:
-    with serving(queue_length=0) as client:
-        connection = connect(client)
-        connection.sendall(head(1000) + form(b"")[:50])
-        until_sample(client, "engine_admitted", 1)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")  # a reset
-        connection.close()
-        until_sample(client, "engine_admitted", 0)
+def test_unfinished_bodies_take_no_seat() -> None:
+    """18 uploads at one byte a second kept all other clients out for a minute."""
+    with serving(queue_length=0) as client, ExitStack() as open_connections:
+        for _ in range(18):
+            connection = open_connections.enter_context(connect(client))
+            connection.sendall(head(1000) + form(b"")[:50])
         assert client.post("/rectify", files={"image": upload("")}).status_code == 200
+        assert sample(client.get("/metrics").text, "engine_admitted") == 0
+
+
+def test_a_full_service_refuses_a_body_that_arrives_too_late(tmp_path: Path) -> None:
+    body = form(upload(""))
+    with serving(queue_length=1) as client, connect(client) as connection:
+        connection.sendall(head(len(body)) + body[:50])
+        with occupied(client, tmp_path, 2):
+            connection.sendall(body[50:])
+            answer = read_answer(connection)
+    assert (answer.status, code(answer)) == (503, "busy")
+
+
+def test_a_client_that_leaves_in_the_middle_of_its_body_frees_its_place() -> None:
+    with serving(max_uploads=1) as client:
+        for _ in range(3):
+            connection = connect(client)
+            connection.sendall(head(1000) + form(b"")[:50])
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")  # a reset
+            connection.close()
+        deadline = time.monotonic() + 10
+        while client.post("/rectify", files={"image": upload("")}).status_code != 200:
+            assert time.monotonic() < deadline
+
+
+def test_a_body_below_the_least_rate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.uploads._RATE_HOLDS_AFTER_S", 0.1)
+    with serving(min_body_bytes_per_s=1e6) as client, connect(client) as connection:
+        connection.sendall(head(1000) + form(b"")[:50])
+        answer = read_answer(connection)
+    assert (answer.status, code(answer)) == (408, "request-timeout")
+    assert b"MIN_BODY_BYTES_PER_S" in answer.body
+
+
+def test_a_slow_upload_gives_its_place_to_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.upload_places._JUDGED_AFTER_S", 0.0)
+    with serving(max_uploads=1) as client, connect(client) as connection:
+        connection.sendall(head(1000) + form(b"")[:50])
+        deadline = time.monotonic() + 10
+        while (answer := client.post("/rectify", files={"image": upload("")})).status_code != 200:
+            assert answer.json()["code"] == "busy"
+            assert "MAX_UPLOADS" in answer.json()["detail"]
+            assert time.monotonic() < deadline
+        slow = read_answer(connection)
+    assert (slow.status, code(slow)) == (408, "request-timeout")
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "setting"),
+    [
+        ("PATCH", "/layout/models/letter/settings", b"65536 bytes;"),
+        ("POST", "/layout/models/letter/train", b"65536 bytes;"),
+        ("POST", "/layout/models/letter/rollback", b"65536 bytes;"),
+        ("POST", "/layout/models/letter/initialize", b"65536 bytes;"),
+        ("POST", "/layout/proposals", b"65536 bytes;"),
+        ("POST", "/layout/results/x/feedback", b"MAX_ZONES_BYTES"),
+        ("PUT", "/layout/models/letter", b"MAX_MODEL_BYTES"),
+    ],
+)
+@pytest.mark.parametrize("length", [32_000_000, None], ids=["declared", "chunks"])
+def test_every_route_limits_its_body_before_it_is_kept(
+    client: httpx.Client, method: str, path: str, setting: bytes, length: int | None
+) -> None:
+    """40 bodies of 32 MB, as a form or not, made the server keep 1.4 GB."""
+    chunk = b"10000\r\n" + b" " * 65_536 + b"\r\n"
+    with connect(client) as connection:
+        connection.sendall(head(length, path).replace(b"POST", method.encode(), 1))
+        if length is None:
+            connection.sendall(chunk * 140)  # 9 MB
+        answer = read_answer(connection)
+    assert (answer.status, code(answer)) == (413, "too-large")
+    assert setting in answer.body
+
+
+def test_a_body_that_is_no_form_is_small(client: httpx.Client) -> None:
+    for content_type in ("application/x-www-form-urlencoded", "application/json"):
+        answer = client.post("/rectify", content=b"x" * 70_000, headers={"content-type": content_type})
+        assert answer.status_code in (400, 413)
+    zones = client.post(
+        "/layout/models/letter/samples",
+        content=b" " * 3_000_000,
+        headers={"content-type": "application/json"},
+    )
+    assert (zones.status_code, zones.json()["code"]) == (413, "too-large")
+
+
+def test_a_refusal_of_a_large_body_can_be_read(client: httpx.Client) -> None:
+    """Many clients send all of it before they read; the connection used to be reset after 8 MB."""
+    with connect(client) as connection:
+        connection.sendall(head(60_000_000))
+        for _ in range(60):
+            connection.sendall(b" " * 1_000_000)
+        answer = read_answer(connection)
+    assert (answer.status, code(answer)) == (413, "too-large")

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import psutil
 import psycopg
 
 from models.repository import Store
@@ -52,8 +53,9 @@ KINDS = ("sqlite",) if BINARIES is None or USER is None else ("sqlite", "postgre
 class Cluster:
     """A running server of PostgreSQL that listens on a socket in its own folder only."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, server: "subprocess.Popen[bytes]") -> None:
         self.folder = folder
+        self._server = server
         self._made = 0
 
     def make_database(self) -> str:
@@ -63,6 +65,19 @@ class Cluster:
         with self.connect("postgres") as connection:
             connection.execute(f"CREATE DATABASE {name}")
         return f"postgresql://store@/{name}?host={self.folder}"
+
+    @contextmanager
+    def hung(self) -> Iterator[None]:
+        """All processes of the server are stopped inside of the block; they keep their connections."""
+        server = psutil.Process(self._server.pid)
+        processes = [server, *server.children(recursive=True)]
+        for process in processes:
+            process.suspend()
+        try:
+            yield
+        finally:
+            for process in processes:
+                process.resume()
 
     def connect(self, database: str) -> psycopg.Connection[Any]:
         """A connection beside the store's, which commits every statement."""
@@ -104,7 +119,7 @@ def running_cluster(*, durable: bool = False) -> Iterator[Cluster]:
         with (folder / "log").open("wb") as log:
             server = subprocess.Popen(start, stdout=log, stderr=log, **identity)
         try:
-            cluster = Cluster(folder)
+            cluster = Cluster(folder, server)
             _wait_for(cluster, server)
             yield cluster
         finally:

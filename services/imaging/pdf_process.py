@@ -1,0 +1,157 @@
+"""The process that draws the pages of one PDF; `main` lists its arguments.
+
+It reads requests from its standard input and writes replies to its standard output. Each message is two lengths (8
+bytes each, big-endian), a header in JSON, and bytes. Replies are plain data: a file that takes over this process must
+not reach the worker. `pdf_drawing` is the other side.
+"""
+
+import io
+import json
+import math
+import os
+import resource
+import struct
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import IO, Any
+
+import pikepdf
+import pypdfium2
+
+from services.errors import DocumentError, UndecodableImage
+from services.imaging.pdf_structure import StructureLimits, check_page
+
+LENGTHS = struct.Struct(">QQ")
+MOST_HEADER_BYTES = 1 << 20
+"""Largest header: 10,000 sizes of pages are 0.3 MB."""
+_OPENING_S = 4
+"""Processor time for opening a file: 64 MB take 0.5 s."""
+_BEFORE_KILL_S = 2
+"""From the signal that names the processor limit to the one that does not."""
+_PASSWORD_ERROR = 4  # FPDF_ERR_PASSWORD
+
+
+def write_message(
+    stream: IO[bytes], header: Mapping[str, object], body: bytes | bytearray | memoryview = b""
+) -> None:
+    """Write one message."""
+    packed = json.dumps(header).encode()
+    stream.write(LENGTHS.pack(len(packed), len(body)))
+    stream.write(packed)
+    stream.write(body)
+    stream.flush()
+
+
+def read_message(stream: IO[bytes], most_bytes: int) -> tuple[dict[str, Any], bytes]:
+    """The next message; raises `EOFError` when there is none, or when it is larger than `most_bytes`."""
+    lengths = stream.read(LENGTHS.size)
+    if len(lengths) < LENGTHS.size:
+        raise EOFError
+    header_bytes, body_bytes = LENGTHS.unpack(lengths)
+    if header_bytes > MOST_HEADER_BYTES or body_bytes > most_bytes:
+        raise EOFError
+    header, body = stream.read(header_bytes), stream.read(body_bytes)
+    if len(header) < header_bytes or len(body) < body_bytes:
+        raise EOFError
+    return json.loads(header), body
+
+
+def allow_processor_time(seconds: int) -> None:
+    """Let this process compute for so long from now; then the kernel ends it (SIGXCPU)."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    until = math.ceil(used.ru_utime + used.ru_stime) + seconds
+    resource.setrlimit(resource.RLIMIT_CPU, (min(until, hard - _BEFORE_KILL_S), hard))
+
+
+def serve(requests: IO[bytes], replies: IO[bytes], max_upload_bytes: int, page_s: int) -> None:
+    """Answer requests until the other side closes. The first one opens the PDF, each later one draws a page.
+
+    `page_s` is the processor time of one page, seconds.
+    """
+    with suppress(EOFError):
+        header, data = read_message(requests, max_upload_bytes)
+        allow_processor_time(_OPENING_S)
+        try:
+            document = _Document(data)
+            sizes = document.sizes(header["most"])
+        except DocumentError as error:
+            write_message(replies, {"refused": error.code, "detail": error.detail})
+            return
+        write_message(replies, {"sizes": sizes})
+        while True:
+            header, _ = read_message(requests, 0)
+            allow_processor_time(page_s)
+            try:
+                bitmap = document.draw(header["page"], header["scale"])
+            except DocumentError as error:
+                write_message(replies, {"refused": error.code, "detail": error.detail})
+                continue
+            facts = {"rows": bitmap.height, "stride": bitmap.stride, "channels": bitmap.n_channels}
+            write_message(replies, facts, memoryview(bitmap.buffer).cast("B"))
+            bitmap.close()
+
+
+class _Document:
+    """A PDF, read by two libraries: one checks the structure, one draws."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._structure: pikepdf.Pdf | None = None
+        try:
+            self._document = pypdfium2.PdfDocument(data)
+        except pypdfium2.PdfiumError as error:
+            if error.err_code == _PASSWORD_ERROR:
+                raise UndecodableImage("The PDF is encrypted: send it without its password.") from error
+            raise UndecodableImage("The PDF is damaged, or has no page.") from error
+        if self._document.get_formtype():
+            self._document.init_forms()  # form fields that were filled in are drawn only after this call
+
+    def sizes(self, most: int) -> list[tuple[float, float]]:
+        """Width and height of each page in points, of at most `most` pages."""
+        found = []
+        for index in range(min(len(self._document), most)):
+            try:
+                width, height = self._document.get_page_size(index)
+            except pypdfium2.PdfiumError as error:
+                raise UndecodableImage(f"The PDF is damaged: its page {index + 1} cannot be read.") from error
+            if not (math.isfinite(width) and math.isfinite(height) and width > 0 and height > 0):
+                raise UndecodableImage(f"The PDF is damaged: its page {index + 1} has no size.")
+            found.append((width, height))
+        return found
+
+    def draw(self, index: int, scale: float) -> pypdfium2.PdfBitmap:
+        """A page at `scale` pixels a point, if its structure is within the limits."""
+        self._check(index)
+        try:
+            return self._document[index].render(scale=scale, rev_byteorder=True)
+        except pypdfium2.PdfiumError as error:
+            raise UndecodableImage(f"The PDF is damaged: its page {index + 1} cannot be drawn.") from error
+
+    def _check(self, index: int) -> None:
+        """Check the structure, unless this library cannot read the file; the renderer repairs more."""
+        with suppress(pikepdf.PdfError, pikepdf.PasswordError, IndexError):
+            self._structure = self._structure or pikepdf.open(io.BytesIO(self._data))
+            check_page(self._structure.pages[index], StructureLimits())
+
+
+def main() -> None:
+    """Set the limits of this process, then serve. An allocation that fails ends the process.
+
+    Arguments: address space in bytes, processor time of all pages and of one page in seconds, size of the PDF in bytes.
+    """
+    memory_bytes, document_s, page_s, max_upload_bytes = map(int, sys.argv[1:])
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+    resource.setrlimit(resource.RLIMIT_CPU, (document_s, document_s + _BEFORE_KILL_S))
+    replies = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints must not get between the replies
+    try:
+        serve(sys.stdin.buffer, replies, max_upload_bytes, page_s)
+    except MemoryError:
+        write_message(replies, {"memory": True})
+
+
+if __name__ == "__main__":
+    main()
