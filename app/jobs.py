@@ -6,20 +6,18 @@ Everything is in this process: a restart loses the jobs and their responses.
 import asyncio
 import json
 import logging
-import os
-import tempfile
 import time
 import uuid
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
-from anyio import to_thread
 from starlette.responses import Response
 
 from app.engine.base import Busy, ShuttingDown
+from app.kept_answer import KeptAnswer
 from services.errors import DocumentError, TooLarge
 from services.progress import ProgressSink
 
@@ -30,8 +28,6 @@ Work = Callable[[ProgressSink | None], Coroutine[Any, Any, Response]]
 """Coroutine that answers a request. It passes the sink to `Engine.submit`; None: progress is not reported."""
 Tell = Callable[[Exception], Response]
 """Returns the problem document with which the request would have been answered."""
-SMALL_BYTES = 65_536
-"""Responses up to this size stay in memory."""
 MOST_KEY_CHARACTERS = 200
 """Longest Idempotency-Key."""
 COME_AGAIN_S = 5
@@ -83,57 +79,6 @@ class JobLimits:
     max_result_bytes: int = 1 << 29
     max_listeners: int = 100
     heartbeat_s: float = 15.0
-
-
-class KeptAnswer:
-    """A stored response. A large body is in an unnamed temporary file, which disappears when this process ends."""
-
-    def __init__(self, answer: Response, file: IO[bytes] | None = None) -> None:
-        """`file` holds the body; None: the body is in memory."""
-        self.size = len(answer.body)
-        self._status = answer.status_code
-        self._headers = answer.raw_headers
-        self._body = bytes(answer.body) if file is None else b""
-        self._file = file
-
-    @classmethod
-    async def of(cls, answer: Response) -> "KeptAnswer":
-        """Store the response; the file is written in a thread, not in the event loop."""
-        if len(answer.body) <= SMALL_BYTES:
-            return cls(answer)
-        return cls(answer, await to_thread.run_sync(_spool, answer.body))
-
-    async def response(self) -> Response:
-        """The stored response."""
-        body = self._body
-        if self._file is not None:
-            # The job may expire during the read. The duplicated descriptor stays open.
-            descriptor = os.dup(self._file.fileno())
-            try:
-                body = await to_thread.run_sync(os.pread, descriptor, self.size, 0)
-            finally:
-                os.close(descriptor)
-        response = Response(body, self._status)
-        response.raw_headers = list(self._headers)
-        return response
-
-    def close(self) -> None:
-        """Close the file."""
-        if self._file is not None:
-            self._file.close()
-
-
-def _spool(body: bytes | memoryview) -> IO[bytes]:
-    """Unnamed temporary file with the body; it exists as long as its job."""
-    file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
-    try:
-        view = memoryview(body)
-        while view:
-            view = view[file.write(view) :]
-    except BaseException:
-        file.close()
-        raise
-    return file
 
 
 class Job:

@@ -130,7 +130,7 @@ class _Check:
         return self.hold(drawn)
 
     def bytes_of_form(self, form: Any, resources: Any, depth: int) -> int:
-        """The same of a form or a tiling pattern; 0 of anything else."""
+        """Bytes that a form or a tiling pattern draws; 0 of anything else."""
         if not isinstance(form, pikepdf.Stream) or form.stream_dict.get("/Subtype") == pikepdf.Name.Image:
             return 0
         if depth > self._limits.max_form_depth:

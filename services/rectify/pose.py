@@ -18,15 +18,9 @@ from services.geometry.homographies import (
 )
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane, estimate_plane
+from services.rectify.flat_lines import for_text, observe_lines, rescale_deviations
 from services.rectify.outline_plane import OutlinePlane, SheetSides
-from services.rectify.refinement import (
-    RefinedPlane,
-    for_text,
-    joint_cost,
-    observe_lines,
-    refine_plane,
-    rescale_deviations,
-)
+from services.rectify.refinement import RefinedPlane, joint_cost, refine_plane
 from services.rectify.results import Notice, ShapeSource
 from services.rectify.straight_lines import StraightLines, along_axes, side_directions
 from services.sheet.evidence import PageEvidence

@@ -21,6 +21,8 @@ from services.geometry.camera import PrincipalPointPrior
 from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane, estimate_plane
+from services.rectify.flat_lines import for_text, observe_lines
+from services.rectify.flat_lines import rescale_deviations as rescale_line_deviations
 from services.rectify.photo_border import find_cut_borders
 from services.rectify.pose import (
     EXIF_CONTRADICTED,
@@ -31,8 +33,7 @@ from services.rectify.pose import (
     level_plane,
     refine_pose,
 )
-from services.rectify.refinement import for_text, observe_lines, refine_plane
-from services.rectify.refinement import rescale_deviations as rescale_line_deviations
+from services.rectify.refinement import refine_plane
 from services.rectify.results import Notice
 from services.sheet.curved_page import CurvedPage, page_hull
 from services.sheet.developable.fitting import SurfaceStart, fit_surface, free_gain, rescale_deviations

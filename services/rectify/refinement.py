@@ -8,11 +8,10 @@ Where sides of the sheet are seen, they also lie along two directions at right a
 usually small angle.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from services.arrays import Floats, Homography, Points, Vector
@@ -21,50 +20,13 @@ from services.geometry.focal_prior import FOCAL, MAX_FOCAL, MIN_FOCAL, FocalPrio
 from services.geometry.homographies import jacobians, transform_points, translation
 from services.geometry.planar import PagePlane
 from services.geometry.vanishing_points import FlowVanishingPoints
+from services.rectify.flat_lines import FlatObservations, LineTerms, RefinementParameters
 from services.rectify.straight_lines import StraightLines, side_directions, side_skew
-from services.robust import cauchy, robust_scale, soft_l1
-from services.sheet.developable.observations import ObservationParameters
-from services.sheet.tracing.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
+from services.robust import cauchy, soft_l1
 from services.texture_flow.field import FlowSamples
 
 LEAST_GAIN = 1e-6
 """Relative decrease of the cost below which a fit ends: a thousandth of a deviation in the unknowns."""
-
-
-@dataclass(frozen=True, slots=True)
-class RefinementParameters(ObservationParameters):
-    """Standard deviations of the observations of a flat page."""
-
-    flow_floor_rad: float = np.deg2rad(0.1)
-    stroke_floor_rad: float = np.deg2rad(0.3)
-    sharp_text_height_px: float = 18.0
-    baseline_floor_rad: float = np.deg2rad(0.03)
-    baseline_factor: float = 1.0
-    spacing_alike: float = 0.05
-    believable_focal: float = FOCAL.believable
-    """Infinite where the focal length is kept at the typical one already."""
-    skew_rad: float = np.deg2rad(0.3)
-    """Angle between print and its sheet by printers and copiers; its loss permits a larger one, since print may be
-    slanted on purpose."""
-    side_scale: float = 3.0
-    """Scale of Cauchy's loss of the sheet's sides, in their deviations. A side that is 6 degrees off costs 60: as much
-    as a dozen lines of text that are off by four deviations, so that four sides outweigh a few words, but not a page
-    of text."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FlatObservations:
-    """Observed text lines in centred unit coordinates of the photo, with their groups."""
-
-    starts: Points
-    ends: Points
-    slope_deviations: Vector
-    relative_heights: Vector
-    """Character height over the line's length."""
-    paragraphs: list[Paragraph]
-    margins: list[tuple[NDArray[np.intp], str]]
-    alike: list[NDArray[np.intp]]
-    """Groups of paragraph numbers with nearly the same spacing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,124 +50,6 @@ class RefinedPlane:
     """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
     principal_point: tuple[float, float] = (0.0, 0.0)
     """In the coordinates of the observations; `plane` is relative to it."""
-
-
-def for_text(text_height_px: float) -> RefinementParameters:
-    """Parameters for characters of this size in the photo: the apparent slant of small, blurred type varies more."""
-    p = RefinementParameters()
-    blurred = max(1.0, (p.sharp_text_height_px / text_height_px) ** 2)
-    return replace(p, slant_rad=p.slant_rad * blurred)
-
-
-def rescale_deviations(parameters: RefinementParameters, scales: tuple[float, float]) -> RefinementParameters:
-    """Parameters whose deviations are those that a first fit has shown, where they are larger."""
-    baseline, spacing = (max(1.0, scale) for scale in scales)
-    return replace(
-        parameters,
-        baseline_factor=parameters.baseline_factor * baseline,
-        spacing=parameters.spacing * spacing,
-        spacing_between=parameters.spacing_between * spacing,
-    )
-
-
-def observe_lines(
-    lines: Baselines, H_centred_flat: Homography, parameters: RefinementParameters
-) -> FlatObservations:
-    """Text lines of a flat view as observations in the photo."""
-    p = parameters
-    paragraphs = group_paragraphs(lines)
-    length = np.maximum(lines.ends[:, 0] - lines.starts[:, 0], 1e-9)
-    slope = p.baseline_factor * np.maximum(np.sqrt(2) * lines.deviations / length, p.baseline_floor_rad)
-    margins = [(group, side) for side in ("left", "right") for group in find_margins(lines, side)]
-    y = 0.5 * (lines.starts[:, 1] + lines.ends[:, 1])
-    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
-    return FlatObservations(
-        transform_points(H_centred_flat, lines.starts),
-        transform_points(H_centred_flat, lines.ends),
-        slope,
-        lines.heights / length,
-        paragraphs,
-        margins,
-        group_alike(spacings, p.spacing_alike),
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LineResiduals:
-    """Residuals of the text lines under a plane, in units of their deviations: (N,) each."""
-
-    baselines: Vector
-    spacings: Vector
-    margins: Vector
-
-    def scales(self) -> tuple[float, float]:
-        """Robust deviation of the baselines' and the spacings' residuals; 1 when the deviations were right."""
-        return robust_scale(self.baselines, 1.0), robust_scale(self.spacings, 1.0)
-
-
-class LineTerms:
-    """The residuals of observed text lines as functions of the plane, with the groups of lines as flat arrays."""
-
-    def __init__(self, observations: FlatObservations, parameters: RefinementParameters) -> None:
-        o, p = observations, parameters
-        self.o, self.p = o, p
-        self._lines, self._paragraph = _flat([q.lines for q in o.paragraphs])
-        orders = [q.order - q.order.mean() for q in o.paragraphs]
-        self._order = np.concatenate([*orders, np.zeros(0)])
-        self._sizes = np.bincount(self._paragraph, minlength=len(o.paragraphs)).astype(np.float64)
-        self._squares = np.bincount(self._paragraph, self._order**2, len(o.paragraphs))
-        self._alike, self._kind = _flat(o.alike)
-        self._sizes_alike = self._sizes[self._alike]
-        self._kind_sizes = np.bincount(self._kind, self._sizes_alike, len(o.alike))
-        # A short paragraph knows its spacing less well: its own deviation is added to the common one.
-        own = p.spacing * np.sqrt(12.0) / np.maximum(self._sizes_alike, 1.0) ** 1.5
-        self._alike_deviation = np.hypot(p.spacing_between, own)
-        self._ends, self._margin = _flat([members for members, _ in o.margins])
-        left = np.array([side == "left" for _, side in o.margins], bool)
-        self._left = left[self._margin]
-
-    def at(self, H: Homography) -> LineResiduals:
-        """Baselines horizontal, spacing equal, margins vertical, in the flat view of `H` (plane <- centred)."""
-        o, p = self.o, self.p
-        a, b = transform_points(H, o.starts), transform_points(H, o.ends)
-        delta = b - a
-        y = (0.5 * (a[:, 1] + b[:, 1]))[self._lines]
-        index, count = self._paragraph, len(o.paragraphs)
-        # The line through the places y of a paragraph's lines: `order` has no mean.
-        spacing = np.bincount(index, self._order * y, count) / self._squares
-        middle = np.bincount(index, y, count) / self._sizes
-        uneven = (y - middle[index] - spacing[index] * self._order) / (np.abs(spacing[index]) * p.spacing)
-        log = np.log(np.maximum(spacing[self._alike], 1e-9))
-        mean = np.bincount(self._kind, self._sizes_alike * log, len(o.alike)) / self._kind_sizes
-        unlike = (log - mean[self._kind]) / self._alike_deviation
-        text_height = (
-            float(np.median(o.relative_heights * np.linalg.norm(delta, axis=1))) if len(delta) else 1.0
-        )
-        x = np.where(self._left, a[self._ends, 0], b[self._ends, 0])
-        margins = (x - _medians(x, self._margin)[self._margin]) / (p.margin * text_height)
-        slopes = np.arctan2(delta[:, 1], np.abs(delta[:, 0])) / o.slope_deviations
-        return LineResiduals(slopes, np.concatenate([uneven, unlike]), margins)
-
-
-def _flat(groups: Sequence[NDArray[np.intp]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The members of all groups one after another (N,), and the number of each one's group (N,)."""
-    members = np.concatenate([*groups, np.zeros(0, np.intp)]).astype(np.intp)
-    return members, np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-
-
-def _medians(values: Vector, group: NDArray[np.intp]) -> Vector:
-    """Median of each group of `values` (N,), whose group numbers (N,) ascend from 0 without gaps."""
-    if not len(values):
-        return np.zeros(0)
-    ordered = values[np.lexsort((values, group))]
-    size = np.bincount(group)
-    first = np.cumsum(size) - size
-    return np.asarray(0.5 * (ordered[first + (size - 1) // 2] + ordered[first + size // 2]))
-
-
-def line_residuals(H: Homography, o: FlatObservations, p: RefinementParameters) -> LineResiduals:
-    """`LineTerms` at one plane."""
-    return LineTerms(o, p).at(H)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

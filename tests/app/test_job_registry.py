@@ -7,7 +7,8 @@ import pytest
 from starlette.responses import Response
 
 from app.engine.base import Busy
-from app.jobs import SMALL_BYTES, Job, JobLimits, JobNotFinished, JobNotFound, Jobs, KeptAnswer, Work
+from app.jobs import Job, JobLimits, JobNotFinished, JobNotFound, Jobs, Work
+from app.kept_answer import SMALL_BYTES, KeptAnswer
 from app.problems import refusal_of, response_for
 from services.errors import NoText
 from services.progress import ProgressSink

@@ -369,10 +369,8 @@ def test_the_wrong_class_may_be_deleted_while_it_learns(
     monkeypatch.setattr(Store, "add_feedback", meanwhile)
     assert [m["name"] for m in answer(give(client, result, {"class": "memo"}))["models"]] == ["memo"]
     doomed.append("memo")
-    problem = assert_problem(
-        give(client, result, {"class": "memo", "labels": {"z1": "title"}}), 404, "not-found"
-    )
-    assert "memo" in str(problem["detail"])
+    late = give(client, result, {"class": "memo", "labels": {"z1": "title"}})
+    assert "memo" in str(assert_problem(late, 404, "not-found")["detail"])
 
 
 def test_the_history_of_a_model(client: httpx.Client) -> None:
@@ -398,5 +396,4 @@ def test_the_history_of_a_model(client: httpx.Client) -> None:
     assert len(client.get("/layout/models/letter/feedback?limit=2").json()["feedback"]) == 2
     assert len(client.get("/layout/models/memo/feedback").json()["feedback"]) == 1
     for limit in (0, 201):
-        response = client.get(f"/layout/models/letter/feedback?limit={limit}")
-        assert_problem(response, 422, "invalid-option")
+        assert_problem(client.get(f"/layout/models/letter/feedback?limit={limit}"), 422, "invalid-option")

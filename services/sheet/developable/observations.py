@@ -17,7 +17,7 @@ class ObservationParameters:
     flow_overlap: float = 12.0
     """Windows of neighbouring major samples share ink: this many count as one."""
     stroke_overlap: float = 4.0
-    """The same of minor samples."""
+    """Windows of neighbouring minor samples share ink: this many count as one."""
     slant_mean_rad: float = np.deg2rad(0.2)
     slant_rad: float = np.deg2rad(0.15)
     """Flag serifs and round strokes make roman type appear slanted: by 0.14 to 0.18 degrees on ten sharp pages at

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from services.arrays import Floats, Homography, Points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
-from services.rectify.refinement import FlatObservations, RefinementParameters, observe_lines
+from services.rectify.flat_lines import FlatObservations, RefinementParameters, observe_lines
 from services.sheet.tracing.baselines import Baselines
 from services.texture_flow.field import FlowSamples
 from simulation.camera import Camera

@@ -8,16 +8,15 @@ import pytest
 from services.geometry.camera import PrincipalPointPrior
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.planar import PagePlane, estimate_plane
-from services.rectify.focal_length import focal_prior
-from services.rectify.refinement import (
+from services.rectify.flat_lines import (
     FlatObservations,
-    RefinedPlane,
     RefinementParameters,
     for_text,
     observe_lines,
-    refine_plane,
     rescale_deviations,
 )
+from services.rectify.focal_length import focal_prior
+from services.rectify.refinement import RefinedPlane, refine_plane
 from services.sheet.tracing.baselines import Baselines
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.scenes import POSES, View
