@@ -26,14 +26,14 @@ def scan_directions(
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     width, height = (max(round(v) | 1, 3) for v in window)
     reach = np.arange(-(height // 2), height // 2 + 1)
+    side = int(np.ceil(np.hypot(rows, columns))) + 2
+    # Rows are added for the windows that reach beyond the turned image.
+    size = (side, side + 2 * (height // 2))
     energies = np.empty((len(centres), len(angles)))
     for k, angle in enumerate(angles):
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, s], [-s, c]])  # photo -> turned frame
-        # As large as the turned image, with rows for the windows that reach beyond it.
-        across, down = (int(v) for v in np.ceil(np.abs(turn) @ [columns, rows]))
-        size = (across + 2, down + height + 1)
-        shift = (np.array(size) - 1) / 2 - turn @ middle
+        shift = (side - 1) / 2 - turn @ middle + [0, height // 2]
         turned = cv2.warpAffine(ink, np.column_stack([turn, shift]), size, flags=cv2.INTER_LINEAR)
         profile = cv2.blur(turned, (width, 1), borderType=cv2.BORDER_CONSTANT)
         at = np.round(centres @ turn.T + shift).astype(int)
