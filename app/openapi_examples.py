@@ -314,6 +314,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
     ("200", "ready"): {
         "status": "ready",
         "live_workers": 2,
+        "disk": "ready",
         "workers": 2,
         "admitted": 0,
         "capacity": 18,

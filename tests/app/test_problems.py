@@ -163,7 +163,7 @@ def test_a_body_that_could_not_be_spooled_is_not_the_clients_fault() -> None:
     error = HTTPException(400, "There was an error parsing the body")
     assert refusal_of(error).code == "bad-request"
     error.__cause__ = OSError(28, "No space left on device")
-    assert refusal_of(error).code == "internal"
+    assert refusal_of(error).code == "store-unavailable"
 
 
 def test_a_validation_error_without_a_place_is_about_the_body() -> None:

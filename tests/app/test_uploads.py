@@ -258,7 +258,6 @@ def test_a_slow_upload_gives_its_place_to_another(monkeypatch: pytest.MonkeyPatc
         ("POST", "/layout/models/letter/rollback", b"65536 bytes;"),
         ("POST", "/layout/models/letter/initialize", b"65536 bytes;"),
         ("POST", "/layout/proposals", b"65536 bytes;"),
-        ("POST", "/layout/results/x/feedback", b"MAX_ZONES_BYTES"),
         ("PUT", "/layout/models/letter", b"MAX_MODEL_BYTES"),
     ],
 )
