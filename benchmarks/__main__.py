@@ -19,6 +19,7 @@ MODULES = {
     "layout_schemas": "layout.schemas",
     "learning": "learning.adaptation",
     "learning_store": "learning.store",
+    "attack": "attack.service",
     "readme_pictures": "readme_pictures",
 }
 """Module of each benchmark by its name, which is also the name of its figures and of its baseline."""
