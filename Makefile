@@ -41,7 +41,7 @@ BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
 BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
-.PHONY: help serve test test-fast lint format check lock bench-rectify bench-photos bench-speed bench-mosaic bench-layout bench-learning \
+.PHONY: help serve test test-fast lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-mosaic bench-layout bench-learning \
 	system-packages postgresql chromium typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
@@ -56,6 +56,7 @@ help:
 	@echo 'make bench-rectify    the experiments on simulated photos, clean and degraded (BENCH_OPTIONS=...)'
 	@echo 'make bench-photos     the real photos, page-dewarp and UVDoc side by side (BENCH_OPTIONS=...)'
 	@echo 'make bench-speed      time and memory of an upload against its size, page-dewarp beside it'
+	@echo 'make bench-attack     hostile files, bodies and clients against the running service, and what each must be answered'
 	@echo 'make bench-mosaic     mosaics of simulated photos, peers on the same photos; then the checks (BENCH_OPTIONS=...)'
 	@echo 'make bench-layout     labels and classes of pages with labelled zones, a random forest beside; zones; matching'
 	@echo 'make bench-learning   models that learn: rounds, feedback page by page, wrong classes, servers that are killed; documents, many models, discovery'
@@ -95,6 +96,9 @@ bench-photos: venv-dev venv-bench
 
 bench-speed: venv-dev venv-bench
 	@$(BIN)/python -m benchmarks rectify_speed --page-dewarp $(BENCH_VENV)/bin/page-dewarp $(BENCH_OPTIONS)
+
+bench-attack: venv-dev
+	@$(BIN)/python -m benchmarks attack $(BENCH_OPTIONS)
 
 bench-mosaic: venv-dev
 	@$(BIN)/python -m benchmarks mosaic_simulated --peers $(BENCH_OPTIONS)

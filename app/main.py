@@ -48,6 +48,7 @@ from app.routes import (
 from app.routes import jobs as job_routes
 from app.routes.known_options import KnownQueryOptions
 from app.routes.state import AppState
+from app.run_folder import run_folder
 from app.settings import Settings
 from app.transfer import ConditionalGet, HeadAndOptions, RootPath
 from app.upload_places import UploadPlaces
@@ -138,6 +139,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             queue_timeout_s=settings.queue_timeout_s,
             worker_memory_bytes=settings.worker_memory_bytes,
             jobs_per_worker=settings.jobs_per_worker,
+            worker_resident_bytes=settings.worker_resident_bytes,
         ),
         warm_up=operations.warm_up,
         warm_up_arguments=(settings.content_features,),
@@ -316,6 +318,7 @@ def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:
     # uvicorn raises the signal again after its shutdown; this handler makes the exit status 0.
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
     try:
-        server.run()
+        with run_folder():
+            server.run()
     except KeyboardInterrupt:
         sys.exit(0)

@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import Field, FilePath, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from app.processors import usable_processors
+from app.processors import usable_workers, worker_memory_bytes
 from services.contract.images import ImageLimits
 
 MIB = 1024 * 1024
@@ -111,10 +111,11 @@ class Settings(BaseSettings):
 
     # Workers
     workers: int = Field(
-        default_factory=usable_processors,
+        default_factory=usable_workers,
         ge=1,
         le=256,
-        description="Worker processes; default: the processors that the service may use, also by its CPU quota.",
+        description="Worker processes; default: the processors that the service may use, also by its CPU quota, as far "
+        "as its memory suffices.",
     )
     queue_length: int = Field(
         default=16,
@@ -142,7 +143,15 @@ class Settings(BaseSettings):
         description="Time limit of initializing and of training a layout model.",
     )
     worker_memory_bytes: int = Field(
-        default=4096 * MIB, ge=0, description="Address space of a worker (RLIMIT_AS); 0: no limit."
+        default_factory=lambda settings: worker_memory_bytes(settings.get("workers", 1)),
+        ge=0,
+        description="Address space of a worker (RLIMIT_AS); 0: no limit. Default: 4 GiB, or less where all workers "
+        "would exceed the memory of the machine or of the control group.",
+    )
+    worker_resident_bytes: int = Field(
+        default=1536 * MIB,
+        ge=0,
+        description="A worker that keeps more memory than this after a job is replaced; 0: no limit.",
     )
     jobs_per_worker: int = Field(default=200, ge=1, description="A worker is replaced after this many jobs.")
 

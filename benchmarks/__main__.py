@@ -21,6 +21,7 @@ MODULES = {
     "learning": "learning.adaptation",
     "learning_store": "learning.store",
     "sensitivity": "sensitivity.study",
+    "attack": "attack.service",
     "readme_pictures": "readme_pictures",
 }
 """Module of each benchmark by its name, which is also the name of its figures and of its baseline."""

@@ -26,13 +26,12 @@ from app.engine.base import (
     JobFailed,
     JobRecord,
     JobTimedOut,
-    OutOfMemory,
     ShuttingDown,
     TimeLimit,
-    WorkerDied,
     unspool,
 )
 from app.engine.job import EngineJob
+from app.engine.outcomes import Losses, error_of
 from app.engine.process import WorkerGone, WorkerProcess
 from services.contract.operations import Operation
 from services.errors import DocumentError
@@ -50,7 +49,8 @@ MAX_RETRY_AFTER_S = 60
 class PoolLimits:
     """Limits of the pool; `app.settings` documents each under the same name.
 
-    `worker_memory_bytes` 0 means no limit; `start_timeout_s` limits the start and warm-up of one worker.
+    `worker_memory_bytes` and `worker_resident_bytes` 0 mean no limit; `start_timeout_s` limits the start and warm-up of
+    one worker.
     """
 
     workers: int = 1
@@ -59,6 +59,7 @@ class PoolLimits:
     queue_timeout_s: float = 30.0
     worker_memory_bytes: int = 0
     jobs_per_worker: int = 200
+    worker_resident_bytes: int = 0
     start_timeout_s: float = 60.0
 
 
@@ -100,6 +101,7 @@ class LocalEngine:
         self._facts: dict[str, object] = {}
         self._admitted = self._live = self._running = self._deaths = self._recycled = 0
         self._mean_work_s = 1.0
+        self._losses = Losses(limits.worker_memory_bytes)
 
     # The Engine interface
 
@@ -264,7 +266,7 @@ class LocalEngine:
         return await asyncio.shield(asyncio.get_running_loop().run_in_executor(self._threads, worker.stop))
 
     async def _run_jobs(self, worker: WorkerProcess) -> None:
-        """Give the worker one job after another, until it has died or reached its maximum number of jobs."""
+        """Give the worker one job after another, until it has died or reached its limit of jobs or of memory."""
         for _ in range(self._limits.jobs_per_worker):
             while not (job := self._next_job()):
                 if not await self._wait_for_job(worker):
@@ -277,6 +279,8 @@ class LocalEngine:
                     return
             finally:
                 self._running -= 1
+            if 0 < self._limits.worker_resident_bytes < worker.resident_bytes():
+                break
         self._recycled += 1
 
     def _next_job(self) -> EngineJob | None:
@@ -343,9 +347,9 @@ class LocalEngine:
                 self._threads, worker.call, job.operation, arguments, job.listener(loop)
             )
             usable = outcome in {inside.DONE, inside.REFUSED, inside.FAILED}
-            error = self._error_of(outcome, value)
-        except WorkerGone:
-            error = self._error_of_loss(job, expired)
+            error = error_of(outcome, value, self._limits.worker_memory_bytes)
+        except WorkerGone as gone:
+            error = self._error_of_loss(job, expired, gone.exit_code)
         except asyncio.CancelledError:
             error = ShuttingDown("The service stopped before the work was done. Send the request again.", 1)
             raise
@@ -358,20 +362,7 @@ class LocalEngine:
             self._settle(job, value, error, begin)
         return usable
 
-    def _error_of(self, outcome: str, value: object) -> DocumentError | None:
-        if outcome == inside.DONE:
-            return None
-        if outcome == inside.REFUSED:
-            return cast(DocumentError, value)
-        if outcome == inside.OUT_OF_MEMORY:
-            return OutOfMemory(
-                "The work needs more memory than a worker may use "
-                f"({self._limits.worker_memory_bytes} bytes, WORKER_MEMORY_BYTES). Send a smaller image."
-            )
-        detail, traceback = cast(tuple[str, str], value)
-        return JobFailed(detail, traceback)
-
-    def _error_of_loss(self, job: EngineJob, expired: bool) -> DocumentError | None:
+    def _error_of_loss(self, job: EngineJob, expired: bool, exit_code: int | None) -> DocumentError | None:
         if job.answer.cancelled():
             return None  # the caller was cancelled, so the worker was stopped
         if expired:
@@ -380,9 +371,7 @@ class LocalEngine:
                 "and was stopped."
             )
         self._deaths += 1
-        return WorkerDied(
-            "The worker process ended before the work was done. Other requests are not affected."
-        )
+        return self._losses.error_of(exit_code)
 
     def _settle(self, job: EngineJob, value: object, error: DocumentError | None, begin: float) -> None:
         """Set the answer or error of the job, and record its times."""

@@ -11,6 +11,7 @@ import pickle
 import signal
 import threading
 from contextlib import suppress
+from pathlib import Path
 from typing import cast
 
 from app.engine import worker as inside
@@ -18,7 +19,9 @@ from services.progress import ProgressSink
 
 
 class WorkerGone(Exception):
-    """The worker closed its end of the pipe."""
+    """The worker closed its end of the pipe. `exit_code` is negative for a signal, None if it is not known."""
+
+    exit_code: int | None = None
 
 
 class WorkerProcess:
@@ -64,6 +67,14 @@ class WorkerProcess:
         except OSError as error:
             raise WorkerGone from error
         del call
+        try:
+            return self._outcome(listen)
+        except WorkerGone as gone:
+            self._process.join(timeout=1)
+            gone.exit_code = self._process.exitcode
+            raise
+
+    def _outcome(self, listen: ProgressSink | None) -> inside.Outcome:
         while (outcome := self._receive())[0] == inside.PROGRESS:
             if listen is not None:
                 listen(*cast(tuple[str, float], outcome[1]))
@@ -100,6 +111,13 @@ class WorkerProcess:
     def pid(self) -> int | None:
         """Process id; None before the start."""
         return self._process.pid
+
+    def resident_bytes(self) -> int:
+        """Memory that the process has at present; 0 if it has ended."""
+        with suppress(OSError, ValueError, IndexError):
+            pages = Path(f"/proc/{self._process.pid}/statm").read_text(encoding="ascii").split()[1]
+            return int(pages) * os.sysconf("SC_PAGE_SIZE")
+        return 0
 
     def fileno(self) -> int:
         """Descriptor of the pipe. While the worker is idle, it is readable only if the worker has died."""

@@ -3,6 +3,7 @@
 A worker imports nothing else of `app`, so that it starts fast and uses little memory.
 """
 
+import errno
 import faulthandler
 import gc
 import os
@@ -48,6 +49,7 @@ models that a worker caches takes longer than learning from a page."""
 
 OPENCV_NO_MEMORY = -4
 """cv::Error::StsNoMem: OpenCV's code of a failed allocation."""
+_MOST_CAUSES = 8
 
 
 def serve(connection: Connection, memory_bytes: int, warm_up: NamedCall | None) -> None:
@@ -106,10 +108,23 @@ def _answer_next(connection: Connection) -> bytes | None:
     except DocumentError as error:
         return pickle.dumps((REFUSED, error))
     except BaseException as error:
-        if isinstance(error, MemoryError) or getattr(error, "code", None) == OPENCV_NO_MEMORY:
+        if _is_out_of_memory(error):
             return pickle.dumps((OUT_OF_MEMORY, None))
         # Sent as text: the server need not import the exception's class, and cannot fail to unpickle it.
         return pickle.dumps((FAILED, (f"{type(error).__name__}: {error}", traceback.format_exc())))
+
+
+def _is_out_of_memory(error: BaseException | None) -> bool:
+    """Whether a failed allocation is the error or its cause."""
+    for _ in range(_MOST_CAUSES):
+        if error is None:
+            return False
+        if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+            return True
+        if getattr(error, "code", None) == OPENCV_NO_MEMORY:
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 class ProgressReports:

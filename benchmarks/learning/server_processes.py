@@ -64,6 +64,12 @@ class Server:
             time.sleep(0.02)
         self.url = f"http://127.0.0.1:{ports[0]}"
 
+    @property
+    def pid(self) -> int:
+        """Process id of the server."""
+        assert self._process is not None
+        return self._process.pid
+
     def kill(self) -> None:
         """kill -9 of the server process alone, as the kernel does when memory runs out."""
         assert self._process is not None

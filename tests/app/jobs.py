@@ -1,6 +1,7 @@
 """What workers are made to do, and to suffer, in the tests of the engine."""
 
 import ctypes
+import errno
 import os
 import resource
 import subprocess
@@ -110,3 +111,25 @@ def report_without_end(folder: str) -> int:
     for number in range(10_000):
         report_progress(f"stage {number}", number / 10_000)
     return os.getpid()
+
+
+def abort() -> None:
+    os.abort()
+
+
+def keep_memory(size: int) -> int:
+    _KEPT.append(b"x" * size)
+    return os.getpid()
+
+
+_KEPT: list[bytes] = []
+
+
+def fail_for_lack_of_memory(kind: str) -> None:
+    """Fail as libraries do that catch a failed allocation."""
+    if kind == "errno":
+        raise OSError(errno.ENOMEM, "Cannot allocate memory")
+    try:
+        bytearray(1 << 60)
+    except MemoryError as error:
+        raise ValueError("the array could not be made") from error

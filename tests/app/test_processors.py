@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from app.processors import usable_processors
+from app.processors import usable_memory_bytes, usable_processors, usable_workers, worker_memory_bytes
 
 
 @pytest.fixture(autouse=True)
@@ -66,3 +66,32 @@ def test_a_machine_without_control_groups(tmp_path: Path) -> None:
 
 def test_this_machine() -> None:
     assert 1 <= usable_processors() <= 8
+
+
+GIB = 2**30
+
+
+@pytest.mark.parametrize(
+    ("membership", "files", "expected_gib"),
+    [
+        ("0::/", {"sys/fs/cgroup/memory.max": "max"}, 32),
+        ("0::/", {"sys/fs/cgroup/memory.max": str(2 * GIB)}, 2),
+        ("0::/a/b", {"sys/fs/cgroup/a/memory.max": str(GIB), "sys/fs/cgroup/a/b/memory.max": "max"}, 1),
+        ("5:memory:/a", {"sys/fs/cgroup/memory/a/memory.limit_in_bytes": str(3 * GIB)}, 3),
+        ("5:memory:/a", {"sys/fs/cgroup/memory/a/memory.limit_in_bytes": "9223372036854771712"}, 32),
+    ],
+)
+def test_memory_of_a_container(
+    tmp_path: Path, membership: str, files: dict[str, str], expected_gib: int
+) -> None:
+    machine = {"proc/meminfo": f"MemTotal:       {32 * 2**20} kB", **files}
+    assert usable_memory_bytes(mount(tmp_path, membership, machine)) == expected_gib * GIB
+
+
+@pytest.mark.parametrize(("memory_gib", "workers"), [(1, 1), (4, 2), (8, 5), (64, 8)])
+def test_all_workers_together_stay_within_the_memory(tmp_path: Path, memory_gib: int, workers: int) -> None:
+    root = mount(tmp_path, "0::/", {"sys/fs/cgroup/memory.max": str(memory_gib * GIB)})
+    assert usable_workers(root) == workers
+    each = worker_memory_bytes(workers, root)
+    assert GIB <= each <= 4 * GIB
+    assert workers * each <= memory_gib * GIB

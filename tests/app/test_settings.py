@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from app.processors import usable_processors
+from app.processors import usable_workers
 from app.settings import Settings
 
 
 def test_defaults() -> None:
     settings = Settings()
-    assert (settings.host, settings.port, settings.workers) == ("127.0.0.1", 8000, usable_processors())
+    assert (settings.host, settings.port, settings.workers) == ("127.0.0.1", 8000, usable_workers())
     assert settings.api_keys == ()
     assert settings.data_dir == Path("data")
     assert settings.database_url == ""
