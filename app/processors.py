@@ -49,15 +49,6 @@ def worker_memory_bytes(workers: int, root: Path = Path("/")) -> int:
     return max(_LEAST_ADDRESS_SPACE_BYTES, min(_MOST_ADDRESS_SPACE_BYTES, share))
 
 
-def memory_kills(root: Path = Path("/")) -> int:
-    """Number of processes that the kernel has killed for lack of memory since the machine started."""
-    with suppress(OSError):
-        for line in (root / "proc/vmstat").read_text(encoding="ascii").splitlines():
-            if line.startswith("oom_kill "):
-                return int(line.split()[1])
-    return 0
-
-
 def _quotas(root: Path) -> Iterator[float]:
     """CPU quotas of the control groups of this process and of all groups above it, in processors."""
     for folder, is_first_version in _groups(root, "cpu"):

@@ -1,11 +1,12 @@
 """Errors of jobs: from what a worker answered, and from how it ended without an answer."""
 
 import signal
+from contextlib import suppress
+from pathlib import Path
 from typing import cast
 
 from app.engine import worker as inside
 from app.engine.base import JobFailed, OutOfMemory, WorkerDied
-from app.processors import memory_kills
 from services.errors import DocumentError
 
 
@@ -47,3 +48,12 @@ def _out_of_memory(memory_bytes: int) -> OutOfMemory:
         f"The work needs more memory than a worker may use ({memory_bytes} bytes, WORKER_MEMORY_BYTES). "
         "Send a smaller image."
     )
+
+
+def memory_kills(root: Path = Path("/")) -> int:
+    """Number of processes that the kernel has killed for lack of memory since the machine started."""
+    with suppress(OSError):
+        for line in (root / "proc/vmstat").read_text(encoding="ascii").splitlines():
+            if line.startswith("oom_kill "):
+                return int(line.split()[1])
+    return 0
