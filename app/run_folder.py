@@ -16,6 +16,10 @@ from pathlib import Path
 
 PREFIX = "document-rectification-"
 _LOCK = "lock"
+_MULTIPROCESSING = "pymp-"
+"""Prefix of the folder with the sockets of multiprocessing."""
+_LONGEST_PARENT = 40
+"""Characters; the path of a socket has 107 at most, and 63 of them are those of its folders and its name."""
 _YOUNG_S = 60.0
 """A folder that is younger may belong to a service that has not locked it yet."""
 
@@ -25,6 +29,10 @@ def run_folder() -> Iterator[Path]:
     """Delete what killed runs left behind; temporary files inside the block are made in a folder that ends with it."""
     before, parent = tempfile.tempdir, Path(tempfile.gettempdir())
     sweep(parent)
+    if len(str(parent)) > _LONGEST_PARENT:
+        # Sockets of worker processes in a deeper folder would have too long a path.
+        yield parent
+        return
     folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
     with (folder / _LOCK).open("wb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -33,7 +41,19 @@ def run_folder() -> Iterator[Path]:
             yield folder
         finally:
             tempfile.tempdir = before
-            shutil.rmtree(folder, ignore_errors=True)
+            _empty(folder)
+
+
+def _empty(folder: Path) -> None:
+    """Delete all but the folder of multiprocessing, which deletes it itself at the end of the process.
+
+    The folder that then stays is empty, and the next run sweeps it.
+    """
+    for child in folder.iterdir():
+        if not child.name.startswith(_MULTIPROCESSING):
+            shutil.rmtree(child, ignore_errors=True) if child.is_dir() else child.unlink(missing_ok=True)
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def sweep(parent: Path) -> None:

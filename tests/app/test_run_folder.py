@@ -14,12 +14,20 @@ from tests.end_to_end.processes import ROOT
 
 KILLED = """
 import os, signal, tempfile
+import app.run_folder
 from app.run_folder import run_folder
+app.run_folder._LONGEST_PARENT = 1000
 with run_folder() as folder:
     tempfile.NamedTemporaryFile(delete=False).write(b"left behind")
     print(folder, flush=True)
     os.kill(os.getpid(), signal.SIGKILL)
 """
+
+
+@pytest.fixture(autouse=True)
+def long_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folders of tests have long paths, and nothing here makes a socket."""
+    monkeypatch.setattr("app.run_folder._LONGEST_PARENT", 1000)
 
 
 @pytest.fixture(autouse=True)
