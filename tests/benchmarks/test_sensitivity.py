@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.sensitivity import study
-from benchmarks.sensitivity.fields import Watch, find_fields, watching
+from benchmarks.sensitivity.fields import Field, Watch, find_fields, watching
 from benchmarks.sensitivity.replay import Replay, replaying
 from benchmarks.sensitivity.report import FieldRecord, format_study, load_study
 from benchmarks.sensitivity.steps import Case, Outcome, Step
@@ -88,6 +88,13 @@ def test_whole_numbers_move_by_one_and_stay_positive(toy: ModuleType) -> None:
     assert (found["enough"].changed(0.8), found["enough"].changed(1.2)) == (2, 4)
     assert found["enough"].changed(0.1) == 1
     assert found["scale"].changed(1.2) == pytest.approx(2.4)
+
+
+def test_ratios_and_percentiles_keep_their_meaning() -> None:
+    step = Field("p.P.size_step", ToyParameters, "size_step", 1.1)
+    percentile = Field("p.P.detail_percentile", ToyParameters, "detail_percentile", 85.0)
+    assert step.changed(0.8) == pytest.approx(1.08)
+    assert percentile.changed(1.2) == pytest.approx(82.0)
 
 
 def test_one_field_is_changed_in_instances_that_exist(toy: ModuleType) -> None:
