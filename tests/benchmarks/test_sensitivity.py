@@ -168,8 +168,8 @@ def test_a_study_tells_what_moves_and_goes_on_where_it_stopped(
     assert (by_name["scale"].readers, by_name["offset_px"].readers) == (2, 1)
     assert (by_name["unread"].readers, by_name["unread"].trials) == (0, [])
     assert [trial.factor for trial in by_name["bounds"].trials] == [0.8, 1.2, 0.5, 2.0]
-    assert not by_name["bounds"].moves
+    assert not by_name["bounds"].moves_at((0.8, 1.2, 0.5, 2.0))
     assert load_study(file) == whole
     table = format_study(whole)
     assert "`ToyParameters` bounds" in table
-    assert "Read by no case: `ToyParameters` unread; `WiderParameters` wider_px." in table
+    assert "Read by no case (2): `ToyParameters` unread; `WiderParameters` wider_px." in table

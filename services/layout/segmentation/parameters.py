@@ -23,8 +23,6 @@ class SegmentationParameters:
     largest_skew_deg: float = 3.0
     """Range of the search; pages come upright."""
 
-    speck: float = 0.3
-    """Components smaller than this many units are dots, or dirt."""
     least_glyph: float = 0.4
     """Heights of what makes lines, in units: from small print's x-height ..."""
     largest_glyph: float = 6.0
