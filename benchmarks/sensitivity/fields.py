@@ -32,12 +32,27 @@ class Field:
         return "count" if isinstance(self.value, int) else "1"
 
     def changed(self, factor: float) -> Value | None:
-        """The default times `factor`; whole numbers move by 1 at least and stay positive. None where nothing moves."""
+        """The default times `factor`; whole numbers move by 1 at least and stay positive. None where nothing moves.
+
+        Of a ratio of neighbours a little above 1 (`..._step`) the excess over 1 is multiplied, and of a percentile
+        above 50 the distance from 100: 0.9 times another size, or the percentile 102, mean nothing.
+        """
         if isinstance(self.value, tuple):
             moved = tuple(_moved(each, factor) for each in self.value)
             return None if moved == self.value else moved
-        alone = _moved(self.value, factor)
+        origin = self._origin
+        alone = origin + _moved(self.value - origin, factor) if origin else _moved(self.value, factor)
         return None if alone == self.value else alone
+
+    @property
+    def _origin(self) -> float:
+        """From where the value is measured."""
+        if isinstance(self.value, float):
+            if self.name.endswith("step") and 1.0 < self.value < 1.5:
+                return 1.0
+            if self.name.endswith("percentile") and 50.0 < self.value < 100.0:
+                return 100.0
+        return 0.0
 
 
 def _moved(value: int | float, factor: float) -> int | float:

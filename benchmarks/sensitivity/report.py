@@ -7,6 +7,9 @@ from pathlib import Path
 
 from benchmarks.common.figures import write_json
 
+NEAR = (0.8, 1.2)
+FAR = (0.5, 2.0)
+"""Factors of a field's default; the far ones for fields that move nothing at the near ones."""
 MOST_SENSITIVE = 12
 
 
@@ -35,15 +38,13 @@ class FieldRecord:
     readers: int
     trials: list[Trial]
 
-    @property
-    def effect(self) -> float:
-        """Largest change of the mean error, without sign."""
-        return max((abs(trial.error_change) for trial in self.trials), default=0.0)
+    def effect(self, factors: Sequence[float]) -> float:
+        """Largest change of the mean error at these factors, without sign."""
+        return max((abs(trial.error_change) for trial in self.trials if trial.factor in factors), default=0.0)
 
-    @property
-    def moves(self) -> bool:
-        """Whether any answer changed, or failed, in any trial."""
-        return any(trial.changed or trial.failed for trial in self.trials)
+    def moves_at(self, factors: Sequence[float]) -> bool:
+        """Whether any answer changed, or failed, at these factors."""
+        return any(trial.changed or trial.failed for trial in self.trials if trial.factor in factors)
 
     def line(self) -> str:
         """One line: every trial with the number of changed cases, and an exclamation mark for each that failed."""
@@ -83,32 +84,39 @@ def load_study(file: Path) -> StudyRecord | None:
 
 def format_study(record: StudyRecord) -> str:
     """Tables in Markdown: the most sensitive fields, those that move nothing, and those that no case reads."""
-    moving = sorted((each for each in record.fields if each.moves), key=lambda each: -each.effect)
-    still = [each for each in record.fields if each.readers and not each.moves]
+    near = [each for each in record.fields if each.moves_at(NEAR)]
+    near.sort(key=lambda each: -each.effect(NEAR))
+    harmless = [each for each in near if not each.effect(NEAR)]
+    far = [each for each in record.fields if each.moves_at(FAR)]
+    still = [each for each in record.fields if each.readers and not each.moves_at(NEAR + FAR)]
     unread = [each for each in record.fields if not each.readers]
     lines = [
         f"### {record.step}",
         "",
         f"{len(record.fields)} fields, {record.cases} cases. Error: {record.figure}; "
-        f"with every default {record.error:.4g}.",
-        f"{len(moving)} fields change an answer, {sum(not each.effect for each in moving)} of them without a change "
-        f"of the error; {len(still)} move nothing, {len(unread)} are read by no case.",
+        f"with every default {record.error:.4g}. At -20 % or +20 % {len(near)} fields change an answer, "
+        f"{len(harmless)} of them without a change of the error. The {MOST_SENSITIVE} that change it most:",
         "",
         "| field | unit | value | -20 % | +20 % | cases changed |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
-    lines += [_row(each) for each in moving[:MOST_SENSITIVE]]
-    lines += ["", f"Nothing moves, not at half or twice the value either: {_names(still)}.", ""]
-    lines += [f"Read by no case: {_names(unread)}."]
+    lines += [_row(each) for each in near[:MOST_SENSITIVE]]
+    for head, found in (
+        ("Answers change only at half or at twice the value", far),
+        ("Nothing changes, not at half or twice the value either", still),
+        ("Read by no case", unread),
+    ):
+        lines += ["", f"{head} ({len(found)}): {_names(found)}."]
     return "\n".join(lines)
 
 
 def _row(each: FieldRecord) -> str:
     by_factor = {trial.factor: trial for trial in each.trials}
-    near = [by_factor.get(factor) for factor in (0.8, 1.2)]
+    near = [by_factor.get(factor) for factor in NEAR]
     changes = " | ".join("" if trial is None else f"{trial.error_change:+.3g}" for trial in near)
     counts = ", ".join("-" if trial is None else str(trial.changed + trial.failed) for trial in near)
-    return f"| `{each.key}` | {each.unit} | {each.value} | {changes} | {counts} |"
+    name = ".".join(each.key.split(".")[-2:])
+    return f"| `{name}` | {each.unit} | {each.value} | {changes} | {counts} |"
 
 
 def _names(found: Sequence[FieldRecord]) -> str:

@@ -22,6 +22,8 @@ from benchmarks.common.places import OUTPUT, data_folder
 from benchmarks.sensitivity.fields import Field, Watch, find_fields, watching
 from benchmarks.sensitivity.replay import Replay, find_slow, replaying
 from benchmarks.sensitivity.report import (
+    FAR,
+    NEAR,
     FieldRecord,
     StudyRecord,
     Trial,
@@ -30,10 +32,6 @@ from benchmarks.sensitivity.report import (
     save_study,
 )
 from benchmarks.sensitivity.steps import STEPS, Case, Outcome, Step
-
-NEAR = (0.8, 1.2)
-FAR = (0.5, 2.0)
-"""For fields that move nothing at `NEAR`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,8 @@ class FramingParameters:
     """Pixels of a view that are always allowed."""
     least_growth: float = 1.02
     """A view is not enlarged for less."""
+    longest_side_px: float = 20000.0
+    """Longest side of a view; OpenCV remaps no more than 32767 pixels."""
     min_characters: int = 30
     """With fewer, the whole sheet decides the resolution."""
     max_sheet_reach: float = 8.0

@@ -8,6 +8,9 @@ from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import jacobians, scaling, transform_points, translation
 from services.geometry.page_frame import FramingParameters
 
+VISIBLE_POINTS = 60
+"""Points across and down the photo by which its visible part of the plane is bounded."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlatFrame:
@@ -78,7 +81,7 @@ def frame_page(
     extent = high - low
     pixels = p.max_growth * photo_shape[0] * photo_shape[1]
     resolution = min(
-        resolution, float(np.sqrt(pixels / (extent[0] * extent[1]))), 20000.0 / float(extent.max())
+        resolution, float(np.sqrt(pixels / (extent[0] * extent[1]))), p.longest_side_px / float(extent.max())
     )
     width, height = (max(round(v * resolution), 1) for v in extent)
     H_plane_flat = translation(float(low[0]), float(low[1])) @ scaling(1 / resolution) @ translation(0.5, 0.5)
@@ -101,7 +104,8 @@ def _visible(
     """Bounds of the photo's part within the box `low`..`high` of the plane."""
     height, width = photo_shape
     grid = np.stack(
-        np.meshgrid(np.linspace(0, width - 1, 60), np.linspace(0, height - 1, 60)), axis=-1
+        np.meshgrid(np.linspace(0, width - 1, VISIBLE_POINTS), np.linspace(0, height - 1, VISIBLE_POINTS)),
+        axis=-1,
     ).reshape(-1, 2)
     middle = transform_points(np.linalg.inv(H_plane_photo), 0.5 * (low + high)[None])
     seen = _in_front(H_plane_photo, grid, middle)

@@ -20,6 +20,11 @@ from services.rectify.straight_lines import (
 from services.robust import cauchy_weights, robust_scale
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline, SheetSide
 
+LINE_FITS = 8
+"""Reweighted fits of a side's line; the weights then change no more."""
+SQUARE_SIZE = 0.05
+"""Half the side of the square by which scales are compared, centred units: small against the perspective."""
+
 
 @dataclass(frozen=True, slots=True)
 class OutlinePlaneParameters:
@@ -131,7 +136,7 @@ def _fit_side(side: SheetSide, p: OutlinePlaneParameters) -> tuple[Points, Point
         return None
     weights = 1 / deviations**2
     middle, along, off = _weighted_line(points, weights)
-    for _ in range(8):
+    for _ in range(LINE_FITS):
         scale = p.loss_scale * np.maximum(deviations, robust_scale(off))
         weights = cauchy_weights(off, scale) / deviations**2
         middle, along, off = _weighted_line(points, weights)
@@ -257,7 +262,7 @@ def _log_aspect(plane: PagePlane, reference: PagePlane, lines: StraightLines) ->
         return float(np.log(aspect))
     H_reference = np.linalg.inv(reference.H_centred_plane)
     middle = transform_points(H_reference, 0.5 * (lines.starts + lines.ends)).mean(axis=0)
-    size = 0.05
+    size = SQUARE_SIZE
     square = middle + size * np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
     there = transform_points(np.linalg.inv(plane.H_centred_plane) @ reference.H_centred_plane, square)
     return float(np.log(np.linalg.norm(there[1] - there[0]) / np.linalg.norm(there[3] - there[2])))

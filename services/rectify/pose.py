@@ -43,6 +43,15 @@ EDGES_BELIEVED = Notice(
     "the little text that was seen does not fit the sheet's straight edges; the edges were believed.",
 )
 
+STRAY_PERCENT = 1.0
+"""Share of the characters, at either end of the enlargements, that may be specks far from the text."""
+FLAT_SCALE = 1.2
+"""Resolution of the flat ink over that of the text: a mapping without this surplus would merge strokes."""
+MOST_INK_PX = 8e6
+"""Bound of the flat ink's size, for every plane."""
+SMALL_DEVIATION_RAD = 1e-4
+"""Deviations of the flows that differ by less are equal."""
+
 
 @dataclass(frozen=True, slots=True)
 class PoseParameters:
@@ -140,7 +149,7 @@ def is_plausible(plane: PagePlane, text_points: Points, parameters: PoseParamete
     if not np.isfinite(H).all() or (np.sign(w) != np.sign(w[0])).any():
         return False
     enlargement = np.sqrt(np.abs(np.linalg.det(jacobians(H, text_points))))
-    low, high = np.percentile(enlargement, [1, 99])
+    low, high = np.percentile(enlargement, [STRAY_PERCENT, 100.0 - STRAY_PERCENT])
     tilt = float(np.arccos(np.clip(abs(plane.rotation[2, 2]), 0.0, 1.0)))
     return bool(high < parameters.max_magnification_ratio * low and tilt < parameters.max_tilt_rad)
 
@@ -153,8 +162,8 @@ def flatten_ink(text: PageText, view: PhotoFrame, plane: PagePlane) -> tuple[Mas
     density = np.sqrt(np.abs(np.linalg.det(jacobians(H_reduced_plane, at))))
     margin = 2 * text.height_px * text.factor / float(np.median(density))
     low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
-    scale = 1.2 * float(np.median(density))
-    scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded for every plane
+    scale = FLAT_SCALE * float(np.median(density))
+    scale = min(scale, float(np.sqrt(MOST_INK_PX / np.prod(high - low))))
     H_flat_plane = scaling(scale) @ translation(-float(low[0]), -float(low[1]))
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     H_reduced_flat = H_reduced_plane @ np.linalg.inv(H_flat_plane)
@@ -285,7 +294,10 @@ def choose_pose(
                 "the text's directions fit no plane seen by a camera; the photo was only turned.",
             )
         )
-    elif not believed and flow_deviation(plane, major, minor, p.minor_share) > gain * gentle + 1e-4:
+    elif (
+        not believed
+        and flow_deviation(plane, major, minor, p.minor_share) > gain * gentle + SMALL_DEVIATION_RAD
+    ):
         plane = level
         notices.append(
             Notice(

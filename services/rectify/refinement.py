@@ -28,6 +28,13 @@ from services.texture_flow.field import FlowSamples
 LEAST_GAIN = 1e-6
 """Relative decrease of the cost below which a fit ends: a thousandth of a deviation in the unknowns."""
 
+TURN_STEP_RAD, FOCAL_STEP, SHIFT_STEP = 0.01, 0.05, 0.05
+"""Typical steps of angles, of the logarithm of the focal length and of the principal point (centred units)."""
+MOST_EVALUATIONS = 60
+"""Of the residuals, in a fit; most end after ten."""
+LEAST_WEIGHT = 0.05
+"""Least weight of a sample of a flow, so that no deviation is infinite."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefinedPlane:
@@ -83,8 +90,8 @@ def observe_flows(
         minor,
         np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1),
         np.stack([np.cos(minor.angles), np.sin(minor.angles)], axis=1),
-        np.sqrt(p.flow_overlap / np.maximum(major.weights, 0.05)) * major_spread,
-        np.sqrt(p.stroke_overlap / np.maximum(minor.weights, 0.05)) * minor_spread,
+        np.sqrt(p.flow_overlap / np.maximum(major.weights, LEAST_WEIGHT)) * major_spread,
+        np.sqrt(p.stroke_overlap / np.maximum(minor.weights, LEAST_WEIGHT)) * minor_spread,
     )
 
 
@@ -189,14 +196,14 @@ def refine_plane(
         return np.concatenate(parts)
 
     x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), p.slant_mean_rad])
-    x_scale = [0.01, 0.01, 0.01, 0.05, 0.01]
+    x_scale = [TURN_STEP_RAD, TURN_STEP_RAD, TURN_STEP_RAD, FOCAL_STEP, TURN_STEP_RAD]
     if sides is not None and has_sides:
         x0 = np.append(x0, side_skew(start, sides))
-        x_scale.append(0.01)
+        x_scale.append(TURN_STEP_RAD)
     if principal_point is not None:
         x0 = np.append(x0, principal_point.start)
-        x_scale += [0.05, 0.05]
-    fit = least_squares(residuals, x0, x_scale=x_scale, max_nfev=60, ftol=LEAST_GAIN)
+        x_scale += [SHIFT_STEP, SHIFT_STEP]
+    fit = least_squares(residuals, x0, x_scale=x_scale, max_nfev=MOST_EVALUATIONS, ftol=LEAST_GAIN)
     drawn = abs(float(fit.x[3]) - prior.log_focal)
     if principal_point is None and prior.source == "assumed" and drawn > p.believable_focal * prior.deviation:
         held = FocalPrior(prior.log_focal, FOCAL.held_deviation, "assumed")

@@ -18,6 +18,11 @@ from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
 
 SIDES = ("left", "top", "right", "bottom")
 
+STRAY_PERCENT = 0.5
+"""Share of the characters beyond either end of the text: they may be specks."""
+FEWEST_POINTS = 8
+"""Points of a side from which its line is fitted."""
+
 
 @dataclass(frozen=True, slots=True)
 class SheetCutParameters:
@@ -78,7 +83,7 @@ def cut_to_outline(
     for side in outline.sides:
         points = view_points(frame, side.points)
         points = points[np.isfinite(points).all(axis=1)]
-        if side.seen < p.min_seen or len(points) < 8:
+        if side.seen < p.min_seen or len(points) < FEWEST_POINTS:
             continue
         middle = points.mean(axis=0)
         way = np.linalg.svd(points - middle)[2][0]
@@ -157,7 +162,7 @@ def blank_ground(
     if not len(text):
         return SheetEdges()
     ink = _fine_structure(view, shown, max(round(p.ink_size * text_height_px), p.least_ink_size_px), p)
-    low, high = np.percentile(text, 0.5, axis=0), np.percentile(text, 99.5, axis=0)
+    low, high = np.percentile(text, STRAY_PERCENT, axis=0), np.percentile(text, 100.0 - STRAY_PERCENT, axis=0)
     margin = max(p.blank_margin * float((high - low).max()), 3 * text_height_px)
     size = (view.shape[1], view.shape[0])
     edges: dict[str, float | None] = {}
@@ -225,7 +230,7 @@ def restore_detail(
     growth *= enlargement
     pixels = max(f.max_growth * photo_pixels, f.small_view_px if enlargement > 1 else 0.0)
     room = np.sqrt(pixels / (frame.width * frame.height))
-    growth = min(growth, float(room), 20000.0 / max(frame.width, frame.height))
+    growth = min(growth, float(room), f.longest_side_px / max(frame.width, frame.height))
     return resize_frame(frame, growth) if growth > f.least_growth else frame
 
 

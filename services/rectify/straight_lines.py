@@ -27,6 +27,11 @@ from services.geometry.planar import PagePlane
 Upright = NDArray[np.bool_]
 MAX_STEPS = 60
 SMALL_STEP = 1e-10
+FIRST_DAMPING, DAMPING_FALL, DAMPING_RISE = 1e-6, 0.2, 10.0
+"""Levenberg-Marquardt: relative to the diagonal; after a step that helps, and after one that does not."""
+STEPS = (0.01, 0.01, 0.01, 0.05, 0.05, 0.05)
+"""Typical steps of the turn (3, rad), of the logarithm of the focal length and of the principal point (2)."""
+MOST_EVALUATIONS = 100
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,7 +232,7 @@ def fit_line_plane(
             r = robust_deviations * np.sqrt(np.log1p((r / robust_deviations) ** 2))
         return float(r @ r + pull**2)
 
-    plane, least, damping = start, cost(start), 1e-6
+    plane, least, damping = start, cost(start), FIRST_DAMPING
     A, r = _linearized(plane, lines, prior, robust_deviations)
     for _ in range(MAX_STEPS):
         information = A[:, :4].T @ A[:, :4]
@@ -236,10 +241,10 @@ def fit_line_plane(
         moved = _moved(plane, step)
         tried = cost(moved)
         if tried <= least:
-            plane, least, damping = moved, tried, 0.2 * damping
+            plane, least, damping = moved, tried, DAMPING_FALL * damping
             A, r = _linearized(plane, lines, prior, robust_deviations)
         else:
-            damping *= 10.0
+            damping *= DAMPING_RISE
         if float(np.abs(step).max()) < SMALL_STEP:
             break
     information = A[:, :4].T @ A[:, :4]
@@ -287,7 +292,7 @@ def fit_principal_point(
         pull = (np.log(plane.focal) - prior.log_focal) / prior.deviation
         return np.concatenate([r, [pull], x[4:] / deviation])
 
-    fit = least_squares(residuals, np.zeros(6), x_scale=[0.01, 0.01, 0.01, 0.05, 0.05, 0.05], max_nfev=100)
+    fit = least_squares(residuals, np.zeros(len(STEPS)), x_scale=STEPS, max_nfev=MOST_EVALUATIONS)
     return np.asarray(fit.x[4:]), 2 * float(fit.cost)
 
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.sensitivity import study
-from benchmarks.sensitivity.fields import Watch, find_fields, watching
+from benchmarks.sensitivity.fields import Field, Watch, find_fields, watching
 from benchmarks.sensitivity.replay import Replay, replaying
 from benchmarks.sensitivity.report import FieldRecord, format_study, load_study
 from benchmarks.sensitivity.steps import Case, Outcome, Step
@@ -90,6 +90,13 @@ def test_whole_numbers_move_by_one_and_stay_positive(toy: ModuleType) -> None:
     assert found["scale"].changed(1.2) == pytest.approx(2.4)
 
 
+def test_ratios_and_percentiles_keep_their_meaning() -> None:
+    step = Field("p.P.size_step", ToyParameters, "size_step", 1.1)
+    percentile = Field("p.P.detail_percentile", ToyParameters, "detail_percentile", 85.0)
+    assert step.changed(0.8) == pytest.approx(1.08)
+    assert percentile.changed(1.2) == pytest.approx(82.0)
+
+
 def test_one_field_is_changed_in_instances_that_exist(toy: ModuleType) -> None:
     watch = Watch()
     found = {each.name: each for each in find_fields([toy.__name__])}
@@ -161,8 +168,8 @@ def test_a_study_tells_what_moves_and_goes_on_where_it_stopped(
     assert (by_name["scale"].readers, by_name["offset_px"].readers) == (2, 1)
     assert (by_name["unread"].readers, by_name["unread"].trials) == (0, [])
     assert [trial.factor for trial in by_name["bounds"].trials] == [0.8, 1.2, 0.5, 2.0]
-    assert not by_name["bounds"].moves
+    assert not by_name["bounds"].moves_at((0.8, 1.2, 0.5, 2.0))
     assert load_study(file) == whole
     table = format_study(whole)
     assert "`ToyParameters` bounds" in table
-    assert "Read by no case: `ToyParameters` unread; `WiderParameters` wider_px." in table
+    assert "Read by no case (2): `ToyParameters` unread; `WiderParameters` wider_px." in table

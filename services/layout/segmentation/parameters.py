@@ -23,8 +23,6 @@ class SegmentationParameters:
     largest_skew_deg: float = 3.0
     """Range of the search; pages come upright."""
 
-    speck: float = 0.3
-    """Components smaller than this many units are dots, or dirt."""
     least_glyph: float = 0.4
     """Heights of what makes lines, in units: from small print's x-height ..."""
     largest_glyph: float = 6.0
@@ -79,10 +77,12 @@ class SegmentationParameters:
     """Least number of letters that shows whether a line is set in italics ..."""
     slant_step: float = 0.11
     """... which lean by 0.2 more than upright ones; figures and capitals blur that."""
-    narrow: float = 12.0
-    """Narrower lines with an edge in common (a bold "Edited by" above the name) stay together, bold or not, ..."""
+    full_line: float = 12.0
+    """Lines of running text are at least this wide, 24 letters: the columns of newspapers. Narrower lines are headings,
+    names, entries."""
     tight: float = 1.4
-    """... if their baselines are nearer than this."""
+    """Narrower lines with an edge in common stay together, bold or not, if their baselines are nearer than this: a head
+    and what it heads."""
     inner_components: int = 6
     """Unread print within a figure with fewer components is part of it."""
     reliable_components: int = 5

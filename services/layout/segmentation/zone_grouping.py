@@ -127,7 +127,7 @@ def _is_evenly_set(
     """
     em, small = max(first.em, second.em), min(first.em, second.em)
     distance = second.baseline - first.baseline
-    if not leadings or em > parameters.doubtful_step * small or first.width < parameters.narrow * em:
+    if not leadings or em > parameters.doubtful_step * small or first.width < parameters.full_line * em:
         return False
     # Much wider lines reach into the next column.
     if second.width > 1.5 * first.width:
@@ -154,7 +154,7 @@ def _is_odd_one(above: Line, line: Line, below: Line, parameters: SegmentationPa
     edges = np.array([each.box for each in (above, line, below)])
     left = float(np.ptp(edges[:, 0])) < parameters.edge_slack * em
     right = float(np.ptp(edges[:2, 2])) < parameters.edge_slack * em
-    return even and left and right and line.width > parameters.narrow * em
+    return even and left and right and line.width > parameters.full_line * em
 
 
 def _set_alike(first: Line, second: Line, parameters: SegmentationParameters) -> bool:
@@ -176,12 +176,12 @@ def _set_alike(first: Line, second: Line, parameters: SegmentationParameters) ->
             return False
     weights = first.stroke / first.em, second.stroke / second.em
     if reliable and max(weights) > parameters.weight_step * min(weights):
-        narrow = max(first.width, second.width) < parameters.narrow * em
+        narrow = max(first.width, second.width) < parameters.full_line * em
         edges = min(abs(first.box[0] - second.box[0]), abs(first.box[2] - second.box[2]))
         if not narrow or edges > parameters.edge_slack * em or distance > parameters.tight * em:
             return False
     if distance > parameters.largest_leading * em:
-        return min(first.width, second.width) > 12 * em
+        return min(first.width, second.width) > parameters.full_line * em
     return True
 
 
