@@ -138,7 +138,7 @@ class LayoutStore:
 
     @asynccontextmanager
     async def _in_time(self) -> AsyncIterator[None]:
-        """Raise `StoreUnavailable` when the block takes too long. What has begun goes on in its thread."""
+        """Raise `StoreUnavailable` when the block takes too long. A call that has begun continues in its thread."""
         try:
             async with asyncio.timeout(self._timeout_s):
                 yield

@@ -44,7 +44,7 @@ def usable_workers(root: Path = Path("/")) -> int:
 
 
 def worker_memory_bytes(workers: int, root: Path = Path("/")) -> int:
-    """Address space of each of so many workers, so that all together stay within the memory; 1 to 4 GiB."""
+    """Address space of each of `workers` processes, so that all together stay within the memory; 1 to 4 GiB."""
     share = (usable_memory_bytes(root) * 9 // 10 - _SERVER_BYTES) // workers
     return max(_LEAST_ADDRESS_SPACE_BYTES, min(_MOST_ADDRESS_SPACE_BYTES, share))
 

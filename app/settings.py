@@ -200,7 +200,7 @@ class Settings(BaseSettings):
     min_free_disk_bytes: int = Field(
         default=256 * MIB,
         ge=0,
-        description="Least free space of DATA_DIR and of the folder for temporary files; /health/ready tells when "
+        description="Least free space of DATA_DIR and of the folder for temporary files; /health/ready reports when "
         "there is less.",
     )
     max_models: int = Field(default=200, ge=1, description="Most layout models.")

@@ -276,7 +276,7 @@ def _past(session: Session, row: ModelRow, taught: set[int], sampled: datetime |
 def _first_clean(path: Sequence[VersionMeta], first: int) -> int:
     """The place of the first step to be done again, so that the version before it contains nothing that was taken back.
 
-    A version from which a later one took something back may stand before `first`; the version before `first` is clean
+    A version from which a later one took something back may precede `first`; the version before `first` is clean
     only if it was made after that.
     """
     moved = True

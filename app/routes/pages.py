@@ -31,7 +31,7 @@ code {{ background: #eee; color: #222; padding: 0 .2rem; }}
 <body>
 <main>
 <h1>{title}</h1>
-<p>This service makes flat pages from photos of documents, and tells what is on them.</p>
+<p>This service makes flat pages from photos of documents, and labels what is on them.</p>
 <ul>
 <li><code>POST /rectify</code>: one photo of a page in, the flat page out.</li>
 <li><code>POST /mosaic</code>: overlapping photos of one page in, the whole page out.</li>

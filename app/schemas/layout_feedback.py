@@ -63,7 +63,7 @@ class FeedbackBody(BaseModel):
         if not self.model_fields_set:
             raise ValueError("send class, labels or zones")
         if self.zones is not None and self.labels:
-            raise ValueError("send labels in zones, not beside them")
+            raise ValueError("send labels either in `zones` or in `labels`, not in both")
         return self
 
 

@@ -17,7 +17,7 @@ TYPICAL_DEVIATION = 0.25
 
 @dataclass(frozen=True, slots=True)
 class FocalParameters:
-    """When a focal length that a page shows is believed, whatever its shape."""
+    """When a focal length that a page shows is accepted, for every shape of page."""
 
     believable: float = 3.5
     """Deviations of the prior. A focal length further from the typical one comes from a page that is not quite flat, or

@@ -22,7 +22,7 @@ _ESCAPE = re.compile(rb"#([0-9A-Fa-f]{2})")
 _FLATE = ("/FlateDecode", "/Fl")
 _AT_ONCE = 1 << 20
 _BYTES_OF_A_FORM = 1024
-"""Drawing a form costs at least as much as so many bytes of content: a million empty ones take 1 GB and 5 s."""
+"""Drawing a form costs at least as much as this number of bytes of content: a million empty ones take 1 GB and 5 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class StructureLimits:
     max_drawn_bytes: int = 256 * 2**20
     """The same with each form counted as often as it is drawn: 5 s of drawing, or 260,000 symbols of a map."""
     max_form_depth: int = 24
-    """Forms within forms. Files that were placed in one another by several programs reach 8."""
+    """Depth of forms within forms. Files that several programs have embedded in turn reach 8."""
     max_filters: int = 4
     """Filters of one stream. Writers use 1, or 2 with an ASCII filter."""
 

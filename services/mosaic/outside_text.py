@@ -1,4 +1,4 @@
-"""Text outside of what was taken for the sheet: where there is some, the sheet does not end there.
+"""Text outside of the detected sheet: where there is some, the sheet does not end there.
 
 A coloured head or foot of a page, with dark or light text on it, differs from the paper as a desk does.
 """
@@ -36,6 +36,6 @@ def find_characters(
 def is_outside_text(
     dark: int, light: int, all_dark: int, parameters: OutsideTextParameters | None = None
 ) -> bool:
-    """Whether so many dark and light characters outside of an edge, and `all_dark` on the page, are text."""
+    """Whether these numbers of dark and light characters outside of an edge, and `all_dark` on the page, are text."""
     p = parameters or OutsideTextParameters()
     return dark >= p.characters or light >= max(p.characters, p.light_share * all_dark)

@@ -54,7 +54,7 @@ class PageCroppingParameters:
     candidates: int = 4
     """Number of lines that are tested on each side, because a bright spot of the desk also has a border."""
     ground: int = 3
-    """Width of the background beside the paper, cells, so that a photo's border is not mistaken for the sheet's."""
+    """Width of the background next to the paper, cells, so that a photo's border is not mistaken for the sheet's."""
     inset: float = 0.75
     """Distance of the cut inside the edge, cells: pixels of the edge mix paper and background."""
 

@@ -60,7 +60,7 @@ def adapt_models(
         )
     except feedback.LabelsMissing as error:
         raise InvalidOption(
-            f"labels.{error.zone}: {verified.verified_class} has no model yet that could tell the labels which are "
+            f"labels.{error.zone}: {verified.verified_class} has no model yet that could supply the labels which are "
             "not named; name those of all zones.",
             "labels",
         ) from error

@@ -86,7 +86,7 @@ class FlatPage:
     def characters(self) -> Points:
         """Centres of the page's characters (N, 2) in photo pixels.
 
-        Where the sheet's outline was believed and the text was not, what lies outside is texture of the desk.
+        Where the sheet's outline was used and the text was not, what lies outside is texture of the desk.
         """
         found = self.analysis.characters
         if self.outline is None or not isinstance(self.shape, PagePose) or self.shape.sources != ("outline",):

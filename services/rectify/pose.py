@@ -36,11 +36,11 @@ EXIF_CONTRADICTED = Notice(
 TEXT_BELIEVED = Notice(
     "outline-disagrees",
     "the sheet's edges are not those of a rectangle on which its text is level (a wrong edge, or no flat rectangle); "
-    "the text was believed.",
+    "the text was used.",
 )
 EDGES_BELIEVED = Notice(
     "outline-disagrees",
-    "the little text that was seen does not fit the sheet's straight edges; the edges were believed.",
+    "the little text that was seen does not fit the sheet's straight edges; the edges were used.",
 )
 
 STRAY_PERCENT = 1.0
@@ -285,9 +285,9 @@ def choose_pose(
     plane = refined.plane
     gain = p.curved_gain if kind == "curved" else p.gain
     gentle = flow_deviation(level, major, minor, p.minor_share)
-    believed = agree and sheet is not None and isinstance(sheet.plane, OutlinePlane)
+    trusted = agree and sheet is not None and isinstance(sheet.plane, OutlinePlane)
     if not is_plausible(plane, characters, p):
-        plane, believed = level, False
+        plane, trusted = level, False
         notices.append(
             Notice(
                 "implausible-pose",
@@ -295,7 +295,7 @@ def choose_pose(
             )
         )
     elif (
-        not believed
+        not trusted
         and flow_deviation(plane, major, minor, p.minor_share) > gain * gentle + SMALL_DEVIATION_RAD
     ):
         plane = level
@@ -313,9 +313,9 @@ def choose_pose(
                 f"may be off by about {100 * refined.log_aspect_deviation:.0f} %; send focal_length_px or keep EXIF.",
             )
         )
-    sources: tuple[ShapeSource, ...] = ("text", "outline") if believed else ("text",)
-    skew = refined.skew_rad if believed else 0.0
-    if believed and sheet is not None and is_stray(refined, flow_deviation(plane, major, minor, 0.0), p):
+    sources: tuple[ShapeSource, ...] = ("text", "outline") if trusted else ("text",)
+    skew = refined.skew_rad if trusted else 0.0
+    if trusted and sheet is not None and is_stray(refined, flow_deviation(plane, major, minor, 0.0), p):
         assert isinstance(sheet.plane, OutlinePlane)
         plane, sources, skew = sheet.plane.plane, ("outline",), 0.0
     if sheet is not None:
@@ -323,7 +323,7 @@ def choose_pose(
             min(flow_deviation(other, major, minor, 0.0) for other in planes)
             for planes in ((plane,), (level, start))
         )
-        notices += disagreement(sheet, refined, believed, lines, without, p)
+        notices += disagreement(sheet, refined, trusted, lines, without, p)
     N = plane.rotation[:, 2]
     return PagePose(
         e.view.H_photo_centred @ plane.H_centred_plane,
@@ -334,7 +334,7 @@ def choose_pose(
         refined.lines,
         flow_deviation(plane, major, minor, p.minor_share),
         sources,
-        believed and sheet is not None and sheet.straight,
+        trusted and sheet is not None and sheet.straight,
         skew,
         float("inf") if plane is level else refined.log_focal_deviation,
         tension,
@@ -348,10 +348,10 @@ def is_stray(refined: RefinedPlane, deviation_rad: float, p: PoseParameters) -> 
 
 
 def disagreement(
-    sheet: SheetSides, refined: RefinedPlane, believed: bool, lines: float, without: float, p: PoseParameters
+    sheet: SheetSides, refined: RefinedPlane, trusted: bool, lines: float, without: float, p: PoseParameters
 ) -> list[Notice]:
     """Notices if text and outline disagree; the deviation (rad) of the text is `lines`, and `without` the sides."""
-    if not believed:
+    if not trusted:
         return [TEXT_BELIEVED] if isinstance(sheet.plane, OutlinePlane) else []
     if lines > without + p.text_rad or is_stray(refined, lines, p):
         return [EDGES_BELIEVED]
@@ -359,7 +359,7 @@ def disagreement(
         return [
             Notice(
                 "outline-disagrees",
-                f"the print stands aslant on its sheet, by {abs(np.degrees(refined.skew_rad)):.0f} degrees; the view "
+                f"the print is aslant on its sheet, by {abs(np.degrees(refined.skew_rad)):.0f} degrees; the view "
                 "is level with the print.",
             )
         ]

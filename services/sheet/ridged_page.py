@@ -224,7 +224,7 @@ def estimate_ridged_page(
     if start is None:
         return NoRidgedPage("its corners are not those of a rectangle before a camera")
     if major is not None and abs(print_skew(start, major)) > p.max_skew_rad:
-        return NoRidgedPage("its print stands askew on it")
+        return NoRidgedPage("its print is askew on it")
     seen = SheetObservations(NO_LINES, strokes, sides, prior.log_focal, prior.deviation)
     steps = p.focal_steps if prior.source == "assumed" else ()
     mesh, lines = _fit_to_lines(start, trace, seen, steps, p)

@@ -126,7 +126,7 @@ def _scale(
         )
     if not (width and height and min(width, height) > 0):
         raise InvalidLayout(
-            "The Page has no WIDTH and HEIGHT, which tell what a pixel is in its unit.", FIELD
+            "The Page has no WIDTH and HEIGHT, which give the size of a pixel in its unit.", FIELD
         )
     return pixels[0], pixels[1], pixels[0] / width, pixels[1] / height
 

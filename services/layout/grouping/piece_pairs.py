@@ -41,7 +41,7 @@ class PairParameters:
     reach_along: float = 3.2
     """Largest gap of neighbours down the page: pieces are no farther apart than lines in double spacing."""
     reach_across: float = 8.0
-    """Largest gap of neighbours in a row: a logo and the address beside it."""
+    """Largest gap of neighbours in a row: a logo and the address to its right."""
     foreign_share: float = 0.3
     """Two zones are no neighbours if a zone with another label lies by more than this share between them."""
     most_gap: float = 3.0

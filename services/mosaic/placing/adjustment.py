@@ -151,7 +151,7 @@ def _without_contradictions(
 ) -> tuple[BundleSolution, frozenset[int]]:
     """The solution of all pairs, or of all except a few that contradict them, and the set of those.
 
-    With few pairs a false pair can distort the others so much that the loss alone does not recover. Therefore each
+    With few pairs a false pair can distort the others until the loss alone does not recover. Therefore each
     suspicious pair is left out on trial. It stays out if the loss of all pairs, including its own, then falls clearly.
     """
     left_out: frozenset[int] = frozenset()

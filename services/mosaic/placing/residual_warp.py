@@ -23,7 +23,7 @@ Nodes = NDArray[np.intp]
 """Indices of nodes, any shape."""
 
 HELD_OUT_CELLS = 5
-"""One cell in so many is held out."""
+"""One cell in this number is held out."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from services.mosaic.registration.reduced_view import ReducedView
 
 GRID_TRIES = 12
 GRID_GROWTH = 1.2
-"""The grid of blocks is made coarser by this factor until few enough remain, so many times at most (9-fold)."""
+"""The grid of blocks is made coarser by this factor until few enough remain, this number of times at most (9-fold)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class BlockParameters:
     least_shown: float = 0.98
     """Least share of a block that both views show."""
     breadth_share: float = 0.45
-    """Side of a block relative to the overlap's width, so that two fit beside each other."""
+    """Side of a block relative to the overlap's width, so that two fit next to each other."""
     most_blocks: int = 280
     """Largest number of blocks, distributed over the overlap."""
     ink: float = 14.0
@@ -59,7 +59,7 @@ class BlockParameters:
     """Largest difference of neighbours' displacements: a constant plus this share of their distance."""
     neighbours: int = 8
     supporters: int = 3
-    """Of so many nearest neighbours, so many must agree (or half, if there are fewer)."""
+    """Number of nearest neighbours, and how many of them must agree (or half, if there are fewer)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -61,7 +61,7 @@ def single_entries(columns: NDArray[np.intp], values: Vector) -> SparseRows:
 
 
 def stacked(parts: Sequence[SparseRows], width: int) -> csr_array:
-    """The rows of all `parts` below one another, as a matrix of `width` columns without its zeros."""
+    """The rows of all `parts`, stacked, as a matrix of `width` columns without its zeros."""
     kept = [part.entries != 0 for part in parts]
     counts = np.concatenate([np.count_nonzero(keep, axis=1) for keep in kept])
     return csr_array(

@@ -209,7 +209,7 @@ def _weighted_lines(t: Floats, y: Floats, weights: Floats) -> tuple[Vector, Vect
     """Level and slope (L,) of the least squares line of each row (L, N)."""
     w, wt = weights.sum(axis=1), (weights * t).sum(axis=1)
     wy, wty = (weights * y).sum(axis=1), (weights * t * y).sum(axis=1)
-    # One character may keep all the weight, and then tells no slope.
+    # One character may keep all the weight, and then shows no slope.
     wtt = (weights * t * t).sum(axis=1) + LEAST_SLOPE_WEIGHT
     determinant = np.maximum(w * wtt - wt * wt, 1e-300)
     return (wtt * wy - wt * wty) / determinant, (w * wty - wt * wy) / determinant
