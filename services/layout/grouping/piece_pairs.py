@@ -24,9 +24,10 @@ PIECE_FEATURES = (
 )
 """What is measured of a pair of pieces; `piece_features` has their order."""
 
-USUAL_WEIGHTS = (-1.07, -0.12, 0.70, 2.86, -0.02, 0.09, 0.37, 1.97, -0.69, -0.49, 1.61)
-"""Log odds for each feature. A logistic regression on 2400 pairs of zones that segmentation found on title pages of
-three publications, letters, memos and fax sheets; each set weighs the root of its number of pairs."""
+USUAL_WEIGHTS = (-1.05, -0.09, 0.72, 2.87, -0.15, 0.07, 0.38, 1.77, -0.69, -0.48, 1.64)
+"""Log odds for each feature: a logistic regression on 2423 pairs of zones that segmentation found on title pages of
+three publications, letters, memos and fax sheets; each set weighs the root of its number of pairs. On a set that is
+left out 65 to 93 % of the pairs are told rightly."""
 
 
 MOST_ZONES = 300
