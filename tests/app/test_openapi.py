@@ -67,8 +67,10 @@ def assume_a_form(body: dict[str, Any]) -> None:
     # "An object in place of the file" goes out as a file that holds JSON: bytes like any others.
     assume(all(isinstance(body.get(name, b""), bytes | str) for name in ("zones", "zones_file")))
     assume(all(isinstance(image, bytes | str) for image in images))
-    # An empty field of a form is one that was left out, so it is no violation.
-    assume("" not in [value for name, value in body.items() if name not in FILES])
+    # An empty field of a form is one that was left out, and a list of one goes out as its item: no violations.
+    options = [value for name, value in body.items() if name not in FILES]
+    assume("" not in options)
+    assume(not any(isinstance(value, list) and len(value) < 2 for value in options))
     # What the document cannot say: the base is one of the photos that came with it.
     base = body.get("base")
     is_index = str(base).isascii() and str(base).isdigit()

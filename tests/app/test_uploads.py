@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from tests.app.raw import Answer, connect, form, head, read_answer
-from tests.app.scripted import upload
+from tests.app.scripted import PAGE, upload
 from tests.app.serving import serving
 from tests.app.test_health import sample
 
@@ -258,6 +258,7 @@ def test_a_slow_upload_gives_its_place_to_another(monkeypatch: pytest.MonkeyPatc
         ("POST", "/layout/models/letter/rollback", b"65536 bytes;"),
         ("POST", "/layout/models/letter/initialize", b"65536 bytes;"),
         ("POST", "/layout/proposals", b"65536 bytes;"),
+        ("POST", "/layout/results/{id}/feedback", b"MAX_ZONES_BYTES"),
         ("PUT", "/layout/models/letter", b"MAX_MODEL_BYTES"),
     ],
 )
@@ -267,6 +268,8 @@ def test_every_route_limits_its_body_before_it_is_kept(
 ) -> None:
     """40 bodies of 32 MB, as a form or not, made the server keep 1.4 GB."""
     chunk = b"10000\r\n" + b" " * 65_536 + b"\r\n"
+    if "{id}" in path:
+        path = path.format(id=client.post("/layout", files={"zones": json.dumps(PAGE).encode()}).json()["id"])
     with connect(client) as connection:
         connection.sendall(head(length, path).replace(b"POST", method.encode(), 1))
         if length is None:

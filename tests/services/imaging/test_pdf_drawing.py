@@ -41,7 +41,7 @@ def children_s() -> float:
         (pdfs.exponential, TooLarge, "too often"),
         (pdfs.flate_bomb, TooLarge, "inflated"),
         (lambda: pdfs.page_of(b"n", flates=6), TooLarge, "6 filters"),
-        (pdfs.strokes, TooLarge, "more than 1 s to draw"),
+        (lambda: pdfs.strokes(200_000), TooLarge, "more than 1 s to draw"),  # 2 million need 400 MB too
         (lambda: pdfs.saved_states(4_000_000), TooLarge, "of memory"),
     ],
     ids=["draws itself", "deep", "exponential", "three filters", "six filters", "strokes", "saved states"],
