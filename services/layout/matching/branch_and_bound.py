@@ -51,7 +51,7 @@ def search(
     """The least cost below `below` by more than `tolerance`, or the proof that no such labelling exists.
 
     Opens `max_nodes` zones, fewer where more than `_USUAL_ZONES` are left, as each then costs more; and none after
-    `stop_at` (of time.perf_counter).
+    `stop_at` (of time.thread_time).
     """
     size, width = problem.node.shape
     if size == 0:
@@ -68,7 +68,7 @@ def search(
         if stack[-1].bound >= limit - tolerance:
             stack.pop()
             continue
-        if explored >= max_nodes or time.perf_counter() > stop_at:
+        if explored >= max_nodes or time.thread_time() > stop_at:
             break
         explored += 1
         children = branching.open(stack.pop(), limit - tolerance)

@@ -37,7 +37,7 @@ def match_directly(tables: CostTables, parameters: MatchingParameters) -> Matchi
     Local search from a few starts gives an upper bound. Message passing raises a lower bound and removes labels that
     cannot be in a better labelling. Branch and bound decides the rest.
     """
-    stop_at = time.perf_counter() + parameters.max_ms / 1000
+    stop_at = time.thread_time() + parameters.max_ms / 1000
     if tables.zones == 0 or tables.labels == 1:
         labels = np.zeros(tables.zones, np.intp)
         cost = tables.cost(labels)
@@ -120,7 +120,7 @@ def _raise_bound(
         elif gap > _STALLED * last:
             break
         last = gap
-        if time.perf_counter() > stop_at:
+        if time.thread_time() > stop_at:
             break
         ascent.price_counts(_STEP)
     ascent.settle()

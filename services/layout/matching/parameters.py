@@ -8,9 +8,10 @@ class MatchingParameters:
     """Budgets are counted in steps, so that the answer does not depend on the machine's speed.
 
     `max_nodes`: zones that branch and bound opens (40 us each); 300 prove nearly all pages of 15 zones. `max_sweeps`:
-    passes of the dual ascent over all pairs; after 12 the bound hardly rises. `max_ms`: wall clock, the last stop
-    only, well above what the other two take on pages of 200 zones. `manhattan`: in two steps, grouped zones must not
-    overlap zones of other groups (5.4); paragraphs and headings that take turns are kept apart by it.
+    passes of the dual ascent over all pairs; after 12 the bound hardly rises. `max_ms`: processor time of the thread
+    (a loaded machine gives the same answers), the last stop only, well above what the other two take on pages of 200
+    zones. `manhattan`: in two steps, grouped zones must not overlap zones of other groups (5.4); paragraphs and
+    headings that take turns are kept apart by it.
     """
 
     max_nodes: int = 300
