@@ -19,6 +19,7 @@ from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddle
 
 from app import __version__
 from app.authentication import ApiKeys
+from app.blobs import BlobAccess
 from app.body_limits import body_limits_of
 from app.disk_space import DiskSpace
 from app.engine.local import LocalEngine, PoolLimits
@@ -166,12 +167,14 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         )
     )
 
+    blobs = BlobAccess(settings.blob_url, settings.data_dir)
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         _check_content_features(settings.content_features)
         async with store.opened():  # first: a service that cannot store anything must not start
+            await blobs.open()
             await engine.start()
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
             try:
@@ -179,6 +182,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             finally:
                 await engine.drain(settings.shutdown_grace_s)
                 await jobs.close()
+                await blobs.close()
                 locks.close()
 
     app = FastAPI(
@@ -194,7 +198,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
     app.state.document_rectification = AppState(
-        settings, engine, operations, store, metrics, locks, jobs, disk
+        settings, engine, operations, store, metrics, locks, jobs, disk, blobs
     )
     for router in ROUTERS:
         if router is layout.router:

@@ -192,6 +192,13 @@ class Settings(BaseSettings):
         "file layout.sqlite3 in DATA_DIR; several services may share it.",
         repr=False,
     )
+    blob_url: str = Field(
+        default="",
+        description="Bucket of uploads and answers of jobs (s3://bucket/prefix, gs://..., az://...), used instead of "
+        "the folder DATA_DIR/blobs; services on several machines need one. Credentials: AWS_ACCESS_KEY_ID, "
+        "AWS_SECRET_ACCESS_KEY, AWS_ENDPOINT_URL, and so on.",
+        repr=False,
+    )
     store_timeout_s: float = Field(
         default=20.0,
         gt=0,

@@ -35,7 +35,7 @@ RULES = [
     (
         "app",
         ("models", *SQL),
-        ("models.repository", "models.records", "models.errors"),
+        ("models.repository", "models.records", "models.errors", "models.blobs"),
     ),
     ("app/engine", (*HTTP, "pydantic", "app"), ("app.engine",)),
     (
@@ -76,6 +76,7 @@ ONLY_IN = [
     # (module, the only places that may import it)
     ("sqlalchemy", ("models/",)),
     ("alembic", ("models/",)),
+    ("obstore", ("models/",)),
     ("fastapi", ("app/",)),
     ("starlette", ("app/",)),
     # Of the services only the form of model documents needs it.

@@ -5,6 +5,7 @@ from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
+from app.blobs import BlobAccess
 from app.disk_space import DiskSpace
 from app.engine.base import Engine
 from app.jobs import Jobs
@@ -27,6 +28,7 @@ class AppState:
     locks: ModelLocks
     jobs: Jobs
     disk: DiskSpace
+    blobs: BlobAccess
 
 
 def app_state(request: Request) -> AppState:

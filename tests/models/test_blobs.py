@@ -1,0 +1,85 @@
+"""Blobs: written wholly or not at all, bounded, swept by age."""
+
+import os
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from models.blobs import PART_BYTES, BlobNotFound, Blobs, BlobTooLarge
+from models.errors import StoreUnavailable
+
+
+def parts_of(*parts: bytes, then: Exception | None = None) -> Iterator[bytes]:
+    yield from parts
+    if then is not None:
+        raise then
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+@pytest.fixture
+def blobs(tmp_path: Path) -> Blobs:
+    return Blobs("", tmp_path)
+
+
+@pytest.mark.parametrize("size", [0, 1, PART_BYTES, 2 * PART_BYTES + 7])
+def test_what_is_put_comes_back(blobs: Blobs, tmp_path: Path, size: int) -> None:
+    content = os.urandom(size)
+    assert blobs.put("a/whole", content, size) == size
+    pieces = [content[at : at + 65_536] for at in range(0, size, 65_536)]
+    assert blobs.put("a/parts", parts_of(*pieces), size) == size
+    assert blobs.get("a/whole") == blobs.get("a/parts") == content
+    assert all(len(part) <= 2 * PART_BYTES for part in blobs.read("a/parts"))
+    blobs.delete("a/whole", "a/parts", "a/never")
+    for key in ("a/whole", "a/parts"):
+        with pytest.raises(BlobNotFound):
+            blobs.get(key)
+    assert files(tmp_path) == []
+
+
+@pytest.mark.parametrize("count", [1, 8])
+def test_a_blob_that_fails_leaves_nothing(blobs: Blobs, tmp_path: Path, count: int) -> None:
+    part = b"x" * (PART_BYTES // 2)
+    with pytest.raises(BlobTooLarge):
+        blobs.put("a", parts_of(*[part] * count, b"y"), len(part) * count)
+    with pytest.raises(BlobTooLarge):
+        blobs.put("a", b"xy", 1)
+    with pytest.raises(ZeroDivisionError):
+        blobs.put("a", parts_of(*[part] * count, then=ZeroDivisionError()), 1 << 30)
+    with pytest.raises(BlobNotFound):
+        blobs.get("a")
+    assert files(tmp_path) == []
+
+
+def test_old_blobs_without_a_use_are_swept(blobs: Blobs, tmp_path: Path) -> None:
+    for key in ("jobs/old/input", "jobs/used/input", "jobs/new/input", "pages/old"):
+        blobs.put(key, b"x", 1)
+    old_s = (datetime.now(UTC) - timedelta(hours=1)).timestamp()
+    for key in ("jobs/old/input", "jobs/used/input", "pages/old"):
+        os.utime(tmp_path / key, (old_s, old_s))
+    before = datetime.now(UTC) - timedelta(minutes=30)
+    assert blobs.sweep("jobs", before, lambda key: "used" in key) == 1
+    assert files(tmp_path) == ["jobs/new/input", "jobs/used/input", "pages/old"]
+
+
+def test_a_store_that_is_away_is_unavailable(tmp_path: Path) -> None:
+    folder = tmp_path / "blobs"
+    blobs = Blobs("", folder)
+    blobs.check()
+    folder.rmdir()
+    folder.write_text("a file in place of the folder", encoding="ascii")
+    with pytest.raises(StoreUnavailable):
+        blobs.check()
+    for content in (b"x", parts_of(b"x")):
+        with pytest.raises(StoreUnavailable):
+            blobs.put("a/b", content, 1)
+
+
+@pytest.mark.parametrize("url", ["nonsense", "ftp://example.org/x"])
+def test_a_url_of_no_store_is_refused(tmp_path: Path, url: str) -> None:
+    with pytest.raises(StoreUnavailable):
+        Blobs(url, tmp_path)
