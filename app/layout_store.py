@@ -263,7 +263,9 @@ def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, Read
             newest = ReadyModel(document_of(recognizing), labels_of(model.document))
         # Settings belong to the model, not to the version: they may have changed.
         settings = summary.settings
-        document = replace(newest.document, genre=settings.genre, continues=settings.continues)
+        document = replace(
+            newest.document, genre=settings.genre, continues=settings.continues, fields=settings.fields
+        )
         ready[summary.name] = replace(newest, document=document)
     return ready
 
@@ -280,6 +282,7 @@ def document_of(model: StoredModel) -> ModelDocument:
         genre=settings.genre,
         continues=settings.continues,
         learner=settings.learner,
+        fields=settings.fields,
     )
 
 

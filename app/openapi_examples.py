@@ -133,7 +133,16 @@ _HEALTH = {
     "last_feedback": _WHEN,
 }
 _FOUND = {"found": "letter", "verified": "letter"}
-_SETTINGS = {"learner": "passive-aggressive", "genre": None, "continues": None}
+_DATE = {
+    "type": "date",
+    "pattern": None,
+    "order": "MDY",
+    "languages": ["en"],
+    "region": None,
+    "currency": None,
+    "decimal": None,
+}
+_SETTINGS = {"learner": "passive-aggressive", "genre": None, "continues": None, "fields": {"date": _DATE}}
 _VERSIONS = {"name": "letter", "old_version": 7, "new_version": 8}
 _MODEL = {
     "format": "layout-graph-model",
@@ -152,7 +161,10 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
         "add_layout_sample": _PAGE,
         "train_layout_model": {"rounds": 10},
         "roll_layout_model_back": {"version": 7},
-        "change_layout_model_settings": {"learner": "counting"},
+        "change_layout_model_settings": {
+            "learner": "counting",
+            "fields": {"date": {"type": "date", "order": "MDY"}},
+        },
     },
     "multipart/form-data": {
         "rectify": {"image": "(file photo.jpg)", "illumination": "normalize", "format": "json"},

@@ -1,8 +1,8 @@
 """The store's calls for document classes: versions and settings."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import fields, replace
-from typing import cast
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, fields, replace
+from typing import Any, cast
 
 from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
@@ -44,7 +44,11 @@ from models.tables import (
     VersionRow,
 )
 from models.transactions import Transactions
+from services.contract.fields import FieldSetting
 from services.contract.layout_learning import DEFAULT_LEARNER
+
+_BY_LABEL = {"fields", "elements"}
+"""Settings that are a document with an entry for each label."""
 
 
 class ModelRepository(Transactions):
@@ -176,8 +180,10 @@ class ModelRepository(Transactions):
         with self._reading() as session:
             return settings_of(find_model(session, name))
 
-    def change_settings(self, name: str, **changes: str | None) -> ModelSettings:
+    def change_settings(self, name: str, **changes: Any) -> ModelSettings:
         """Change the named fields of `ModelSettings` (None resets a field) and return all settings.
+
+        Of `fields` and `elements` the given labels change (None removes one), and the others stay.
 
         A class that another class continues cannot continue a class itself. Raises `ModelNotFound`, also when the class
         in `continues` does not exist, and `NotStorable` when a value is not allowed.
@@ -191,7 +197,8 @@ class ModelRepository(Transactions):
             given = {**changes, "learner": changes.get("learner", before.learner)}
             if given["learner"] is None:
                 given["learner"] = DEFAULT_LEARNER
-            after = replace(before, **given)  # type: ignore[arg-type]  # judged next
+            given |= {key: _merged(getattr(before, key), changes[key]) for key in _BY_LABEL & changes.keys()}
+            after = replace(before, **given)
             require_settings(name, after)
             if after.continues is not None and after.continues != before.continues:
                 first = find_model(session, after.continues)
@@ -199,7 +206,7 @@ class ModelRepository(Transactions):
                 if first.continues is not None or session.execute(others).first() is not None:
                     raise NotStorable("continues: a class that continues another cannot be continued itself")
             for key, value in changes.items():
-                setattr(row, key, value)
+                setattr(row, key, _packed(getattr(after, key)) if key in _BY_LABEL else value)
             if after != before:
                 state.revision += 1
         return after
@@ -215,6 +222,18 @@ class ModelRepository(Transactions):
             row.deleted_at = row.updated_at = self._clock()
             row.version = None
             state.revision += 1
+
+
+def _merged(before: Mapping[str, Any], changes: Mapping[str, Any] | None) -> dict[str, Any]:
+    merged = {} if changes is None else {**before, **changes}
+    return {label: value for label, value in merged.items() if value is not None}
+
+
+def _packed(by_label: Mapping[str, Any]) -> bytes | None:
+    plain = {
+        label: asdict(each) if isinstance(each, FieldSetting) else each for label, each in by_label.items()
+    }
+    return encode_document(plain) if plain else None
 
 
 def _delete_feedback(session: Session, row: ModelRow) -> None:

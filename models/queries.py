@@ -22,6 +22,7 @@ from models.records import (
 )
 from models.tables import ModelRow, SampleRow, StateRow, UnknownPageRow, VersionRow
 from models.ulid import is_ulid
+from services.contract.fields import MOST_FIELDS, FieldSetting
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 READ_AT_ONCE = 8
@@ -68,7 +69,7 @@ def create_model(session: Session, name: str, now: datetime, max_models: int | N
         row = ModelRow(name=name, version=None, last_version=0, created_at=now, updated_at=now)
         session.add(row)
     row.created_at = row.updated_at = now
-    row.deleted_at = row.learner = row.genre = row.continues = None
+    row.deleted_at = row.learner = row.genre = row.continues = row.fields = row.elements = None
     session.flush()
     return row
 
@@ -174,12 +175,27 @@ def require_settings(name: str, settings: ModelSettings) -> None:
     for each in (settings.genre, settings.continues):
         if each is not None:
             require_storable(each, "name")
+    for labels in (settings.fields, settings.elements):
+        if len(labels) > MOST_FIELDS:
+            raise NotStorable(f"a class can have settings of {MOST_FIELDS} labels")
+        for label in labels:
+            require_storable(label, "label")
     if settings.continues == name:
         raise NotStorable("continues: a class cannot continue itself")
 
 
 def settings_of(row: ModelRow) -> ModelSettings:
-    return ModelSettings(cast(Learner, row.learner or DEFAULT_LEARNER), row.genre, row.continues)
+    fields = {} if row.fields is None else decode_document(row.fields)
+    return ModelSettings(
+        learner=cast(Learner, row.learner or DEFAULT_LEARNER),
+        genre=row.genre,
+        continues=row.continues,
+        fields={
+            label: FieldSetting(**{**each, "languages": tuple(each["languages"])})
+            for label, each in fields.items()
+        },
+        elements={} if row.elements is None else decode_document(row.elements),
+    )
 
 
 def model_summary(row: ModelRow, samples: int) -> ModelSummary:

@@ -7,6 +7,7 @@ from enum import Enum
 from typing import Any, Final, Literal
 
 from models.documents import Document
+from services.contract.fields import FieldSetting
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 MAX_NAME = 200
@@ -36,12 +37,15 @@ class ModelSettings:
     """The settings of a class. A new version does not change them.
 
     `genre` names the genre of the class; None: the service finds it by similarity. `continues` names the class whose
-    later pages this class describes; None: it describes whole documents, or first pages.
+    later pages this class describes; None: it describes whole documents, or first pages. `fields` has the types of
+    fields, `elements` the elements of HTML pages, both by label.
     """
 
     learner: Learner = DEFAULT_LEARNER
     genre: str | None = None
     continues: str | None = None
+    fields: Mapping[str, FieldSetting] = field(default_factory=dict)
+    elements: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +57,7 @@ class ModelSummary:
     samples: int
     created_at: datetime
     updated_at: datetime
-    settings: ModelSettings = ModelSettings()
+    settings: ModelSettings = field(default_factory=ModelSettings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +75,7 @@ class StoredModel:
     created_at: datetime
     updated_at: datetime
     origin: Origin | None
-    settings: ModelSettings = ModelSettings()
+    settings: ModelSettings = field(default_factory=ModelSettings)
 
 
 @dataclass(frozen=True, slots=True)

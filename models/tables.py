@@ -64,6 +64,8 @@ class ModelRow(Table):
     learner: Mapped[str | None] = mapped_column(String(20))
     genre: Mapped[str | None] = mapped_column(String(MAX_NAME))
     continues: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    fields: Mapped[bytes | None] = mapped_column(LargeBinary)
+    elements: Mapped[bytes | None] = mapped_column(LargeBinary)
 
 
 class VersionRow(Table):
@@ -109,6 +111,7 @@ class FeedbackRow(Table):
 
     `lesson` is the verified page with all labels. The models learn from it again when an earlier feedback is taken
     back. It is NULL when a later feedback on the same result has replaced this one, or when its sample was deleted.
+    `letters` counts those of the texts that the person gave, `wrong_letters` the edits that made them of the read ones.
     """
 
     __tablename__ = "layout_feedback"
@@ -131,6 +134,8 @@ class FeedbackRow(Table):
     report: Mapped[bytes] = mapped_column(LargeBinary)
     lesson: Mapped[bytes | None] = mapped_column(LargeBinary)
     owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
+    letters: Mapped[int | None]
+    wrong_letters: Mapped[int | None]
 
 
 class FeedbackModelRow(Table):

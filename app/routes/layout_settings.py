@@ -10,7 +10,7 @@ from app.routes.common_responses import BODY, READING
 from app.routes.json_bodies import json_request, read_json
 from app.routes.state import State
 from app.schemas.layout_models import Health, ModelName
-from app.schemas.layout_settings import ModelHealthReport, Settings, SettingsBody
+from app.schemas.layout_settings import ModelHealthReport, Settings, SettingsBody, TypedField
 from models.errors import NotStorable
 from models.records import ModelHealth, ModelSettings
 from models.repository import Store
@@ -29,7 +29,7 @@ async def layout_model_health(state: State, name: ModelName) -> ModelHealthRepor
 async def layout_model_settings(state: State, name: ModelName) -> Settings:
     """Settings of a model. They do not belong to a version."""
     settings = await state.store.call(lambda store: store.settings(name))
-    return Settings(**asdict(settings))
+    return settings_answer(settings)
 
 
 @router.patch(
@@ -42,6 +42,10 @@ async def change_layout_model_settings(request: Request, state: State, name: Mod
     """Change the given settings and keep the others; null restores a default (RFC 7396)."""
     body = await read_json(request, SettingsBody)
     changes = body.model_dump(include=body.model_fields_set)
+    if body.fields is not None:
+        changes["fields"] = {
+            label: None if each is None else each.setting() for label, each in body.fields.items()
+        }
 
     def write(store: Store) -> ModelSettings:
         if store.model_summary(name).name == body.continues:
@@ -51,8 +55,18 @@ async def change_layout_model_settings(request: Request, state: State, name: Mod
         except NotStorable as error:  # the names are valid, so another class's `continues` conflicts
             raise Conflict(f"{error.detail}.", "continues") from error
 
-    settings = await state.store.call(write)
-    return Settings(**asdict(settings))
+    return settings_answer(await state.store.call(write))
+
+
+def settings_answer(settings: ModelSettings) -> Settings:
+    """The settings of a model as a response."""
+    given = asdict(settings)
+    given["fields"] = {
+        label: TypedField(**{**asdict(each), "languages": list(each.languages)})
+        for label, each in settings.fields.items()
+    }
+    given.pop("elements")
+    return Settings(**given)
 
 
 def health_of(health: ModelHealth) -> Health:

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.schemas.options import FORMAT, Absent, Switch
 from app.schemas.page import Answer, Warning
+from services.contract.fields import FieldType, ValueProblem
 from services.contract.layout import LayoutFormat
 
 MODEL_NAME_PATTERN = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,59}$"
@@ -151,10 +152,24 @@ class LabelField(Answer):
 
     label: str
     text: str = Field(description="The texts of its zones in reading order, one below the other.")
+    type: FieldType = Field(default="text", description="By the settings of the class.")
+    value: str | None = Field(
+        default=None,
+        description="The text normalized by its type: a date as YYYY-MM-DD, an amount with a decimal "
+        "point, a phone number as E.164, a text in one line; null: see `problem`.",
+    )
+    currency: str | None = Field(
+        default=None, description="Currency of an amount (ISO 4217), if it is known."
+    )
+    problem: ValueProblem | None = Field(
+        default=None,
+        description="no-value: the text has no value of this type. several-values: it has different ones. ambiguous: a "
+        "numeric date is one day by one order and another by the other (set `order`).",
+    )
     confidence: float = Field(
         ge=0,
         le=1,
-        description="Probability that the class, the labels of all its zones and the text are right.",
+        description="Probability that the class, the labels of all its zones and the text of the value are right.",
     )
     zones: list[str] = Field(description="Ids of its zones.")
 
@@ -207,7 +222,7 @@ class LayoutResult(Answer):
     zones: list[LabelledZone]
     fields: list[LabelField] = Field(
         default=[],
-        description="The text of every label, in reading order; labels without a text are left out.",
+        description="The text and the value of every label, in reading order; labels without a text are left out.",
     )
     match: MatchReport | None
     part: Literal["first", "continuation"] | None = Field(

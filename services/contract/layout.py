@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from services.contract.fields import FieldSetting
 from services.contract.images import ImageLimits
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
@@ -65,7 +66,8 @@ class ModelDocument:
     """One version of a layout model; `document` is its JSON.
 
     The other fields are settings of the class. `genre` is None when nobody has set it. `continues` names the class
-    whose later pages the model describes. `learner` names the algorithm by which the model learns.
+    whose later pages the model describes. `learner` names the algorithm by which the model learns. `fields` has
+    the types of fields by label.
     """
 
     name: str
@@ -74,6 +76,7 @@ class ModelDocument:
     genre: str | None = None
     continues: str | None = None
     learner: Learner = DEFAULT_LEARNER
+    fields: Mapping[str, FieldSetting] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from services.arrays import RgbImage
+from services.contract.fields import FieldSetting
 from services.contract.layout import MEDIA_TYPES, LayoutOptions, LayoutReply, LayoutSettings, ModelDocument
 from services.contract.rectify import RectifyParameters
 from services.errors import TooLarge
@@ -107,7 +108,7 @@ def recognize_picture(
     timings_ms |= recognition.timings_ms
     with timed("encode", timings_ms, ENCODING_BEGINS):
         body = _encode(recognition, measured.image, options, settings)
-    document = describe_page(place_page(recognition, versions), measured.notices, timings_ms, options)
+    document = describe_page(place_page(recognition, versions), measured.notices, timings_ms, options, models)
     page = to_json_ready(page_to_document(recognition.page))
     return LayoutReply(body, MEDIA_TYPES[options.format], document, page)
 
@@ -117,15 +118,27 @@ def describe_page(
     notices: tuple[Notice, ...],
     timings_ms: Mapping[str, float],
     options: LayoutOptions,
+    models: Sequence[ModelDocument],
 ) -> dict[str, object]:
-    """The `LayoutResult` of the HTTP contract without its id."""
-    document = describe_recognition(placed.recognition, explain=options.explain, words=options.words)
+    """The `LayoutResult` of the HTTP contract without its id; `models` are those that competed."""
+    document = describe_recognition(
+        placed.recognition, explain=options.explain, words=options.words, fields=_types(placed, models)
+    )
     document["part"] = placed.part
     document["document_class"] = placed.document_class
     document["warnings"] = describe_warnings(notices)
     document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
     ready: dict[str, object] = to_json_ready(document)
     return ready
+
+
+def _types(placed: PageInDocument, models: Sequence[ModelDocument]) -> dict[str, FieldSetting]:
+    """The types of the fields by label: of the model that gave the labels, and else of its document's class."""
+    fields = {model.name: model.fields for model in models}
+    classes = placed.recognition.classes
+    chosen = placed.recognition.chosen or (classes[0] if classes else None)
+    of_class = fields.get(placed.document_class or "", {})
+    return {**of_class, **fields.get(chosen.name if chosen is not None else "", {})}
 
 
 def measure_page(

@@ -135,7 +135,7 @@ def _recognize_pages(
     document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
     pages = [
         DocumentPage(
-            describe_page(placed, measured.notices, timings, options),
+            describe_page(placed, measured.notices, timings, options, models),
             to_json_ready(page_to_document(placed.recognition.page)),
         )
         for placed, measured, timings in zip(recognition.pages, measured_pages, page_timings, strict=True)

@@ -1,20 +1,28 @@
 """The `LayoutResult` of the HTTP contract as values that JSON can hold."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from services.contract.fields import FieldSetting
 from services.layout.exchange.page_json import plain_number
 from services.layout.graph.font_sizes import measure_font_classes
 from services.layout.model.cost import MOST_EXPLAINED
 from services.layout.page import Page, ReadWord, Zone
-from services.layout.recognition.fields import gather_fields
+from services.layout.recognition.fields import NO_FIELDS, Field, gather_fields
 from services.layout.recognition.results import ClassMatch, MatchReport, Recognition
 from services.operations.replies import rounded
 
 
 def describe_recognition(
-    recognition: Recognition, *, explain: bool, words: bool = False
+    recognition: Recognition,
+    *,
+    explain: bool,
+    words: bool = False,
+    fields: Mapping[str, FieldSetting] = NO_FIELDS,
 ) -> dict[str, object]:
-    """The `LayoutResult` of the HTTP contract without id, warnings and timings; with `words`, those of every zone."""
+    """The `LayoutResult` of the HTTP contract without id, warnings and timings; with `words`, those of every zone.
+
+    `fields` has the types of the fields by label.
+    """
     zones = describe_zones(
         recognition.page,
         [(each.zone, each.label, each.confidence, each.group) for each in recognition.zones],
@@ -26,15 +34,7 @@ def describe_recognition(
         "height": plain_number(recognition.page.height),
         **describe_classes(recognition.chosen, recognition.classes, recognition.unknown_probability),
         "zones": zones,
-        "fields": [
-            {
-                "label": field.label,
-                "text": field.text,
-                "confidence": rounded(field.confidence),
-                "zones": list(field.zones),
-            }
-            for field in gather_fields(recognition)
-        ],
+        "fields": [_describe_field(field) for field in gather_fields(recognition, fields)],
         "match": None if recognition.match is None else _describe_match(recognition.match, explain),
     }
 
@@ -73,6 +73,19 @@ def describe_zones(
         }
         for place, (zone, label, confidence, group) in enumerate(labelled)
     ]
+
+
+def _describe_field(field: Field) -> dict[str, object]:
+    return {
+        "label": field.label,
+        "text": field.text,
+        "type": field.type,
+        "value": field.value,
+        "currency": field.currency,
+        "problem": field.problem,
+        "confidence": rounded(field.confidence),
+        "zones": list(field.zones),
+    }
 
 
 def _describe_word(word: ReadWord) -> dict[str, object]:

@@ -209,13 +209,13 @@ def test_what_cannot_be_compared(shared: httpx.Client) -> None:
 
 
 def test_settings(client: httpx.Client) -> None:
-    usual = {"learner": "passive-aggressive", "genre": None, "continues": None}
+    usual = {"learner": "passive-aggressive", "genre": None, "continues": None, "fields": {}}
     assert client.get(f"{PATH}/settings").json() == usual
     add_samples(client, labelled("body"), name="fax")
     changed = client.patch(f"{PATH}/settings", json={"genre": "business", "continues": "fax"})
     assert changed.json() == {**usual, "genre": "business", "continues": "fax"}
     changed = client.patch(f"{PATH}/settings", json={"learner": "counting", "genre": None})
-    assert changed.json() == {"learner": "counting", "genre": None, "continues": "fax"}
+    assert changed.json() == {**usual, "learner": "counting", "continues": "fax"}
     assert client.get(f"{PATH}/settings").json() == changed.json()
     changed = client.patch(f"{PATH}/settings", json={"learner": None, "continues": None})
     assert changed.json() == usual
@@ -223,9 +223,37 @@ def test_settings(client: httpx.Client) -> None:
     assert version(client) == 1
 
 
+def test_types_of_fields_change_label_by_label(client: httpx.Client) -> None:
+    def change(fields: Any) -> Any:
+        return client.patch(f"{PATH}/settings", json={"fields": fields}).json()["fields"]
+
+    absent = {
+        "pattern": None,
+        "order": None,
+        "languages": [],
+        "region": None,
+        "currency": None,
+        "decimal": None,
+    }
+    date = {**absent, "type": "date", "order": "DMY", "languages": ["de"]}
+    assert change({"date": {"type": "date", "order": "DMY", "languages": ["de"]}}) == {"date": date}
+    number = {"type": "pattern", "pattern": "INV-([0-9]{4})"}
+    assert change({"number": number}) == {"date": date, "number": {**absent, **number}}
+    assert change({"date": None, "nothing": None}) == {"number": {**absent, **number}}
+    assert client.get(f"{PATH}/settings").json()["fields"] == {"number": {**absent, **number}}
+    assert change(None) == {}
+
+
 @pytest.mark.parametrize(
     ("body", "status", "code", "field"),
     [
+        ({"fields": {"a": {"type": "colour"}}}, 422, "invalid-option", "fields.a.type"),
+        ({"fields": {"a": {"type": "date", "region": "US"}}}, 422, "invalid-option", "fields.a"),
+        ({"fields": {"a": {"type": "postal-code"}}}, 422, "invalid-option", "fields.a"),
+        ({"fields": {"a": {"type": "phone", "region": "us"}}}, 422, "invalid-option", "fields.a.region"),
+        ({"fields": {"a": {"type": "pattern"}}}, 422, "invalid-option", "fields.a"),
+        ({"fields": {"a": {"type": "pattern", "pattern": "(a*)*b"}}}, 422, "invalid-option", "fields.a"),
+        ({"fields": {"": {"type": "date"}}}, 422, "invalid-option", "fields..[key]"),
         ({"learner": "magic"}, 422, "invalid-option", "learner"),
         ({"genre": "a b"}, 422, "invalid-option", "genre"),
         ({"genre": 1}, 422, "invalid-option", "genre"),

@@ -12,7 +12,7 @@ from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 
-from services.layout.content.bounded_patterns import LONGEST_TEXT
+from services.contract.bounded_patterns import LONGEST_TEXT
 from services.layout.content.content_settings import FeatureSettings, Place, read_settings
 from services.layout.content.fuzzy_words import ANCHORED, ANYWHERE, FuzzyWords
 from services.layout.page import Page

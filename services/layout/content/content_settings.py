@@ -16,7 +16,7 @@ from pathlib import Path
 from re import Pattern
 from typing import Any, Literal, get_args
 
-from services.layout.content.bounded_patterns import UnboundedPattern, compile_bounded
+from services.contract.bounded_patterns import UnboundedPattern, compile_bounded
 
 PACKAGED = Path(__file__).with_name("content_features.toml")
 Place = Literal["start", "line", "anywhere", "whole"]

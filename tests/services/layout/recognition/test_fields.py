@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import pytest
 
+from services.contract.fields import FieldSetting
 from services.layout.page import Page, ReadWord, Zone
 from services.layout.recognition.fields import gather_fields
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
@@ -12,7 +13,9 @@ from services.layout.recognition.results import ClassMatch, LabelledZone, Recogn
 def labelled(
     order: int, label: str | None, text: str, sure: float = 1.0, words: Sequence[float] = ()
 ) -> LabelledZone:
-    read = tuple(ReadWord("x" * 4, (0.0, 0.0, 1.0, 1.0), confidence, 0) for confidence in words)
+    texts = text.split() if len(words) == len(text.split()) else ["x" * 4] * len(words)
+    pairs = zip(texts, words, strict=True)
+    read = tuple(ReadWord(each, (0.0, 0.0, 1.0, 1.0), confidence, 0) for each, confidence in pairs)
     zone = Zone(f"z{order}", (0.0, 10.0 * order, 50.0, 10.0 * order + 8), text=text, words=read)
     return LabelledZone(zone, label, sure, label, order)
 
@@ -38,6 +41,22 @@ def test_the_confidence_joins_class_labels_and_words() -> None:
         recognition(labelled(0, "date", "a b", 0.8, (0.5, 1.0)), labelled(1, "date", "c", 0.5, (0.75,)))
     )
     assert field.confidence == pytest.approx(0.9 * 0.8 * 0.5 * 0.75)
+
+
+def test_a_typed_value_is_as_sure_as_its_own_words() -> None:
+    zone = labelled(0, "date", "Re: ??, March 3, 1998", 0.8, (0.9, 0.1, 0.5, 1.0, 0.75))
+    [field] = gather_fields(recognition(zone), {"date": FieldSetting("date")})
+    assert (field.type, field.value, field.problem) == ("date", "1998-03-03", None)
+    assert field.confidence == pytest.approx(0.9 * 0.8 * 0.5 * 1.0 * 0.75)
+
+
+def test_a_text_without_its_type_has_no_value() -> None:
+    [field] = gather_fields(
+        recognition(labelled(0, "date", "no day\nat all")), {"date": FieldSetting("date")}
+    )
+    assert (field.value, field.problem, field.text) == (None, "no-value", "no day\nat all")
+    [field] = gather_fields(recognition(labelled(0, "date", "no day\nat all")))
+    assert (field.value, field.type) == ("no day at all", "text")
 
 
 def test_text_that_came_with_the_zones_counts_as_right() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.layout.content.bounded_patterns import UnboundedPattern, compile_bounded
+from services.contract.bounded_patterns import UnboundedPattern, compile_bounded
 
 SLOW = [
     r"(a+)+$",
