@@ -213,6 +213,10 @@ _EXTENSIONS = {
     "application/pdf": "pdf",
     "application/zip": "zip",
     "application/xml": "xml",
+    "application/alto+xml": "xml",
+    "text/vnd.hocr+html": "html",
+    "text/plain": "txt",
+    "text/markdown": "md",
 }
 
 
@@ -228,15 +232,19 @@ def content_disposition(upload_name: str | None, suffix: str, media_type: str) -
     media_type
         Media type of the response, for the extension.
     """
-    base = (upload_name or "").replace("\\", "/").rpartition("/")[2]
-    stem = "".join(character for character in base if character.isprintable())[:100]
-    stem = stem.rpartition(".")[0] or stem or "page"
-    name = f"{stem}{suffix}.{_EXTENSIONS.get(media_type, 'bin')}"
+    name = f"{file_stem(upload_name)}{suffix}.{_EXTENSIONS.get(media_type, 'bin')}"
     plain = re.sub(r'[?"\\]', "_", name.encode("ascii", "replace").decode())
     value = f'inline; filename="{plain}"'
     if plain != name:
         value += f"; filename*=UTF-8''{quote(name.encode('utf-8', 'replace'), safe='')}"
     return {"Content-Disposition": value}
+
+
+def file_stem(upload_name: str | None) -> str:
+    """File name of an upload without folders and extension; `page` if it has none."""
+    base = (upload_name or "").replace("\\", "/").rpartition("/")[2]
+    stem = "".join(character for character in base if character.isprintable())[:100]
+    return stem.rpartition(".")[0] or stem or "page"
 
 
 def image_headers(document: Mapping[str, object]) -> dict[str, str]:

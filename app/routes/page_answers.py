@@ -12,13 +12,14 @@ from app.representations import (
     choose_format,
     choose_pages_formats,
     content_disposition,
+    file_stem,
     image_headers,
     sniff_format,
 )
 from app.routes.common_responses import FORM, IMAGE, WORK
 from app.routes.long_work import ACCEPTED
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
-from services.contract.images import AnswerFormat, Encoding, PageReply, PagesFormat
+from services.contract.images import AnswerFormat, Encoding, PageReply, PagesFormat, PdfVersion, SeveralFormat
 
 Documentation = dict[int | str, dict[str, Any]]
 
@@ -51,6 +52,8 @@ class AskedEncoding(Protocol):
     format: AnswerFormat | None
     quality: int | None
     embed: bool
+    pdf_version: PdfVersion
+    title: str | None
 
 
 class AskedPagesEncoding(Protocol):
@@ -59,6 +62,8 @@ class AskedPagesEncoding(Protocol):
     format: PagesFormat | None
     quality: int | None
     embed: bool
+    pdf_version: PdfVersion
+    title: str | None
 
 
 def documented_page(
@@ -109,7 +114,7 @@ async def choose_encoding(request: Request, asked: AskedEncoding, photo: UploadF
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
     chosen = choose_format(asked.format, request.headers.get("accept"), sniff_format(head))
-    return Encoding(format=chosen, quality=asked.quality, embed=asked.embed)
+    return _encoding(asked, photo, chosen, "pdf")
 
 
 async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, photo: UploadFile) -> Encoding:
@@ -123,7 +128,23 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
     single, several = choose_pages_formats(asked.format, request.headers.get("accept"), sniff_format(head))
-    return Encoding(format=single, quality=asked.quality, embed=asked.embed, pages_format=several)
+    return _encoding(asked, photo, single, several)
+
+
+def _encoding(
+    asked: AskedEncoding | AskedPagesEncoding,
+    photo: UploadFile,
+    chosen: PagesFormat | None,
+    several: SeveralFormat | None,
+) -> Encoding:
+    return Encoding(
+        format=chosen,
+        quality=asked.quality,
+        embed=asked.embed,
+        pages_format=several,
+        pdf_version=asked.pdf_version,
+        title=asked.title or file_stem(photo.filename),
+    )
 
 
 def answer_page(reply: PageReply, model: type[BaseModel], photo: UploadFile, suffix: str) -> Response:

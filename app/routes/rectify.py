@@ -1,5 +1,6 @@
 """POST /rectify: one photo of a page -> its frontal flat view."""
 
+from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response
@@ -47,15 +48,19 @@ async def rectify(
     With pages=both, the response for an open book is its two pages, left before right: as a PDF, a TIFF file of two
     pages, an archive with one image per page (format=zip), or JSON; without `Accept` and `format`, as a PDF. `jpeg`,
     `png` and `webp` hold one page: they are refused (`not-acceptable`) when two pages are found.
+
+    With text=true the page is read: JSON lists the words with their boxes in the flat page and their corners in the
+    photo, and a PDF can be searched. The formats hocr, alto, txt and markdown are the text itself.
     """
     form = with_format(form, format)
     encoding = await choose_pages_encoding(request, form, form.image)
+    parameters = replace(form.parameters(), text=form.text or encoding.needs_text)
 
     async def work(progress: ProgressSink | None) -> Response:
         reply = await state.engine.submit(
             state.operations.rectify,
             form.image,
-            form.parameters(),
+            parameters,
             encoding,
             state.settings.image_limits,
             progress=progress,

@@ -7,8 +7,20 @@ from typing import Annotated, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.schemas.options import Absent, AskedPagesFormat, Embed, Illumination, Quality, Upright
+from app.schemas.options import (
+    Absent,
+    AskedPagesFormat,
+    AskedPdfVersion,
+    Embed,
+    Illumination,
+    Language,
+    Quality,
+    ReadText,
+    Title,
+    Upright,
+)
 from app.schemas.page import Answer, Orientation, Point, Warning
+from app.schemas.page_text import ReadText as PageText
 from services.contract.rectify import Crop, PageKind, Pages, RectifyParameters
 
 REGION_POINTS = (3, 200)
@@ -85,9 +97,13 @@ class RectifyForm(BaseModel):
         description="For an open book: the main page of the photo, or both pages, left before right. With `both` the "
         "response is a list of pages, even for one page.",
     )
+    text: ReadText = False
+    language: Language = None
     format: AskedPagesFormat = None
     quality: Quality = None
     embed: Embed = False
+    pdf_version: AskedPdfVersion = "1.7"
+    title: Title = None
 
     def parameters(self) -> RectifyParameters:
         """The options of the rectification, without those of the response format."""
@@ -99,6 +115,8 @@ class RectifyForm(BaseModel):
             illumination=self.illumination,
             crop=self.crop,
             pages=self.pages,
+            text=self.text,
+            language=self.language or None,
         )
 
 
@@ -186,6 +204,7 @@ class RectifyResult(Answer):
     width: int = Field(ge=1)
     height: int = Field(ge=1)
     mesh: Mesh
+    text: PageText | None = Field(default=None, description="The text, if it was asked for.")
     warnings: list[Warning]
     timings_ms: dict[str, float]
     image: str | None = Field(default=None, description="base64, if `embed` was set.")

@@ -2,13 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
-AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
-PagesFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip"]
+TextFormat = Literal["hocr", "alto", "txt", "markdown"]
+"""Formats of an answer that is the text of the pages."""
+AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "txt", "hocr", "alto", "markdown"]
+PagesFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip", "hocr", "alto", "txt", "markdown"]
 """Formats of an answer that may have several pages."""
-SeveralFormat = Literal["pdf", "tiff", "zip", "json"]
+SeveralFormat = Literal["pdf", "tiff", "zip", "json", "txt", "hocr", "alto", "markdown"]
 """The formats of `PagesFormat` that can hold several pages."""
+PdfVersion = Literal["1.7", "a-2b"]
+"""PDF 1.7 (ISO 32000-1), or PDF/A-2b (ISO 19005-2), which is a part of it for archives."""
 
 MEDIA_TYPES: Mapping[PagesFormat, str] = {
     "jpeg": "image/jpeg",
@@ -18,7 +22,12 @@ MEDIA_TYPES: Mapping[PagesFormat, str] = {
     "pdf": "application/pdf",
     "json": "application/json",
     "zip": "application/zip",
+    "txt": "text/plain",
+    "hocr": "text/vnd.hocr+html",
+    "alto": "application/alto+xml",
+    "markdown": "text/markdown",
 }
+"""The text formats have types that browsers do not ask for, so that a browser still gets a picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +62,23 @@ class Encoding:
         Whether the image is put into the JSON, in base64.
     pages_format
         Format of several pages; None: the client accepts no format that can hold several.
+    pdf_version
+        Version of a PDF.
+    title
+        Title of a document (PDF, hOCR), and file name in ALTO.
     """
 
     format: PagesFormat | None = None
     quality: int | None = None
     embed: bool = False
     pages_format: SeveralFormat | None = "pdf"
+    pdf_version: PdfVersion = "1.7"
+    title: str = ""
+
+    @property
+    def needs_text(self) -> bool:
+        """Whether the answer is the text of the pages."""
+        return self.format in get_args(TextFormat)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from services.arrays import Vector
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import decode_image
+from services.operations.page_reading import READING_BEGINS, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
@@ -24,6 +25,7 @@ from services.rectify.pipeline import rectify
 from services.rectify.results import PlaneSurface, RectifyResult
 from services.rectify.spread import page_timings, rectify_spread
 from services.sheet.surfaces import MeshSurface, StripsSurface
+from services.text.page_text import PageText
 
 
 def rectify_upload(
@@ -38,30 +40,46 @@ def rectify_upload(
     NoText
         When the photo shows too little printed text to estimate the page's shape, and no edges of a sheet.
     InvalidOption
-        When `parameters` or `encoding` are not possible.
+        When `parameters` or `encoding` are not possible, or the page shall be read and no OCR engine is there.
     NotAcceptable
         When there are two pages and the client accepts no format that can hold both.
     """
+    if parameters.text:
+        reading_engine(parameters.language)  # an error must come before the work
+    end = READING_BEGINS if parameters.text else ENCODING_BEGINS
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
         photo = decode_image(upload, limits)
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
     if parameters.pages == "both":
-        with progress_within(0.03, ENCODING_BEGINS):
+        with progress_within(0.03, end):
             found = rectify_spread(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
+        pages = [describe_page(result, parameters) for result in found.pages]
         timings_ms |= page_timings(found)
-        pages = [describe_page(result) for result in found.pages]
         return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
-    with progress_within(0.03, ENCODING_BEGINS):
+    with progress_within(0.03, end):
         result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
     timings_ms |= result.timings_ms
-    return make_reply(result.image, describe_rectification(result), source, encoding, timings_ms)
+    text = read_result(result, parameters, timings_ms)
+    return make_reply(result.image, describe_rectification(result), source, encoding, timings_ms, text)
 
 
-def describe_page(result: RectifyResult) -> DescribedPage:
+def read_result(
+    result: RectifyResult, parameters: RectifyParameters, timings_ms: dict[str, float]
+) -> PageText | None:
+    """The text of the flat page, if it is wanted; adds `reading` to `timings_ms`."""
+    if not parameters.text:
+        return None
+    engine, language = reading_engine(parameters.language)
+    with timed("reading", timings_ms, READING_BEGINS):
+        return read_flat_page(result.image, engine, language, result.mesh)
+
+
+def describe_page(result: RectifyResult, parameters: RectifyParameters) -> DescribedPage:
     """One page of a book, with the timings of its own stages."""
+    text = read_result(result, parameters, result.timings_ms)
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
-    return DescribedPage(result.image, {**describe_rectification(result), "timings_ms": timings_ms})
+    return DescribedPage(result.image, {**describe_rectification(result), "timings_ms": timings_ms}, text)
 
 
 def describe_rectification(result: RectifyResult) -> dict[str, object]:

@@ -55,6 +55,7 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "height": 60,
         "mesh": {"rows": 2, "columns": 2, "source": [[[0, 0.333], [1, 0]], [[0, 1], [None, 1]]]},
         "warnings": [{"code": "focal-length-unknown", "detail": "Say it."}],
+        "text": None,
         "image": None,
     }
 
