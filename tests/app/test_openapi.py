@@ -152,8 +152,8 @@ def code_in(response: dict[str, str]) -> str:
 def test_the_form_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]
     assert list(fields) == [
-        "image", "kind", "upright", "focal_length_px", "region", "illumination", "crop", "pages", "format",
-        "quality", "embed",
+        "image", "kind", "upright", "focal_length_px", "region", "illumination", "crop", "pages", "text",
+        "language", "format", "quality", "embed", "pdf_version", "title",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1
@@ -163,7 +163,8 @@ def test_the_form_is_documented_field_by_field() -> None:
 def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["MosaicForm"]["properties"]
     assert list(fields) == [
-        "images", "rectify", "base", "composition", "upright", "illumination", "format", "quality", "embed",
+        "images", "rectify", "base", "composition", "upright", "illumination", "text", "language", "format",
+        "quality", "embed", "pdf_version", "title",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)
