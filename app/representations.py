@@ -272,14 +272,24 @@ def _headers_of_pages(
     document: Mapping[str, object], pages: Sequence[Mapping[str, object]]
 ) -> dict[str, str]:
     warnings: list[object] = []
-    for part in (document, *pages):
+    flat = [page for page in pages if "problem" not in page]
+    for part in (document, *flat):
         found = part["warnings"]
         warnings += found if isinstance(found, list | tuple) else ()
-    each = [image_headers(page) for page in pages]
-    headers = {"Document-Pages": str(len(pages))} | {
-        name: ", ".join(one[name] for one in each if name in one)
-        for name in ("Document-Kind", "Document-Rotation")
-    }
+    each = [image_headers(page) for page in flat]
+    failed = [
+        f"{number} {problem['code']}"
+        for number, page in enumerate(pages, 1)
+        if isinstance(problem := page.get("problem"), Mapping)
+    ]
+    headers = (
+        {"Document-Pages": str(len(flat))}
+        | ({"Document-Failed": ", ".join(failed)} if failed else {})
+        | {
+            name: ", ".join(one[name] for one in each if name in one)
+            for name in ("Document-Kind", "Document-Rotation")
+        }
+    )
     return headers | _notices(warnings) | _stages(document.get("timings_ms"))
 
 

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 from fastapi import Request, Response, UploadFile
 from pydantic import BaseModel
 
-from app.problems import documented
+from app.problems import described_problem, documented
 from app.representations import (
     MEDIA_TYPES,
     SNIFFED_BYTES,
@@ -39,7 +39,12 @@ _PAGES_HEADERS: dict[str, Any] = {
         "schema": {"type": "string", "pattern": "^(0|90|180|270)(, (0|90|180|270))*$"},
     },
     "Document-Pages": {
-        "description": "With pages=both: the number of pages found.",
+        "description": "The number of pages, if there may be several.",
+        "schema": {"type": "string"},
+    },
+    "Document-Failed": {
+        "description": "Numbers (from 1) and problem codes of the pages that could not be flattened, as in "
+        "`3 no-text, 5 undecodable-image`; the file leaves them out.",
         "schema": {"type": "string"},
     },
 }
@@ -147,11 +152,25 @@ def _encoding(
     )
 
 
-def answer_page(reply: PageReply, model: type[BaseModel], photo: UploadFile, suffix: str) -> Response:
+def answer_page(
+    request: Request,
+    reply: PageReply,
+    model: type[BaseModel],
+    photo: UploadFile,
+    suffix: str,
+    pages_model: type[BaseModel] | None = None,
+) -> Response:
     """Response with the image and its headers, or with its description, validated by `model`.
 
-    A saved image gets the file name of `photo` with `suffix`.
+    The description of several pages is validated by `pages_model`. A saved image gets the file name of `photo` with
+    `suffix`.
     """
+    pages = reply.document.get("pages")
+    if isinstance(pages, list) and pages_model is not None:
+        model = pages_model
+        for page in pages:
+            if "problem" in page:
+                page["problem"] = described_problem(**page["problem"], request_id=request.state.request_id)
     if reply.media_type == JSON:
         body = model.model_validate(reply.document).model_dump_json()
         return Response(body, media_type=JSON, headers={"Vary": "Accept"})

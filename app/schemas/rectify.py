@@ -21,6 +21,7 @@ from app.schemas.options import (
 )
 from app.schemas.page import Answer, Orientation, Point, Warning
 from app.schemas.page_text import ReadText as PageText
+from app.schemas.problem import Problem
 from services.contract.rectify import Crop, PageKind, Pages, RectifyParameters
 
 REGION_POINTS = (3, 200)
@@ -74,7 +75,10 @@ class RectifyForm(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    image: UploadFile = Field(description="The photo: JPEG, PNG, WebP, TIFF (first page) or HEIC/HEIF.")
+    image: Annotated[list[UploadFile], Field(min_length=1)] = Field(
+        description="The photo: JPEG, PNG, WebP, TIFF or HEIC/HEIF. Several pages: several parts of this name in their "
+        "order, or a TIFF file or PDF."
+    )
     kind: PageKind = Field(default="auto", description="planar or curved: skip the decision between both.")
     upright: Upright = True
     focal_length_px: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] | Absent = Field(
@@ -83,7 +87,7 @@ class RectifyForm(BaseModel):
     region: Annotated[str, AfterValidator(_checked_region)] | Absent = Field(
         default=None,
         description="JSON [[x, y], ...] of 3 to 200 points, pixels of the photo after its EXIF rotation: polygon "
-        "around the page's text, to guide text identification.",
+        "around the page's text, to guide text identification. For one photo only.",
         json_schema_extra={"contentMediaType": "application/json", "pattern": REGION_PATTERN},
     )
     illumination: Illumination = "keep"
@@ -210,9 +214,15 @@ class RectifyResult(Answer):
     image: str | None = Field(default=None, description="base64, if `embed` was set.")
 
 
-class PagesResult(Answer):
-    """The flat views of all pages of one photo, in reading order (left before right)."""
+class FailedPage(Answer):
+    """A page that could not be flattened; the others are not lost."""
 
-    pages: list[RectifyResult] = Field(min_length=1)
+    problem: Problem
+
+
+class PagesResult(Answer):
+    """The flat views of all pages: in the order of the upload, and of one photo left before right."""
+
+    pages: list[RectifyResult | FailedPage] = Field(min_length=1)
     warnings: list[Warning] = Field(description="About all pages together; each page also has its own.")
     timings_ms: dict[str, float] = Field(description="Stages of the whole work; each page also has its own.")

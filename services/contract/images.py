@@ -1,7 +1,7 @@
 """Limits of uploaded images, and the encoding of an answer that is a page."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 TextFormat = Literal["hocr", "alto", "txt", "markdown"]
@@ -46,6 +46,18 @@ class ImageLimits:
     def max_pixels(self) -> int:
         """`max_megapixels` in pixels."""
         return int(self.max_megapixels * 1e6)
+
+
+@dataclass(frozen=True, slots=True)
+class DocumentLimits:
+    """Limits of a document of several pages: of each file and page, of their number, and of all together.
+
+    `image.max_bytes` is that of one file, which may be a whole document.
+    """
+
+    image: ImageLimits = field(default_factory=ImageLimits)
+    max_pages: int = 20
+    max_megapixels: float = 200.0
 
 
 @dataclass(frozen=True, slots=True)

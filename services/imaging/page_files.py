@@ -61,21 +61,27 @@ def encode_part(
 
 
 def bind_parts(
-    parts: Sequence[PagePart], file_format: PagesFileFormat, image_format: OutputFormat = "jpeg"
+    parts: Sequence[PagePart],
+    file_format: PagesFileFormat,
+    image_format: OutputFormat = "jpeg",
+    numbers: Sequence[int] | None = None,
 ) -> bytes:
-    """One file of all pages in their order; an archive names its images `page-01.jpg` and so on."""
+    """One file of all pages in their order; an archive names its images `page-01.jpg` and so on, by `numbers`."""
     if file_format == "zip":
-        return archive_files([part.data for part in parts], SUFFIXES[image_format])
+        return archive_files([part.data for part in parts], SUFFIXES[image_format], numbers)
     if file_format == "tiff":
         return _bind_tiff(parts)
     return parts[0].data if len(parts) == 1 else _bind_pdf(parts)
 
 
-def archive_files(files: Sequence[bytes], suffix: str) -> bytes:
-    """ZIP archive of `files`, a page each; images are compressed already, so they are only stored."""
+def archive_files(files: Sequence[bytes], suffix: str, numbers: Sequence[int] | None = None) -> bytes:
+    """ZIP archive of `files`, a page each, named by `numbers` (None: from 1).
+
+    Images are compressed already, so they are only stored.
+    """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for number, file in enumerate(files, 1):
+        for number, file in zip(numbers or range(1, len(files) + 1), files, strict=True):
             # A fixed date: the same pages make the same archive.
             archive.writestr(zipfile.ZipInfo(f"page-{number:02d}.{suffix}"), file)
     return buffer.getvalue()

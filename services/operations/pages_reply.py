@@ -7,7 +7,7 @@ from typing import cast, get_args
 
 from services.arrays import RgbImage
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
-from services.errors import NotAcceptable
+from services.errors import DocumentError, NotAcceptable
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
 from services.imaging.page_files import PagePart, PagesFileFormat, bind_parts, encode_part
 from services.operations.page_reading import describe_text, write_text
@@ -40,6 +40,19 @@ class EncodedPage:
     part: PagePart | None
     document: Mapping[str, object]
     text: PageText | None
+
+
+@dataclass(frozen=True, slots=True)
+class FailedPage:
+    """A page that could not be flattened: its index among all pages of the answer, and the error."""
+
+    place: int
+    error: DocumentError
+
+    def document(self) -> dict[str, object]:
+        """Its part of the HTTP document."""
+        error = self.error
+        return {"problem": {"code": error.code, "detail": error.detail, "field": error.field}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,19 +113,25 @@ def bind_pages(
     encoding: Encoding,
     timings_ms: dict[str, float],
     notices: tuple[Notice, ...] = (),
+    failures: Sequence[FailedPage] = (),
 ) -> PageReply:
     """The reply with all `pages` (one or more). Its document is `{"pages", "warnings", "timings_ms"}`.
 
-    `notices` concern all pages. The function adds `encode` to `timings_ms`.
+    `notices` concern all pages. `failures` are in the document at their places; a file leaves them out. The function
+    adds `encode` to `timings_ms`.
     """
     parts = [page.part for page in pages if page.part is not None]
     texts = [page.text for page in pages if page.text is not None]
+    documents = [page.document for page in pages]
+    for failure in sorted(failures, key=lambda failure: failure.place):
+        documents.insert(failure.place, failure.document())
+    numbers = [number for number, document in enumerate(documents, 1) if "problem" not in document]
     body = b""
     with timed("encode", timings_ms, ENCODING_BEGINS):
         if target.format in get_args(TextFormat):
             body = write_text(texts, cast(TextFormat, target.format), encoding, DEFAULT_DPI)
         elif target.format in get_args(PagesFileFormat):
-            body = bind_parts(parts, cast(PagesFileFormat, target.format), target.image_format)
+            body = bind_parts(parts, cast(PagesFileFormat, target.format), target.image_format, numbers)
             if target.format == "pdf":
                 body = add_text_layer(
                     body, [page.text for page in pages], encoding, [part.dpi for part in parts]
@@ -121,7 +140,7 @@ def bind_pages(
             body = parts[0].data
     ready = to_json_ready(
         {
-            "pages": [page.document for page in pages],
+            "pages": documents,
             "warnings": describe_warnings(notices),
             "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
         }

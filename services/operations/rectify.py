@@ -1,6 +1,8 @@
 """The flat view of one photo: decode, run the pipeline, encode."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -8,6 +10,7 @@ from services.arrays import Vector
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import decode_image
+from services.imaging.page_images import PagePicture, page_picture
 from services.operations.page_reading import READING_BEGINS, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
@@ -44,12 +47,23 @@ def rectify_upload(
     NotAcceptable
         When there are two pages and the client accepts no format that can hold both.
     """
+    return rectify_picture(partial(_decode, upload, limits), parameters, encoding)
+
+
+def _decode(upload: bytes, limits: ImageLimits) -> PagePicture:
+    return page_picture(decode_image(upload, limits))
+
+
+def rectify_picture(
+    decode: Callable[[], PagePicture], parameters: RectifyParameters, encoding: Encoding
+) -> PageReply:
+    """The reply to one photo; `decode` returns it. Raises what `rectify_upload` raises."""
     if parameters.text:
         reading_engine(parameters.language)  # an error must come before the work
     end = READING_BEGINS if parameters.text else ENCODING_BEGINS
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
-        photo = decode_image(upload, limits)
+        photo = decode()
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
     if parameters.pages == "both":
         with progress_within(0.03, end):
@@ -62,6 +76,20 @@ def rectify_upload(
     timings_ms |= result.timings_ms
     text = read_result(result, parameters, timings_ms)
     return make_reply(result.image, describe_rectification(result), source, encoding, timings_ms, text)
+
+
+def flatten_picture(picture: PagePicture, parameters: RectifyParameters) -> list[DescribedPage]:
+    """The flat page in a picture, or both pages of an open book, with their texts if they are wanted.
+
+    Raises
+    ------
+    NoText, InvalidOption
+    """
+    if parameters.pages == "both":
+        found = rectify_spread(picture.pixels, parameters, picture.focal_length_px, ocr_engine())
+        return [describe_page(result, parameters) for result in found.pages]
+    result = rectify(picture.pixels, parameters, picture.focal_length_px, ocr_engine())
+    return [describe_page(result, parameters)]
 
 
 def read_result(

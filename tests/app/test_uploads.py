@@ -50,6 +50,7 @@ def small() -> Iterator[httpx.Client]:
     """A service with small limits."""
     with serving(
         max_upload_bytes=LIMIT,
+        max_document_upload_bytes=LIMIT,
         queue_length=1,
         body_timeout_s=0.4,
         max_drain_bytes=4_000_000,
@@ -63,7 +64,7 @@ def test_a_declared_size_over_the_limit_is_refused_before_the_body(small: httpx.
         connection.sendall(head(LIMIT + 1))  # and nothing of the body
         answer = read_answer(connection)
     assert (answer.status, code(answer)) == (413, "too-large")
-    assert b"MAX_UPLOAD_BYTES" in answer.body
+    assert b"MAX_DOCUMENT_UPLOAD_BYTES" in answer.body
     assert answer.headers["connection"] == "close"
 
 
