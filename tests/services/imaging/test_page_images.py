@@ -242,6 +242,7 @@ def values_chain() -> bytes:
     return b"II*\0" + struct.pack("<I", 8) + body + struct.pack("<I", second) + body + bytes(4 + 2**20)
 
 
+@pytest.mark.pipeline
 @pytest.mark.parametrize(
     "make", [lambda: tiff_chain(2000, 1000), values_chain], ids=["many entries", "many values"]
 )
