@@ -11,12 +11,14 @@ from app.schemas.options import (
     WRONG_NUMBER_OF_FILES,
     AskedFormat,
     Embed,
+    EmbedFormat,
     Illumination,
+    MaxPixels,
     Quality,
     Switch,
     Upright,
 )
-from app.schemas.page import Answer, Orientation, Point, Warning
+from app.schemas.page import Answer, Embedded, EmbeddedMediaType, Orientation, Point, Warning
 from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, Composition, MosaicParameters
 from services.errors import InvalidOption
 
@@ -81,6 +83,9 @@ class MosaicForm(BaseModel):
     format: AskedFormat = None
     quality: Quality = None
     embed: Embed = False
+    embed_format: EmbedFormat = None
+    max_width: MaxPixels = None
+    max_height: MaxPixels = None
 
     def parameters(self) -> MosaicParameters:
         """The options of the mosaic, without those of the response format.
@@ -153,4 +158,5 @@ class MosaicResult(Answer):
     unplaced: list[int] = Field(description="Photos that could not be placed; `warnings` say why.")
     warnings: list[Warning]
     timings_ms: dict[str, float]
-    image: str | None = Field(default=None, description="base64, if `embed` was set.")
+    image: Embedded = None
+    image_media_type: EmbeddedMediaType = None

@@ -7,8 +7,17 @@ from typing import Annotated, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.schemas.options import Absent, AskedPagesFormat, Embed, Illumination, Quality, Upright
-from app.schemas.page import Answer, Orientation, Point, Warning
+from app.schemas.options import (
+    Absent,
+    AskedPagesFormat,
+    Embed,
+    EmbedFormat,
+    Illumination,
+    MaxPixels,
+    Quality,
+    Upright,
+)
+from app.schemas.page import Answer, Embedded, EmbeddedMediaType, FlatPage, Point, Warning
 from services.contract.rectify import Crop, PageKind, Pages, RectifyParameters
 
 REGION_POINTS = (3, 200)
@@ -88,6 +97,9 @@ class RectifyForm(BaseModel):
     format: AskedPagesFormat = None
     quality: Quality = None
     embed: Embed = False
+    embed_format: EmbedFormat = None
+    max_width: MaxPixels = None
+    max_height: MaxPixels = None
 
     def parameters(self) -> RectifyParameters:
         """The options of the rectification, without those of the response format."""
@@ -167,28 +179,17 @@ class CreasedSheet(Answer):
     normals: list[list[Direction]] = Field(description="Unit normal of every cell, camera frame.")
 
 
-class Mesh(Answer):
-    """`source[r][c]` is the photo point shown at output pixel (c (width-1)/(columns-1), r (height-1)/(rows-1))."""
-
-    rows: int = Field(ge=2)
-    columns: int = Field(ge=2)
-    source: list[list[Point]]
-
-
-class RectifyResult(Answer):
+class RectifyResult(FlatPage):
     """The frontal flat view of one photo, and the evidence for it."""
 
     kind: Literal["planar", "curved"]
     evidence: Evidence
     camera: Camera
     surface: Annotated[Plane | Strips | CreasedSheet, Field(discriminator="type")]
-    orientation: Orientation
-    width: int = Field(ge=1)
-    height: int = Field(ge=1)
-    mesh: Mesh
     warnings: list[Warning]
     timings_ms: dict[str, float]
-    image: str | None = Field(default=None, description="base64, if `embed` was set.")
+    image: Embedded = None
+    image_media_type: EmbeddedMediaType = None
 
 
 class PagesResult(Answer):

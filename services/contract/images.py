@@ -7,6 +7,8 @@ from typing import Literal
 AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
 PagesFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip"]
 """Formats of an answer that may have several pages."""
+EmbeddedFormat = Literal["jpeg", "png", "webp"]
+"""Formats of an image in JSON that every browser shows."""
 SeveralFormat = Literal["pdf", "tiff", "zip", "json"]
 """The formats of `PagesFormat` that can hold several pages."""
 
@@ -53,12 +55,19 @@ class Encoding:
         Whether the image is put into the JSON, in base64.
     pages_format
         Format of several pages; None: the client accepts no format that can hold several.
+    embed_format
+        Format of the image in JSON; None: that of the upload (JPEG for HEIC).
+    max_width, max_height
+        Largest size of the picture in pixels; None: as large as the page is in the photo.
     """
 
     format: PagesFormat | None = None
     quality: int | None = None
     embed: bool = False
     pages_format: SeveralFormat | None = "pdf"
+    embed_format: EmbeddedFormat | None = None
+    max_width: int | None = None
+    max_height: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

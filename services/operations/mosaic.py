@@ -12,6 +12,7 @@ from services.imaging.codec import DecodedImage, count_pixels, decode_image
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Pair, Patch
 from services.operations.reader import ocr_engine
+from services.operations.reduced_views import reduce_mosaic
 from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
@@ -51,6 +52,7 @@ def mosaic_uploads(
     with progress_within(0.03, ENCODING_BEGINS):
         result = mosaic([photo.pixels for photo in photos], parameters, focal_lengths_px, ocr_engine())
     timings_ms |= result.timings_ms
+    result = reduce_mosaic(result, encoding)
     source = SourceFacts(photos[0].format, _resolution(photos, result), _colour_profile(photos))
     return make_reply(result.image, describe_mosaic(result), source, encoding, timings_ms)
 

@@ -12,6 +12,7 @@ from services.imaging.page_files import encode_pages
 from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
+    describe_image,
     describe_warnings,
     image_format_of,
     timed,
@@ -51,7 +52,8 @@ def make_pages_reply(
     answer_format = encoding.format if len(pages) == 1 else encoding.pages_format
     if len(pages) > 1 and answer_format is None:
         raise several_pages_refused(len(pages))
-    image_format = image_format_of(source, answer_format if answer_format != "pdf" else None)
+    asked = encoding.embed_format if answer_format == "json" else answer_format
+    image_format = image_format_of(source, asked if asked != "pdf" else None)
     quality, dpi, profile = encoding.quality, source.dpi, source.icc_profile
     body = b""
     embedded: list[str | None] = [None] * len(pages)
@@ -69,7 +71,10 @@ def make_pages_reply(
             body = encode_image(images[0], image_format, quality, dpi, profile)
     ready = to_json_ready(
         {
-            "pages": [{**page.document, "image": image} for page, image in zip(pages, embedded, strict=True)],
+            "pages": [
+                {**page.document, **describe_image(image, image_format)}
+                for page, image in zip(pages, embedded, strict=True)
+            ],
             "warnings": describe_warnings(notices),
             "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
         }

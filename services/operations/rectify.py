@@ -1,15 +1,17 @@
 """The flat view of one photo: decode, run the pipeline, encode."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
-from services.arrays import Vector
+from services.arrays import Points, Vector
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import decode_image
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
+from services.operations.reduced_views import reduce_view
 from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
@@ -46,27 +48,67 @@ def rectify_upload(
     with timed("decode", timings_ms, 0.0):
         photo = decode_image(upload, limits)
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
+    size = photo.pixels.shape[1], photo.pixels.shape[0]
     if parameters.pages == "both":
         with progress_within(0.03, ENCODING_BEGINS):
             found = rectify_spread(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
         timings_ms |= page_timings(found)
-        pages = [describe_page(result) for result in found.pages]
+        views = [reduce_view(page, encoding) for page in found.pages]
+        pages = [describe_page(view, size) for view in views]
+        source = _at_scale(source, found.pages[0], views[0])
         return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
     with progress_within(0.03, ENCODING_BEGINS):
         result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
     timings_ms |= result.timings_ms
-    return make_reply(result.image, describe_rectification(result), source, encoding, timings_ms)
+    view = reduce_view(result, encoding)
+    return make_reply(
+        view.image,
+        describe_rectification(view, size),
+        _at_scale(source, result, view),
+        encoding,
+        timings_ms,
+    )
 
 
-def describe_page(result: RectifyResult) -> DescribedPage:
+def _at_scale(source: SourceFacts, result: RectifyResult, view: RectifyResult) -> SourceFacts:
+    """The facts about a smaller view of the result: it has fewer pixels per inch."""
+    if source.dpi is None or view is result:
+        return source
+    return replace(source, dpi=source.dpi * view.image.shape[1] / result.image.shape[1])
+
+
+def describe_page(result: RectifyResult, photo_size: tuple[int, int]) -> DescribedPage:
     """One page of a book, with the timings of its own stages."""
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
-    return DescribedPage(result.image, {**describe_rectification(result), "timings_ms": timings_ms})
+    return DescribedPage(
+        result.image, {**describe_rectification(result, photo_size), "timings_ms": timings_ms}
+    )
 
 
-def describe_rectification(result: RectifyResult) -> dict[str, object]:
-    """The `RectifyResult` of the HTTP contract without timings and image; degrees, pixels of the EXIF-upright photo."""
+def describe_flat_page(result: RectifyResult, photo_size: tuple[int, int]) -> dict[str, object]:
+    """Where the flat page lies in the photo of `photo_size` (width, height): sizes, corners, orientation and mesh."""
     height, width = result.image.shape[:2]
+    corners = [None] * 4 if result.corners is None else list(map(_finite_corner, result.corners))
+    return {
+        "photo": {"width": photo_size[0], "height": photo_size[1]},
+        "corners": corners,
+        "orientation": describe_orientation(result.orientation),
+        "width": width,
+        "height": height,
+        "mesh": {
+            "rows": result.mesh.shape[0],
+            "columns": result.mesh.shape[1],
+            "source": np.round(result.mesh, 3),  # a thousandth of a pixel; 17 digits would triple the JSON
+        },
+    }
+
+
+def _finite_corner(corner: Points) -> list[float] | None:
+    return [round(float(value), 2) for value in corner] if np.isfinite(corner).all() else None
+
+
+def describe_rectification(result: RectifyResult, photo_size: tuple[int, int]) -> dict[str, object]:
+    """The `RectifyResult` of the HTTP contract without timings and image; degrees, pixels of the EXIF-upright photo."""
     field_of_view_rad = result.camera.field_of_view_rad
     return {
         "kind": result.kind,
@@ -88,14 +130,7 @@ def describe_rectification(result: RectifyResult) -> dict[str, object]:
             "principal_point_source": result.camera.principal_point_source,
         },
         "surface": _describe_surface(result.surface),
-        "orientation": describe_orientation(result.orientation),
-        "width": width,
-        "height": height,
-        "mesh": {
-            "rows": result.mesh.shape[0],
-            "columns": result.mesh.shape[1],
-            "source": np.round(result.mesh, 3),  # a thousandth of a pixel; 17 digits would triple the JSON
-        },
+        **describe_flat_page(result, photo_size),
         "warnings": describe_warnings(result.warnings),
     }
 

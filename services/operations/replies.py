@@ -42,27 +42,28 @@ def make_reply(
 ) -> PageReply:
     """The reply with the page in the requested encoding.
 
-    `document` describes the page. The function adds `encode` to `timings_ms`, and puts `timings_ms` and `image` into
-    the document.
-
+    `document` describes the page. The function adds `encode` to `timings_ms`, and puts `timings_ms`, `image` and
+    `image_media_type` into the document.
 
     Raises
     ------
     InvalidOption
         When `encoding` is not possible.
     """
-    image_format = image_format_of(source, encoding.format)
+    is_json = encoding.format == "json"
+    image_format = image_format_of(source, encoding.embed_format if is_json else encoding.format)
     body, embedded = b"", None
-    if encoding.format != "json" or encoding.embed:
+    if not is_json or encoding.embed:
         with timed("encode", timings_ms, ENCODING_BEGINS):
             body = encode_image(page, image_format, encoding.quality, source.dpi, source.icc_profile)
             if encoding.format == "zip":
                 body = archive_files([body], SUFFIXES[image_format])
-    if encoding.format == "json":
+    if is_json:
         embedded = base64.b64encode(body).decode("ascii") if encoding.embed else None
         body = b""
     rounded_ms = {stage: round(value, 1) for stage, value in timings_ms.items()}
-    ready = to_json_ready({**document, "timings_ms": rounded_ms, "image": embedded})
+    image = describe_image(embedded, image_format)
+    ready = to_json_ready({**document, "timings_ms": rounded_ms, **image})
     assert isinstance(ready, dict)
     return PageReply(body, MEDIA_TYPES[encoding.format or image_format], ready)
 
@@ -72,6 +73,11 @@ def image_format_of(source: SourceFacts, asked: PagesFormat | None) -> OutputFor
     if asked is None or asked == "json" or asked == "zip":  # noqa: PLR1714 (mypy narrows the type by these comparisons only)
         return "jpeg" if source.format == "heic" else source.format
     return asked
+
+
+def describe_image(embedded: str | None, image_format: OutputFormat) -> dict[str, str | None]:
+    """`image` and `image_media_type` of the HTTP contract, from an image in base64."""
+    return {"image": embedded, "image_media_type": None if embedded is None else MEDIA_TYPES[image_format]}
 
 
 def describe_orientation(orientation: Orientation) -> dict[str, object]:
