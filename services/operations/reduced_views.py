@@ -31,7 +31,8 @@ def reduce_view(result: RectifyResult, encoding: Encoding) -> RectifyResult:
     rows, columns = result.mesh.shape[:2]
     mesh = _interpolate(result.mesh, _places(rows, old_height, height))
     mesh = _interpolate(mesh.swapaxes(0, 1), _places(columns, old_width, width)).swapaxes(0, 1)
-    return replace(result, image=reduce_picture(result.image, width, height), mesh=mesh)
+    picture = reduce_picture(result.image, width, height)
+    return replace(result, image=picture, mesh=np.asarray(mesh, np.float64))
 
 
 def _places(nodes: int, old_px: int, new_px: int) -> Vector:
