@@ -136,6 +136,7 @@ _HEALTH = {
     "recent": 50,
     "recent_zone_error": 0.012,
     "recent_class_error": 0.0,
+    "recent_text_error": 0.0,
     "earlier_zone_error": 0.034,
     "last_feedback": _WHEN,
 }
