@@ -9,6 +9,7 @@ from hypothesis import settings
 
 from services.ocr.tesseract import find_tessdata
 from simulation.flat_page import Page
+from tests.end_to_end.accessibility import HAS_AXE
 from tests.end_to_end.browser import CHROMIUM
 from tests.end_to_end.typescript import HAS_TYPESCRIPT
 from tests.models.databases import KINDS
@@ -73,6 +74,8 @@ def untested() -> list[str]:
         missing.append("The store on PostgreSQL: its programs are not installed (Debian: postgresql).")
     if CHROMIUM is None:
         missing.append("A real browser: Chromium is not installed (Debian: chromium).")
+    if not HAS_AXE:
+        missing.append("Accessibility of the page: axe-core is not installed (make typescript).")
     if not HAS_TYPESCRIPT:
         missing.append("TypeScript types: openapi-typescript is not installed (make typescript).")
     if shutil.which("curl") is None:
