@@ -162,12 +162,12 @@ chromium:
 	@for program in chromium chromium-browser google-chrome; do command -v $$program >/dev/null && exit 0; done; \
 	$(call install_packages, chromium,The tests with a real browser are left out.)
 
-# The programs that make and check TypeScript types, for one test.
+# The programs that make and check TypeScript types, and axe-core, which checks the accessibility of the page.
 TYPESCRIPT := tests/end_to_end
 typescript:
-	@[ -x $(TYPESCRIPT)/node_modules/.bin/openapi-typescript ] && exit 0; \
+	@[ -x $(TYPESCRIPT)/node_modules/.bin/openapi-typescript ] && [ -f $(TYPESCRIPT)/node_modules/axe-core/axe.min.js ] && exit 0; \
 	command -v npm >/dev/null && npm ci --silent --no-audit --no-fund --prefix $(TYPESCRIPT) >/dev/null 2>&1 || \
-		echo 'openapi-typescript could not be installed (it needs npm). The test of TypeScript types is left out.' >&2
+		echo 'openapi-typescript and axe-core could not be installed (they need npm). Tests of TypeScript types and accessibility are left out.' >&2
 
 python: system-packages
 	@if [ -z '$(PYTHON)' ] && ! command -v python3 >/dev/null; then \

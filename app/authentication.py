@@ -19,8 +19,8 @@ TOKEN_OPTION = "token"
 """Query option of a GET request that holds a token."""
 OPEN_PATHS = frozenset({"/", "/health/live", "/health/ready", "/metrics", "/docs", "/openapi.json"})
 """Paths that probes, scrapers and readers of the documentation use. None of them shows a caller's data."""
-OPEN_FOLDER = "/docs/"
-"""Scripts and styles of the documentation."""
+OPEN_FOLDERS = ("/docs/", "/static/")
+"""Scripts and styles of the documentation, and of the page at `/`."""
 _PURPOSE = b"document-rectification token 1"
 _MAC_BYTES = 16
 
@@ -62,7 +62,7 @@ class ApiKeys:
             scope = {**scope, "query_string": query}
         state = scope.setdefault("state", {})
         state["api_key"] = None
-        is_open = scope["path"] in OPEN_PATHS or scope["path"].startswith(OPEN_FOLDER)
+        is_open = scope["path"] in OPEN_PATHS or scope["path"].startswith(OPEN_FOLDERS)
         if self.keys and not is_open:
             state["api_key"] = self._judge(Headers(scope=scope), token)
         await self.app(scope, receive, send)

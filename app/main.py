@@ -21,6 +21,7 @@ from app import __version__
 from app.authentication import ApiKeys
 from app.blobs import BlobAccess
 from app.body_limits import body_limits_of
+from app.browser_rules import OwnSite, SecurityHeaders
 from app.disk_space import DiskSpace
 from app.engine.local import LocalEngine, PoolLimits
 from app.interprocess_lock import InterprocessLock
@@ -211,6 +212,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             app.include_router(router)
     app.include_router(pages.router)
     app.mount(pages.ASSETS_PATH, pages.assets())
+    app.mount(pages.STATIC_PATH, pages.static_files())
     answer = FrameworkErrors(methods)
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
@@ -240,14 +242,15 @@ def _add_middleware(
 ) -> None:
     """Add everything that every request passes before its route.
 
-    The middleware that is added last is the outermost: prefix, log, body limits, origins, compression, errors, API
-    keys, methods, admission.
+    The middleware that is added last is the outermost: prefix, log, security headers, body limits, origins,
+    compression, errors, requests of other sites, API keys, methods, admission.
     """
     places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
     app.add_middleware(Admission, engine=engine, work=WORK, places=places)
     app.add_middleware(ConditionalGet)
     app.add_middleware(HeadAndOptions, methods=_methods_of(routes))
     app.add_middleware(ApiKeys, keys=settings.api_keys)
+    app.add_middleware(OwnSite, origins=settings.cors_origins)
     app.add_middleware(ProblemBoundary)
     app.add_middleware(
         GZipMiddleware,
@@ -265,6 +268,7 @@ def _add_middleware(
         )
     limits, of_path = body_limits_of(settings)
     app.add_middleware(BodyGuard, limits=limits, of_path=of_path)
+    app.add_middleware(SecurityHeaders, has_other_origins=bool(settings.cors_origins))
     app.add_middleware(RequestLog, metrics=metrics)
     app.add_middleware(RootPath, root_path=settings.root_path)
 

@@ -56,6 +56,14 @@ _LAYOUT = {
     "warnings": [],
     "timings_ms": {"decode": 18.0, "match": 21.4},
 }
+_FLAT = {
+    "photo": {"width": 2304, "height": 3072},
+    "corners": [[96.2, 80.4], [2210.1, 88.9], [2219.8, 3010.5], None],
+    "orientation": _ORIENTATION,
+    "width": 2307,
+    "height": 2968,
+    "mesh": {"rows": 2, "columns": 2, "source": _CORNERS},
+}
 _RECTIFIED = {
     "kind": "planar",
     "evidence": {
@@ -74,13 +82,11 @@ _RECTIFIED = {
         "principal_point_source": "centre",
     },
     "surface": {"type": "plane", "normal": [0.47, 0.21, 0.86]},
-    "orientation": _ORIENTATION,
-    "width": 2307,
-    "height": 2968,
-    "mesh": {"rows": 2, "columns": 2, "source": _CORNERS},
+    **_FLAT,
     "warnings": [],
     "timings_ms": _TIMINGS,
     "image": None,
+    "image_media_type": None,
 }
 _MOSAIC = {
     "width": 2480,
@@ -111,6 +117,7 @@ _MOSAIC = {
     "warnings": [{"code": "unplaced", "detail": "images[1] overlaps the other photos too little."}],
     "timings_ms": {"decode": 161.0, "registration": 900.4},
     "image": None,
+    "image_media_type": None,
 }
 _ACCEPTED = {
     "id": _JOB,
@@ -129,6 +136,7 @@ _HEALTH = {
     "recent": 50,
     "recent_zone_error": 0.012,
     "recent_class_error": 0.0,
+    "recent_text_error": 0.0,
     "earlier_zone_error": 0.034,
     "last_feedback": _WHEN,
 }

@@ -129,6 +129,8 @@ class FeedbackRepository(Transactions):
                 report=report,
                 lesson=lesson,
                 owner=draft.owner,
+                letters=draft.letters,
+                wrong_letters=draft.wrong_letters,
             )
             session.add(feedback)
             session.flush()
@@ -345,15 +347,16 @@ def _healths(session: Session, model_ids: Sequence[int]) -> dict[int, ModelHealt
             total(FeedbackRow.wrong_zones, ~is_recent),
             total(FeedbackRow.zones, ~is_recent),
             func.max(FeedbackRow.created_at),
+            total(func.coalesce(FeedbackRow.letters, 0), is_recent),
+            total(func.coalesce(FeedbackRow.wrong_letters, 0), is_recent),
         )
         .join(FeedbackRow, FeedbackRow.id == ranked.c.feedback_id)
         .where(ranked.c.place <= 2 * HEALTH_WINDOW)
         .group_by(ranked.c.model_id)
     )
     healths = dict.fromkeys(model_ids, ModelHealth(0, 0, None, None, None, None))
-    for id, count, recent, wrong, zones, class_wrong, earlier_wrong, earlier_zones, last in session.execute(
-        wanted
-    ):
+    for row in session.execute(wanted):
+        id, count, recent, wrong, zones, class_wrong, earlier_wrong, earlier_zones, last, letters, edits = row
         healths[id] = ModelHealth(
             feedbacks=count,
             recent=recent,
@@ -361,6 +364,7 @@ def _healths(session: Session, model_ids: Sequence[int]) -> dict[int, ModelHealt
             recent_class_error=_share(class_wrong, recent),
             earlier_zone_error=_share(earlier_wrong, earlier_zones),
             last_feedback_at=last,
+            recent_text_error=_share(edits, letters),
         )
     return healths
 

@@ -242,7 +242,9 @@ class FeedbackDraft:
     owner
         Name of the API key that gave it; None without keys.
     revised
-        The result with the zones of the person; None: it does not change.
+        The result with the zones or texts of the person; None: it does not change.
+    letters, wrong_letters
+        Number of letters of the texts that the person gave, and of the edits that made them of the read ones.
     """
 
     result_id: str
@@ -259,6 +261,8 @@ class FeedbackDraft:
     lesson: Document | None = None
     owner: str | None = None
     revised: Document | None = None
+    letters: int | None = None
+    wrong_letters: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -301,8 +305,8 @@ class FeedbackSummary:
 class ModelHealth:
     """Error rates of recognition for a class, from the last `recent` feedbacks and from the earlier ones.
 
-    Rates are shares, 0-1: zones with a wrong label among all zones, feedbacks with a wrong class among all feedbacks.
-    None: there is no feedback.
+    Rates are shares, 0-1: zones with a wrong label among all zones, feedbacks with a wrong class among all feedbacks,
+    and wrong letters among those of texts that were given. None: there is no feedback.
     """
 
     feedbacks: int
@@ -311,6 +315,7 @@ class ModelHealth:
     recent_class_error: float | None
     earlier_zone_error: float | None
     last_feedback_at: datetime | None
+    recent_text_error: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

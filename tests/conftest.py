@@ -9,6 +9,7 @@ from hypothesis import settings
 
 from services.ocr.tesseract import find_tessdata
 from simulation.flat_page import Page
+from tests.end_to_end.accessibility import HAS_AXE
 from tests.end_to_end.browser import CHROMIUM
 from tests.end_to_end.typescript import HAS_TYPESCRIPT
 from tests.models.databases import KINDS
@@ -29,6 +30,13 @@ KIND_OF_FOLDER = {
 """Tests of all other folders are fast, but for those that say that they are of a pipeline."""
 PIPELINE_FIXTURES = {"album"}
 """Who uses one of these simulates and analyses whole photos."""
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out folders without fast tests where only these are wanted: collecting them takes half of the time."""
+    if config.option.markexpr == "fast" and collection_path.is_relative_to(ROOT):
+        return True if collection_path.relative_to(ROOT).as_posix() in KIND_OF_FOLDER else None
+    return None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -66,6 +74,8 @@ def untested() -> list[str]:
         missing.append("The store on PostgreSQL: its programs are not installed (Debian: postgresql).")
     if CHROMIUM is None:
         missing.append("A real browser: Chromium is not installed (Debian: chromium).")
+    if not HAS_AXE:
+        missing.append("Accessibility of the page: axe-core is not installed (make typescript).")
     if not HAS_TYPESCRIPT:
         missing.append("TypeScript types: openapi-typescript is not installed (make typescript).")
     if shutil.which("curl") is None:

@@ -1,7 +1,7 @@
 """The path of a feedback, from the request to new versions of the models that it concerns.
 
 1. `routes.layout_feedback` reads the body and calls `learn_from_feedback`. A repeated feedback gets its earlier answer.
-2. `verified_page` joins the kept result and the body: the verified page. Zones that the person drew replace its zones.
+2. `verified_page` joins the kept result and the body: the verified page. Zones and texts of the person replace its own.
 3. `_learn_once`, under a lock for each model concerned, takes earlier feedback on the same result back
    (`routes.feedback_undo`), and reads the newest versions of the found and the verified class.
 4. A worker runs `services.operations.layout_learning.adapt_models`: it reads the documents, the models learn in
@@ -30,6 +30,7 @@ from app.schemas.layout_feedback import FeedbackBody
 from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
 from models.records import FeedbackDraft, ModelChange, ModelUndo, StoredFeedback, StoredSample
 from models.repository import Store
+from services.contract.fields import FieldSetting
 from services.contract.layout import ModelDocument
 from services.contract.layout_learning import Adaptation, VerifiedPage
 from services.errors import InvalidOption
@@ -86,39 +87,94 @@ async def learn_from_feedback(
 
 
 @dataclass(frozen=True, slots=True)
+class _Revision:
+    """The changed parts of a stored result, if the person drew zones or gave texts, and these texts."""
+
+    result: dict[str, Any] | None
+    texts: list[dict[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
 class _Given:
-    """A feedback as it was given, the verified page, and the result with the zones that the person drew."""
+    """A feedback as it was given, the verified page, and what the person changed of the result."""
 
     result_id: str
     key: str | None
     request: dict[str, Any]
     verified: VerifiedPage[dict[str, Any]]
-    revised: dict[str, Any] | None
+    revised: _Revision
     owner: str | None
 
 
 async def _verified(
     state: AppState, document: Mapping[str, Any], body: FeedbackBody
-) -> tuple[VerifiedPage[dict[str, Any]], dict[str, Any] | None]:
-    """The verified page, and the changed parts of the stored result if the person drew zones.
+) -> tuple[VerifiedPage[dict[str, Any]], _Revision]:
+    """The verified page, and what the person changed of the stored result.
 
     Raises
     ------
     InvalidOption
         As `verified_page`; also when a zone is invalid.
     """
-    if body.zones is None:
-        return verified_page(document, body), None
+    if body.zones is None and not body.texts:
+        return verified_page(document, body), _Revision(None, [])
     _require_single_page(document)
-    zones = [zone.model_dump(exclude_none=True) for zone in body.zones]
-    settings = layout_settings(state.settings)
-    drawn = await state.engine.submit(state.operations.revise_page, document["page"], zones, settings)
-    labels = {str(zone["id"]): zone.get("label") for zone in drawn.zones}
-    found = verified_page(document, body)
-    found_labels = {zone: found.found_labels.get(zone) for zone in labels}
-    verified = replace(found, page=drawn.page, found_labels=found_labels, labels=labels)
-    result = {**document["result"], "zones": drawn.zones, "match": None}
-    return verified, {"page": drawn.page, "result": result}
+    given = verified_page(document, body)
+    zones = _zones_with_texts(document, body)
+    if body.zones is not None:
+        zones = [zone.model_dump(exclude_none=True) for zone in body.zones]
+    revised = await state.engine.submit(
+        state.operations.revise_page,
+        document["page"],
+        zones,
+        layout_settings(state.settings),
+        await _field_settings(state, given.verified_class),
+    )
+    result = {**document["result"], "zones": revised.zones, "fields": revised.fields, "match": None}
+    if body.zones is not None:
+        labels = {str(zone["id"]): zone.get("label") for zone in revised.zones}
+        found_labels = {zone: given.found_labels.get(zone) for zone in labels}
+        given = replace(given, found_labels=found_labels, labels=labels)
+    changed = {"page": revised.page, "result": result}
+    return replace(given, page=revised.page), _Revision(changed, revised.texts)
+
+
+def _zones_with_texts(document: Mapping[str, Any], body: FeedbackBody) -> list[dict[str, Any]]:
+    """All zones of a result in reading order, with the labels and the texts that the person gave.
+
+    Raises
+    ------
+    InvalidOption
+        When the result has no zone for one of the texts.
+    """
+    found = {zone["id"]: zone for zone in document["result"]["zones"]}
+    for zone in body.texts:
+        if zone not in found:
+            shown = zone[:80]
+            raise InvalidOption(
+                f"texts: the result has no zone {shown!a}. Use the ids in `zones` of the result.",
+                f"texts.{shown}",
+            )
+    return [
+        {
+            "id": zone,
+            "box": each["box"],
+            "kind": each["kind"],
+            "label": body.labels.get(zone, each["label"]),
+            "text": body.texts.get(zone, ""),
+        }
+        for zone, each in sorted(found.items(), key=lambda item: item[1].get("order", 0))
+    ]
+
+
+async def _field_settings(state: AppState, name: str | None) -> Mapping[str, FieldSetting]:
+    """The types of the fields of a class; none where it does not exist, which the learning reports."""
+    if name is None:
+        return {}
+    try:
+        return (await state.store.call(lambda store: store.settings(name))).fields
+    except ModelNotFound:
+        return {}
 
 
 def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[dict[str, Any]]:
@@ -255,12 +311,13 @@ def _read_models(
 
 
 def _draft(given: _Given, adaptation: Adaptation) -> FeedbackDraft:
-    verified = given.verified
+    verified, texts = given.verified, given.revised.texts
     report = {
         "class": {"found": verified.found_class, "verified": verified.verified_class},
         "zones": adaptation.zones,
         "wrong": adaptation.wrong,
         "costs": adaptation.costs,
+        "texts": texts,
     }
     return FeedbackDraft(
         result_id=given.result_id,
@@ -274,5 +331,7 @@ def _draft(given: _Given, adaptation: Adaptation) -> FeedbackDraft:
         class_wrong=verified.found_class != verified.verified_class,
         sample=adaptation.sample if verified.verified_class is not None and adaptation.zones else None,
         owner=given.owner,
-        revised=given.revised,
+        revised=given.revised.result,
+        letters=sum(max(len(each["found"]), len(each["verified"])) for each in texts) if texts else None,
+        wrong_letters=sum(each["edits"] for each in texts) if texts else None,
     )

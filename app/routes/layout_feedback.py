@@ -23,6 +23,7 @@ from app.schemas.layout_feedback import (
     FeedbackList,
     FeedbackVersions,
     FoundAndVerified,
+    GivenText,
     UndoneFeedback,
     UndoneModel,
     WrongLabel,
@@ -52,7 +53,7 @@ MOST_LISTED = 200
 async def give_layout_feedback(
     request: Request, state: State, id: str, idempotency_key: IdempotencyKey = None
 ) -> Response:
-    """Correct a result: its class, and the labels of its zones (of all zones, or only of the wrong ones).
+    """Correct a result: its class, the labels of its zones (of all zones, or only of the wrong ones), and their texts.
 
     The model of the class adapts at once, and the page becomes one of its samples. If the class was wrong, the model
     of the found class also adapts, so that it fits such pages less. A class that has samples and no model yet gets its
@@ -144,6 +145,7 @@ def _answer(feedback: StoredFeedback, warnings: Sequence[Warning]) -> Feedback:
         **{"class": FoundAndVerified(**feedback.report["class"])},
         zones=feedback.report["zones"],
         wrong=[WrongLabel(**told) for told in feedback.report["wrong"]],
+        texts=[GivenText(**told) for told in feedback.report.get("texts", [])],
         models=[
             AdaptedModel(
                 name=name,

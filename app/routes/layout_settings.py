@@ -76,6 +76,7 @@ def health_of(health: ModelHealth) -> Health:
         recent=health.recent,
         recent_zone_error=_rounded(health.recent_zone_error),
         recent_class_error=_rounded(health.recent_class_error),
+        recent_text_error=_rounded(health.recent_text_error),
         earlier_zone_error=_rounded(health.earlier_zone_error),
         last_feedback=health.last_feedback_at,
     )

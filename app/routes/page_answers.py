@@ -19,7 +19,15 @@ from app.representations import (
 from app.routes.common_responses import FORM, IMAGE, WORK
 from app.routes.long_work import ACCEPTED
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
-from services.contract.images import AnswerFormat, Encoding, PageReply, PagesFormat, PdfVersion, SeveralFormat
+from services.contract.images import (
+    AnswerFormat,
+    EmbeddedFormat,
+    Encoding,
+    PageReply,
+    PagesFormat,
+    PdfVersion,
+    SeveralFormat,
+)
 
 Documentation = dict[int | str, dict[str, Any]]
 
@@ -51,24 +59,28 @@ _PAGES_HEADERS: dict[str, Any] = {
 _PROBLEMS = ("not-acceptable", "conflict", "no-text", "internal", *FORM, *IMAGE, *WORK)
 
 
-class AskedEncoding(Protocol):
+class AskedPicture(Protocol):
+    """Form fields that determine the picture in the response."""
+
+    quality: int | None
+    embed: bool
+    embed_format: EmbeddedFormat | None
+    max_width: int | None
+    max_height: int | None
+    pdf_version: PdfVersion
+    title: str | None
+
+
+class AskedEncoding(AskedPicture, Protocol):
     """Form fields that determine the format of the response."""
 
     format: AnswerFormat | None
-    quality: int | None
-    embed: bool
-    pdf_version: PdfVersion
-    title: str | None
 
 
-class AskedPagesEncoding(Protocol):
+class AskedPagesEncoding(AskedPicture, Protocol):
     """Form fields that determine the format of a response that may have several pages."""
 
     format: PagesFormat | None
-    quality: int | None
-    embed: bool
-    pdf_version: PdfVersion
-    title: str | None
 
 
 def documented_page(
@@ -119,7 +131,7 @@ async def choose_encoding(request: Request, asked: AskedEncoding, photo: UploadF
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
     chosen = choose_format(asked.format, request.headers.get("accept"), sniff_format(head))
-    return _encoding(asked, photo, chosen, "pdf")
+    return _encoding_of(asked, photo, chosen, "pdf")
 
 
 async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, photo: UploadFile) -> Encoding:
@@ -133,7 +145,23 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
     single, several = choose_pages_formats(asked.format, request.headers.get("accept"), sniff_format(head))
-    return _encoding(asked, photo, single, several)
+    return _encoding_of(asked, photo, single, several)
+
+
+def _encoding_of(
+    asked: AskedPicture, photo: UploadFile, chosen: PagesFormat | None, several: SeveralFormat | None
+) -> Encoding:
+    return Encoding(
+        format=chosen,
+        quality=asked.quality,
+        embed=asked.embed or asked.embed_format is not None,
+        pages_format=several,
+        embed_format=asked.embed_format,
+        max_width=asked.max_width,
+        max_height=asked.max_height,
+        pdf_version=asked.pdf_version,
+        title=asked.title or file_stem(photo.filename),
+    )
 
 
 def _encoding(

@@ -1,4 +1,4 @@
-"""Pages for people: the landing page, and the documentation with scripts and styles of this service."""
+"""Pages for people: the page at `/`, and the documentation, with scripts and styles of this service."""
 
 from html import escape
 from importlib.resources import files
@@ -17,37 +17,8 @@ router = APIRouter(include_in_schema=False)
 ASSETS_PATH = "/docs/assets"
 TITLE = "Document rectification"
 
-_LANDING = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title>
-<style>
-body {{ font: 1.1rem/1.5 system-ui, sans-serif; max-width: 42rem; margin: 3rem auto; padding: 0 1rem; }}
-code {{ background: #eee; color: #222; padding: 0 .2rem; }}
-</style>
-</head>
-<body>
-<main>
-<h1>{title}</h1>
-<p>This service makes flat pages from photos of documents, and labels what is on them.</p>
-<ul>
-<li><code>POST /rectify</code>: one photo of a page in, the flat page out.</li>
-<li><code>POST /mosaic</code>: overlapping photos of one page in, the whole page out.</li>
-<li><code>POST /layout</code>: a page in, its class and the labels of its zones out.</li>
-</ul>
-<p>For example: <code>curl -F image=@photo.jpg {root}/rectify -o flat.jpg</code></p>
-<ul>
-<li><a href="{root}/docs">All requests, to read and to try</a></li>
-<li><a href="{root}/openapi.json">OpenAPI document, to generate clients</a></li>
-<li><a href="{root}/health/ready">State of the service</a></li>
-</ul>
-<p>Version {version}</p>
-</main>
-</body>
-</html>
-"""
+STATIC_PATH = "/static"
+_STATIC = Path(str(files("app"))) / "static"
 
 
 def assets() -> StaticFiles:
@@ -55,11 +26,18 @@ def assets() -> StaticFiles:
     return StaticFiles(directory=Path(str(files("fastapi_offline"))) / "static")
 
 
+def static_files() -> StaticFiles:
+    """Scripts and styles of the page at `/`, which are part of this package."""
+    return StaticFiles(directory=_STATIC)
+
+
 @router.get("/")
-async def landing(state: State) -> HTMLResponse:
-    """What this service is, with links."""
-    root = escape(state.settings.root_path)
-    return HTMLResponse(_LANDING.format(title=TITLE, root=root, version=escape(__version__)))
+async def page(state: State) -> HTMLResponse:
+    """The page in which a person flattens photos, corrects layouts and looks after models."""
+    html = (_STATIC / "index.html").read_text(encoding="utf-8")
+    return HTMLResponse(
+        html.replace("{root}", escape(state.settings.root_path)).replace("{version}", escape(__version__))
+    )
 
 
 @router.get("/docs")

@@ -9,6 +9,9 @@ from app.schemas.layout_models import NameInBody
 from app.schemas.page import Answer, Warning
 from services.contract.layout import LONGEST_LABEL
 
+LONGEST_GIVEN_TEXT = 20_000
+"""Characters of one zone; a page of small print has 8000."""
+
 Label = Annotated[str, Field(min_length=1, max_length=LONGEST_LABEL), AfterValidator(str.strip)]
 
 
@@ -36,9 +39,7 @@ class FeedbackBody(BaseModel):
     model_config = ConfigDict(
         extra="forbid",
         strict=True,
-        json_schema_extra={
-            "anyOf": [{"required": ["class"]}, {"required": ["labels"]}, {"required": ["zones"]}]
-        },
+        json_schema_extra={"anyOf": [{"required": [name]} for name in ("class", "labels", "texts", "zones")]},
     )
 
     class_: NameInBody | None = Field(
@@ -52,6 +53,11 @@ class FeedbackBody(BaseModel):
         "keep the found label; if the class was wrong, they take the label that the correct class's model finds.",
     )
 
+    texts: dict[str, Annotated[str, Field(min_length=1, max_length=LONGEST_GIVEN_TEXT)]] = Field(
+        default={},
+        description="Texts of zones by their ids, where OCR read them wrong. A text that was read right may be sent "
+        "too; it counts as right in the model's health. The result shows the texts, and its values follow.",
+    )
     zones: Annotated[list[FeedbackZone], Field(min_length=1)] | None = Field(
         default=None,
         description="All zones of the page in reading order, with their labels: they replace those of the result "
@@ -61,9 +67,11 @@ class FeedbackBody(BaseModel):
     @model_validator(mode="after")
     def _says_something(self) -> Self:
         if not self.model_fields_set:
-            raise ValueError("send class, labels or zones")
+            raise ValueError("send class, labels, texts or zones")
         if self.zones is not None and self.labels:
             raise ValueError("send labels either in `zones` or in `labels`, not in both")
+        if self.zones is not None and self.texts:
+            raise ValueError("send texts either in `zones` or in `texts`, not in both")
         return self
 
 
@@ -87,6 +95,15 @@ class CostChange(Answer):
 
     before: float | None
     after: float | None
+
+
+class GivenText(Answer):
+    """A text that the person gave, and the one that was read there."""
+
+    zone: str
+    found: str
+    verified: str
+    edits: int = Field(ge=0, description="Letters to insert, delete or replace.")
 
 
 class AdaptedModel(Answer):
@@ -137,6 +154,9 @@ class Feedback(Answer):
     class_: FoundAndVerified = Field(alias="class")
     zones: int = Field(ge=0, description="Number of zones of the page.")
     wrong: list[WrongLabel] = Field(description="Zones whose label was wrong.")
+    texts: list[GivenText] = Field(
+        default=[], description="The texts that were sent, in `texts` or in `zones`."
+    )
     models: list[AdaptedModel] = Field(description="The models that changed, by name.")
     taken_back: list[UndoneModel] = Field(
         description="Models from which this feedback took back what earlier feedback on the result had taught; the "

@@ -45,6 +45,9 @@ class Health(Answer):
     recent: int = Field(ge=0, description="Number of feedbacks in the recent error rates.")
     recent_zone_error: float | None = Field(ge=0, le=1)
     recent_class_error: float | None = Field(ge=0, le=1)
+    recent_text_error: float | None = Field(
+        default=None, ge=0, le=1, description="Share of wrong letters in the texts that feedback gave."
+    )
     earlier_zone_error: float | None = Field(
         ge=0, le=1, description="From as many feedbacks before the recent ones."
     )

@@ -12,15 +12,17 @@ from app.schemas.options import (
     AskedFormat,
     AskedPdfVersion,
     Embed,
+    EmbedFormat,
     Illumination,
     Language,
+    MaxPixels,
     Quality,
     ReadText,
     Switch,
     Title,
     Upright,
 )
-from app.schemas.page import Answer, Orientation, Point, Warning
+from app.schemas.page import Answer, Embedded, EmbeddedMediaType, Orientation, Point, Warning
 from app.schemas.page_text import ReadText as PageText
 from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, Composition, MosaicParameters
 from services.errors import InvalidOption
@@ -88,6 +90,9 @@ class MosaicForm(BaseModel):
     format: AskedFormat = None
     quality: Quality = None
     embed: Embed = False
+    embed_format: EmbedFormat = None
+    max_width: MaxPixels = None
+    max_height: MaxPixels = None
     pdf_version: AskedPdfVersion = "1.7"
     title: Title = None
 
@@ -167,4 +172,5 @@ class MosaicResult(Answer):
     )
     warnings: list[Warning]
     timings_ms: dict[str, float]
-    image: str | None = Field(default=None, description="base64, if `embed` was set.")
+    image: Embedded = None
+    image_media_type: EmbeddedMediaType = None

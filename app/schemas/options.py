@@ -6,7 +6,7 @@ from pydantic import BeforeValidator, Field, StringConstraints
 from pydantic.json_schema import SkipJsonSchema
 
 from services.contract import rectify
-from services.contract.images import AnswerFormat, PagesFormat, PdfVersion
+from services.contract.images import AnswerFormat, EmbeddedFormat, ImageLimits, PagesFormat, PdfVersion
 
 WRONG_NUMBER_OF_FILES = "wrong_number_of_files"
 """Type of the validation error of a field with too few or too many files."""
@@ -99,3 +99,18 @@ Quality = Annotated[
     Field(description="1-100, for lossy formats; default 90.", examples=[90]),
 ]
 Embed = Annotated[Switch, Field(description="With JSON: include the image as base64 in `image`.")]
+EmbedFormat = Annotated[
+    EmbeddedFormat | Absent,
+    FORMAT,
+    Field(
+        description="With JSON: the format of the image in `image`, which is then included (as by embed=true). "
+        "Default: the photo's own format."
+    ),
+]
+MaxPixels = Annotated[
+    Annotated[int, Field(ge=1, le=ImageLimits().max_side_px)] | Absent,
+    Field(
+        description="Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its "
+        "proportions. Sizes and meshes in the response are those of the smaller picture."
+    ),
+]

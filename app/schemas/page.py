@@ -1,6 +1,6 @@
 """Parts of responses that describe a page."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -19,6 +19,46 @@ class Orientation(Answer):
     rotation_deg: Literal[0, 90, 180, 270] = Field(description="Clockwise, after the mirroring if any.")
     mirrored: bool
     confidence: float | None = Field(ge=0, le=1, description="null: no text was read.")
+
+
+class Size(Answer):
+    """Size in pixels."""
+
+    width: int = Field(ge=1)
+    height: int = Field(ge=1)
+
+
+class Mesh(Answer):
+    """`source[r][c]` is the photo point shown at output pixel (c (width-1)/(columns-1), r (height-1)/(rows-1))."""
+
+    rows: int = Field(ge=2)
+    columns: int = Field(ge=2)
+    source: list[list[Point]]
+
+
+Corners = Annotated[
+    list[Point | None],
+    Field(
+        min_length=4,
+        max_length=4,
+        description="Corners of the sheet in the photo, clockwise from the top left of the flat page; null: not seen.",
+    ),
+]
+
+
+Embedded = Annotated[str | None, Field(description="The image in base64, if `embed` was set.")]
+EmbeddedMediaType = Annotated[str | None, Field(description="Media type of `image`; null without it.")]
+
+
+class FlatPage(Answer):
+    """A flat page, and where it lies in the photo."""
+
+    photo: Size = Field(description="Size of the photo after its EXIF rotation.")
+    corners: Corners
+    orientation: Orientation
+    width: int = Field(ge=1)
+    height: int = Field(ge=1)
+    mesh: Mesh
 
 
 class Warning(Answer):

@@ -12,14 +12,16 @@ from app.schemas.options import (
     AskedPagesFormat,
     AskedPdfVersion,
     Embed,
+    EmbedFormat,
     Illumination,
     Language,
+    MaxPixels,
     Quality,
     ReadText,
     Title,
     Upright,
 )
-from app.schemas.page import Answer, Orientation, Point, Warning
+from app.schemas.page import Answer, Embedded, EmbeddedMediaType, FlatPage, Point, Warning
 from app.schemas.page_text import ReadText as PageText
 from app.schemas.problem import Problem
 from services.contract.rectify import Crop, PageKind, Pages, RectifyParameters
@@ -106,6 +108,9 @@ class RectifyForm(BaseModel):
     format: AskedPagesFormat = None
     quality: Quality = None
     embed: Embed = False
+    embed_format: EmbedFormat = None
+    max_width: MaxPixels = None
+    max_height: MaxPixels = None
     pdf_version: AskedPdfVersion = "1.7"
     title: Title = None
 
@@ -189,29 +194,18 @@ class CreasedSheet(Answer):
     normals: list[list[Direction]] = Field(description="Unit normal of every cell, camera frame.")
 
 
-class Mesh(Answer):
-    """`source[r][c]` is the photo point shown at output pixel (c (width-1)/(columns-1), r (height-1)/(rows-1))."""
-
-    rows: int = Field(ge=2)
-    columns: int = Field(ge=2)
-    source: list[list[Point]]
-
-
-class RectifyResult(Answer):
+class RectifyResult(FlatPage):
     """The frontal flat view of one photo, and the evidence for it."""
 
     kind: Literal["planar", "curved"]
     evidence: Evidence
     camera: Camera
     surface: Annotated[Plane | Strips | CreasedSheet, Field(discriminator="type")]
-    orientation: Orientation
-    width: int = Field(ge=1)
-    height: int = Field(ge=1)
-    mesh: Mesh
     text: PageText | None = Field(default=None, description="The text, if it was asked for.")
     warnings: list[Warning]
     timings_ms: dict[str, float]
-    image: str | None = Field(default=None, description="base64, if `embed` was set.")
+    image: Embedded = None
+    image_media_type: EmbeddedMediaType = None
 
 
 class FailedPage(Answer):

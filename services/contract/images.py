@@ -9,6 +9,8 @@ TextFormat = Literal["hocr", "alto", "txt", "markdown"]
 AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "txt", "hocr", "alto", "markdown"]
 PagesFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip", "hocr", "alto", "txt", "markdown"]
 """Formats of an answer that may have several pages."""
+EmbeddedFormat = Literal["jpeg", "png", "webp"]
+"""Formats of an image in JSON that every browser shows."""
 SeveralFormat = Literal["pdf", "tiff", "zip", "json", "txt", "hocr", "alto", "markdown"]
 """The formats of `PagesFormat` that can hold several pages."""
 PdfVersion = Literal["1.7", "a-2b"]
@@ -74,6 +76,10 @@ class Encoding:
         Whether the image is put into the JSON, in base64.
     pages_format
         Format of several pages; None: the client accepts no format that can hold several.
+    embed_format
+        Format of the image in JSON; None: that of the upload (JPEG for HEIC).
+    max_width, max_height
+        Largest size of the picture in pixels; None: as large as the page is in the photo.
     pdf_version
         Version of a PDF.
     title
@@ -84,6 +90,9 @@ class Encoding:
     quality: int | None = None
     embed: bool = False
     pages_format: SeveralFormat | None = "pdf"
+    embed_format: EmbeddedFormat | None = None
+    max_width: int | None = None
+    max_height: int | None = None
     pdf_version: PdfVersion = "1.7"
     title: str = ""
 

@@ -76,10 +76,16 @@ class Adaptation:
 
 @dataclass(frozen=True, slots=True)
 class RevisedPage:
-    """A page with the zones that a person drew: the page with all measurements, and the `zones` of its result."""
+    """A page with the zones or texts of a person: the page with all measurements, `zones` and `fields` of its result.
+
+    `texts` are those that the person gave, each `{"zone", "found", "verified", "edits"}`: what was read there, and the
+    number of letters to insert, delete or replace.
+    """
 
     page: dict[str, Any]
     zones: list[dict[str, Any]]
+    fields: list[dict[str, Any]]
+    texts: list[dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ def describe_recognition(
         "height": plain_number(recognition.page.height),
         **describe_classes(recognition.chosen, recognition.classes, recognition.unknown_probability),
         "zones": zones,
-        "fields": [_describe_field(field) for field in gather_fields(recognition, fields)],
+        "fields": describe_fields(recognition, fields),
         "match": None if recognition.match is None else _describe_match(recognition.match, explain),
     }
 
@@ -73,6 +73,13 @@ def describe_zones(
         }
         for place, (zone, label, confidence, group) in enumerate(labelled)
     ]
+
+
+def describe_fields(
+    recognition: Recognition, settings: Mapping[str, FieldSetting]
+) -> list[dict[str, object]]:
+    """The `fields` of the HTTP contract; `settings` has their types by label."""
+    return [_describe_field(field) for field in gather_fields(recognition, settings)]
 
 
 def _describe_field(field: Field) -> dict[str, object]:

@@ -13,6 +13,7 @@ from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Pair, Patch
 from services.operations.page_reading import read_flat_page, reading_engine
 from services.operations.reader import ocr_engine
+from services.operations.reduced_views import reduce_mosaic
 from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
@@ -57,12 +58,15 @@ def mosaic_uploads(
     with progress_within(0.03, MOSAIC_READING_BEGINS if parameters.text else ENCODING_BEGINS):
         result = mosaic([photo.pixels for photo in photos], parameters, focal_lengths_px, ocr_engine())
     timings_ms |= result.timings_ms
-    source = SourceFacts(photos[0].format, _resolution(photos, result), _colour_profile(photos))
     text = None
     if parameters.text:
         engine, language = reading_engine(parameters.language)
         with timed("reading", timings_ms, MOSAIC_READING_BEGINS):
             text = read_flat_page(result.image, engine, language)
+    result = reduce_mosaic(result, encoding)
+    if text is not None:
+        text = text.resized(result.image.shape[1], result.image.shape[0])
+    source = SourceFacts(photos[0].format, _resolution(photos, result), _colour_profile(photos))
     return make_reply(result.image, describe_mosaic(result), source, encoding, timings_ms, text)
 
 

@@ -15,6 +15,7 @@ from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
     add_text_layer,
+    describe_image,
     describe_warnings,
     image_format_of,
     timed,
@@ -26,11 +27,15 @@ from services.text.page_text import PageText
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedPage:
-    """One page of an answer: its picture (H, W, 3) RGB, its HTTP document without `image`, its text if it was read."""
+    """One page of an answer: its picture (H, W, 3) RGB, its HTTP document without `image`, its text if it was read.
+
+    `scale` is pixels of the picture per pixel of the flat view, below 1 for a reduced one.
+    """
 
     image: RgbImage
     document: Mapping[str, object]
     text: PageText | None = None
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +79,8 @@ def choose_target(encoding: Encoding, source: SourceFacts, pages: int) -> PagesT
     asked: PagesFormat | None = encoding.format if pages == 1 else encoding.pages_format
     if pages > 1 and asked is None:
         raise several_pages_refused(pages)
-    image_format = image_format_of(source, asked if asked != "pdf" else None)
+    shown: PagesFormat | None = encoding.embed_format if asked == "json" else asked
+    image_format = image_format_of(source, shown if shown != "pdf" else None)
     return PagesTarget(asked or image_format, image_format)
 
 
@@ -88,23 +94,21 @@ def encode_page(
     InvalidOption
         When `encoding` is not possible.
     """
-    quality, dpi, profile = encoding.quality, source.dpi, source.icc_profile
-    document = {
-        **page.document,
-        "text": None if page.text is None else describe_text(page.text),
-        "image": None,
-    }
-    part = None
+    quality, profile = encoding.quality, source.icc_profile
+    dpi = None if source.dpi is None else source.dpi * page.scale
+    embedded, part = None, None
     if target.format == "json":
         if encoding.embed:
             file = encode_image(page.image, target.image_format, quality, dpi, profile)
-            document["image"] = base64.b64encode(file).decode("ascii")
+            embedded = base64.b64encode(file).decode("ascii")
     elif target.format in get_args(PagesFileFormat):
         kind = cast(PagesFileFormat, target.format)
         part = encode_part(page.image, kind, target.image_format, quality, dpi, profile)
     elif target.format not in get_args(TextFormat):
         part = PagePart(encode_image(page.image, target.image_format, quality, dpi, profile))
-    return EncodedPage(part, document, page.text)
+    text = None if page.text is None else describe_text(page.text)
+    image = describe_image(embedded, target.image_format)
+    return EncodedPage(part, {**page.document, "text": text, **image}, page.text)
 
 
 def bind_pages(

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from services.arrays import Vector
+from services.arrays import Points, Vector
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import decode_image
@@ -14,6 +15,7 @@ from services.imaging.page_images import PagePicture, page_picture
 from services.operations.page_reading import READING_BEGINS, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
+from services.operations.reduced_views import reduce_view
 from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
@@ -28,7 +30,6 @@ from services.rectify.pipeline import rectify
 from services.rectify.results import PlaneSurface, RectifyResult
 from services.rectify.spread import page_timings, rectify_spread
 from services.sheet.surfaces import MeshSurface, StripsSurface
-from services.text.page_text import PageText
 
 
 def rectify_upload(
@@ -68,51 +69,79 @@ def rectify_picture(
     if parameters.pages == "both":
         with progress_within(0.03, end):
             found = rectify_spread(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
-        pages = [describe_page(result, parameters) for result in found.pages]
+        pages = [describe_page(result, parameters, encoding, photo) for result in found.pages]
         timings_ms |= page_timings(found)
         return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
     with progress_within(0.03, end):
         result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
+    page = describe_page(result, parameters, encoding, photo)
+    source = source if source.dpi is None else replace(source, dpi=source.dpi * page.scale)
     timings_ms |= result.timings_ms
-    text = read_result(result, parameters, timings_ms)
-    return make_reply(result.image, describe_rectification(result), source, encoding, timings_ms, text)
+    return make_reply(page.image, dict(page.document), source, encoding, timings_ms, page.text)
 
 
-def flatten_picture(picture: PagePicture, parameters: RectifyParameters) -> list[DescribedPage]:
-    """The flat page in a picture, or both pages of an open book, with their texts if they are wanted.
+def flatten_picture(
+    photo: PagePicture, parameters: RectifyParameters, encoding: Encoding
+) -> list[DescribedPage]:
+    """The flat page in a photo, or both pages of an open book, with their texts if they are wanted.
 
     Raises
     ------
     NoText, InvalidOption
     """
+    results: tuple[RectifyResult, ...]
     if parameters.pages == "both":
-        found = rectify_spread(picture.pixels, parameters, picture.focal_length_px, ocr_engine())
-        return [describe_page(result, parameters) for result in found.pages]
-    result = rectify(picture.pixels, parameters, picture.focal_length_px, ocr_engine())
-    return [describe_page(result, parameters)]
+        results = rectify_spread(photo.pixels, parameters, photo.focal_length_px, ocr_engine()).pages
+    else:
+        results = (rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine()),)
+    return [describe_page(result, parameters, encoding, photo) for result in results]
 
 
-def read_result(
-    result: RectifyResult, parameters: RectifyParameters, timings_ms: dict[str, float]
-) -> PageText | None:
-    """The text of the flat page, if it is wanted; adds `reading` to `timings_ms`."""
-    if not parameters.text:
-        return None
-    engine, language = reading_engine(parameters.language)
-    with timed("reading", timings_ms, READING_BEGINS):
-        return read_flat_page(result.image, engine, language, result.mesh)
-
-
-def describe_page(result: RectifyResult, parameters: RectifyParameters) -> DescribedPage:
-    """One page of a book, with the timings of its own stages."""
-    text = read_result(result, parameters, result.timings_ms)
+def describe_page(
+    result: RectifyResult, parameters: RectifyParameters, encoding: Encoding, photo: PagePicture
+) -> DescribedPage:
+    """One page of an answer, with the timings of its own stages; adds `reading` to those of `result`."""
+    text = None
+    if parameters.text:
+        engine, language = reading_engine(parameters.language)
+        with timed("reading", result.timings_ms, READING_BEGINS):
+            text = read_flat_page(result.image, engine, language, result.mesh)
+    view = reduce_view(result, encoding)
+    height, width = view.image.shape[:2]
+    size = photo.pixels.shape[1], photo.pixels.shape[0]
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
-    return DescribedPage(result.image, {**describe_rectification(result), "timings_ms": timings_ms}, text)
+    return DescribedPage(
+        view.image,
+        {**describe_rectification(view, size), "timings_ms": timings_ms},
+        None if text is None else text.resized(width, height),
+        width / result.image.shape[1],
+    )
 
 
-def describe_rectification(result: RectifyResult) -> dict[str, object]:
-    """The `RectifyResult` of the HTTP contract without timings and image; degrees, pixels of the EXIF-upright photo."""
+def describe_flat_page(result: RectifyResult, photo_size: tuple[int, int]) -> dict[str, object]:
+    """Where the flat page lies in the photo of `photo_size` (width, height): sizes, corners, orientation and mesh."""
     height, width = result.image.shape[:2]
+    corners = [None] * 4 if result.corners is None else list(map(_finite_corner, result.corners))
+    return {
+        "photo": {"width": photo_size[0], "height": photo_size[1]},
+        "corners": corners,
+        "orientation": describe_orientation(result.orientation),
+        "width": width,
+        "height": height,
+        "mesh": {
+            "rows": result.mesh.shape[0],
+            "columns": result.mesh.shape[1],
+            "source": np.round(result.mesh, 3),  # a thousandth of a pixel; 17 digits would triple the JSON
+        },
+    }
+
+
+def _finite_corner(corner: Points) -> list[float] | None:
+    return [round(float(value), 2) for value in corner] if np.isfinite(corner).all() else None
+
+
+def describe_rectification(result: RectifyResult, photo_size: tuple[int, int]) -> dict[str, object]:
+    """The `RectifyResult` of the HTTP contract without timings and image; degrees, pixels of the EXIF-upright photo."""
     field_of_view_rad = result.camera.field_of_view_rad
     return {
         "kind": result.kind,
@@ -134,14 +163,7 @@ def describe_rectification(result: RectifyResult) -> dict[str, object]:
             "principal_point_source": result.camera.principal_point_source,
         },
         "surface": _describe_surface(result.surface),
-        "orientation": describe_orientation(result.orientation),
-        "width": width,
-        "height": height,
-        "mesh": {
-            "rows": result.mesh.shape[0],
-            "columns": result.mesh.shape[1],
-            "source": np.round(result.mesh, 3),  # a thousandth of a pixel; 17 digits would triple the JSON
-        },
+        **describe_flat_page(result, photo_size),
         "warnings": describe_warnings(result.warnings),
     }
 

@@ -69,7 +69,7 @@ def _rectify_pages(
                 picture = _decode(source, timings_ms)
                 facts = SourceFacts(picture.format, picture.dpi, picture.icc_profile)
                 target = target or choose_target(encoding, facts, len(sources))
-                pages = flatten_picture(picture, parameters)
+                pages = flatten_picture(picture, parameters, encoding)
             except DocumentError as error:
                 if target is None and error.code == "not-acceptable":
                     raise

@@ -48,24 +48,26 @@ def make_reply(
     """The reply with the page in the requested encoding.
 
     `document` describes the page, `text` is what was read on it. The function adds `encode` to `timings_ms`, and puts
-    `timings_ms`, `text` and `image` into the document.
+    `timings_ms`, `text`, `image` and `image_media_type` into the document.
 
     Raises
     ------
     InvalidOption
         When `encoding` is not possible.
     """
-    image_format = image_format_of(source, encoding.format)
+    is_json = encoding.format == "json"
+    image_format = image_format_of(source, encoding.embed_format if is_json else encoding.format)
     body, embedded = b"", None
-    if encoding.format != "json" or encoding.embed:
+    if not is_json or encoding.embed:
         with timed("encode", timings_ms, ENCODING_BEGINS):
             body = _encode_page(page, image_format, source, encoding, text)
-    if encoding.format == "json":
+    if is_json:
         embedded = base64.b64encode(body).decode("ascii") if encoding.embed else None
         body = b""
     rounded_ms = {stage: round(value, 1) for stage, value in timings_ms.items()}
     described = None if text is None else describe_text(text)
-    ready = to_json_ready({**document, "text": described, "timings_ms": rounded_ms, "image": embedded})
+    image = describe_image(embedded, image_format)
+    ready = to_json_ready({**document, "text": described, "timings_ms": rounded_ms, **image})
     assert isinstance(ready, dict)
     return PageReply(body, MEDIA_TYPES[encoding.format or image_format], ready)
 
@@ -107,6 +109,11 @@ def image_format_of(source: SourceFacts, asked: PagesFormat | None) -> OutputFor
     if asked in get_args(OutputFormat):
         return cast(OutputFormat, asked)
     return "jpeg" if source.format == "heic" else source.format
+
+
+def describe_image(embedded: str | None, image_format: OutputFormat) -> dict[str, str | None]:
+    """`image` and `image_media_type` of the HTTP contract, from an image in base64."""
+    return {"image": embedded, "image_media_type": None if embedded is None else MEDIA_TYPES[image_format]}
 
 
 def describe_orientation(orientation: Orientation) -> dict[str, object]:

@@ -38,6 +38,7 @@ from services.rectify.results import (
     ShapeSource,
 )
 from services.rectify.shape_choice import FEW_LINES, choose_shape
+from services.rectify.sheet_corners import corners_by_view
 from services.rectify.sheet_cut import (
     cut_to_outline,
     cut_to_page,
@@ -180,6 +181,7 @@ def flatten_page(
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
             flat = normalize_illumination(flat)
+    mesh = np.asarray(mesh_of(frame), np.float64)
     return RectifyResult(
         flat,
         page.kind,
@@ -187,9 +189,10 @@ def flatten_page(
         describe_camera(page),
         describe_surface(page),
         orientation,
-        np.asarray(mesh_of(frame), np.float64),
+        mesh,
         tuple(notices),
         clock.timings_ms,
+        corners_by_view(page.outline, mesh, mirrored=orientation.mirrored),
     )
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import RgbImage
+from services.arrays import Points, RgbImage
 from services.sheet.surfaces import MeshSurface, StripsSurface
 
 
@@ -80,6 +80,8 @@ class RectifyResult:
 
     `mesh` is (rows, columns, 2): `mesh[r, c]` is the photo point (x, y) shown at output pixel
     (c (width-1)/(columns-1), r (height-1)/(rows-1)), after `orientation` was applied.
+    `corners` (4, 2) are those of the sheet in photo pixels, clockwise from the top left of the view; a row is NaN where
+    the corner was not seen, and None says that no outline was found.
     """
 
     image: RgbImage
@@ -91,3 +93,4 @@ class RectifyResult:
     mesh: NDArray[np.float64]
     warnings: tuple[Notice, ...] = ()
     timings_ms: dict[str, float] = field(default_factory=dict)
+    corners: Points | None = None

@@ -169,6 +169,7 @@ def turn_result(result: RectifyResult, quarter_turns: int) -> RectifyResult:
         result,
         image=np.ascontiguousarray(np.rot90(result.image, -quarter_turns)),
         mesh=np.ascontiguousarray(np.rot90(result.mesh, -quarter_turns)),
+        corners=None if result.corners is None else np.roll(result.corners, quarter_turns, axis=0),
         orientation=turned,
         warnings=tuple(notice for notice in result.warnings if notice.code != ORIENTATION_UNKNOWN),
     )

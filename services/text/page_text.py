@@ -2,7 +2,7 @@
 
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from services.ocr.engine import Word
@@ -85,6 +85,22 @@ class PageText:
         """Mean confidence of the words, weighted by their length; None if there are none."""
         letters = sum(len(word.text) for word in self.words)
         return sum(len(word.text) * word.confidence for word in self.words) / letters if letters else None
+
+    def resized(self, width: int, height: int) -> "PageText":
+        """The text of the same page in another size; places in the photo stay."""
+        if (width, height) == (self.width, self.height):
+            return self
+        x, y = width / self.width, height / self.height
+        blocks = tuple(
+            replace(block, lines=tuple(_resized_line(line, x, y) for line in block.lines))
+            for block in self.blocks
+        )
+        return replace(self, width=width, height=height, blocks=blocks)
+
+
+def _resized_line(line: TextLine, x: float, y: float) -> TextLine:
+    boxes = [(word.box[0] * x, word.box[1] * y, word.box[2] * x, word.box[3] * y) for word in line.words]
+    return TextLine(tuple(replace(word, box=box) for word, box in zip(line.words, boxes, strict=True)))
 
 
 def union_box(boxes: Sequence[Box]) -> Box:

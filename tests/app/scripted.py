@@ -282,13 +282,15 @@ def adapt_models(
     return Adaptation(documents, wrong, costs, {**task.page, "zones": zones}, len(zones))
 
 
-def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
+def revise_page(
+    page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings, fields: Any
+) -> RevisedPage:
     """The zones as they were drawn, numbered where they have no id."""
     named = [{"label": None, **zone, "id": zone.get("id") or f"n{n}"} for n, zone in enumerate(zones, 1)]
     measured = layout_document({**page, "zones": named}, [], [], {})["zones"]
     assert isinstance(measured, list)
     shown = [{**each, "label": zone["label"]} for each, zone in zip(measured, named, strict=True)]
-    return RevisedPage({**page, "zones": named}, shown)
+    return RevisedPage({**page, "zones": named}, shown, [], [])
 
 
 def train_model(

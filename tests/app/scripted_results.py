@@ -35,6 +35,8 @@ def document(parameters: RectifyParameters, encoding: Encoding, image: str | Non
             "principal_point_source": "centre",
         },
         "surface": {"type": "plane", "normal": (0.0, 0.0, 1.0)},
+        "photo": {"width": 40, "height": 30},
+        "corners": [(1.0, 1.0), (39.0, 1.5), None, (1.0, 29.0)],
         "orientation": {"rotation_deg": 180, "mirrored": False, "confidence": 0.9},
         "width": 20,
         "height": 10,
@@ -45,6 +47,7 @@ def document(parameters: RectifyParameters, encoding: Encoding, image: str | Non
         ],
         "timings_ms": {"decode": 1.25, "texture_flow": 20.0},
         "image": image,
+        "image_media_type": None if image is None else "image/jpeg",
     }
 
 
@@ -74,6 +77,7 @@ def mosaic_document(photos: int, asked: dict[str, object], image: str | None) ->
         "warnings": [{"code": name, "detail": repr(what)} for name, what in asked.items()],
         "timings_ms": {"decode": 1.25, "block_matches": 20.0},
         "image": image,
+        "image_media_type": None if image is None else "image/jpeg",
     }
 
 

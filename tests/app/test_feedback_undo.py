@@ -255,3 +255,31 @@ def test_zones_of_a_person_replace_the_found_ones_and_teach(client: httpx.Client
         client.post(f"/layout/results/{result}/feedback", json=bad), 422, "invalid-option"
     )
     assert problem["field"] == "zones[0].box"
+
+
+def test_texts_of_a_person_are_kept_and_measured(client: httpx.Client) -> None:
+    sent = page("letter", 10)
+    sent["zones"][0]["text"] = "Marcb 3, 199B"
+    result = recognize(client, sent)
+    client.patch("/layout/models/letter/settings", json={"fields": {"sender": {"type": "date"}}})
+    found = client.get(f"/layout/results/{result}").json()
+    body = {"class": "letter", "labels": {"z1": "sender"}, "texts": {"z1": "March 3, 1998"}}
+    response = client.post(f"/layout/results/{result}/feedback", json=body)
+    assert response.status_code == 200, response.text
+    assert response.json()["texts"] == [
+        {"zone": "z1", "found": "Marcb 3, 199B", "verified": "March 3, 1998", "edits": 2}
+    ]
+    shown = client.get(f"/layout/results/{result}").json()
+    assert shown["zones"][0]["text"] == "March 3, 1998"
+    [field] = [field for field in shown["fields"] if field["label"] == "sender"]
+    assert (field["value"], field["confidence"]) == ("1998-03-03", 1.0)
+    sample = client.get(f"/layout/models/letter/samples/{response.json()['sample']}").json()
+    assert sample["zones"][0]["text"] == "March 3, 1998"
+    health = client.get("/layout/models/letter/health").json()
+    assert health["recent_text_error"] == pytest.approx(2 / 13, abs=1e-4)
+    undo(client, result)
+    assert client.get(f"/layout/results/{result}").json() == found
+    assert client.get("/layout/models/letter/health").json()["recent_text_error"] is None
+    for wrong, field_name in (({"texts": {"z99": "a"}}, "texts.z99"), ({"texts": {"z1": ""}}, "texts.z1")):
+        response = client.post(f"/layout/results/{result}/feedback", json={"class": "letter", **wrong})
+        assert assert_problem(response, 422, "invalid-option")["field"] == field_name

@@ -75,6 +75,7 @@ def test_a_correction_makes_a_version_and_a_sample(client: httpx.Client) -> None
         "class": {"found": "letter", "verified": "letter"},
         "zones": 2,
         "wrong": [{"zone": "z1", "found": "sender", "verified": "date"}],
+        "texts": [],
         "models": [
             {
                 "name": "letter",

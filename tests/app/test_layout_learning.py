@@ -286,6 +286,7 @@ def test_health_tells_of_feedback(client: httpx.Client) -> None:
         "recent": 0,
         "recent_zone_error": None,
         "recent_class_error": None,
+        "recent_text_error": None,
         "earlier_zone_error": None,
         "last_feedback": None,
     }

@@ -41,8 +41,8 @@ def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     response = post(client, {"format": "json"})
     assert response.headers["content-type"] == "application/json"
     assert list(response.json()) == [
-        "kind", "evidence", "camera", "surface", "orientation", "width", "height", "mesh", "text", "warnings",
-        "timings_ms", "image",
+        "photo", "corners", "orientation", "width", "height", "mesh", "kind", "evidence", "camera", "surface",
+        "text", "warnings", "timings_ms", "image", "image_media_type",
     ]  # fmt: skip
     assert response.json()["image"] is None
     assert RectifyResult.model_validate(response.json()).mesh.source[1][0] == (0, 9)
@@ -87,7 +87,22 @@ def test_options_reach_the_operation(client: httpx.Client, data: dict[str, str],
 @pytest.mark.parametrize("quality", ["1", "100"])
 def test_encoding_options_reach_the_operation(client: httpx.Client, quality: str) -> None:
     detail = notices(post(client, {"format": "json", "quality": quality}))["encoding"]
-    assert detail.startswith(f"Encoding(format='json', quality={quality}, embed=False, pages_format='json'")
+    assert detail.startswith(f"Encoding(format='json', quality={quality}, embed=False, pages_format='json',")
+
+
+def test_size_and_format_of_an_embedded_picture_reach_the_operation(client: httpx.Client) -> None:
+    asked = {"format": "json", "embed_format": "WebP", "max_width": "800", "max_height": "30000"}
+    response = post(client, asked)
+    assert base64.b64decode(response.json()["image"]) == b"flat", "embed_format includes the image"
+    detail = notices(response)["encoding"]
+    assert "embed=True, pages_format='json', embed_format='webp', max_width=800, max_height=30000," in detail
+
+
+def test_an_app_can_draw_on_the_photo(client: httpx.Client) -> None:
+    result = post(client, {"format": "json"}).json()
+    assert result["photo"] == {"width": 40, "height": 30}
+    assert result["corners"] == [[1, 1], [39, 1.5], None, [1, 29]]
+    assert result["image_media_type"] is None
 
 
 @pytest.mark.parametrize(

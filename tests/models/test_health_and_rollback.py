@@ -1,6 +1,7 @@
 """What feedback tells of a model's health, and the way back to an earlier version."""
 
 import random
+from dataclasses import replace
 
 import pytest
 from sqlalchemy import event
@@ -43,6 +44,13 @@ def test_health_is_told_from_recent_feedback(letters: Store, clock: Clock) -> No
     assert (memo.feedbacks, memo.recent, memo.recent_class_error) == (12, 12, 1.0)
     assert memo.earlier_zone_error is None
     assert letters.healths() == {"letter": health, "memo": memo, "fax": none}
+    assert health.recent_text_error is None
+    for texts in ((90, 9), (10, 0)):
+        said = replace(
+            draft(letters.add_result({}, ttl_s=1), texts), letters=texts[0], wrong_letters=texts[1]
+        )
+        letters.add_feedback(said, [])
+    assert letters.health("letter").recent_text_error == pytest.approx(0.09)
     letters.add_feedback(draft(letters.add_result({}, ttl_s=1), verified="fax", zones=0, wrong=0), [])
     assert letters.health("fax").recent_zone_error is None
 

@@ -161,6 +161,7 @@ def test_there_are_three_publications() -> None:
         title_page(np.random.default_rng(0), "gazette")  # type: ignore[arg-type]
 
 
+@pytest.mark.pipeline
 def test_graphs_without_pictures_are_quick() -> None:
     letter_page(np.random.default_rng(0), draw=False)
     began = time.process_time()

@@ -21,6 +21,7 @@ def spread() -> SimulatedSpread:
     )
 
 
+@pytest.mark.pipeline
 def test_the_pages_meet_in_the_gutter(spread: SimulatedSpread) -> None:
     down = np.linspace(-1, 1, 9) * spread.left.page.half_height_units
     left = spread.left.sheet_to_photo(np.column_stack([np.ones(9), down]))
@@ -55,6 +56,7 @@ def test_a_moved_shape_is_the_shape_elsewhere() -> None:
     np.testing.assert_allclose(moved.meet(origin, moved.place(sheet) - origin), sheet, atol=1e-6)
 
 
+@pytest.mark.pipeline
 def test_pages_of_different_height_are_no_book() -> None:
     pages = (own_pages(320, 500)[0], own_pages(320, 400)[1])
     shapes = (page_beside_gutter(0.8, 0.1, right=False), page_beside_gutter(0.5, 0.2, right=True))

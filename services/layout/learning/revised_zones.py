@@ -58,7 +58,7 @@ def _revised(drawn: Zone, found: Sequence[Zone], parameters: RevisionParameters)
 
 
 def _with_given(measured: Zone, drawn: Zone) -> Zone:
-    """The measured zone with everything that the person gave; another text has other content features."""
+    """The measured zone with everything that the person gave; another text has other features and no read words."""
     given = {
         name: getattr(drawn, name)
         for name in ("lines", "font_size", "line_spacing", "weight", "alignment")
@@ -67,7 +67,7 @@ def _with_given(measured: Zone, drawn: Zone) -> Zone:
     if drawn.kind != "text":
         given["kind"] = drawn.kind
     if drawn.text and drawn.text != measured.text:
-        given |= {"text": drawn.text, "content": {}}
+        given |= {"text": drawn.text, "content": {}, "words": ()}
     return replace(measured, **given)
 
 

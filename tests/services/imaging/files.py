@@ -49,14 +49,14 @@ def make_png(
 
 def pack_directory(entries: list[tuple[int, int, int, int]], order: str = "<") -> bytes:
     """TIFF header and directory of (tag, type, count, value) entries, in the order of their tags."""
-    packed = b""
+    packed = bytearray()
     for tag, kind, count, value in sorted(entries):
         is_short = kind == 3 and count == 1
         packed += struct.pack(
             f"{order}HHI{'HH' if is_short else 'I'}", tag, kind, count, value, *([0] * is_short)
         )
     mark = b"II" if order == "<" else b"MM"
-    return mark + struct.pack(f"{order}HIH", 42, 8, len(entries)) + packed + bytes(4)
+    return mark + struct.pack(f"{order}HIH", 42, 8, len(entries)) + bytes(packed) + bytes(4)
 
 
 def make_tiff(

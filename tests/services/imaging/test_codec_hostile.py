@@ -160,7 +160,18 @@ def _size_lie(heic: bytes, width: int, height: int) -> bytes:
 
 PIXELS_OF_TIFF = [(258, 3, 1, 8), (259, 3, 1, 1), (262, 3, 1, 1), (277, 3, 1, 1)]
 SMALL_TIFF = [(256, 3, 1, 100), (257, 3, 1, 100), *PIXELS_OF_TIFF]
-GIGABYTE_OF_ZEROS = zlib.compress(bytes(2**30), 9)
+
+
+def _deflated_zeros(blocks: int) -> bytes:
+    """A zlib stream of `blocks` times 16 MiB of zeros. The compressed block is repeated, which takes no time."""
+    size = 2**24
+    deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    block = deflate.compress(bytes(size)) + deflate.flush(zlib.Z_FULL_FLUSH)
+    checksum = (blocks * size % 65521) << 16 | 1
+    return b"\x78\xda" + blocks * block + b"\x03\0" + struct.pack(">I", checksum)
+
+
+GIGABYTE_OF_ZEROS = _deflated_zeros(64)
 TEXT_MEGABYTE = pack_chunk(b"zTXt", b"k\0\0" + zlib.compress(bytes(2**20 - 99), 9))
 
 

@@ -92,6 +92,7 @@ def test_colour_keeps_its_hue() -> None:
     assert np.std(paper[:, 2]) < 4.0
 
 
+@pytest.mark.pipeline
 @settings(max_examples=15, deadline=None)
 @given(scale=st.floats(0.5, 2.0), kind=st.sampled_from(["slope", "vignette", "lamp"]))
 def test_background_follows_the_scale_of_the_photo(scale: float, kind: str) -> None:
@@ -262,6 +263,7 @@ def test_normalizing_noise_gives_an_image_of_the_same_shape(height: int, width: 
     assert np.array_equal(image, before)
 
 
+@pytest.mark.pipeline
 @settings(max_examples=6, deadline=None)
 @given(turns=st.integers(0, 3), flip=st.booleans(), kind=st.sampled_from(["slope", "lamp"]))
 def test_normalization_turns_with_the_photo(turns: int, flip: bool, kind: str) -> None:
@@ -275,6 +277,7 @@ def test_normalization_turns_with_the_photo(turns: int, flip: bool, kind: str) -
     assert np.quantile(np.abs(difference), 0.999) < 12
 
 
+@pytest.mark.pipeline
 @settings(max_examples=6, deadline=None)
 @given(scale=st.floats(0.7, 1.6), kind=st.sampled_from(["slope", "lamp"]))
 def test_normalization_follows_the_scale_of_the_photo(scale: float, kind: str) -> None:

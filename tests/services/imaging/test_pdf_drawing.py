@@ -13,6 +13,8 @@ from services.errors import DocumentError, TooLarge, UndecodableImage
 from services.imaging.page_images import PageLimits, open_pages
 from services.imaging.pdf_drawing import PdfLimits
 
+pytestmark = pytest.mark.pipeline
+
 NARROW = PageLimits(pdf=PdfLimits(page_processor_s=1, memory_bytes=400 * 2**20))
 LONGEST_S = 15.0
 """Processor time of the longest refusal, as the contract allows; here it is 2 s."""

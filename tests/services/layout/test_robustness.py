@@ -16,6 +16,8 @@ from services.layout.recognition.page_recognition import RecognitionParameters, 
 from services.layout.recognition.results import Recognition
 from tests.services.layout.samples import MAKERS, labelled_page, model_of, page_of
 
+pytestmark = pytest.mark.pipeline
+
 SIDE = 100_000.0
 """The largest page that is let in."""
 coordinates = st.one_of(st.floats(0, SIDE), st.sampled_from([0.0, 1e-9, 1.0, 50.0, 100.0, SIDE]))

@@ -10,6 +10,8 @@ from services.rectify.framing import FlatFrame
 from services.rectify.stage_clock import StageClock
 from tests.services.mosaic.views import look_at, page_image, photograph
 
+pytestmark = pytest.mark.pipeline
+
 TILTED = look_at((480.0, 800.0), 25.0, 60.0, 0.85, 1000, 1400)
 
 

@@ -9,6 +9,8 @@ from services.mosaic.page_cropping import PageCells, crop_page, find_page_crop, 
 from tests.services.mosaic.cuttings import place
 from tests.services.mosaic.views import page_image
 
+pytestmark = pytest.mark.pipeline
+
 
 def seen_all(page: np.ndarray) -> PageCells:
     """Photos that show all of the page, and tell no edge."""

@@ -52,6 +52,7 @@ def test_page_is_read_with_boxes_in_its_own_pixels() -> None:
     assert max(word.box[3] for word in words) == pytest.approx(boxes[-1][3], abs=8)
 
 
+@pytest.mark.pipeline
 def test_direction_is_detected_where_its_data_is_installed() -> None:
     engine = open_engine()
     if is_missing(engine):

@@ -55,8 +55,11 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "height": 60,
         "mesh": {"rows": 2, "columns": 2, "source": [[[0, 0.333], [1, 0]], [[0, 1], [None, 1]]]},
         "warnings": [{"code": "focal-length-unknown", "detail": "Say it."}],
+        "photo": {"width": 60, "height": 40},
+        "corners": [None] * 4,
         "text": None,
         "image": None,
+        "image_media_type": None,
     }
 
 
@@ -162,6 +165,25 @@ def test_json_can_hold_the_image_in_the_uploads_format(plugin: str, mark: str) -
     assert isinstance(reply.document["image"], str)
     with Image.open(io.BytesIO(base64.b64decode(reply.document["image"], validate=True))) as picture:
         assert picture.format == mark
+
+
+@pytest.mark.usefixtures("pipeline")
+def test_json_can_hold_a_smaller_image_in_another_format() -> None:
+    asked = Encoding("json", embed=True, embed_format="webp", max_width=20)
+    document = rectify_upload(make_file(PHOTO, "TIFF"), PARAMETERS, asked, LIMITS).document
+    assert (document["width"], document["height"]) == (20, 30)
+    assert document["image_media_type"] == "image/webp"
+    assert isinstance(document["image"], str)
+    with Image.open(io.BytesIO(base64.b64decode(document["image"], validate=True))) as picture:
+        assert (picture.format, picture.size) == ("WEBP", (20, 30))
+
+
+@pytest.mark.usefixtures("pipeline")
+def test_a_smaller_scan_has_fewer_pixels_per_inch() -> None:
+    upload = make_file(PHOTO, "PNG", dpi=(200, 200))
+    reply = rectify_upload(upload, PARAMETERS, Encoding("jpeg", max_width=10), LIMITS)
+    with Image.open(io.BytesIO(reply.body)) as picture:
+        assert picture.info["dpi"] == (50, 50)
 
 
 @pytest.mark.usefixtures("pipeline")

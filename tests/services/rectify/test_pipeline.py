@@ -88,6 +88,15 @@ def test_camera_and_plane_are_near_the_truth(result: RectifyResult, photo: Simul
     assert angle < 1.5
 
 
+def test_the_sheets_corners_are_found_in_the_photo(result: RectifyResult, photo: SimulatedPhoto) -> None:
+    page = photo.truth.page
+    truth = photo.truth.page_to_photo(
+        np.array([[0.0, 0], [page.width, 0], [page.width, page.height], [0, page.height]])
+    )
+    assert result.corners is not None
+    assert np.abs(result.corners - truth).max() < 3.0
+
+
 def test_the_picture_is_what_the_mesh_says(result: RectifyResult, photo: SimulatedPhoto) -> None:
     height, width = result.image.shape[:2]
     rows, columns = result.mesh.shape[:2]

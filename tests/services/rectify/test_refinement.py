@@ -76,6 +76,7 @@ def test_noise_leaves_an_error_within_bounds(view: View, seed: int) -> None:
     assert found.cost < 120
 
 
+@pytest.mark.pipeline
 def test_refinement_is_better_than_the_closed_form() -> None:
     closed, refined = [], []
     for seed in range(4):

@@ -45,6 +45,8 @@ from tests.services.sheet.developable.sheets import (
     seen_flow,
 )
 
+pytestmark = pytest.mark.pipeline
+
 NAMES = ["book", "wave", "bent", "cone"]
 P = CurvedParameters()
 

@@ -109,6 +109,7 @@ def test_first_step_by_hand() -> None:
 GRIDS = arrays(np.float64, (3, 4, 3), elements=st.sampled_from([0.0, 0.2, 0.5, 1.0]))
 
 
+@pytest.mark.pipeline
 @given(GRIDS, st.integers(0, 2**32 - 1), st.floats(-3, 3))
 @pytest.mark.filterwarnings("error")
 def test_confidences_are_shares_and_absent_candidates_stay_absent(

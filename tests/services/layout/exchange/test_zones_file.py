@@ -44,6 +44,7 @@ BOMB = '<!DOCTYPE PcGts [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]>'
 EXTERNAL = '<!DOCTYPE PcGts [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
 
 
+@pytest.mark.pipeline
 @pytest.mark.parametrize(
     ("data", "why"),
     [

@@ -26,6 +26,8 @@ from services.layout.recognition.page_recognition import recognize_page
 from tests.services.layout.learning.learning_models import NAMES
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of
 
+pytestmark = pytest.mark.pipeline
+
 Document = dict[str, Any]
 Pick = Callable[[Sequence[float]], float]
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,6 +22,7 @@ from tests.services.layout.learning.learning_models import (
 )
 
 
+@pytest.mark.pipeline
 @settings(max_examples=60, deadline=None)
 @given(classes, seeds, st.floats(0.0, 0.6))
 def test_the_difference_of_costs_falls(document_class: str, seed: int, share: float) -> None:

@@ -46,6 +46,7 @@ def test_one_page_leaves_what_is_usual() -> None:
     assert (model.calibration.mean, model.calibration.deviation) == (usual.usual_mean, usual.usual_deviation)
 
 
+@pytest.mark.pipeline
 def test_held_out_pages_calibrate() -> None:
     for name in MAKERS:
         calibration = model_of(name, 5).calibration

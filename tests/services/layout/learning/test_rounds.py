@@ -10,6 +10,8 @@ from services.layout.pipeline import content_features
 from tests.services.layout.learning.learning_models import known_lesson, learning_model
 from tests.services.layout.samples import labelled_page, model_of
 
+pytestmark = pytest.mark.pipeline
+
 
 def lessons(document_class: str, learned: LearningModel, count: int):
     return [[known_lesson(learned, document_class, seed)] for seed in range(count)]

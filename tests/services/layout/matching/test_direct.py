@@ -22,6 +22,7 @@ PARAMETERS = MatchingParameters(max_ms=10_000.0)
 SIZES = [(1, 1), (1, 4), (2, 2), (4, 1), (3, 3), (5, 4), (6, 3), (9, 2)]
 
 
+@pytest.mark.pipeline
 @settings(max_examples=250, deadline=None)
 @given(
     st.integers(0, 2**32),

@@ -17,6 +17,7 @@ from tests.services.layout.samples import model_of
 ARRAYS = ("values", "variances", "content", "weights", "label_costs", "relations", "counts", "scales")
 
 
+@pytest.mark.pipeline
 @settings(max_examples=15, deadline=None)
 @given(classes, seeds)
 def test_what_was_learned_is_stored(document_class: str, seed: int) -> None:

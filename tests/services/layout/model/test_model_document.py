@@ -122,6 +122,7 @@ def models(draw: st.DrawFn) -> LayoutModel:
     )
 
 
+@pytest.mark.pipeline
 @settings(max_examples=60)
 @given(models())
 def test_models_are_read_as_they_were_written(model: LayoutModel) -> None:

@@ -20,6 +20,8 @@ from services.layout.recognition.documents import (
 from simulation.labelled_pages import DocumentKind, document_pages
 from tests.services.layout.samples import labelled_page, model_of, page_from
 
+pytestmark = pytest.mark.pipeline
+
 NAMES = content_features().names
 KINDS: tuple[DocumentKind, ...] = get_args(DocumentKind)
 SAMPLES = 5

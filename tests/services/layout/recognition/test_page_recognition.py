@@ -26,6 +26,8 @@ from tests.services.layout.samples import (
     scaled,
 )
 
+pytestmark = pytest.mark.pipeline
+
 UNSEEN = range(FIRST_UNSEEN, FIRST_UNSEEN + 10)
 LOCAL_SEARCH_ONLY = RecognitionParameters(matching=MatchingParameters(max_nodes=0, max_sweeps=0))
 TWO_STEPS = RecognitionParameters(method="two-steps")

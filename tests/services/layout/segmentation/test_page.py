@@ -16,6 +16,8 @@ from tests.services.layout.segmentation.pages import (
     words_of,
 )
 
+pytestmark = pytest.mark.pipeline
+
 KINDS = ("letter", "memo", "plain", "two-column", "margin")
 
 

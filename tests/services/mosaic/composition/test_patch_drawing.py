@@ -23,6 +23,8 @@ from services.mosaic.placing.placement import DisplacementField, Placement
 from services.rectify.framing import FlatFrame
 from tests.services.mosaic.cuttings import Box, cut, in_color, place, prose
 
+pytestmark = pytest.mark.pipeline
+
 WIDTH, HEIGHT = 1000, 700
 H_PHOTO_MOSAIC = np.array([[1.05, 0.08, -60.0], [-0.05, 1.1, -20.0], [8e-5, -5e-5, 1.0]])
 

@@ -15,6 +15,8 @@ from services.mosaic.light.tones import ToneMap, apply_tones
 from services.mosaic.placing.placement import DisplacementField, Placement
 from services.rectify.framing import FlatFrame
 
+pytestmark = pytest.mark.pipeline
+
 WIDTH, HEIGHT = 1200, 1500
 PICTURE = (slice(500, 860), slice(420, 900))
 BOX = (slice(1050, 1250), slice(300, 1000))

@@ -14,6 +14,8 @@ from services.mosaic.placing.adjustment import AdjustmentParameters, adjust_glob
 from services.mosaic.placing.placement import Placement
 from tests.services.mosaic.synthetic_views import SIZE, grid, grid_views, match, match_all, renumber
 
+pytestmark = pytest.mark.pipeline
+
 
 def error_px(found: dict[int, Homography], true: dict[int, Homography]) -> float:
     """RMS over all views after the best homography of the world."""

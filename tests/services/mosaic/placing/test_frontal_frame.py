@@ -12,6 +12,8 @@ from services.mosaic.placing.frontal_frame import FrontalFrame, agree_on_frontal
 from services.rectify.framing import FlatFrame
 from tests.services.mosaic.synthetic_views import SIZE, grid, grid_views, imperfection
 
+pytestmark = pytest.mark.pipeline
+
 WORLD = np.array([[0.9, 0.15, 40.0], [-0.1, 1.1, -300.0], [3e-5, -5e-5, 1.0]])
 """The world of the adjustment as seen from the page: any homography will do."""
 

@@ -16,6 +16,8 @@ from services.mosaic.registration.pair_registration import PairRegistration
 from services.rectify.framing import FlatFrame
 from tests.services.mosaic.synthetic_views import SIZE, grid, grid_views, match_all
 
+pytestmark = pytest.mark.pipeline
+
 TEXT_HEIGHT = 20.0
 
 

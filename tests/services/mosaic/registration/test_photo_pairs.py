@@ -14,6 +14,8 @@ from services.mosaic.registration.pair_verification import PreparedPhoto, shows_
 from services.mosaic.registration.photo_pairs import Unregistered, register_pair, register_photos
 from tests.services.mosaic.warped_views import Flaws, draw_view, page, part, registration_error
 
+pytestmark = pytest.mark.pipeline
+
 
 @functools.cache
 def quarters() -> tuple[FlatPhoto, ...]:

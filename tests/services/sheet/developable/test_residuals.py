@@ -31,6 +31,8 @@ from tests.services.sheet.developable.sheets import (
     observe,
 )
 
+pytestmark = pytest.mark.pipeline
+
 P = FittingParameters()
 SHEETS = {
     "sheet": Bent(),

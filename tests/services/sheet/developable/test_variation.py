@@ -47,6 +47,7 @@ def check(bent: Bent) -> None:
         assert np.abs(a - b).max() < TOLERANCE * max(np.abs(b).max(), 0.02), name
 
 
+@pytest.mark.pipeline
 @given(BENT)
 @settings(max_examples=30)
 def test_all_derivatives_of_random_sheets(bent: Bent) -> None:

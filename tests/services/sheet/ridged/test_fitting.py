@@ -87,6 +87,7 @@ def test_bends_gather_at_the_creases() -> None:
     assert turns[near].sum() > 0.75 * turns.sum()
 
 
+@pytest.mark.pipeline
 def test_a_tenth_of_wrong_points_and_a_thumb_change_little() -> None:
     rng = np.random.default_rng(3)
     observed = observe(CURVED, rng)

@@ -14,6 +14,8 @@ from services.layout.recognition.results import Recognition
 from tests.services.layout.recognition.hierarchy.bases import base
 from tests.services.layout.samples import MAKERS, labelled_page
 
+pytestmark = pytest.mark.pipeline
+
 FLAT = RecognitionParameters(most_candidates=1000)
 FEW = RecognitionParameters(most_candidates=4)
 

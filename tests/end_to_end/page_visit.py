@@ -1,0 +1,83 @@
+"""The page at `/` in headless Chromium, driven by Playwright; what the browser complains about is collected."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from tests.end_to_end.browser import CHROMIUM, SECONDS
+
+DESKTOP = {"width": 1280, "height": 900}
+PHONE = {"width": 390, "height": 844}
+
+
+@dataclass(slots=True)
+class Visit:
+    """A tab with the page, and what went wrong in it so far."""
+
+    page: Page
+    complaints: list[str] = field(default_factory=list)
+    other_hosts: list[str] = field(default_factory=list)
+    addresses: list[str] = field(default_factory=list)
+
+    def open(self, view: str) -> None:
+        """Go to a view by its link."""
+        self.page.get_by_role("navigation", name="Views").get_by_role("link", name=view).click()
+        expect(self.page.get_by_role("heading", name=view, level=1)).to_be_visible()
+
+    def check(self) -> None:
+        """No error in the console, no violation of the policy, no request to another host."""
+        assert self.complaints == []
+        assert self.other_hosts == []
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """A headless Chromium."""
+    expect.set_options(timeout=SECONDS * 1000)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM,
+            args=[
+                "--no-sandbox",
+                "--disable-dev-shm-usage",
+                "--disable-gpu",
+                "--disable-background-networking",
+            ],
+        )
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+@contextmanager
+def visiting(browser: Browser, url: str, **options: object) -> Iterator[Visit]:
+    """A new tab with storage of its own that shows the page of the service at `url`."""
+    context = browser.new_context(**{"viewport": DESKTOP, "accept_downloads": True, **options})
+    context.set_default_timeout(SECONDS * 1000)
+    page = context.new_page()
+    visit = Visit(page)
+    host = urlsplit(url).netloc
+
+    def note_request(address: str) -> None:
+        visit.addresses.append(address)
+        parts = urlsplit(address)
+        if parts.scheme in ("http", "https") and parts.netloc != host:
+            visit.other_hosts.append(address)
+
+    page.on("request", lambda request: note_request(request.url))
+    page.on("pageerror", lambda error: visit.complaints.append(str(error)))
+    page.on(
+        "console",
+        lambda message: (
+            visit.complaints.append(message.text) if message.type in ("error", "warning") else None
+        ),
+    )
+    try:
+        page.goto(url + "/")
+        yield visit
+    finally:
+        context.close()
