@@ -230,9 +230,13 @@ class LayoutStore:
             return
         self._last_purge_s, self._results_since_purge = now, 0
         try:
-            await self.call(lambda store: store.purge_results(keep_newest=self._results.max_results))
+            await self.purge()
         except StoreError as error:
             log.error("expired results could not be deleted: %s", error.detail)
+
+    async def purge(self) -> None:
+        """Delete expired results and unknown pages, and the oldest results over their limit. Raises `StoreError`."""
+        await self.call(lambda store: store.purge_results(keep_newest=self._results.max_results))
 
     def unknown_page(self, page: dict[str, Any], owner: str | None) -> UnknownPageDraft:
         """A page that fits no class, with the store's limits for such pages."""

@@ -24,8 +24,10 @@ from app.body_limits import body_limits_of
 from app.browser_rules import OwnSite, SecurityHeaders
 from app.disk_space import DiskSpace
 from app.engine.local import LocalEngine, PoolLimits
+from app.expiry import deleting_expired
 from app.interprocess_lock import InterprocessLock
 from app.jobs import JobLimits, Jobs
+from app.kept_images import KeptImages
 from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
 from app.metrics import Metrics
@@ -36,6 +38,7 @@ from app.routes import (
     health,
     layout,
     layout_feedback,
+    layout_images,
     layout_models,
     layout_proposals,
     layout_samples,
@@ -64,6 +67,7 @@ ROUTERS = (
     rectify.router,
     mosaic.router,
     layout.router,
+    layout_images.router,
     layout_feedback.router,
     layout_models.router,
     layout_samples.router,
@@ -169,6 +173,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     )
 
     blobs = BlobAccess(settings.blob_url, settings.data_dir)
+    images = KeptImages(blobs, store, settings.max_kept_images_bytes)
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
     @asynccontextmanager
@@ -179,7 +184,8 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             await engine.start()
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
             try:
-                yield
+                async with deleting_expired(store, images):
+                    yield
             finally:
                 await engine.drain(settings.shutdown_grace_s)
                 await jobs.close()
@@ -199,7 +205,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
     app.state.document_rectification = AppState(
-        settings, engine, operations, store, metrics, locks, jobs, disk, blobs
+        settings, engine, operations, store, metrics, locks, jobs, disk, blobs, images
     )
     for router in ROUTERS:
         if router is layout.router:

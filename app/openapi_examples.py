@@ -53,6 +53,8 @@ _LAYOUT = {
     },
     "part": "first",
     "document_class": "letter",
+    "page": None,
+    "image": {"width": 1240, "height": 1754, "bytes": 181204},
     "warnings": [],
     "timings_ms": {"decode": 18.0, "match": 21.4},
 }

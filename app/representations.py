@@ -9,7 +9,7 @@ from urllib.parse import quote
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import AnswerFormat, PagesFormat, SeveralFormat
 from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
-from services.contract.layout import LayoutFormat
+from services.contract.layout import DrawnPage, LayoutFormat
 from services.errors import NotAcceptable
 
 MEDIA_TYPES: Mapping[AnswerFormat, str] = {name: PAGES_MEDIA_TYPES[name] for name in get_args(AnswerFormat)}
@@ -189,19 +189,18 @@ def may_have_pages(head: bytes) -> bool:
     return sniff_format(head) in ("tiff", None)
 
 
-def check_json_accepted(accept: str | None) -> None:
-    """Check that a stored result may be sent as JSON.
+def check_accepted(accept: str | None, media_type: str, advice: str) -> None:
+    """Check that something stored may be sent as `media_type`; `advice` says how to get it in another format.
 
     Raises
     ------
     NotAcceptable
-        When the header `accept` excludes JSON.
+        When the header `accept` excludes this type.
     """
     ranges = parse_accept(accept) if accept is not None else ()
-    if ranges and _weight_of("application/json", ranges) <= 0:
+    if ranges and _weight_of(media_type, ranges) <= 0:
         raise NotAcceptable(
-            "This result is stored as JSON. Send Accept: application/json, or no Accept header; for another format, "
-            "send the page to POST /layout again."
+            f"This is stored as {media_type}. Send Accept: {media_type}, or no Accept header{advice}."
         )
 
 
@@ -293,9 +292,12 @@ def _headers_of_pages(
     return headers | _notices(warnings) | _stages(document.get("timings_ms"))
 
 
-def layout_headers(document: Mapping[str, object]) -> dict[str, str]:
-    """Main values of a result of /layout as headers of any response."""
+def layout_headers(document: Mapping[str, object], drawn: DrawnPage | None = None) -> dict[str, str]:
+    """Main values of a result of /layout as headers of any response; `drawn` is the place of the page in a picture."""
     headers = {"Vary": "Accept"}
+    if drawn is not None:
+        headers["Document-Scale"] = f"{drawn.scale_x:.6g}, {drawn.scale_y:.6g}"
+        headers["Document-Offset"] = f"{drawn.left}, {drawn.top}"
     chosen = document.get("class")
     if isinstance(chosen, Mapping):  # a continuation page has its own model; the class is the document's
         headers["Document-Class"] = str(document.get("document_class") or chosen["name"])

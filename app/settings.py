@@ -225,6 +225,21 @@ class Settings(BaseSettings):
         description="Most results that are kept; over the limit, the oldest are removed.",
     )
 
+    keep_images: bool = Field(
+        default=False,
+        description="Keep the pictures of pages with results of /layout; `keep_image` of a request overrides it.",
+    )
+    max_kept_image_bytes: int = Field(
+        default=2 * MIB,
+        ge=16_384,
+        description="Largest picture of a page that is kept; larger ones are reduced.",
+    )
+    max_kept_images_bytes: int = Field(
+        default=2048 * MIB,
+        ge=0,
+        description="Pictures of all pages together; over the limit, the oldest are removed.",
+    )
+
     max_unknown_pages: int = Field(
         default=200,
         ge=1,

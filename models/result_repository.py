@@ -1,6 +1,6 @@
 """The store's calls for data that expires: results of recognition, and pages that fitted no class."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import cast
@@ -14,6 +14,9 @@ from models.records import ResultDraft, StoredResult, UnknownPage, UnknownPageDr
 from models.tables import FeedbackRow, ResultRow, UnknownPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
+
+_IDS_AT_ONCE = 500
+"""Ids in one statement; SQLite accepts 32,766 parameters."""
 
 
 class ResultRepository(Transactions):
@@ -92,10 +95,10 @@ class ResultRepository(Transactions):
                     return left[0]
         raise ResultNotFound(f"there is no result {result_id!r}, or no longer", result_id)
 
-    def delete_result(self, result_id: str) -> None:
-        """Delete a result, the results of its pages, and the unknown pages of them. Raises `ResultNotFound`.
+    def delete_result(self, result_id: str) -> list[str]:
+        """Delete a result, the results of its pages, and their unknown pages; return the ids of the deleted results.
 
-        Feedback remains, with its sample: `undo_feedback` deletes both.
+        Feedback remains, with its sample: `undo_feedback` deletes both. Raises `ResultNotFound`.
         """
         with self._changing() as (session, _):
             row = session.get(ResultRow, result_id) if is_ulid(result_id) else None
@@ -104,6 +107,19 @@ class ResultRepository(Transactions):
             ids = [result_id, *decode_document(row.document).get("pages", ())]
             session.execute(delete(UnknownPageRow).where(UnknownPageRow.result_id.in_(ids)))
             session.execute(delete(ResultRow).where(ResultRow.id.in_(ids)))
+            return ids
+
+    def kept_results(self, result_ids: Collection[str]) -> set[str]:
+        """Those of the ids under which a result is kept that has not expired."""
+        ids = sorted(filter(is_ulid, result_ids))
+        kept: set[str] = set()
+        with self._reading() as session:
+            for at in range(0, len(ids), _IDS_AT_ONCE):
+                wanted = select(ResultRow.id).where(
+                    ResultRow.id.in_(ids[at : at + _IDS_AT_ONCE]), ResultRow.expires_at > self._clock()
+                )
+                kept.update(session.execute(wanted).scalars())
+        return kept
 
     def purge_results(self, now: datetime | None = None, keep_newest: int | None = None) -> int:
         """Delete results that have expired at `now` (aware), and all but the `keep_newest` newest; return their number.

@@ -9,7 +9,7 @@ from app.callers import caller_of, require_own_result
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.representations import (
-    check_json_accepted,
+    check_accepted,
     choose_layout_format,
     content_disposition,
     layout_headers,
@@ -18,6 +18,7 @@ from app.routes.common_responses import FORM, IMAGE, STORE, WORK
 from app.routes.document_uploads import document_time_limit
 from app.routes.known_options import known_parts, with_format
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
+from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import State
 from app.schemas.layout import (
@@ -45,6 +46,15 @@ _STRING = {"schema": {"type": "string"}}
 _HEADERS: dict[str, Any] = {
     "Document-Class": {"description": "Name of the class; absent when `class` is null.", **_STRING},
     "Document-Result": {"description": "Path of the stored result as JSON.", **_STRING},
+    "Document-Scale": {
+        "description": "With png: horizontal and vertical scale of the page in the picture, separated by a comma. The "
+        "page's point (x, y) is at (x scale_x + left, y scale_y + top).",
+        **_STRING,
+    },
+    "Document-Offset": {
+        "description": "With png: left and top edge of the page in the picture, pixels, separated by a comma.",
+        **_STRING,
+    },
     "Document-Warnings": {"description": "Codes, separated by commas.", **_STRING},
     "Server-Timing": {"description": "Milliseconds of each stage.", **_STRING},
 }
@@ -110,6 +120,7 @@ async def layout(
     zones = zones_upload(form.zones, "zones", settings.max_zones_bytes)
     zones_file = zones_upload(form.zones_file, "zones_file", settings.max_zones_file_bytes)
     time_limit = await document_time_limit(images, settings)
+    keeps_image = bool(images) and (settings.keep_images if form.keep_image is None else form.keep_image)
 
     async def work(progress: ProgressSink | None) -> Response:
         reply = await state.engine.submit(
@@ -128,6 +139,7 @@ async def layout(
                 image_names=tuple(_image_name([image]) for image in images),
                 page=form.page,
                 format_named=form.format is not None,
+                keep_image_bytes=settings.max_kept_image_bytes if keeps_image else 0,
             ),
             _limits(settings),
             time_limit=time_limit,
@@ -138,7 +150,9 @@ async def layout(
             return await _answer_document(state, reply, chosen, _image_name(images[:1]), caller.name)
         result_of(reply.document, "validated before it is stored")
         result_id = await state.store.keep_result({"result": reply.document, "page": reply.page}, caller.name)
-        headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
+        await keep_pictures(state, result_id, {result_id: reply.picture})
+        headers = layout_headers(reply.document, reply.drawn)
+        headers["Document-Result"] = f"/layout/results/{result_id}"
         if chosen != "json":
             headers |= content_disposition(_image_name(images[:1]), _SUFFIXES[chosen], reply.media_type)
             return Response(reply.body, media_type=reply.media_type, headers=headers)
@@ -159,7 +173,11 @@ async def layout(
 )
 async def layout_result(request: Request, state: State, id: str) -> Response:
     """A stored result as JSON. It is kept for RESULT_TTL_S seconds, or until MAX_RESULTS newer results exist."""
-    check_json_accepted(request.headers.get("accept"))
+    check_accepted(
+        request.headers.get("accept"),
+        "application/json",
+        "; for another format, send the page to POST /layout again",
+    )
     await require_own_result(request, state, id)
     kept = await state.store.call(lambda store: store.result(id))
     result: LayoutResult | DocumentResult
@@ -178,13 +196,13 @@ async def layout_result(request: Request, state: State, id: str) -> Response:
     responses=documented("not-found", *STORE),
 )
 async def delete_layout_result(request: Request, state: State, id: str) -> None:
-    """Delete a stored result, the results of its pages, and its unknown page.
+    """Delete a stored result with its picture, the results of its pages, and its unknown page.
 
     What models learned from feedback on it remains; DELETE /layout/results/{id}/feedback takes that back, before or
     after.
     """
     await require_own_result(request, state, id)
-    await state.store.call(lambda store: store.delete_result(id))
+    await state.images.forget(await state.store.call(lambda store: store.delete_result(id)))
 
 
 async def _answer_document(
@@ -197,6 +215,8 @@ async def _answer_document(
         [{"result": page.document, "page": page.page} for page in reply.pages],
         owner,
     )
+    pictures = {page_id: page.picture for page, page_id in zip(reply.pages, page_ids, strict=True)}
+    await keep_pictures(state, result_id, pictures)
     pages = [result_of(page.document, page_id) for page, page_id in zip(reply.pages, page_ids, strict=True)]
     headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
     if chosen != "json":
@@ -236,6 +256,8 @@ def check_parts(form: LayoutForm, max_pages: int) -> None:
     if has_zones and (len(images) > 1 or form.page is not None):
         field = "image" if len(images) > 1 else "page"
         raise InvalidOption(f"{field}: zones describe one page. Send them with one image.", field)
+    if form.keep_image and not images:
+        raise InvalidOption("keep_image: there is no image to keep. Send the page as `image`.", "keep_image")
     if form.rectify and has_zones:
         raise InvalidOption(
             "rectify: zones are in pixels of the image before rectification. Send the image without zones.",

@@ -9,6 +9,7 @@ from app.blobs import BlobAccess
 from app.disk_space import DiskSpace
 from app.engine.base import Engine
 from app.jobs import Jobs
+from app.kept_images import KeptImages
 from app.layout_store import LayoutStore
 from app.metrics import Metrics
 from app.model_locks import ModelLocks
@@ -29,6 +30,7 @@ class AppState:
     jobs: Jobs
     disk: DiskSpace
     blobs: BlobAccess
+    images: KeptImages
 
 
 def app_state(request: Request) -> AppState:

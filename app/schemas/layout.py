@@ -7,7 +7,7 @@ from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.schemas.options import FORMAT, Absent, Switch
-from app.schemas.page import Answer, Warning
+from app.schemas.page import Answer, FlatPage, Warning
 from services.contract.fields import FieldType, ValueProblem
 from services.contract.layout import LayoutFormat
 
@@ -84,6 +84,11 @@ class LayoutForm(BaseModel):
         default=None,
         description="Format of the response; overrides `Accept`. png: the page with its labelled zones drawn on it. "
         "Several pages can be json, or an archive (application/zip) with one pagexml or alto file per page.",
+    )
+    keep_image: Switch | Absent = Field(
+        default=None,
+        description="Keep the picture of the page with the result, for GET /layout/results/{id}/image. Default: by the "
+        "setting KEEP_IMAGES (false, unless the operator has changed it).",
     )
     page: Annotated[int, Field(ge=1, le=MOST_PAGE)] | Absent = Field(
         default=None, description="Number, from 1, of the only page to recognize."
@@ -183,6 +188,17 @@ class CostTerm(Answer):
     cost: float
 
 
+class KeptImage(Answer):
+    """The picture of the page, a JPEG file, which GET /layout/results/{id}/image returns.
+
+    It shows the whole page of the result, perhaps with fewer pixels.
+    """
+
+    width: int = Field(ge=1)
+    height: int = Field(ge=1)
+    bytes: int = Field(ge=1)
+
+
 class MatchReport(Answer):
     """The match of the page with the model that gives its zones their labels."""
 
@@ -233,6 +249,13 @@ class LayoutResult(Answer):
     document_class: str | None = Field(
         default=None,
         description="Class of the document of this page: `class.name`, or the class that this model continues.",
+    )
+    page: FlatPage | None = Field(
+        default=None,
+        description="With rectify=true: the flat page in whose pixels the zones are, and where it lies in the photo.",
+    )
+    image: KeptImage | None = Field(
+        default=None, description="The kept picture of the page; null: none is kept."
     )
     warnings: list[Warning]
     timings_ms: dict[str, float]

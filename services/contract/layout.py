@@ -32,7 +32,8 @@ class LayoutOptions:
 
     `image_name` is the name of the first upload; PAGE-XML and ALTO files contain it. `image_names` are the names of all
     uploads. `words` adds the words of every zone to JSON and XML. `page` selects one page of several, counted from 1.
-    `format_named` is False when `format` follows from the header `Accept`.
+    `format_named` is False when `format` follows from the header `Accept`. `keep_image_bytes` is the largest size of
+    the picture of each page that is returned with its result; 0: none.
     """
 
     rectify: bool = False
@@ -44,6 +45,7 @@ class LayoutOptions:
     image_names: tuple[str, ...] = ()
     page: int | None = None
     format_named: bool = True
+    keep_image_bytes: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,25 +82,42 @@ class ModelDocument:
 
 
 @dataclass(frozen=True, slots=True)
+class DrawnPage:
+    """Place of a page in the picture with its labels: its point (x, y) is drawn at (x scale_x + left, y scale_y + top).
+
+    Points are in pixels, from the outer edges of the top-left pixels.
+    """
+
+    scale_x: float
+    scale_y: float
+    left: int
+    top: int
+
+
+@dataclass(frozen=True, slots=True)
 class LayoutReply:
     """A recognized page, as a worker returns it.
 
     `body` is the requested file of type `media_type`, empty for JSON. `document` is the `LayoutResult` of the HTTP
-    contract without its id. `page` is the page with all measurements; later feedback needs it.
+    contract without its id. `page` is the page with all measurements; later feedback needs it. `picture` is a JPEG file
+    of the page, empty unless it shall be kept. `drawn` belongs to a `body` that shows the page with its labels.
     """
 
     body: bytes
     media_type: str
     document: dict[str, object]
     page: dict[str, object]
+    picture: bytes = b""
+    drawn: DrawnPage | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class DocumentPage:
-    """One page of a document: its `LayoutResult` without the id, and the page with all measurements."""
+    """One page of a document: its `LayoutResult` without the id, the page with all measurements, and its picture."""
 
     document: dict[str, object]
     page: dict[str, object]
+    picture: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)

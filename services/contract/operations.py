@@ -33,6 +33,7 @@ class Operations:
     recognize_layout: Operation[LayoutReply | DocumentReply] = Operation(
         "services.operations.layout_documents:recognize_uploads"
     )
+    resize_kept_picture: Operation[bytes] = Operation("services.operations.kept_picture:resize_kept_picture")
     measure_sample: Operation[dict[str, object]] = Operation(
         "services.operations.layout_models:measure_sample"
     )

@@ -10,7 +10,14 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.contract.fields import FieldSetting
-from services.contract.layout import MEDIA_TYPES, LayoutOptions, LayoutReply, LayoutSettings, ModelDocument
+from services.contract.layout import (
+    MEDIA_TYPES,
+    DrawnPage,
+    LayoutOptions,
+    LayoutReply,
+    LayoutSettings,
+    ModelDocument,
+)
 from services.contract.rectify import RectifyParameters
 from services.errors import TooLarge
 from services.imaging.codec import decode_image, encode_image
@@ -29,12 +36,14 @@ from services.layout.pipeline import (
 from services.layout.recognition.documents import PageInDocument, place_page
 from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.results import Recognition
-from services.layout.rendering.overlay import draw_overlay
+from services.layout.rendering.overlay import draw_overlay, place_of_page
 from services.layout.segmentation import FinePage
 from services.ocr.engine import OcrEngine
+from services.operations.kept_picture import KeptPicture, encode_kept_picture
 from services.operations.layout_result import describe_recognition
 from services.operations.page_zones import check_frame, read_file, read_zones
 from services.operations.reader import ocr_engine
+from services.operations.rectify import describe_flat_page
 from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
 from services.operations.stored_models import open_models
 from services.progress import progress_within, report_progress
@@ -47,12 +56,17 @@ FLATTENED, MATCHING_BEGINS = 0.6, 0.8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredPage:
-    """A page with measured zones, its picture (None without one), and warnings; its lines if we segmented it."""
+    """A page with measured zones, its picture (None without one), and warnings; its lines if we segmented it.
+
+    `flat` is the `page` of the HTTP contract if the page was flattened, and `kept` its picture if it shall be kept.
+    """
 
     page: Page
     image: RgbImage | None
     notices: tuple[Notice, ...] = ()
     fine: FinePage | None = None
+    flat: Mapping[str, object] | None = None
+    kept: KeptPicture | None = None
 
 
 def recognize_upload(
@@ -108,14 +122,16 @@ def recognize_picture(
     timings_ms |= recognition.timings_ms
     with timed("encode", timings_ms, ENCODING_BEGINS):
         body = _encode(recognition, measured.image, options, settings)
-    document = describe_page(place_page(recognition, versions), measured.notices, timings_ms, options, models)
+    document = describe_page(place_page(recognition, versions), measured, timings_ms, options, models)
     page = to_json_ready(page_to_document(recognition.page))
-    return LayoutReply(body, MEDIA_TYPES[options.format], document, page)
+    picture = b"" if measured.kept is None else measured.kept.body
+    drawn = DrawnPage(*place_of_page(recognition)) if options.format == "png" else None
+    return LayoutReply(body, MEDIA_TYPES[options.format], document, page, picture, drawn)
 
 
 def describe_page(
     placed: PageInDocument,
-    notices: tuple[Notice, ...],
+    measured: MeasuredPage,
     timings_ms: Mapping[str, float],
     options: LayoutOptions,
     models: Sequence[ModelDocument],
@@ -126,7 +142,9 @@ def describe_page(
     )
     document["part"] = placed.part
     document["document_class"] = placed.document_class
-    document["warnings"] = describe_warnings(notices)
+    document["page"] = measured.flat
+    document["image"] = None if measured.kept is None else measured.kept.describe()
+    document["warnings"] = describe_warnings(measured.notices)
     document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
     ready: dict[str, object] = to_json_ready(document)
     return ready
@@ -158,6 +176,8 @@ def measure_page(
     picture: RgbImage | None = None
     seen = 0.05
     notices: tuple[Notice, ...] = ()
+    described: Mapping[str, object] | None = None
+    kept: KeptPicture | None = None
     if decode is not None:
         with timed("decode", timings_ms, 0.02):
             photo = decode()
@@ -165,14 +185,18 @@ def measure_page(
         if options.rectify:
             with progress_within(0.05, FLATTENED):
                 flat = rectify(picture, RectifyParameters(), photo.focal_length_px, ocr_engine())
+            described = describe_flat_page(flat, (picture.shape[1], picture.shape[0]))
             picture, notices = flat.image, flat.warnings
             timings_ms |= flat.timings_ms
             seen = FLATTENED
+        if options.keep_image_bytes:
+            with timed("picture", timings_ms):
+                kept = encode_kept_picture(picture, options.keep_image_bytes)
     if zones is None and zones_file is None:
         assert picture is not None, "the app has seen to that"
         with timed("zones", timings_ms, seen):
             page, fine = read_fine_page(picture, engine, features)
-            return MeasuredPage(page, picture, notices, fine)
+            return MeasuredPage(page, picture, notices, fine, described, kept)
     with timed("zones", timings_ms, seen):
         page = (
             read_zones(zones, settings)
@@ -180,7 +204,7 @@ def measure_page(
             else read_file(zones_file or b"", picture, settings)
         )
         check_frame(page, picture)
-        return MeasuredPage(complete_page(page, picture, engine, features), picture, notices)
+        return MeasuredPage(complete_page(page, picture, engine, features), picture, notices, kept=kept)
 
 
 def write_xml(recognition: Recognition, options: LayoutOptions, image_name: str) -> bytes:

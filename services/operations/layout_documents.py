@@ -135,8 +135,9 @@ def _recognize_pages(
     document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
     pages = [
         DocumentPage(
-            describe_page(placed, measured.notices, timings, options, models),
+            describe_page(placed, measured, timings, options, models),
             to_json_ready(page_to_document(placed.recognition.page)),
+            b"" if measured.kept is None else measured.kept.body,
         )
         for placed, measured, timings in zip(recognition.pages, measured_pages, page_timings, strict=True)
     ]

@@ -14,10 +14,12 @@ from typing import Any
 from pydantic import ValidationError
 
 from app.schemas.layout_samples import PageBody
+from app.schemas.page import FlatPage
 from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, PageReply
 from services.contract.layout import (
     DocumentPage,
     DocumentReply,
+    DrawnPage,
     LayoutOptions,
     LayoutReply,
     LayoutSettings,
@@ -40,7 +42,8 @@ from services.errors import (
     UnsupportedMediaType,
 )
 from services.progress import report_progress
-from tests.app.scripted_results import CREASED_SHEET, document, layout_document, mosaic_document
+from tests.app.scripted_results import CREASED_SHEET, layout_document, mosaic_document
+from tests.app.scripted_results import document as rectified_document
 
 JPEG = b"\xff\xd8\xff\xe0" + b"\0" * 28
 """What only looks like a JPEG; the scripted operation reads what follows it."""
@@ -71,7 +74,7 @@ def rectify(
     if parameters.pages == "both":
         return _reply_of_pages(verb, parameters, encoding)
     creased = {"kind": "curved", "surface": CREASED_SHEET} if verb == b"creased" else {}
-    return _reply(encoding, lambda image: document(parameters, encoding, image) | creased)
+    return _reply(encoding, lambda image: rectified_document(parameters, encoding, image) | creased)
 
 
 def _reply_of_uploads(uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding) -> PageReply:
@@ -96,7 +99,7 @@ def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encodi
         raise NotAcceptable(f"{count} pages, and the format holds one.", "format")
     embedded = base64.b64encode(b"flat").decode() if encoding.embed and chosen == "json" else None
     whole = {
-        "pages": [document(parameters, encoding, embedded)] * count,
+        "pages": [rectified_document(parameters, encoding, embedded)] * count,
         "warnings": [{"code": "whole", "detail": "of all pages"}],
         "timings_ms": {"decode": 1.25},
     }
@@ -187,13 +190,26 @@ def recognize_layout(
     document = layout_document(page, models, labels, asked)
     media_type = {"json": "application/json", "png": "image/png"}.get(options.format, "application/xml")
     body = b"" if options.format == "json" else f"page as {options.format}".encode()
+    picture = b""
+    if options.keep_image_bytes and images:
+        picture = JPEG + b"page"
+        document["image"] = {"width": 20, "height": 30, "bytes": len(picture)}
+    if options.rectify:
+        flat = rectified_document(RectifyParameters(), Encoding(), None)
+        document["page"] = {name: flat[name] for name in FlatPage.model_fields}
     if count < 2 or options.page is not None:
-        return LayoutReply(body, media_type, document, page)
+        drawn = DrawnPage(1.5, 1.25, 0, 60) if options.format == "png" else None
+        return LayoutReply(body, media_type, document, page, picture, drawn)
     whole = {
         name: document[name] for name in ("class", "classes", "unknown_probability", "warnings", "timings_ms")
     }
     media_type = "application/json" if options.format == "json" else "application/zip"
-    return DocumentReply(body, media_type, whole, [DocumentPage(document, page)] * count)
+    return DocumentReply(body, media_type, whole, [DocumentPage(document, page, picture)] * count)
+
+
+def resize_kept_picture(picture: bytes, width: int) -> bytes:
+    """The picture, and what was asked."""
+    return picture + f" at most {width} wide".encode()
 
 
 def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:

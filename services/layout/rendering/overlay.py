@@ -158,6 +158,12 @@ def draw_overlay(image: RgbImage | None, recognition: Recognition) -> RgbImage:
     return np.array(canvas)
 
 
+def place_of_page(recognition: Recognition) -> tuple[float, float, int, int]:
+    """Horizontal and vertical scale of the page in its overlay, and the left and top edge of the page there, pixels."""
+    frame = _frame(recognition)
+    return frame.scale_x, frame.scale_y, frame.left, frame.top
+
+
 def _frame(recognition: Recognition) -> _Frame:
     width, height = recognition.page.width, recognition.page.height
     header = _HEADER_TEXTS * _LARGEST_TEXT_PX

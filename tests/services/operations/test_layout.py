@@ -182,7 +182,8 @@ def test_a_photo_is_rectified_first(monkeypatch: pytest.MonkeyPatch) -> None:
     photo = make_file(np.full((40, 60, 3), 255, np.uint8), "PNG")
     heard: list[str] = []
     with progress_to(lambda stage, fraction: heard.append(f"{stage} {fraction:.2f}")):
-        reply = recognize_upload(photo, None, None, [], LayoutOptions(rectify=True, format="png"), SETTINGS)
+        options = LayoutOptions(rectify=True, format="png", keep_image_bytes=50_000)
+        reply = recognize_upload(photo, None, None, [], options, SETTINGS)
     assert heard == ["models 0.00", "decode 0.02", "zones 0.60", "matching 0.80", "encode 0.95"]
     assert len(pipeline.calls) == 1
     assert (reply.document["width"], reply.document["height"]) == (40, 60)  # it turns the photo
@@ -192,6 +193,16 @@ def test_a_photo_is_rectified_first(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {"decode", "text", "remap", "zones", "encode"} <= timings.keys()
     with Image.open(io.BytesIO(reply.body)) as drawn:
         assert drawn.format == "PNG"
+        assert reply.drawn is not None
+        assert (reply.drawn.left, reply.drawn.scale_y) == ((drawn.width - 600) // 2, 900 / 60)
+    with Image.open(io.BytesIO(reply.picture)) as kept:
+        assert (kept.format, kept.size) == ("JPEG", (40, 60)), "the flat page, whose zones these are"
+    assert reply.document["image"] == {"width": 40, "height": 60, "bytes": len(reply.picture)}
+    flat = reply.document["page"]
+    assert isinstance(flat, dict)
+    assert flat["photo"] == {"width": 60, "height": 40}
+    assert (flat["width"], flat["height"]) == (40, 60)
+    assert flat["mesh"]["rows"] == 2
 
 
 @pytest.mark.parametrize("ocr", [True, False])

@@ -7,7 +7,14 @@ from hypothesis import given, settings
 from services.arrays import RgbImage
 from services.layout.page import Box, Kind, Page, Zone
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
-from services.layout.rendering.overlay import MAX_SIDE_PX, MIN_SIDE_PX, PALETTE, draw_overlay, label_colour
+from services.layout.rendering.overlay import (
+    MAX_SIDE_PX,
+    MIN_SIDE_PX,
+    PALETTE,
+    draw_overlay,
+    label_colour,
+    place_of_page,
+)
 from tests.services.layout.exchange.pages import pages, recognized
 
 HEADER_ACCENT = (98, 202, 182)
@@ -55,6 +62,18 @@ def test_the_image_is_seen_in_any_size() -> None:
     rows = picture[:, picture.shape[1] // 2].mean(axis=1)
     assert rows[-1] == 255
     assert 30 < rows[len(rows) // 4] < 90, "ink is dimmed"
+
+
+@pytest.mark.parametrize("size", [(1000, 1400), (3000, 2000), (300, 400)])
+def test_a_point_of_the_page_is_found_in_the_picture(size: tuple[float, float]) -> None:
+    box = (0.4 * size[0], 0.5 * size[1], 0.6 * size[0], 0.7 * size[1])
+    page = recognition((box, "body"), size=size)
+    scale_x, scale_y, left, top = place_of_page(page)
+    rows, columns = np.nonzero((draw_overlay(None, page) == np.array(label_colour("body"))).all(axis=2))
+    frame = 4  # the outline lies around the print
+    assert columns.min() == pytest.approx(box[0] * scale_x + left, abs=frame)
+    assert columns.max() == pytest.approx(box[2] * scale_x + left, abs=frame)
+    assert rows.max() == pytest.approx(box[3] * scale_y + top, abs=frame)
 
 
 def test_zones_have_the_colours_of_their_labels_and_an_empty_one_is_dashed() -> None:
