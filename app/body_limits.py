@@ -45,7 +45,11 @@ def body_limits_of(settings: Settings) -> tuple[BodyLimits, Mapping[str, BodyLim
     )
     photo = replace(plain, max_upload_bytes=settings.max_upload_bytes, size_setting="MAX_UPLOAD_BYTES")
     return plain, {
-        "/rectify": photo,
+        "/rectify": replace(
+            plain,
+            max_upload_bytes=max(settings.max_document_upload_bytes, settings.max_upload_bytes),
+            size_setting="MAX_DOCUMENT_UPLOAD_BYTES",
+        ),
         "/mosaic": replace(
             photo,
             max_upload_bytes=settings.max_mosaic_upload_bytes,

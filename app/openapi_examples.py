@@ -177,7 +177,7 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
         },
     },
     "multipart/form-data": {
-        "rectify": {"image": "(file photo.jpg)", "illumination": "normalize", "format": "json"},
+        "rectify": {"image": ["(file photo.jpg)"], "illumination": "normalize", "format": "json"},
         "mosaic": {"images": ["(file a.jpg)", "(file b.jpg)"], "format": "json"},
         "layout": {"image": ["(file page.png)"], "format": "json"},
     },

@@ -203,7 +203,14 @@ def _response_for(refusal: Refusal, scope: Scope) -> Response:
 
 def response_for(refusal: Refusal, request_id: str) -> Response:
     """The problem document of one request."""
-    body = Problem(
+    body = _problem_of(refusal, request_id)
+    return Response(
+        body.model_dump_json(exclude_none=True), refusal.status, dict(refusal.headers), media_type=MEDIA_TYPE
+    )
+
+
+def _problem_of(refusal: Refusal, request_id: str) -> Problem:
+    return Problem(
         title=_TITLES.get(refusal.status) or HTTPStatus(refusal.status).phrase,
         status=refusal.status,
         code=refusal.code,
@@ -211,9 +218,11 @@ def response_for(refusal: Refusal, request_id: str) -> Response:
         field=refusal.field,
         request_id=request_id,
     )
-    return Response(
-        body.model_dump_json(exclude_none=True), refusal.status, dict(refusal.headers), media_type=MEDIA_TYPE
-    )
+
+
+def described_problem(code: str, detail: str, field: str | None, request_id: str) -> dict[str, object]:
+    """The problem of a part of the request, for a document that also has what succeeded."""
+    return _problem_of(Refusal(code, detail, field), request_id).model_dump(exclude_none=True)
 
 
 def documented(*codes: str, conditional: bool = False) -> dict[int | str, dict[str, object]]:

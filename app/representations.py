@@ -212,6 +212,10 @@ _EXTENSIONS = {
     "application/pdf": "pdf",
     "application/zip": "zip",
     "application/xml": "xml",
+    "application/alto+xml": "xml",
+    "text/vnd.hocr+html": "html",
+    "text/plain": "txt",
+    "text/markdown": "md",
 }
 
 
@@ -227,15 +231,19 @@ def content_disposition(upload_name: str | None, suffix: str, media_type: str) -
     media_type
         Media type of the response, for the extension.
     """
-    base = (upload_name or "").replace("\\", "/").rpartition("/")[2]
-    stem = "".join(character for character in base if character.isprintable())[:100]
-    stem = stem.rpartition(".")[0] or stem or "page"
-    name = f"{stem}{suffix}.{_EXTENSIONS.get(media_type, 'bin')}"
+    name = f"{file_stem(upload_name)}{suffix}.{_EXTENSIONS.get(media_type, 'bin')}"
     plain = re.sub(r'[?"\\]', "_", name.encode("ascii", "replace").decode())
     value = f'inline; filename="{plain}"'
     if plain != name:
         value += f"; filename*=UTF-8''{quote(name.encode('utf-8', 'replace'), safe='')}"
     return {"Content-Disposition": value}
+
+
+def file_stem(upload_name: str | None) -> str:
+    """File name of an upload without folders and extension; `page` if it has none."""
+    base = (upload_name or "").replace("\\", "/").rpartition("/")[2]
+    stem = "".join(character for character in base if character.isprintable())[:100]
+    return stem.rpartition(".")[0] or stem or "page"
 
 
 def image_headers(document: Mapping[str, object]) -> dict[str, str]:
@@ -263,14 +271,24 @@ def _headers_of_pages(
     document: Mapping[str, object], pages: Sequence[Mapping[str, object]]
 ) -> dict[str, str]:
     warnings: list[object] = []
-    for part in (document, *pages):
+    flat = [page for page in pages if "problem" not in page]
+    for part in (document, *flat):
         found = part["warnings"]
         warnings += found if isinstance(found, list | tuple) else ()
-    each = [image_headers(page) for page in pages]
-    headers = {"Document-Pages": str(len(pages))} | {
-        name: ", ".join(one[name] for one in each if name in one)
-        for name in ("Document-Kind", "Document-Rotation")
-    }
+    each = [image_headers(page) for page in flat]
+    failed = [
+        f"{number} {problem['code']}"
+        for number, page in enumerate(pages, 1)
+        if isinstance(problem := page.get("problem"), Mapping)
+    ]
+    headers = (
+        {"Document-Pages": str(len(flat))}
+        | ({"Document-Failed": ", ".join(failed)} if failed else {})
+        | {
+            name: ", ".join(one[name] for one in each if name in one)
+            for name in ("Document-Kind", "Document-Rotation")
+        }
+    )
     return headers | _notices(warnings) | _stages(document.get("timings_ms"))
 
 

@@ -49,7 +49,11 @@ class Settings(BaseSettings):
     )
 
     # Limits of a request
-    max_upload_bytes: int = Field(default=32 * MIB, ge=1024, description="Largest request body.")
+    max_upload_bytes: int = Field(
+        default=32 * MIB,
+        ge=1024,
+        description="Largest photo of /rectify, and largest request body of paths without a limit of their own.",
+    )
     max_mosaic_upload_bytes: int = Field(
         default=160 * MIB, ge=1024, description="Largest request body of /mosaic: 16 photos of 10 MiB."
     )
@@ -61,9 +65,11 @@ class Settings(BaseSettings):
         "They are in memory at the same time, 3 bytes a pixel.",
     )
     max_document_upload_bytes: int = Field(
-        default=96 * MIB, ge=1024, description="Largest request body of /layout: 20 scans of 4.8 MiB."
+        default=96 * MIB,
+        ge=1024,
+        description="Largest request body of /layout and /rectify: 20 scans of 4.8 MiB.",
     )
-    max_pages: int = Field(default=20, ge=1, description="Most pages of a document of /layout.")
+    max_pages: int = Field(default=20, ge=1, description="Most pages of a document.")
     max_document_megapixels: float = Field(
         default=200.0,
         gt=0,

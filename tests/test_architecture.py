@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-ARRAYS = ("numpy", "cv2", "PIL", "scipy", "pillow_heif", "img2pdf", "pypdfium2")
+ARRAYS = ("numpy", "cv2", "PIL", "scipy", "pillow_heif", "img2pdf", "pikepdf", "pypdfium2")
 HTTP = ("fastapi", "starlette", "uvicorn", "httpx", "pydantic_settings", "prometheus_client")
 SQL = ("sqlalchemy", "alembic", "sqlite3")
 ESTIMATORS = ("services.rectify", "services.mosaic", "services.layout")
@@ -60,6 +60,13 @@ RULES = [
     # A creased sheet explains the same observations as a smooth one.
     ("services/sheet/ridged", SHEET, ("services.sheet.ridged", "services.sheet.developable.observations")),
     ("services/rectify", ("services.mosaic", "services.layout", "services.operations"), ()),
+    # Text and documents are of any flat page.
+    (
+        "services/text",
+        (*ESTIMATORS, *SHEET, "services.imaging", "services.texture_flow", "services.documents"),
+        ("services.layout.exchange",),
+    ),
+    ("services/documents", (*ESTIMATORS, *SHEET, "services.texture_flow", "services.operations"), ()),
     ("services/mosaic", ("services.layout", "services.operations"), ()),
     ("services/layout", ("services.rectify", "services.mosaic", "services.operations"), ()),
     ("models", ("app", "services", "simulation", "benchmarks", "tests"), ("services.contract",)),

@@ -6,18 +6,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
 
 from app.callers import caller_of, require_own_result
-from app.engine.base import TimeLimit
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.representations import (
-    SNIFFED_BYTES,
     check_accepted,
     choose_layout_format,
     content_disposition,
     layout_headers,
-    may_have_pages,
 )
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
+from app.routes.document_uploads import document_time_limit
 from app.routes.known_options import known_parts, with_format
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.layout_images import keep_pictures
@@ -121,7 +119,7 @@ async def layout(
     models = await state.store.ready_models(None if form.models is None else parse_names(form.models))
     zones = zones_upload(form.zones, "zones", settings.max_zones_bytes)
     zones_file = zones_upload(form.zones_file, "zones_file", settings.max_zones_file_bytes)
-    time_limit = await _time_limit(images, settings)
+    time_limit = await document_time_limit(images, settings)
     keeps_image = bool(images) and (settings.keep_images if form.keep_image is None else form.keep_image)
 
     async def work(progress: ProgressSink | None) -> Response:
@@ -226,17 +224,6 @@ async def _answer_document(
         return Response(reply.body, media_type=reply.media_type, headers=headers)
     body = document_of(reply.document, result_id, pages).model_dump_json(by_alias=True)
     return Response(body, media_type="application/json", headers=headers)
-
-
-async def _time_limit(images: list[UploadFile], settings: Settings) -> TimeLimit | None:
-    """Time limit of documents if the images may have several pages; None: the engine's default."""
-    heads = []
-    for image in images:
-        heads.append(await image.read(SNIFFED_BYTES))
-        await image.seek(0)
-    if len(heads) > 1 or any(map(may_have_pages, heads)):
-        return TimeLimit(settings.document_timeout_s, "DOCUMENT_TIMEOUT_S")
-    return None
 
 
 def _limits(settings: Settings) -> LayoutSettings:

@@ -48,8 +48,9 @@ async def mosaic(
     (HEIC: JPEG). Photos that could not be placed are listed.
     """
     form = with_format(form, format)
-    parameters = form.parameters()
     encoding = await choose_encoding(request, form, form.images[0])
+    parameters = form.parameters()
+    parameters = replace(parameters, text=form.text or encoding.needs_text)
     settings = state.settings
     photo_limits = replace(settings.image_limits, max_bytes=settings.max_mosaic_upload_bytes)
 
@@ -64,6 +65,6 @@ async def mosaic(
             progress=progress,
         )
         request.state.seat.release()
-        return answer_page(reply, MosaicResult, form.images[0], "-mosaic")
+        return answer_page(request, reply, MosaicResult, form.images[0], "-mosaic")
 
     return await answer_now_or_later(request, state, work)

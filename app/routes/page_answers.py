@@ -5,13 +5,14 @@ from typing import Any, Protocol
 from fastapi import Request, Response, UploadFile
 from pydantic import BaseModel
 
-from app.problems import documented
+from app.problems import described_problem, documented
 from app.representations import (
     MEDIA_TYPES,
     SNIFFED_BYTES,
     choose_format,
     choose_pages_formats,
     content_disposition,
+    file_stem,
     image_headers,
     sniff_format,
 )
@@ -24,6 +25,7 @@ from services.contract.images import (
     Encoding,
     PageReply,
     PagesFormat,
+    PdfVersion,
     SeveralFormat,
 )
 
@@ -45,7 +47,12 @@ _PAGES_HEADERS: dict[str, Any] = {
         "schema": {"type": "string", "pattern": "^(0|90|180|270)(, (0|90|180|270))*$"},
     },
     "Document-Pages": {
-        "description": "With pages=both: the number of pages found.",
+        "description": "The number of pages, if there may be several.",
+        "schema": {"type": "string"},
+    },
+    "Document-Failed": {
+        "description": "Numbers (from 1) and problem codes of the pages that could not be flattened, as in "
+        "`3 no-text, 5 undecodable-image`; the file leaves them out.",
         "schema": {"type": "string"},
     },
 }
@@ -60,6 +67,8 @@ class AskedPicture(Protocol):
     embed_format: EmbeddedFormat | None
     max_width: int | None
     max_height: int | None
+    pdf_version: PdfVersion
+    title: str | None
 
 
 class AskedEncoding(AskedPicture, Protocol):
@@ -122,7 +131,7 @@ async def choose_encoding(request: Request, asked: AskedEncoding, photo: UploadF
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
     chosen = choose_format(asked.format, request.headers.get("accept"), sniff_format(head))
-    return _encoding_of(asked, chosen, "pdf")
+    return _encoding_of(asked, photo, chosen, "pdf")
 
 
 async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, photo: UploadFile) -> Encoding:
@@ -136,10 +145,12 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
     single, several = choose_pages_formats(asked.format, request.headers.get("accept"), sniff_format(head))
-    return _encoding_of(asked, single, several)
+    return _encoding_of(asked, photo, single, several)
 
 
-def _encoding_of(asked: AskedPicture, chosen: PagesFormat | None, several: SeveralFormat | None) -> Encoding:
+def _encoding_of(
+    asked: AskedPicture, photo: UploadFile, chosen: PagesFormat | None, several: SeveralFormat | None
+) -> Encoding:
     return Encoding(
         format=chosen,
         quality=asked.quality,
@@ -148,14 +159,46 @@ def _encoding_of(asked: AskedPicture, chosen: PagesFormat | None, several: Sever
         embed_format=asked.embed_format,
         max_width=asked.max_width,
         max_height=asked.max_height,
+        pdf_version=asked.pdf_version,
+        title=asked.title or file_stem(photo.filename),
     )
 
 
-def answer_page(reply: PageReply, model: type[BaseModel], photo: UploadFile, suffix: str) -> Response:
+def _encoding(
+    asked: AskedEncoding | AskedPagesEncoding,
+    photo: UploadFile,
+    chosen: PagesFormat | None,
+    several: SeveralFormat | None,
+) -> Encoding:
+    return Encoding(
+        format=chosen,
+        quality=asked.quality,
+        embed=asked.embed,
+        pages_format=several,
+        pdf_version=asked.pdf_version,
+        title=asked.title or file_stem(photo.filename),
+    )
+
+
+def answer_page(
+    request: Request,
+    reply: PageReply,
+    model: type[BaseModel],
+    photo: UploadFile,
+    suffix: str,
+    pages_model: type[BaseModel] | None = None,
+) -> Response:
     """Response with the image and its headers, or with its description, validated by `model`.
 
-    A saved image gets the file name of `photo` with `suffix`.
+    The description of several pages is validated by `pages_model`. A saved image gets the file name of `photo` with
+    `suffix`.
     """
+    pages = reply.document.get("pages")
+    if isinstance(pages, list) and pages_model is not None:
+        model = pages_model
+        for page in pages:
+            if "problem" in page:
+                page["problem"] = described_problem(**page["problem"], request_id=request.state.request_id)
     if reply.media_type == JSON:
         body = model.model_validate(reply.document).model_dump_json()
         return Response(body, media_type=JSON, headers={"Vary": "Accept"})

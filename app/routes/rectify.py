@@ -1,10 +1,12 @@
-"""POST /rectify: one photo of a page -> its frontal flat view."""
+"""POST /rectify: photos of pages -> their frontal flat views."""
 
+from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response
 
 from app.form_parts import FormRoute
+from app.routes.document_uploads import check_photos, document_limits, document_time_limit
 from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
@@ -30,7 +32,7 @@ MOST_FILES = 64
         pages_model=PagesResult,
     ),
     openapi_extra=PREFER,
-    dependencies=[known_parts(RectifyForm, "To join overlapping photos, use /mosaic.")],
+    dependencies=[known_parts(RectifyForm)],
     form_limits={"max_files": MOST_FILES},
 )
 async def rectify(
@@ -39,28 +41,41 @@ async def rectify(
     form: Annotated[RectifyForm, Form(media_type="multipart/form-data")],
     format: Annotated[AskedPagesFormat, Query()] = None,
 ) -> Response:
-    """Flatten one photo of a page, taken from any position.
+    """Flatten photos of pages, taken from any position.
+
+    One photo is one page. Several parts `image`, a TIFF file or a PDF are several pages; they are flattened one after
+    another. A page that fails does not lose the others: JSON has its problem, a file leaves it out (header
+    `Document-Failed`). To join overlapping photos of one page, use /mosaic.
 
     The response format follows `Accept`, or the field `format`; else it is an image in the upload's own format
     (HEIC: JPEG).
 
-    With pages=both, the response for an open book is its two pages, left before right: as a PDF, a TIFF file of two
-    pages, an archive with one image per page (format=zip), or JSON; without `Accept` and `format`, as a PDF. `jpeg`,
-    `png` and `webp` hold one page: they are refused (`not-acceptable`) when two pages are found.
+    The response for several pages is a PDF, a TIFF file, an archive with one image per page (format=zip), the text of
+    all pages, or JSON; without `Accept` and `format`, a PDF. `jpeg`, `png` and `webp` hold one page: they are refused
+    (`not-acceptable`) for several. With pages=both, an open book is two pages, left before right.
+
+    With text=true the page is read: JSON lists the words with their boxes in the flat page and their corners in the
+    photo, and a PDF can be searched. The formats hocr, alto, txt and markdown are the text itself.
     """
     form = with_format(form, format)
-    encoding = await choose_pages_encoding(request, form, form.image)
+    settings = state.settings
+    await check_photos(form.image, settings)
+    encoding = await choose_pages_encoding(request, form, form.image[0])
+    parameters = replace(form.parameters(), text=form.text or encoding.needs_text)
+
+    time_limit = await document_time_limit(form.image, settings)
 
     async def work(progress: ProgressSink | None) -> Response:
         reply = await state.engine.submit(
             state.operations.rectify,
             form.image,
-            form.parameters(),
+            parameters,
             encoding,
-            state.settings.image_limits,
+            document_limits(settings),
+            time_limit=time_limit,
             progress=progress,
         )
         request.state.seat.release()
-        return answer_page(reply, RectifyResult if form.pages == "main" else PagesResult, form.image, "-flat")
+        return answer_page(request, reply, RectifyResult, form.image[0], "-flat", PagesResult)
 
     return await answer_now_or_later(request, state, work)

@@ -10,15 +10,20 @@ from pydantic_core import PydanticCustomError
 from app.schemas.options import (
     WRONG_NUMBER_OF_FILES,
     AskedFormat,
+    AskedPdfVersion,
     Embed,
     EmbedFormat,
     Illumination,
+    Language,
     MaxPixels,
     Quality,
+    ReadText,
     Switch,
+    Title,
     Upright,
 )
 from app.schemas.page import Answer, Embedded, EmbeddedMediaType, Orientation, Point, Warning
+from app.schemas.page_text import ReadText as PageText
 from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, Composition, MosaicParameters
 from services.errors import InvalidOption
 
@@ -80,12 +85,16 @@ class MosaicForm(BaseModel):
     )
     upright: Upright = True
     illumination: Illumination = "normalize"
+    text: ReadText = False
+    language: Language = None
     format: AskedFormat = None
     quality: Quality = None
     embed: Embed = False
     embed_format: EmbedFormat = None
     max_width: MaxPixels = None
     max_height: MaxPixels = None
+    pdf_version: AskedPdfVersion = "1.7"
+    title: Title = None
 
     def parameters(self) -> MosaicParameters:
         """The options of the mosaic, without those of the response format.
@@ -107,6 +116,8 @@ class MosaicForm(BaseModel):
             composition=self.composition,
             illumination=self.illumination,
             upright=self.upright,
+            text=self.text,
+            language=self.language or None,
         )
 
 
@@ -156,6 +167,9 @@ class MosaicResult(Answer):
     patches: list[Patch] = Field(description="One for each photo, in the order of the upload.")
     pairs: list[Pair]
     unplaced: list[int] = Field(description="Photos that could not be placed; `warnings` say why.")
+    text: PageText | None = Field(
+        default=None, description="The text, if it was asked for; its words have no places in the photos."
+    )
     warnings: list[Warning]
     timings_ms: dict[str, float]
     image: Embedded = None

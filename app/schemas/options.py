@@ -2,11 +2,11 @@
 
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, StringConstraints
 from pydantic.json_schema import SkipJsonSchema
 
 from services.contract import rectify
-from services.contract.images import AnswerFormat, EmbeddedFormat, ImageLimits, PagesFormat
+from services.contract.images import AnswerFormat, EmbeddedFormat, ImageLimits, PagesFormat, PdfVersion
 
 WRONG_NUMBER_OF_FILES = "wrong_number_of_files"
 """Type of the validation error of a field with too few or too many files."""
@@ -30,7 +30,7 @@ def _format(value: object) -> object:
     if not isinstance(value, str):
         return value
     name = value.strip().lower()
-    return {"jpg": "jpeg", "tif": "tiff"}.get(name, name)
+    return {"jpg": "jpeg", "tif": "tiff", "text": "txt", "md": "markdown"}.get(name, name)
 
 
 FORMAT = BeforeValidator(_format)
@@ -57,7 +57,8 @@ AskedFormat = Annotated[
     AnswerFormat | Absent,
     FORMAT,
     Field(
-        description="Format of the response; overrides `Accept`. Default: an image in the (first) photo's own format."
+        description="Format of the response; overrides `Accept`. Default: an image in the (first) photo's own format. "
+        "`hocr`, `alto`, `txt` and `markdown` are the text of the page."
     ),
 ]
 AskedPagesFormat = Annotated[
@@ -65,8 +66,33 @@ AskedPagesFormat = Annotated[
     FORMAT,
     Field(
         description="Format of the response; overrides `Accept`. Default: an image in the photo's own format, or a PDF "
-        "for several pages. `zip` has one image per page; `jpeg`, `png` and `webp` hold one page only."
+        "for several pages. `zip` has one image per page; `jpeg`, `png` and `webp` hold one page only; `hocr`, `alto`, "
+        "`txt` and `markdown` are the text of the pages."
     ),
+]
+ReadText = Annotated[
+    Switch,
+    Field(
+        description="Read the page: `text` in JSON has the words with their places, and a PDF gets an invisible text "
+        "layer, so that it can be searched. The formats hocr, alto, txt and markdown imply it."
+    ),
+]
+LANGUAGE_PATTERN = r"^([A-Za-z]{2,12}(_[A-Za-z]{2,12}){0,2}(\+[A-Za-z]{2,12}(_[A-Za-z]{2,12}){0,2}){0,7})?$"
+Language = Annotated[
+    Annotated[str, StringConstraints(pattern=LANGUAGE_PATTERN, max_length=120)] | Absent,
+    Field(
+        description="Language of the text as Tesseract names it, several joined by `+`: `eng`, `deu`, `eng+fra`. "
+        "Default: the first of OCR_LANGUAGES.",
+        examples=["eng"],
+    ),
+]
+Title = Annotated[
+    Annotated[str, StringConstraints(max_length=300)] | Absent,
+    Field(description="Title of a PDF or hOCR file; default: the file name of the (first) photo."),
+]
+AskedPdfVersion = Annotated[
+    PdfVersion,
+    Field(description="Version of a PDF: 1.7, or a-2b for archives (PDF/A-2b, ISO 19005-2)."),
 ]
 Quality = Annotated[
     Annotated[int, Field(ge=1, le=100)] | Absent,

@@ -10,14 +10,20 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from app.schemas.options import (
     Absent,
     AskedPagesFormat,
+    AskedPdfVersion,
     Embed,
     EmbedFormat,
     Illumination,
+    Language,
     MaxPixels,
     Quality,
+    ReadText,
+    Title,
     Upright,
 )
 from app.schemas.page import Answer, Embedded, EmbeddedMediaType, FlatPage, Point, Warning
+from app.schemas.page_text import ReadText as PageText
+from app.schemas.problem import Problem
 from services.contract.rectify import Crop, PageKind, Pages, RectifyParameters
 
 REGION_POINTS = (3, 200)
@@ -71,7 +77,10 @@ class RectifyForm(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    image: UploadFile = Field(description="The photo: JPEG, PNG, WebP, TIFF (first page) or HEIC/HEIF.")
+    image: Annotated[list[UploadFile], Field(min_length=1)] = Field(
+        description="The photo: JPEG, PNG, WebP, TIFF or HEIC/HEIF. Several pages: several parts of this name in their "
+        "order, or a TIFF file or PDF."
+    )
     kind: PageKind = Field(default="auto", description="planar or curved: skip the decision between both.")
     upright: Upright = True
     focal_length_px: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)] | Absent = Field(
@@ -80,7 +89,7 @@ class RectifyForm(BaseModel):
     region: Annotated[str, AfterValidator(_checked_region)] | Absent = Field(
         default=None,
         description="JSON [[x, y], ...] of 3 to 200 points, pixels of the photo after its EXIF rotation: polygon "
-        "around the page's text, to guide text identification.",
+        "around the page's text, to guide text identification. For one photo only.",
         json_schema_extra={"contentMediaType": "application/json", "pattern": REGION_PATTERN},
     )
     illumination: Illumination = "keep"
@@ -94,12 +103,16 @@ class RectifyForm(BaseModel):
         description="For an open book: the main page of the photo, or both pages, left before right. With `both` the "
         "response is a list of pages, even for one page.",
     )
+    text: ReadText = False
+    language: Language = None
     format: AskedPagesFormat = None
     quality: Quality = None
     embed: Embed = False
     embed_format: EmbedFormat = None
     max_width: MaxPixels = None
     max_height: MaxPixels = None
+    pdf_version: AskedPdfVersion = "1.7"
+    title: Title = None
 
     def parameters(self) -> RectifyParameters:
         """The options of the rectification, without those of the response format."""
@@ -111,6 +124,8 @@ class RectifyForm(BaseModel):
             illumination=self.illumination,
             crop=self.crop,
             pages=self.pages,
+            text=self.text,
+            language=self.language or None,
         )
 
 
@@ -186,15 +201,22 @@ class RectifyResult(FlatPage):
     evidence: Evidence
     camera: Camera
     surface: Annotated[Plane | Strips | CreasedSheet, Field(discriminator="type")]
+    text: PageText | None = Field(default=None, description="The text, if it was asked for.")
     warnings: list[Warning]
     timings_ms: dict[str, float]
     image: Embedded = None
     image_media_type: EmbeddedMediaType = None
 
 
-class PagesResult(Answer):
-    """The flat views of all pages of one photo, in reading order (left before right)."""
+class FailedPage(Answer):
+    """A page that could not be flattened; the others are not lost."""
 
-    pages: list[RectifyResult] = Field(min_length=1)
+    problem: Problem
+
+
+class PagesResult(Answer):
+    """The flat views of all pages: in the order of the upload, and of one photo left before right."""
+
+    pages: list[RectifyResult | FailedPage] = Field(min_length=1)
     warnings: list[Warning] = Field(description="About all pages together; each page also has its own.")
     timings_ms: dict[str, float] = Field(description="Stages of the whole work; each page also has its own.")

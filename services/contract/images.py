@@ -1,16 +1,20 @@
 """Limits of uploaded images, and the encoding of an answer that is a page."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Literal, get_args
 
-AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
-PagesFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip"]
+TextFormat = Literal["hocr", "alto", "txt", "markdown"]
+"""Formats of an answer that is the text of the pages."""
+AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "txt", "hocr", "alto", "markdown"]
+PagesFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "zip", "hocr", "alto", "txt", "markdown"]
 """Formats of an answer that may have several pages."""
 EmbeddedFormat = Literal["jpeg", "png", "webp"]
 """Formats of an image in JSON that every browser shows."""
-SeveralFormat = Literal["pdf", "tiff", "zip", "json"]
+SeveralFormat = Literal["pdf", "tiff", "zip", "json", "txt", "hocr", "alto", "markdown"]
 """The formats of `PagesFormat` that can hold several pages."""
+PdfVersion = Literal["1.7", "a-2b"]
+"""PDF 1.7 (ISO 32000-1), or PDF/A-2b (ISO 19005-2), which is a part of it for archives."""
 
 MEDIA_TYPES: Mapping[PagesFormat, str] = {
     "jpeg": "image/jpeg",
@@ -20,7 +24,12 @@ MEDIA_TYPES: Mapping[PagesFormat, str] = {
     "pdf": "application/pdf",
     "json": "application/json",
     "zip": "application/zip",
+    "txt": "text/plain",
+    "hocr": "text/vnd.hocr+html",
+    "alto": "application/alto+xml",
+    "markdown": "text/markdown",
 }
+"""The text formats have types that browsers do not ask for, so that a browser still gets a picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +51,18 @@ class ImageLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class DocumentLimits:
+    """Limits of a document of several pages: of each file and page, of their number, and of all together.
+
+    `image.max_bytes` is that of one file, which may be a whole document.
+    """
+
+    image: ImageLimits = field(default_factory=ImageLimits)
+    max_pages: int = 20
+    max_megapixels: float = 200.0
+
+
+@dataclass(frozen=True, slots=True)
 class Encoding:
     """The encoding of an answer.
 
@@ -59,6 +80,10 @@ class Encoding:
         Format of the image in JSON; None: that of the upload (JPEG for HEIC).
     max_width, max_height
         Largest size of the picture in pixels; None: as large as the page is in the photo.
+    pdf_version
+        Version of a PDF.
+    title
+        Title of a document (PDF, hOCR), and file name in ALTO.
     """
 
     format: PagesFormat | None = None
@@ -68,6 +93,13 @@ class Encoding:
     embed_format: EmbeddedFormat | None = None
     max_width: int | None = None
     max_height: int | None = None
+    pdf_version: PdfVersion = "1.7"
+    title: str = ""
+
+    @property
+    def needs_text(self) -> bool:
+        """Whether the answer is the text of the pages."""
+        return self.format in get_args(TextFormat)
 
 
 @dataclass(frozen=True, slots=True)

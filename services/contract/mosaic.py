@@ -17,7 +17,7 @@ class MosaicParameters:
     """Options of one mosaic. The fields have the names of the HTTP contract.
 
     `base` is an index of a photo. When the photos form several parts that do not overlap, the mosaic shows the part
-    with this photo. None: the largest part.
+    with this photo. None: the largest part. `text` reads the page in `language`.
     """
 
     rectify: bool = True
@@ -25,6 +25,8 @@ class MosaicParameters:
     composition: Composition = "selective"
     illumination: Illumination = "normalize"
     upright: bool = True
+    text: bool = False
+    language: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

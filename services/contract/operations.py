@@ -28,7 +28,7 @@ class Operation(str, Generic[T]):
 class Operations:
     """The operations of one service; a test can replace them. An operation has the arguments of its function."""
 
-    rectify: Operation[PageReply] = Operation("services.operations.rectify:rectify_upload")
+    rectify: Operation[PageReply] = Operation("services.operations.rectify_documents:rectify_uploads")
     mosaic: Operation[PageReply] = Operation("services.operations.mosaic:mosaic_uploads")
     recognize_layout: Operation[LayoutReply | DocumentReply] = Operation(
         "services.operations.layout_documents:recognize_uploads"

@@ -15,7 +15,7 @@ class RectifyParameters:
 
     `region` is a polygon ((x, y), ...) around the text of the page, in pixels of the EXIF-upright photo. `crop` selects
     the visible area: the sheet cut at its edges, the text with margins, or the photo around the page. `pages` "both"
-    selects both pages of an open book.
+    selects both pages of an open book. `text` reads the page in `language` (`eng+fra`; None: the default).
     """
 
     kind: PageKind = "auto"
@@ -25,3 +25,5 @@ class RectifyParameters:
     illumination: Illumination = "keep"
     crop: Crop = "sheet"
     pages: Pages = "main"
+    text: bool = False
+    language: str | None = None

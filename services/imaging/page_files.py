@@ -1,15 +1,20 @@
-"""Several pages -> one file: a PDF or a TIFF of several pages, or an archive with an image a page."""
+"""Several pages -> one file: a PDF or a TIFF of several pages, or an archive with an image a page.
+
+Each page is encoded when it is done; then its pixels are not needed any more, and only the encoded parts stay in
+memory until the file is bound.
+"""
 
 import io
 import zipfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
-import img2pdf
+import pikepdf
 from PIL import Image
 
 from services.arrays import RgbImage
-from services.imaging.codec import DEFAULT_DPI, DEFAULT_QUALITY, OutputFormat, encode_image
+from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
 
 PagesFileFormat = Literal["pdf", "tiff", "zip"]
 
@@ -23,65 +28,95 @@ SUFFIXES: dict[OutputFormat, str] = {
 """Of files in an archive."""
 
 
-def encode_pages(
-    pages: Sequence[RgbImage],
+@dataclass(frozen=True, slots=True)
+class PagePart:
+    """One encoded page of a file of several: an image, or a PDF of one page."""
+
+    data: bytes
+    dpi: float = DEFAULT_DPI
+    icc_profile: bytes | None = None
+
+
+def encode_part(
+    page: RgbImage,
     file_format: PagesFileFormat,
     image_format: OutputFormat = "jpeg",
     quality: int | None = None,
     dpi: float | None = None,
     icc_profile: bytes | None = None,
-) -> bytes:
-    """One file of all `pages`, each (H, W, 3) RGB, in their order.
+) -> PagePart:
+    """The part of a page (H, W, 3) RGB in a file of several pages.
 
-    `image_format` is that of the images in an archive, which are named `page-01.jpg` and so on. The other options are
-    those of `encode_image` for every page.
+    `image_format` is that of the images in an archive. The other options are those of `encode_image`.
 
     Raises
     ------
     InvalidOption
-        When `quality` is out of its range, or a page is too large for the format.
+        When `quality` is out of its range, or the page is too large for the format.
     """
+    # A part of a TIFF file waits as PNG, which is as lossless and half as large.
+    part: OutputFormat = {"pdf": "pdf", "tiff": "png", "zip": image_format}[file_format]  # type: ignore[assignment]
+    data = encode_image(page, part, quality, dpi, icc_profile)
+    return PagePart(data, dpi or DEFAULT_DPI, icc_profile)
+
+
+def bind_parts(
+    parts: Sequence[PagePart],
+    file_format: PagesFileFormat,
+    image_format: OutputFormat = "jpeg",
+    numbers: Sequence[int] | None = None,
+) -> bytes:
+    """One file of all pages in their order; an archive names its images `page-01.jpg` and so on, by `numbers`."""
     if file_format == "zip":
-        return archive_files(
-            [encode_image(page, image_format, quality, dpi, icc_profile) for page in pages],
-            SUFFIXES[image_format],
-        )
+        return archive_files([part.data for part in parts], SUFFIXES[image_format], numbers)
     if file_format == "tiff":
-        if len(pages) == 1:
-            return encode_image(pages[0], "tiff", quality, dpi, icc_profile)
-        return _encode_tiff(pages, dpi or DEFAULT_DPI, icc_profile)
-    embedded: OutputFormat = "png" if (quality or DEFAULT_QUALITY) >= 100 else "jpeg"
-    layout = img2pdf.get_fixed_dpi_layout_fun((dpi or DEFAULT_DPI, dpi or DEFAULT_DPI))
-    file: bytes = img2pdf.convert(
-        [encode_image(page, embedded, quality, dpi, icc_profile) for page in pages],
-        layout_fun=layout,
-        engine=img2pdf.Engine.internal,
-        nodate=True,
-    )
-    return file
+        return _bind_tiff(parts)
+    return parts[0].data if len(parts) == 1 else _bind_pdf(parts)
 
 
-def archive_files(files: Sequence[bytes], suffix: str) -> bytes:
-    """ZIP archive of `files`, a page each; images are compressed already, so they are only stored."""
+def archive_files(files: Sequence[bytes], suffix: str, numbers: Sequence[int] | None = None) -> bytes:
+    """ZIP archive of `files`, a page each, named by `numbers` (None: from 1).
+
+    Images are compressed already, so they are only stored.
+    """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for number, file in enumerate(files, 1):
+        for number, file in zip(numbers or range(1, len(files) + 1), files, strict=True):
             # A fixed date: the same pages make the same archive.
             archive.writestr(zipfile.ZipInfo(f"page-{number:02d}.{suffix}"), file)
     return buffer.getvalue()
 
 
-def _encode_tiff(pages: Sequence[RgbImage], dpi: float, icc_profile: bytes | None) -> bytes:
-    first, *others = (Image.fromarray(page) for page in pages)
+def _bind_pdf(parts: Sequence[PagePart]) -> bytes:
+    with pikepdf.new() as document:
+        for part in parts:
+            with pikepdf.open(io.BytesIO(part.data)) as page:
+                document.pages.extend(page.pages)
+        buffer = io.BytesIO()
+        document.save(buffer, deterministic_id=True)
+        return buffer.getvalue()
+
+
+def _bind_tiff(parts: Sequence[PagePart]) -> bytes:
     buffer = io.BytesIO()
-    first.save(
-        buffer,
-        "TIFF",
-        save_all=True,
-        append_images=others,
-        compression="tiff_lzw",
-        tiffinfo={317: 2},  # predictor, as of one page
-        dpi=(dpi, dpi),
-        icc_profile=icc_profile,
+    first, *others = parts
+    # One page is decoded at a time: Pillow asks the generator for the next one when it has written the last.
+    _open_part(first).save(
+        buffer, "TIFF", save_all=True, append_images=map(_open_part, others), **_tiff_options(first)
     )
     return buffer.getvalue()
+
+
+def _open_part(part: PagePart) -> Image.Image:
+    picture = Image.open(io.BytesIO(part.data))
+    picture.encoderinfo = _tiff_options(part)
+    return picture
+
+
+def _tiff_options(part: PagePart) -> dict[str, object]:
+    return {
+        "compression": "tiff_lzw",
+        "tiffinfo": {317: 2},  # predictor, as of one page
+        "dpi": (part.dpi, part.dpi),
+        "icc_profile": part.icc_profile,
+    }

@@ -12,7 +12,7 @@ from services.arrays import RgbImage
 from services.contract.images import ImageLimits
 from services.errors import DocumentError, InvalidOption, TooLarge, UnsupportedMediaType
 from services.imaging import containers
-from services.imaging.codec import count_pixels, decode_image, detect_format
+from services.imaging.codec import DecodedImage, UploadFormat, count_pixels, decode_image, detect_format
 from services.imaging.pdf_drawing import PdfLimits, PdfPages, open_pdf
 
 RENDER_DPI = 200.0
@@ -37,10 +37,16 @@ class PageLimits:
 
 
 class PagePicture(NamedTuple):
-    """A decoded page: (H, W, 3) RGB uint8, and its focal length in pixels if its metadata has one."""
+    """A decoded page: (H, W, 3) RGB uint8, and its focal length in pixels if its metadata has one.
+
+    `format` is that of the file, or JPEG for a page of a PDF; resolution and colour profile are None if unknown.
+    """
 
     pixels: RgbImage
     focal_length_px: float | None
+    format: UploadFormat = "jpeg"
+    dpi: float | None = None
+    icc_profile: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,11 +72,12 @@ class PageSource:
 
 @contextmanager
 def open_pages(
-    uploads: Sequence[bytes], limits: PageLimits, only: int | None = None
+    uploads: Sequence[bytes], limits: PageLimits, only: int | None = None, *, lenient: bool = False
 ) -> Iterator[list[PageSource]]:
     """All pages of `uploads` in their order, or `only` one of them, counted from 1; they are there inside of the block.
 
-    An image is one page, and so is an animation (its first frame); TIFF files and PDFs have as many as they have.
+    An image is one page, and so is an animation (its first frame); TIFF files and PDFs have as many as they have. With
+    `lenient`, one of several uploads that cannot be opened is a page whose `decode` raises the error.
 
     Raises
     ------
@@ -85,9 +92,15 @@ def open_pages(
     with ExitStack() as stack:
         pages: list[PageSource] = []
         for index, upload in enumerate(uploads):
-            with _naming(*_label(index, 0, len(uploads), several=False)):
-                file = stack.enter_context(_open_file(upload, limits, most + 1 - len(pages)))
-                sizes = file.sizes()
+            file: _File
+            try:
+                with _naming(*_label(index, 0, len(uploads), several=False)):
+                    file = stack.enter_context(_open_file(upload, limits, most + 1 - len(pages)))
+                    sizes = file.sizes()
+            except DocumentError as error:
+                if not lenient or len(uploads) == 1:
+                    raise
+                file, sizes = _Unreadable(error), [0]
             for page, size in enumerate(sizes):
                 name = _label(index, page, len(uploads), several=len(sizes) > 1)
                 pages.append(PageSource(index, page, size, *name, file))
@@ -122,6 +135,11 @@ def is_pdf(upload: bytes) -> bool:
     return _PDF_MARK in upload[:_PDF_MARK_WITHIN]
 
 
+def page_picture(image: DecodedImage) -> PagePicture:
+    """The picture of a page that is an image."""
+    return PagePicture(image.pixels, image.focal_length_px, image.format, image.dpi, image.icc_profile)
+
+
 class _File(Protocol):
     """An upload with its pages, up to the number that was requested."""
 
@@ -145,8 +163,7 @@ class _Image:
         return [count_pixels(self.data, self.limits)]
 
     def decode(self, page: int) -> PagePicture:
-        picture = decode_image(self.data, self.limits, page)
-        return PagePicture(picture.pixels, picture.focal_length_px)
+        return page_picture(decode_image(self.data, self.limits, page))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,8 +178,7 @@ class _Tiff:
         return [page.width * page.height for page in self.pages]
 
     def decode(self, page: int) -> PagePicture:
-        picture = decode_image(self.data, self.limits, self.pages[page].directory)
-        return PagePicture(picture.pixels, picture.focal_length_px)
+        return page_picture(decode_image(self.data, self.limits, self.pages[page].directory))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,7 +194,8 @@ class _Pdf:
 
     def decode(self, page: int) -> PagePicture:
         width, height, scale = self._plan(page)
-        return PagePicture(np.ascontiguousarray(self.pages.draw(page, scale)[:height, :width]), None)
+        picture = np.ascontiguousarray(self.pages.draw(page, scale)[:height, :width])
+        return PagePicture(picture, None, dpi=scale * _POINTS_PER_INCH)
 
     def _plan(self, page: int) -> tuple[int, int, float]:
         """Width and height in pixels, and pixels a point."""
@@ -189,6 +206,19 @@ class _Pdf:
         # The renderer rounds up, so that a hundredth of a pixel would be a white column.
         columns, rows = (max(1, round(side * scale)) for side in (width, height))
         return columns, rows, scale
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Unreadable:
+    """An upload that cannot be opened, as one page."""
+
+    error: DocumentError
+
+    def sizes(self) -> list[int]:
+        return [0]
+
+    def decode(self, page: int) -> PagePicture:
+        raise self.error
 
 
 @contextmanager
@@ -232,6 +262,6 @@ def _naming(label: str, field: str | None) -> Iterator[None]:
     try:
         yield
     except DocumentError as error:
-        if not label:
+        if not label or error.detail.startswith(label):
             raise
         raise type(error)(f"{label}: {error.detail}", field or error.field) from error

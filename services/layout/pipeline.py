@@ -39,6 +39,7 @@ __all__ = [
     "read_page",
     "recognize",
     "recognize_fine",
+    "segment_read_page",
 ]
 
 LIGHT_GROUND = 96
@@ -57,6 +58,13 @@ def read_fine_page(
     gray = _gray(image)
     fine = segment_finely(gray, _read_words(gray, engine))
     return (features or content_features()).measure_page(compose_page(fine)), fine
+
+
+def segment_read_page(image: RgbImage, engine: OcrEngine) -> tuple[Page, list[Word]]:
+    """The zones of a flat page (H, W, 3) in reading order, and all words that the engine read on it."""
+    gray = _gray(image)
+    words = _read_words(gray, engine) or []
+    return segment_page(gray, words), words
 
 
 def complete_page(

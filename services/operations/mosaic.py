@@ -11,6 +11,7 @@ from services.errors import DocumentError, TooLarge
 from services.imaging.codec import DecodedImage, count_pixels, decode_image
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Pair, Patch
+from services.operations.page_reading import read_flat_page, reading_engine
 from services.operations.reader import ocr_engine
 from services.operations.reduced_views import reduce_mosaic
 from services.operations.replies import (
@@ -23,6 +24,9 @@ from services.operations.replies import (
     timed,
 )
 from services.progress import progress_within
+
+MOSAIC_READING_BEGINS = 0.85
+"""Typical progress before a mosaic is read, if it is."""
 
 
 def mosaic_uploads(
@@ -45,16 +49,25 @@ def mosaic_uploads(
     InvalidOption
         When `parameters` or `encoding` are not possible.
     """
+    if parameters.text:
+        reading_engine(parameters.language)  # an error must come before the work
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
         photos = _decode_photos(uploads, limits)
     focal_lengths_px = [photo.focal_length_px for photo in photos]
-    with progress_within(0.03, ENCODING_BEGINS):
+    with progress_within(0.03, MOSAIC_READING_BEGINS if parameters.text else ENCODING_BEGINS):
         result = mosaic([photo.pixels for photo in photos], parameters, focal_lengths_px, ocr_engine())
     timings_ms |= result.timings_ms
+    text = None
+    if parameters.text:
+        engine, language = reading_engine(parameters.language)
+        with timed("reading", timings_ms, MOSAIC_READING_BEGINS):
+            text = read_flat_page(result.image, engine, language)
     result = reduce_mosaic(result, encoding)
+    if text is not None:
+        text = text.resized(result.image.shape[1], result.image.shape[0])
     source = SourceFacts(photos[0].format, _resolution(photos, result), _colour_profile(photos))
-    return make_reply(result.image, describe_mosaic(result), source, encoding, timings_ms)
+    return make_reply(result.image, describe_mosaic(result), source, encoding, timings_ms, text)
 
 
 def _decode_photos(uploads: Sequence[bytes], limits: MosaicLimits) -> list[DecodedImage]:

@@ -3,15 +3,18 @@
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast, get_args
 
 from services.arrays import RgbImage
-from services.contract.images import MEDIA_TYPES, Encoding, PageReply
-from services.errors import NotAcceptable
-from services.imaging.codec import encode_image
-from services.imaging.page_files import encode_pages
+from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
+from services.errors import DocumentError, NotAcceptable
+from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
+from services.imaging.page_files import PagePart, PagesFileFormat, bind_parts, encode_part
+from services.operations.page_reading import describe_text, write_text
 from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
+    add_text_layer,
     describe_image,
     describe_warnings,
     image_format_of,
@@ -19,14 +22,135 @@ from services.operations.replies import (
     to_json_ready,
 )
 from services.rectify.results import Notice
+from services.text.page_text import PageText
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedPage:
-    """One page of an answer: its picture (H, W, 3) RGB, and its HTTP document without `image`."""
+    """One page of an answer: its picture (H, W, 3) RGB, its HTTP document without `image`, its text if it was read.
+
+    `scale` is pixels of the picture per pixel of the flat view, below 1 for a reduced one.
+    """
 
     image: RgbImage
     document: Mapping[str, object]
+    text: PageText | None = None
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EncodedPage:
+    """A page without its pixels: its part of the file (None: the answer needs none), and its HTTP document."""
+
+    part: PagePart | None
+    document: Mapping[str, object]
+    text: PageText | None
+
+
+@dataclass(frozen=True, slots=True)
+class FailedPage:
+    """A page that could not be flattened: its index among all pages of the answer, and the error."""
+
+    place: int
+    error: DocumentError
+
+    def document(self) -> dict[str, object]:
+        """Its part of the HTTP document."""
+        error = self.error
+        return {"problem": {"code": error.code, "detail": error.detail, "field": error.field}}
+
+
+@dataclass(frozen=True, slots=True)
+class PagesTarget:
+    """What an answer of several pages becomes: its format, and that of its images."""
+
+    format: PagesFormat
+    image_format: OutputFormat
+
+
+def choose_target(encoding: Encoding, source: SourceFacts, pages: int) -> PagesTarget:
+    """The format of an answer with `pages` pages; a single page may also have a format that holds one page only.
+
+    Raises
+    ------
+    NotAcceptable
+        When there are several pages and the client accepts no format that can hold several.
+    """
+    asked: PagesFormat | None = encoding.format if pages == 1 else encoding.pages_format
+    if pages > 1 and asked is None:
+        raise several_pages_refused(pages)
+    shown: PagesFormat | None = encoding.embed_format if asked == "json" else asked
+    image_format = image_format_of(source, shown if shown != "pdf" else None)
+    return PagesTarget(asked or image_format, image_format)
+
+
+def encode_page(
+    page: DescribedPage, target: PagesTarget, source: SourceFacts, encoding: Encoding
+) -> EncodedPage:
+    """The page in the form in which it waits for the others.
+
+    Raises
+    ------
+    InvalidOption
+        When `encoding` is not possible.
+    """
+    quality, profile = encoding.quality, source.icc_profile
+    dpi = None if source.dpi is None else source.dpi * page.scale
+    embedded, part = None, None
+    if target.format == "json":
+        if encoding.embed:
+            file = encode_image(page.image, target.image_format, quality, dpi, profile)
+            embedded = base64.b64encode(file).decode("ascii")
+    elif target.format in get_args(PagesFileFormat):
+        kind = cast(PagesFileFormat, target.format)
+        part = encode_part(page.image, kind, target.image_format, quality, dpi, profile)
+    elif target.format not in get_args(TextFormat):
+        part = PagePart(encode_image(page.image, target.image_format, quality, dpi, profile))
+    text = None if page.text is None else describe_text(page.text)
+    image = describe_image(embedded, target.image_format)
+    return EncodedPage(part, {**page.document, "text": text, **image}, page.text)
+
+
+def bind_pages(
+    pages: Sequence[EncodedPage],
+    target: PagesTarget,
+    encoding: Encoding,
+    timings_ms: dict[str, float],
+    notices: tuple[Notice, ...] = (),
+    failures: Sequence[FailedPage] = (),
+) -> PageReply:
+    """The reply with all `pages` (one or more). Its document is `{"pages", "warnings", "timings_ms"}`.
+
+    `notices` concern all pages. `failures` are in the document at their places; a file leaves them out. The function
+    adds `encode` to `timings_ms`.
+    """
+    parts = [page.part for page in pages if page.part is not None]
+    texts = [page.text for page in pages if page.text is not None]
+    documents = [page.document for page in pages]
+    for failure in sorted(failures, key=lambda failure: failure.place):
+        documents.insert(failure.place, failure.document())
+    numbers = [number for number, document in enumerate(documents, 1) if "problem" not in document]
+    body = b""
+    with timed("encode", timings_ms, ENCODING_BEGINS):
+        if target.format in get_args(TextFormat):
+            body = write_text(texts, cast(TextFormat, target.format), encoding, DEFAULT_DPI)
+        elif target.format in get_args(PagesFileFormat):
+            body = bind_parts(parts, cast(PagesFileFormat, target.format), target.image_format, numbers)
+            if target.format == "pdf":
+                body = add_text_layer(
+                    body, [page.text for page in pages], encoding, [part.dpi for part in parts]
+                )
+        elif parts:
+            body = parts[0].data
+    ready = to_json_ready(
+        {
+            "pages": documents,
+            "warnings": describe_warnings(notices),
+            "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
+        }
+    )
+    assert isinstance(ready, dict)
+    return PageReply(body, MEDIA_TYPES[target.format], ready)
 
 
 def make_pages_reply(
@@ -36,11 +160,7 @@ def make_pages_reply(
     timings_ms: dict[str, float],
     notices: tuple[Notice, ...] = (),
 ) -> PageReply:
-    """The reply with all `pages` (one or more) in the requested encoding.
-
-    A single page may also have a format that holds one page only. The document is `{"pages", "warnings",
-    "timings_ms"}` of the HTTP contract. `notices` concern all pages. The function adds `encode` to `timings_ms`.
-
+    """The reply with all `pages` of one upload (one or more) in the requested encoding.
 
     Raises
     ------
@@ -49,38 +169,9 @@ def make_pages_reply(
     InvalidOption
         When `encoding` is not possible.
     """
-    answer_format = encoding.format if len(pages) == 1 else encoding.pages_format
-    if len(pages) > 1 and answer_format is None:
-        raise several_pages_refused(len(pages))
-    asked = encoding.embed_format if answer_format == "json" else answer_format
-    image_format = image_format_of(source, asked if asked != "pdf" else None)
-    quality, dpi, profile = encoding.quality, source.dpi, source.icc_profile
-    body = b""
-    embedded: list[str | None] = [None] * len(pages)
-    with timed("encode", timings_ms, ENCODING_BEGINS):
-        images = [page.image for page in pages]
-        if answer_format == "json":
-            if encoding.embed:
-                embedded = [
-                    base64.b64encode(encode_image(image, image_format, quality, dpi, profile)).decode("ascii")
-                    for image in images
-                ]
-        elif answer_format in ("pdf", "tiff", "zip"):
-            body = encode_pages(images, answer_format, image_format, quality, dpi, profile)
-        else:
-            body = encode_image(images[0], image_format, quality, dpi, profile)
-    ready = to_json_ready(
-        {
-            "pages": [
-                {**page.document, **describe_image(image, image_format)}
-                for page, image in zip(pages, embedded, strict=True)
-            ],
-            "warnings": describe_warnings(notices),
-            "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
-        }
-    )
-    assert isinstance(ready, dict)
-    return PageReply(body, MEDIA_TYPES[answer_format or image_format], ready)
+    target = choose_target(encoding, source, len(pages))
+    encoded = [encode_page(page, target, source, encoding) for page in pages]
+    return bind_pages(encoded, target, encoding, timings_ms, notices)
 
 
 def several_pages_refused(count: int) -> NotAcceptable:

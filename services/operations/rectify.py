@@ -1,7 +1,9 @@
 """The flat view of one photo: decode, run the pipeline, encode."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -9,6 +11,8 @@ from services.arrays import Points, Vector
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import decode_image
+from services.imaging.page_images import PagePicture, page_picture
+from services.operations.page_reading import READING_BEGINS, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
 from services.operations.reduced_views import reduce_view
@@ -40,48 +44,77 @@ def rectify_upload(
     NoText
         When the photo shows too little printed text to estimate the page's shape, and no edges of a sheet.
     InvalidOption
-        When `parameters` or `encoding` are not possible.
+        When `parameters` or `encoding` are not possible, or the page shall be read and no OCR engine is there.
     NotAcceptable
         When there are two pages and the client accepts no format that can hold both.
     """
+    return rectify_picture(partial(_decode, upload, limits), parameters, encoding)
+
+
+def _decode(upload: bytes, limits: ImageLimits) -> PagePicture:
+    return page_picture(decode_image(upload, limits))
+
+
+def rectify_picture(
+    decode: Callable[[], PagePicture], parameters: RectifyParameters, encoding: Encoding
+) -> PageReply:
+    """The reply to one photo; `decode` returns it. Raises what `rectify_upload` raises."""
+    if parameters.text:
+        reading_engine(parameters.language)  # an error must come before the work
+    end = READING_BEGINS if parameters.text else ENCODING_BEGINS
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
-        photo = decode_image(upload, limits)
+        photo = decode()
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
-    size = photo.pixels.shape[1], photo.pixels.shape[0]
     if parameters.pages == "both":
-        with progress_within(0.03, ENCODING_BEGINS):
+        with progress_within(0.03, end):
             found = rectify_spread(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
+        pages = [describe_page(result, parameters, encoding, photo) for result in found.pages]
         timings_ms |= page_timings(found)
-        views = [reduce_view(page, encoding) for page in found.pages]
-        pages = [describe_page(view, size) for view in views]
-        source = _at_scale(source, found.pages[0], views[0])
         return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
-    with progress_within(0.03, ENCODING_BEGINS):
+    with progress_within(0.03, end):
         result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
+    page = describe_page(result, parameters, encoding, photo)
+    source = source if source.dpi is None else replace(source, dpi=source.dpi * page.scale)
     timings_ms |= result.timings_ms
+    return make_reply(page.image, dict(page.document), source, encoding, timings_ms, page.text)
+
+
+def flatten_picture(
+    photo: PagePicture, parameters: RectifyParameters, encoding: Encoding
+) -> list[DescribedPage]:
+    """The flat page in a photo, or both pages of an open book, with their texts if they are wanted.
+
+    Raises
+    ------
+    NoText, InvalidOption
+    """
+    results: tuple[RectifyResult, ...]
+    if parameters.pages == "both":
+        results = rectify_spread(photo.pixels, parameters, photo.focal_length_px, ocr_engine()).pages
+    else:
+        results = (rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine()),)
+    return [describe_page(result, parameters, encoding, photo) for result in results]
+
+
+def describe_page(
+    result: RectifyResult, parameters: RectifyParameters, encoding: Encoding, photo: PagePicture
+) -> DescribedPage:
+    """One page of an answer, with the timings of its own stages; adds `reading` to those of `result`."""
+    text = None
+    if parameters.text:
+        engine, language = reading_engine(parameters.language)
+        with timed("reading", result.timings_ms, READING_BEGINS):
+            text = read_flat_page(result.image, engine, language, result.mesh)
     view = reduce_view(result, encoding)
-    return make_reply(
-        view.image,
-        describe_rectification(view, size),
-        _at_scale(source, result, view),
-        encoding,
-        timings_ms,
-    )
-
-
-def _at_scale(source: SourceFacts, result: RectifyResult, view: RectifyResult) -> SourceFacts:
-    """The facts about a smaller view of the result: it has fewer pixels per inch."""
-    if source.dpi is None or view is result:
-        return source
-    return replace(source, dpi=source.dpi * view.image.shape[1] / result.image.shape[1])
-
-
-def describe_page(result: RectifyResult, photo_size: tuple[int, int]) -> DescribedPage:
-    """One page of a book, with the timings of its own stages."""
+    height, width = view.image.shape[:2]
+    size = photo.pixels.shape[1], photo.pixels.shape[0]
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
     return DescribedPage(
-        result.image, {**describe_rectification(result, photo_size), "timings_ms": timings_ms}
+        view.image,
+        {**describe_rectification(view, size), "timings_ms": timings_ms},
+        None if text is None else text.resized(width, height),
+        width / result.image.shape[1],
     )
 
 

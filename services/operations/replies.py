@@ -6,19 +6,23 @@ Callers convert radians to degrees before.
 import base64
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast, get_args
 
 import numpy as np
 
 from services.arrays import RgbImage
-from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat
-from services.imaging.codec import OutputFormat, UploadFormat, encode_image
+from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
+from services.documents.searchable_pdf import PdfFacts, finish_pdf
+from services.imaging.codec import DEFAULT_DPI, OutputFormat, UploadFormat, encode_image
 from services.imaging.page_files import SUFFIXES, archive_files
+from services.ocr.languages import language_tag
+from services.operations.page_reading import describe_text, write_text
 from services.progress import report_progress
 from services.rectify.results import Notice, Orientation
+from services.text.page_text import PageText
 
 ENCODING_BEGINS = 0.95
 """Typical progress before encoding."""
@@ -39,11 +43,12 @@ def make_reply(
     source: SourceFacts,
     encoding: Encoding,
     timings_ms: dict[str, float],
+    text: PageText | None = None,
 ) -> PageReply:
     """The reply with the page in the requested encoding.
 
-    `document` describes the page. The function adds `encode` to `timings_ms`, and puts `timings_ms`, `image` and
-    `image_media_type` into the document.
+    `document` describes the page, `text` is what was read on it. The function adds `encode` to `timings_ms`, and puts
+    `timings_ms`, `text`, `image` and `image_media_type` into the document.
 
     Raises
     ------
@@ -55,24 +60,55 @@ def make_reply(
     body, embedded = b"", None
     if not is_json or encoding.embed:
         with timed("encode", timings_ms, ENCODING_BEGINS):
-            body = encode_image(page, image_format, encoding.quality, source.dpi, source.icc_profile)
-            if encoding.format == "zip":
-                body = archive_files([body], SUFFIXES[image_format])
+            body = _encode_page(page, image_format, source, encoding, text)
     if is_json:
         embedded = base64.b64encode(body).decode("ascii") if encoding.embed else None
         body = b""
     rounded_ms = {stage: round(value, 1) for stage, value in timings_ms.items()}
+    described = None if text is None else describe_text(text)
     image = describe_image(embedded, image_format)
-    ready = to_json_ready({**document, "timings_ms": rounded_ms, **image})
+    ready = to_json_ready({**document, "text": described, "timings_ms": rounded_ms, **image})
     assert isinstance(ready, dict)
     return PageReply(body, MEDIA_TYPES[encoding.format or image_format], ready)
 
 
+def _encode_page(
+    page: RgbImage,
+    image_format: OutputFormat,
+    source: SourceFacts,
+    encoding: Encoding,
+    text: PageText | None,
+) -> bytes:
+    if encoding.needs_text:
+        assert text is not None, "a text format needs the text"
+        return write_text([text], cast(TextFormat, encoding.format), encoding, source.dpi or DEFAULT_DPI)
+    body = encode_image(page, image_format, encoding.quality, source.dpi, source.icc_profile)
+    if encoding.format == "zip":
+        return archive_files([body], SUFFIXES[image_format])
+    if encoding.format == "pdf":
+        return add_text_layer(body, [text], encoding, [source.dpi or DEFAULT_DPI])
+    return body
+
+
+def add_text_layer(
+    pdf: bytes, texts: Sequence[PageText | None], encoding: Encoding, dpis: Sequence[float]
+) -> bytes:
+    """The PDF with the text of its pages, its title and language; unchanged without text, unless it is for archives.
+
+    `texts` and `dpis` have one entry for every page.
+    """
+    read = [text for text in texts if text is not None]
+    if not read and encoding.pdf_version == "1.7":
+        return pdf
+    tag = language_tag(read[0].language) if read else ""
+    return finish_pdf(pdf, texts, PdfFacts(encoding.title, tag, encoding.pdf_version), dpis)
+
+
 def image_format_of(source: SourceFacts, asked: PagesFormat | None) -> OutputFormat:
     """Format of a page's image: `asked`, or the format of the upload (JPEG for HEIC)."""
-    if asked is None or asked == "json" or asked == "zip":  # noqa: PLR1714 (mypy narrows the type by these comparisons only)
-        return "jpeg" if source.format == "heic" else source.format
-    return asked
+    if asked in get_args(OutputFormat):
+        return cast(OutputFormat, asked)
+    return "jpeg" if source.format == "heic" else source.format
 
 
 def describe_image(embedded: str | None, image_format: OutputFormat) -> dict[str, str | None]:

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from app.schemas.layout_samples import PageBody
 from app.schemas.page import FlatPage
-from services.contract.images import MEDIA_TYPES, Encoding, ImageLimits, PageReply
+from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, PageReply
 from services.contract.layout import (
     DocumentPage,
     DocumentReply,
@@ -59,19 +59,37 @@ def upload(script: str) -> bytes:
 
 
 def rectify(
-    upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: ImageLimits
+    uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding, limits: DocumentLimits
 ) -> PageReply:
-    """Follow the script in the upload, then answer with a document that tells what was asked.
+    """Follow the scripts in the uploads, then answer with a document that tells what was asked.
 
-    Of both pages there is one, unless the script says `pages-N`; `creased` answers a mesh.
+    Of both pages there is one, unless the script says `pages-N`; `creased` answers a mesh. Several uploads are pages;
+    those whose script is an error are failed pages.
     """
-    verb = _follow(upload, "image")
+    if len(uploads) > 1:
+        return _reply_of_uploads(uploads, parameters, encoding)
+    verb = _follow(uploads[0], "image")
     if verb == b"unpicklable":
         return PageReply(lambda: None, "image/jpeg", {})  # type: ignore[arg-type]
     if parameters.pages == "both":
         return _reply_of_pages(verb, parameters, encoding)
     creased = {"kind": "curved", "surface": CREASED_SHEET} if verb == b"creased" else {}
     return _reply(encoding, lambda image: rectified_document(parameters, encoding, image) | creased)
+
+
+def _reply_of_uploads(uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding) -> PageReply:
+    pages: list[dict[str, object]] = []
+    for index, upload in enumerate(uploads):
+        try:
+            _follow(upload, f"image[{index}]")
+            pages.append(document(parameters, encoding, None))
+        except DocumentError as error:
+            pages.append({"problem": {"code": error.code, "detail": error.detail, "field": error.field}})
+    whole = {"pages": pages, "warnings": [], "timings_ms": {"decode": 1.25}}
+    if encoding.pages_format is None:
+        raise NotAcceptable(f"{len(uploads)} pages, and the format holds one.", "format")
+    body = b"" if encoding.pages_format == "json" else f"{len(uploads)} as {encoding.pages_format}".encode()
+    return PageReply(body, MEDIA_TYPES[encoding.pages_format], whole)
 
 
 def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encoding) -> PageReply:

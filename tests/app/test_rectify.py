@@ -42,7 +42,7 @@ def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     assert response.headers["content-type"] == "application/json"
     assert list(response.json()) == [
         "photo", "corners", "orientation", "width", "height", "mesh", "kind", "evidence", "camera", "surface",
-        "warnings", "timings_ms", "image", "image_media_type",
+        "text", "warnings", "timings_ms", "image", "image_media_type",
     ]  # fmt: skip
     assert response.json()["image"] is None
     assert RectifyResult.model_validate(response.json()).mesh.source[1][0] == (0, 9)
@@ -95,9 +95,7 @@ def test_size_and_format_of_an_embedded_picture_reach_the_operation(client: http
     response = post(client, asked)
     assert base64.b64decode(response.json()["image"]) == b"flat", "embed_format includes the image"
     detail = notices(response)["encoding"]
-    assert detail.endswith(
-        "embed=True, pages_format='json', embed_format='webp', max_width=800, max_height=30000)"
-    )
+    assert "embed=True, pages_format='json', embed_format='webp', max_width=800, max_height=30000," in detail
 
 
 def test_an_app_can_draw_on_the_photo(client: httpx.Client) -> None:
@@ -255,3 +253,37 @@ def test_an_archive_of_one_page(client: httpx.Client) -> None:
 def test_a_large_upload_passes_through(client: httpx.Client) -> None:
     image = upload("") + b" " * 5_000_000
     assert post(client, image=image).content == b"flat as jpeg"
+
+
+def post_several(client: httpx.Client, *scripts: str, **data: str) -> httpx.Response:
+    """Several photos that follow scripts."""
+    return client.post(
+        "/rectify", files=[("image", ("p.jpg", upload(script))) for script in scripts], data=data
+    )
+
+
+def test_several_photos_are_a_pdf_unless_another_format_is_asked_for(client: httpx.Client) -> None:
+    response = post_several(client, "", "")
+    assert (response.content, response.headers["content-type"]) == (b"2 as pdf", "application/pdf")
+    assert response.headers["document-pages"] == "2"
+    assert "document-failed" not in response.headers
+    assert post_several(client, "", "", format="txt").text == "2 as txt"
+
+
+def test_a_failed_page_is_in_the_answer_with_its_problem(client: httpx.Client) -> None:
+    response = post_several(client, "", "no-text", "", format="json")
+    result = PagesResult.model_validate(response.json())
+    assert [hasattr(page, "problem") for page in result.pages] == [False, True, False]
+    problem = response.json()["pages"][1]["problem"]
+    assert (problem["code"], problem["status"], problem["field"]) == ("no-text", 422, "image[1]")
+    assert problem["request_id"] == response.headers["x-request-id"]
+    headers = post_several(client, "", "no-text", "").headers
+    assert (headers["document-pages"], headers["document-failed"]) == ("2", "2 no-text")
+
+
+def test_text_formats_imply_reading(client: httpx.Client) -> None:
+    assert "text=True, language=None" in notices(post(client, {"format": "json", "text": "true"}))["options"]
+    response = post(client, {"format": "hocr"})
+    assert response.headers["content-type"].startswith("text/vnd.hocr+html")
+    assert response.headers["content-disposition"] == 'inline; filename="photo-flat.html"'
+    assert post(client, accept="text/markdown").headers["content-type"].startswith("text/markdown")

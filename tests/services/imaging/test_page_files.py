@@ -10,14 +10,25 @@ from PIL import Image
 
 from services.errors import InvalidOption
 from services.imaging.codec import OutputFormat
-from services.imaging.page_files import encode_pages
+from services.imaging.page_files import PagesFileFormat, bind_parts, encode_part
 
 RNG = np.random.default_rng(4)
 PAGES = [RNG.integers(0, 256, (height, width, 3), dtype=np.uint8) for height, width in ((40, 30), (25, 50))]
 
 
+def bind(
+    file_format: PagesFileFormat,
+    image_format: OutputFormat = "jpeg",
+    quality: int | None = None,
+    dpi: float | None = None,
+) -> bytes:
+    """One file of both pages."""
+    parts = [encode_part(page, file_format, image_format, quality, dpi) for page in PAGES]
+    return bind_parts(parts, file_format, image_format)
+
+
 def test_a_tiff_holds_every_page_losslessly() -> None:
-    with Image.open(io.BytesIO(encode_pages(PAGES, "tiff", dpi=200.0))) as picture:
+    with Image.open(io.BytesIO(bind("tiff", dpi=200.0))) as picture:
         assert picture.n_frames == 2  # type: ignore[attr-defined]
         for number, page in enumerate(PAGES):
             picture.seek(number)
@@ -26,7 +37,7 @@ def test_a_tiff_holds_every_page_losslessly() -> None:
 
 
 def test_a_pdf_of_quality_100_holds_every_page_losslessly_at_its_size() -> None:
-    file = encode_pages(PAGES, "pdf", quality=100, dpi=100.0)
+    file = bind("pdf", quality=100, dpi=100.0)
     document = pypdfium2.PdfDocument(file)
     assert len(document) == len(PAGES)
     for sheet, page in zip(document, PAGES, strict=True):
@@ -37,14 +48,14 @@ def test_a_pdf_of_quality_100_holds_every_page_losslessly_at_its_size() -> None:
 
 @pytest.mark.parametrize(("image_format", "suffix"), [("jpeg", "jpg"), ("png", "png"), ("tiff", "tif")])
 def test_an_archive_has_an_image_a_page(image_format: OutputFormat, suffix: str) -> None:
-    file = encode_pages(PAGES, "zip", image_format)
+    file = bind("zip", image_format)
     with zipfile.ZipFile(io.BytesIO(file)) as archive:
         assert archive.namelist() == [f"page-01.{suffix}", f"page-02.{suffix}"]
         sizes = [Image.open(io.BytesIO(archive.read(name))).size for name in archive.namelist()]
     assert sizes == [(30, 40), (50, 25)]
-    assert file == encode_pages(PAGES, "zip", image_format)
+    assert file == bind("zip", image_format)
 
 
 def test_a_quality_out_of_range_is_refused() -> None:
     with pytest.raises(InvalidOption, match="quality"):
-        encode_pages(PAGES, "zip", "jpeg", quality=101)
+        bind("zip", "jpeg", quality=101)

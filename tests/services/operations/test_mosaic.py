@@ -57,6 +57,7 @@ def test_the_answer_is_the_contracts() -> None:
         ],
         "unplaced": [2],
         "warnings": [{"code": "not-placed", "detail": "images[2] overlaps no other photo."}],
+        "text": None,
         "image": None,
         "image_media_type": None,
     }

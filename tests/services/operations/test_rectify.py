@@ -57,6 +57,7 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "warnings": [{"code": "focal-length-unknown", "detail": "Say it."}],
         "photo": {"width": 60, "height": 40},
         "corners": [None] * 4,
+        "text": None,
         "image": None,
         "image_media_type": None,
     }

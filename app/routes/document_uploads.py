@@ -1,0 +1,53 @@
+"""Uploads that may be documents of several pages: images sent several times, TIFF files, PDFs."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fastapi import UploadFile
+
+from app.engine.base import TimeLimit
+from app.representations import SNIFFED_BYTES, may_have_pages
+from app.settings import Settings
+from services.contract.images import DocumentLimits
+from services.errors import TooLarge
+
+
+async def document_time_limit(images: Sequence[UploadFile], settings: Settings) -> TimeLimit | None:
+    """Time limit of documents if the images may have several pages; None: the engine's default."""
+    if len(images) > 1 or any([await _may_have_pages(image) for image in images]):
+        return TimeLimit(settings.document_timeout_s, "DOCUMENT_TIMEOUT_S")
+    return None
+
+
+def document_limits(settings: Settings) -> DocumentLimits:
+    """Limits of a document; one file may be a whole document, so it may be as large as the whole body."""
+    image = replace(settings.image_limits, max_bytes=settings.max_document_upload_bytes)
+    return DocumentLimits(image, settings.max_pages, settings.max_document_megapixels)
+
+
+async def check_photos(images: Sequence[UploadFile], settings: Settings) -> None:
+    """Check the number of uploads and the bytes of each photo, before any is read.
+
+    Raises
+    ------
+    TooLarge
+    """
+    if len(images) > settings.max_pages:
+        raise TooLarge(
+            f"image: a document may have {settings.max_pages} pages (MAX_PAGES); {len(images)} images were sent.",
+            "image",
+        )
+    for index, image in enumerate(images):
+        size = image.size or 0
+        if size > settings.max_upload_bytes and not await _may_have_pages(image):
+            field = f"image[{index}]" if len(images) > 1 else "image"
+            raise TooLarge(
+                f"{field}: the photo has {size} bytes; the limit is {settings.max_upload_bytes} (MAX_UPLOAD_BYTES).",
+                field,
+            )
+
+
+async def _may_have_pages(image: UploadFile) -> bool:
+    head = await image.read(SNIFFED_BYTES)
+    await image.seek(0)
+    return may_have_pages(head)

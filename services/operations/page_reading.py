@@ -1,0 +1,109 @@
+"""The text of a flat page: OCR on its flat-fielded picture, in the reading order of page segmentation."""
+
+import math
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import RgbImage
+from services.contract.images import Encoding, TextFormat
+from services.errors import InvalidOption
+from services.layout.page import Zone
+from services.layout.pipeline import segment_read_page
+from services.ocr.engine import OcrEngine
+from services.ocr.languages import DEFAULT_LANGUAGE, language_tag
+from services.operations.reader import ocr_engine
+from services.text.alto import write_alto_pages
+from services.text.arrangement import Region, arrange_words
+from services.text.hocr import write_hocr
+from services.text.page_text import PageText
+from services.text.photo_places import locate_boxes
+from services.text.plain import write_markdown, write_plain_text
+
+READING_BEGINS = 0.55
+"""Typical progress before a page is read, if it is."""
+
+
+def reading_engine(language: str | None) -> tuple[OcrEngine, str]:
+    """The engine that reads pages in `language` (None: the default), and that language.
+
+    Raises
+    ------
+    InvalidOption
+        When no OCR engine or no language data is installed.
+    """
+    engine = ocr_engine()
+    if engine is None:
+        raise InvalidOption(
+            "text: no OCR engine is installed on this server, so pages cannot be read; send text=false, and ask for "
+            "an image or json.",
+            "text",
+        )
+    return engine, language or DEFAULT_LANGUAGE
+
+
+def read_flat_page(
+    image: RgbImage, engine: OcrEngine, language: str, mesh: NDArray[np.float64] | None = None
+) -> PageText:
+    """The text of a flat page.
+
+    Parameters
+    ----------
+    image
+        (H, W, 3) RGB, at full resolution.
+    engine
+        Reads the page.
+    language
+        What the engine reads.
+    mesh
+        (rows, columns, 2): the photo points of the page, as `RectifyResult.mesh`; None if there is no single photo.
+    """
+    height, width = image.shape[:2]
+    page, words = segment_read_page(image, engine)
+    # An engine's box may have no extent, or end outside of the picture.
+    words = [word for word in words if word.box[2] > word.box[0] and word.box[3] > word.box[1]]
+    blocks = arrange_words(words, [_region(zone) for zone in page.zones if zone.kind == "text"])
+    text = PageText(width, height, language, blocks)
+    if mesh is None:
+        return text
+    places = locate_boxes(mesh, width, height, [word.box for word in text.words])
+    return PageText(width, height, language, blocks, places)
+
+
+def _region(zone: Zone) -> Region:
+    rows = groupby(zone.words, key=lambda word: word.line)
+    return Region(zone.box, zone.font_size, tuple(tuple(word.box for word in row) for _, row in rows))
+
+
+def describe_text(text: PageText) -> dict[str, object]:
+    """The `text` of the HTTP contract."""
+    places = text.places or (None,) * len(text.words)
+    lines = [number for number, line in enumerate(text.lines) for _ in line.words]
+    return {
+        "language": text.language,
+        "confidence": None if text.confidence is None else round(text.confidence, 4),
+        "words": [
+            {
+                "text": word.text,
+                "confidence": round(word.confidence, 4),
+                "box": [round(edge, 2) for edge in word.box],
+                "photo": place,
+                "line": line,
+            }
+            for word, place, line in zip(text.words, places, lines, strict=True)
+        ],
+    }
+
+
+def write_text(pages: list[PageText], text_format: TextFormat, encoding: Encoding, dpi: float) -> bytes:
+    """The text of the pages as a file; `dpi` is their resolution."""
+    if text_format == "txt":
+        return write_plain_text(pages)
+    if text_format == "markdown":
+        return write_markdown(pages)
+    tag = language_tag(pages[0].language) if pages else ""
+    if text_format == "alto":
+        return write_alto_pages(pages, encoding.title, tag)
+    assert math.isfinite(dpi)
+    return write_hocr(pages, encoding.title, tag, dpi)

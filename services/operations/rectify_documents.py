@@ -1,0 +1,121 @@
+"""Flat views of several photos, or of the pages of TIFF files and PDFs: one page after another."""
+
+from collections.abc import Sequence
+
+from services.contract.images import DocumentLimits, Encoding, PageReply
+from services.contract.rectify import RectifyParameters
+from services.errors import DocumentError, InvalidOption
+from services.imaging.page_images import PageLimits, PagePicture, PageSource, open_pages
+from services.operations.page_reading import reading_engine
+from services.operations.pages_reply import (
+    DescribedPage,
+    EncodedPage,
+    FailedPage,
+    PagesTarget,
+    bind_pages,
+    choose_target,
+    encode_page,
+)
+from services.operations.rectify import flatten_picture, rectify_picture
+from services.operations.replies import ENCODING_BEGINS, SourceFacts, timed
+from services.progress import progress_within
+from services.rectify.results import Notice
+
+
+def rectify_uploads(
+    uploads: Sequence[bytes], parameters: RectifyParameters, encoding: Encoding, limits: DocumentLimits
+) -> PageReply:
+    """Frontal flat views of the pages in `uploads`: photos, TIFF files and PDFs of one page or more.
+
+    A single page is answered as by `rectify_upload`. Of several pages, one that fails does not lose the others: the
+    document has its problem at its place, and a file of several pages leaves it out.
+
+    Raises
+    ------
+    UnsupportedMediaType, TooLarge, UndecodableImage
+        When the only upload is not accepted, or all pages together are too large.
+    NoText
+        When no page shows its shape; the error is that of the first page.
+    InvalidOption
+        When `parameters` or `encoding` are not possible.
+    NotAcceptable
+        When there are several pages and the client accepts no format that can hold several.
+    """
+    if parameters.text:
+        reading_engine(parameters.language)  # an error must come before the work
+    page_limits = PageLimits(limits.image, limits.max_pages, limits.max_megapixels)
+    with open_pages(uploads, page_limits, lenient=True) as sources:
+        if len(sources) == 1:
+            return rectify_picture(sources[0].decode, parameters, encoding)
+        if parameters.region is not None:
+            raise InvalidOption(
+                f"region: it is of one photo, and {len(sources)} pages were sent; send the photo of the region alone.",
+                "region",
+            )
+        return _rectify_pages(sources, parameters, encoding)
+
+
+def _rectify_pages(
+    sources: Sequence[PageSource], parameters: RectifyParameters, encoding: Encoding
+) -> PageReply:
+    timings_ms: dict[str, float] = {}
+    encoded: list[EncodedPage] = []
+    failures: list[FailedPage] = []
+    target: PagesTarget | None = None
+    for index, source in enumerate(sources):
+        share = ENCODING_BEGINS / len(sources)
+        with progress_within(index * share, (index + 1) * share):
+            try:
+                picture = _decode(source, timings_ms)
+                facts = SourceFacts(picture.format, picture.dpi, picture.icc_profile)
+                target = target or choose_target(encoding, facts, len(sources))
+                pages = flatten_picture(picture, parameters, encoding)
+            except DocumentError as error:
+                if target is None and error.code == "not-acceptable":
+                    raise
+                failures.append(FailedPage(len(encoded) + len(failures), _named(error, source)))
+                continue
+            for page in pages:
+                # The pixels of a page are not needed any more when the next page begins.
+                encoded.append(encode_page(page, target, facts, encoding))
+                _add_timings(timings_ms, page)
+    if not encoded or target is None:
+        raise failures[0].error
+    return bind_pages(encoded, target, encoding, timings_ms, _notices(failures), failures)
+
+
+def _decode(source: PageSource, timings_ms: dict[str, float]) -> PagePicture:
+    spent: dict[str, float] = {}
+    with timed("decode", spent, 0.0):
+        picture = source.decode()
+    timings_ms["decode"] = timings_ms.get("decode", 0.0) + spent["decode"]
+    return picture
+
+
+def _add_timings(timings_ms: dict[str, float], page: DescribedPage) -> None:
+    stages = page.document["timings_ms"]
+    assert isinstance(stages, dict)
+    for stage, spent in stages.items():
+        timings_ms[stage] = timings_ms.get(stage, 0.0) + spent
+
+
+def _named(error: DocumentError, source: PageSource) -> DocumentError:
+    """The error with the name of its page."""
+    if error.detail.startswith(source.label):
+        return error
+    field = source.field or error.field
+    if isinstance(error, InvalidOption):
+        return InvalidOption(f"{source.label}: {error.detail}", field or "image")
+    return type(error)(f"{source.label}: {error.detail}", field)
+
+
+def _notices(failures: Sequence[FailedPage]) -> tuple[Notice, ...]:
+    if not failures:
+        return ()
+    numbers = ", ".join(str(failure.place + 1) for failure in failures)
+    return (
+        Notice(
+            "pages-failed",
+            f"of all pages, these could not be flattened and are left out of a file: {numbers}. JSON has the reason.",
+        ),
+    )

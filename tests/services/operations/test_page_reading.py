@@ -1,0 +1,90 @@
+"""A read page: its text in JSON, in text files and under the picture of a PDF."""
+
+import json
+
+import numpy as np
+import pypdfium2
+import pytest
+
+from services.contract.images import Encoding, ImageLimits, PageReply, TextFormat
+from services.contract.rectify import RectifyParameters
+from services.errors import InvalidOption
+from services.ocr.engine import Word
+from services.operations import page_reading
+from services.operations.rectify import rectify_upload
+from tests.services.imaging.files import make_file
+from tests.services.operations.pipelines import RectifyPipeline, reject_constant
+
+PHOTO = np.full((600, 800, 3), 255, np.uint8)
+READ = RectifyParameters(text=True)
+WORDS = [Word("Dear", (100, 100, 180, 130), 0.9), Word("Smith", (200, 100, 300, 130), 0.8)]
+
+
+class Reader:
+    """Reads the same words on every page."""
+
+    def read_page(self, image: np.ndarray) -> list[Word]:
+        """The words, and one without extent, which is left out."""
+        return [*WORDS, Word("none", (5, 5, 5, 9), 0.9)]
+
+
+@pytest.fixture(autouse=True)
+def reader(pipeline: RectifyPipeline, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine of this module."""
+    monkeypatch.setattr(page_reading, "ocr_engine", Reader)
+
+
+def read(encoding: Encoding, parameters: RectifyParameters = READ) -> PageReply:
+    """The reply to a white photo."""
+    return rectify_upload(make_file(PHOTO, "PNG"), parameters, encoding, ImageLimits())
+
+
+def test_json_has_the_words_in_both_frames() -> None:
+    document = json.loads(json.dumps(read(Encoding("json")).document), parse_constant=reject_constant)
+    text = document["text"]
+    assert (text["language"], text["confidence"]) == ("eng", pytest.approx((4 * 0.9 + 5 * 0.8) / 9, abs=1e-4))
+    assert [word["text"] for word in text["words"]] == ["Dear", "Smith"]
+    assert text["words"][1]["box"] == [200, 100, 300, 130]
+    assert text["words"][1]["line"] == 0
+    # The mesh of the scripted pipeline has a node beyond the photo.
+    assert text["words"][1]["photo"] is None
+    assert "reading" in document["timings_ms"]
+
+
+def test_without_the_option_nothing_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_reading, "ocr_engine", None)
+    assert read(Encoding("json"), RectifyParameters()).document["text"] is None
+
+
+def test_a_pdf_can_be_searched() -> None:
+    reply = read(Encoding("pdf", title="Letter"))
+    document = pypdfium2.PdfDocument(reply.body)
+    assert document[0].get_textpage().get_text_range().split() == ["Dear", "Smith"]
+    assert document.get_metadata_value("Title") == "Letter"
+
+
+@pytest.mark.parametrize(
+    ("text_format", "media_type", "start"),
+    [
+        ("txt", "text/plain", b"Dear Smith\n"),
+        ("markdown", "text/markdown", b"Dear Smith\n"),
+        ("hocr", "text/vnd.hocr+html", b"<?xml"),
+        ("alto", "application/alto+xml", b"<?xml"),
+    ],
+)
+def test_text_files(text_format: TextFormat, media_type: str, start: bytes) -> None:
+    reply = read(Encoding(text_format, pages_format=text_format))
+    assert reply.media_type == media_type
+    assert reply.body.startswith(start)
+    both = RectifyParameters(text=True, pages="both")
+    several = read(Encoding(text_format, pages_format=text_format), both)
+    assert several.body.count(b"Smith") == 2
+
+
+def test_without_an_engine_the_request_is_refused(
+    pipeline: RectifyPipeline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_reading, "ocr_engine", lambda: None)
+    with pytest.raises(InvalidOption, match="no OCR engine"):
+        read(Encoding("json"))
+    assert pipeline.calls == []  # before any work

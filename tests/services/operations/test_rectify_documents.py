@@ -1,0 +1,130 @@
+"""Several photos, TIFF files and PDFs in one request; a page that fails does not lose the others."""
+
+import io
+import zipfile
+from typing import Any
+
+import numpy as np
+import pypdfium2
+import pytest
+from PIL import Image
+
+from services.contract.images import DocumentLimits, Encoding, ImageLimits, PageReply
+from services.contract.rectify import RectifyParameters
+from services.errors import InvalidOption, NotAcceptable, TooLarge, UndecodableImage
+from services.operations.rectify_documents import rectify_uploads
+from tests.services.imaging.files import make_file
+from tests.services.operations.pipelines import RectifyPipeline
+
+PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
+JPEG, PNG = make_file(PHOTO, "JPEG"), make_file(PHOTO[:30], "PNG")
+PARAMETERS = RectifyParameters()
+pytestmark = pytest.mark.usefixtures("pipeline")
+
+
+def run(
+    *uploads: bytes, encoding: Encoding | None = None, limits: DocumentLimits | None = None, **options: Any
+) -> PageReply:
+    """The reply, as a PDF where no encoding is given."""
+    encoding = encoding or Encoding("pdf", pages_format="pdf")
+    return rectify_uploads(uploads, RectifyParameters(**options), encoding, limits or DocumentLimits())
+
+
+def pages_of(reply: PageReply) -> list[dict[str, Any]]:
+    """Of its document."""
+    pages = reply.document["pages"]
+    assert isinstance(pages, list)
+    return pages
+
+
+def tiff_of(*frames: np.ndarray) -> bytes:
+    """A TIFF file of several pages."""
+    buffer = io.BytesIO()
+    first, *others = map(Image.fromarray, frames)
+    first.save(buffer, "TIFF", save_all=True, append_images=others, dpi=(150, 150))
+    return buffer.getvalue()
+
+
+def test_one_photo_is_answered_as_before() -> None:
+    reply = run(JPEG, encoding=Encoding())
+    assert reply.media_type == "image/jpeg"
+    assert "pages" not in reply.document
+
+
+def test_photos_are_pages_in_their_order() -> None:
+    reply = run(JPEG, PNG)
+    sizes = np.array([page.get_size() for page in pypdfium2.PdfDocument(reply.body)])
+    assert sizes == pytest.approx(np.array([(40, 60), (30, 60)]) * 0.24)  # 300 dpi
+    assert [page["width"] for page in pages_of(reply)] == [40, 30]
+
+
+def test_pages_of_files_are_pages_too() -> None:
+    pdf = run(JPEG, PNG).body
+    reply = run(
+        tiff_of(PHOTO, PHOTO[:20], PHOTO[:10]), pdf, JPEG, encoding=Encoding("json", pages_format="json")
+    )
+    assert len(pages_of(reply)) == 6
+    single = run(tiff_of(PHOTO), encoding=Encoding("tiff", pages_format="tiff"))
+    with Image.open(io.BytesIO(single.body)) as picture:
+        assert picture.info["dpi"] == (150, 150)
+
+
+def test_a_tiff_and_an_archive_hold_all() -> None:
+    with Image.open(
+        io.BytesIO(run(JPEG, PNG, encoding=Encoding("tiff", pages_format="tiff")).body)
+    ) as picture:
+        assert picture.n_frames == 2  # type: ignore[attr-defined]
+    archive = run(PNG, b"nothing", JPEG, encoding=Encoding("zip", pages_format="zip")).body
+    with zipfile.ZipFile(io.BytesIO(archive)) as files:
+        assert files.namelist() == ["page-01.png", "page-03.png"]
+
+
+def test_a_page_that_fails_does_not_lose_the_others() -> None:
+    reply = run(JPEG, JPEG[:200], b"no image", PNG)
+    assert len(pypdfium2.PdfDocument(reply.body)) == 2
+    pages = pages_of(reply)
+    assert [page.get("problem", {}).get("code") for page in pages] == [
+        None, "undecodable-image", "unsupported-media-type", None,
+    ]  # fmt: skip
+    assert pages[1]["problem"]["field"] == "image[1]"
+    assert pages[2]["problem"]["detail"].startswith("image[2]: ")
+    assert reply.document["warnings"][0]["code"] == "pages-failed"  # type: ignore[index]
+
+
+def test_when_all_fail_the_first_problem_is_the_answer() -> None:
+    with pytest.raises(UndecodableImage, match=r"image\[0\]"):
+        run(JPEG[:200], b"no image")
+
+
+def test_progress_counts_pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The share at which each page is decoded."""
+    from services.progress import progress_to
+
+    told: list[tuple[str, float]] = []
+    with progress_to(lambda stage, share: told.append((stage, share))):
+        run(JPEG, PNG, JPEG)
+    decoded = [share for stage, share in told if stage == "decode"]
+    assert decoded == pytest.approx([0, 0.95 / 3, 0.95 * 2 / 3])
+
+
+def test_limits_of_a_document() -> None:
+    with pytest.raises(TooLarge, match="2 pages"):
+        run(JPEG, PNG, JPEG, limits=DocumentLimits(max_pages=2))
+    with pytest.raises(TooLarge, match="MAX_DOCUMENT_MEGAPIXELS"):
+        run(JPEG, PNG, limits=DocumentLimits(max_megapixels=0.004))
+    small = DocumentLimits(ImageLimits(max_megapixels=0.002))
+    pages = pages_of(run(JPEG, PNG, limits=small))  # one is too large, the other is not
+    assert pages[0]["problem"]["code"] == "too-large"
+
+
+def test_what_several_pages_cannot_have(pipeline: RectifyPipeline) -> None:
+    with pytest.raises(InvalidOption, match="region"):
+        run(JPEG, PNG, region=((0, 0), (1, 0), (1, 1)))
+    with pytest.raises(NotAcceptable, match="pdf, tiff, zip or json"):
+        run(JPEG, PNG, encoding=Encoding("jpeg", pages_format=None))
+    assert pipeline.calls == []
+
+
+def test_books_among_several_photos_give_two_pages_each(pipeline: RectifyPipeline) -> None:
+    pipeline.pages = 2
+    assert len(pages_of(run(JPEG, PNG, pages="both"))) == 4

@@ -1,0 +1,85 @@
+"""Words -> blocks in reading order; places of words in the photo."""
+
+import numpy as np
+import pytest
+
+from services.text.arrangement import Region, arrange_words, rows_of
+from services.text.page_text import is_right_to_left, join_words
+from services.text.photo_places import locate_boxes, locate_points
+from tests.services.text.pages import word
+
+
+def texts(blocks: object) -> list[list[str]]:
+    """Text of every line of every block."""
+    return [[line.text for line in block.lines] for block in blocks]  # type: ignore[attr-defined]
+
+
+def test_words_follow_the_regions_and_none_is_lost() -> None:
+    left = [word("one", 0, 0), word("two", 100, 2), word("three", 0, 50)]
+    right = [word("four", 500, 0), word("five", 600, -2)]
+    stray = [word("six", 0, 900), word("—", 300, 900)]
+    engine_order = [left[0], right[0], left[1], right[1], left[2], *stray]
+    regions = [
+        Region((-10, -10, 200, 100), 30.0, ((left[0].box, left[1].box),)),
+        Region((490, -10, 700, 60), 30.0, ()),
+    ]
+    blocks = arrange_words(engine_order, regions)
+    # The stray dash is of no region, and no word.
+    assert texts(blocks) == [["one two", "three"], ["four five"], ["six"]]
+
+
+def test_large_short_print_is_a_heading() -> None:
+    body = [word(f"w{index}", 100 * index, 200) for index in range(8)]
+    title = word("Report", 0, 0, 300, 80)
+    section = word("Section", 0, 120, 100, 40)
+    regions = [
+        Region(title.box, 70.0, ()),
+        Region(section.box, 40.0, ()),
+        Region((0, 190, 900, 240), 30.0, ()),
+    ]
+    blocks = arrange_words([*body, title, section], regions)
+    assert [(block.kind, block.level) for block in blocks] == [("heading", 1), ("heading", 2), ("text", 0)]
+
+
+def test_a_row_is_read_in_the_direction_of_its_script() -> None:
+    (line,) = rows_of([word("שלום", 300, 0), word("עולם", 100, 3)])
+    assert line.text == "שלום עולם"
+    assert line.right_to_left
+    (line,) = rows_of([word("world", 300, 0), word("hello", 100, 3)])
+    assert line.text == "hello world"
+
+
+def test_a_comma_of_its_own_stays_in_its_row() -> None:
+    (line,) = rows_of([word("now", 0, 0), word(",", 90, 22, 6, 12), word("then", 100, 0)])
+    assert line.text == "now , then"
+
+
+def test_scripts_and_spaces() -> None:
+    assert join_words(["日本", "語", "is", "日"]) == "日本語 is 日"
+    assert join_words([]) == ""
+    assert is_right_to_left("مرحبا 12")
+    assert not is_right_to_left("12 %")
+
+
+def test_places_follow_the_mesh() -> None:
+    """Analytic case: an affine map is exact between the nodes."""
+    width, height, rows, columns = 401, 301, 7, 9
+    x, y = np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows))
+    affine = np.array([[1.5, 0.2, 10.0], [-0.1, 2.0, 5.0]])
+
+    def photo(points: np.ndarray) -> np.ndarray:
+        return np.asarray(points @ affine[:, :2].T + affine[:, 2])
+
+    mesh = photo(np.stack([x, y], axis=-1))
+    points = np.random.default_rng(3).uniform([0, 0], [width - 1, height - 1], (50, 2))
+    assert locate_points(mesh, width, height, points) == pytest.approx(photo(points))
+    (quad,) = locate_boxes(mesh, width, height, [(10.5, 20.5, 60.5, 40.5)])
+    assert np.array(quad) == pytest.approx(
+        photo(np.array([[10, 20], [60, 20], [60, 40], [10, 40]])), abs=0.01
+    )
+
+
+def test_a_word_outside_of_the_photo_has_no_place() -> None:
+    mesh = np.array([[[0.0, 0], [9, 0]], [[0, 9], [np.nan, np.nan]]])
+    assert locate_boxes(mesh, 10, 10, [(2, 2, 5, 5)]) == (None,)
+    assert locate_boxes(mesh, 10, 10, []) == ()
