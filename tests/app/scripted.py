@@ -82,7 +82,7 @@ def _reply_of_uploads(uploads: list[bytes], parameters: RectifyParameters, encod
     for index, upload in enumerate(uploads):
         try:
             _follow(upload, f"image[{index}]")
-            pages.append(document(parameters, encoding, None))
+            pages.append(rectified_document(parameters, encoding, None))
         except DocumentError as error:
             pages.append({"problem": {"code": error.code, "detail": error.detail, "field": error.field}})
     whole = {"pages": pages, "warnings": [], "timings_ms": {"decode": 1.25}}
