@@ -180,6 +180,7 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
         "rectify": {"image": ["(file photo.jpg)"], "illumination": "normalize", "format": "json"},
         "mosaic": {"images": ["(file a.jpg)", "(file b.jpg)"], "format": "json"},
         "layout": {"image": ["(file page.png)"], "format": "json"},
+        "add_layout_samples": {"archive": "(file samples.zip)"},
     },
 }
 """Bodies by media type and operation."""
@@ -195,6 +196,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
             "rectify",
             "mosaic",
             "layout",
+            "add_layout_samples",
             "initialize_layout_model",
             "train_layout_model",
             "propose_layout_classes",
@@ -263,6 +265,22 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
     },
     ("200", "add_layout_sample"): _RECEIPT,
     ("201", "add_layout_sample"): _RECEIPT,
+    ("200", "add_layout_samples"): {
+        "model": "letter",
+        "added": 1,
+        "known": 0,
+        "failed": 1,
+        "ignored": 0,
+        "pages": [
+            {"files": ["page/1.xml", "1.png"], "status": "added", "id": _SAMPLE, "problem": None},
+            {
+                "files": ["page/2.xml"],
+                "status": "failed",
+                "id": None,
+                "problem": {"code": "invalid-option", "detail": "zones: give at least one zone its label."},
+            },
+        ],
+    },
     ("200", "layout_samples"): {
         "model": "letter",
         "samples": [{"id": _SAMPLE, "zones": 1, "labels": {"receiver": 1}, "created": _WHEN}],

@@ -84,14 +84,7 @@ SAMPLES = [
 ]  # fmt: skip
 RESULTS = [
     other("an unknown result", "GET /layout/results/1", None, "1", 404),
-    other(
-        "a result as XML",
-        f"GET {RESULT}",
-        None,
-        "stored as application/json",
-        406,
-        headers={"Accept": "application/xml"},
-    ),
+    other("a result as XML", f"GET {RESULT}", None, "application/json", 406, headers={"Accept": "application/xml"}),
     other("a result in another format", f"GET {RESULT}?format=alto", "format", "query option"),
     other("a result changed", f"PUT {RESULT}", None, "`Allow`", 405, json={}),
     other("feedback that is no JSON", f"POST {RESULT}/feedback", "body", "not valid JSON", content=b"{"),
