@@ -279,6 +279,9 @@ def image_headers(document: Mapping[str, object]) -> dict[str, str]:
         headers["Document-Rotation"] = str(orientation["rotation_deg"])
     if isinstance(unplaced, list | tuple):
         headers["Document-Unplaced"] = ", ".join(map(str, unplaced))
+    quality = document.get("quality")
+    if isinstance(quality, Mapping):
+        headers["Document-Advice"] = ", ".join(advice["code"] for advice in quality["advice"])
     return headers | _notices(warnings) | _stages(timings)
 
 

@@ -8,6 +8,7 @@ MODULES = {
     "rectify_simulated": "rectify.simulated",
     "rectify_photos": "rectify.photos",
     "rectify_speed": "rectify.speed",
+    "advice": "rectify.advice",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

@@ -60,6 +60,11 @@ RULES = [
     # A creased sheet explains the same observations as a smooth one.
     ("services/sheet/ridged", SHEET, ("services.sheet.ridged", "services.sheet.developable.observations")),
     ("services/rectify", ("services.mosaic", "services.layout", "services.operations"), ()),
+    (
+        "services/capture",
+        (*ESTIMATORS, *SHEET, "services.texture_flow", "services.ocr", "services.operations"),
+        (),
+    ),
     # Text and documents are of any flat page.
     (
         "services/text",

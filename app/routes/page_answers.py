@@ -50,6 +50,10 @@ _PAGES_HEADERS: dict[str, Any] = {
         "description": "The number of pages, if there may be several.",
         "schema": {"type": "string"},
     },
+    "Document-Advice": {
+        "description": "Codes of advice for a better photo, separated by commas; empty for one that reads well.",
+        "schema": {"type": "string"},
+    },
     "Document-Failed": {
         "description": "Numbers (from 1) and problem codes of the pages that could not be flattened, as in "
         "`3 no-text, 5 undecodable-image`; the file leaves them out.",

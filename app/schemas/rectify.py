@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from app.schemas.capture import Quality as PhotoQuality
 from app.schemas.options import (
     Absent,
     AskedPagesFormat,
@@ -201,6 +202,9 @@ class RectifyResult(FlatPage):
     evidence: Evidence
     camera: Camera
     surface: Annotated[Plane | Strips | CreasedSheet, Field(discriminator="type")]
+    quality: PhotoQuality | None = Field(
+        default=None, description="How well the photo can be read; null for a page without text."
+    )
     text: PageText | None = Field(default=None, description="The text, if it was asked for.")
     warnings: list[Warning]
     timings_ms: dict[str, float]

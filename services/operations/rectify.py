@@ -12,6 +12,7 @@ from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import decode_image
 from services.imaging.page_images import PagePicture, page_picture
+from services.operations.capture_reply import describe_quality
 from services.operations.page_reading import READING_BEGINS, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
@@ -106,13 +107,15 @@ def describe_page(
         engine, language = reading_engine(parameters.language)
         with timed("reading", result.timings_ms, READING_BEGINS):
             text = read_flat_page(result.image, engine, language, result.mesh)
+    with timed("quality", result.timings_ms):
+        quality = describe_quality(photo.pixels, result)
     view = reduce_view(result, encoding)
     height, width = view.image.shape[:2]
     size = photo.pixels.shape[1], photo.pixels.shape[0]
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
     return DescribedPage(
         view.image,
-        {**describe_rectification(view, size), "timings_ms": timings_ms},
+        {**describe_rectification(view, size), "quality": quality, "timings_ms": timings_ms},
         None if text is None else text.resized(width, height),
         width / result.image.shape[1],
     )

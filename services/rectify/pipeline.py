@@ -28,6 +28,7 @@ from services.rectify.parameter_checks import check_parameters
 from services.rectify.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.pose import PagePose
 from services.rectify.principal_point import find_principal_point
+from services.rectify.print_sample import sample_print
 from services.rectify.results import (
     CameraEstimate,
     Evidence,
@@ -193,6 +194,7 @@ def flatten_page(
         tuple(notices),
         clock.timings_ms,
         corners_by_view(page.outline, mesh, mirrored=orientation.mirrored),
+        None if isinstance(page, TextlessPage) else sample_print(page.analysis, page.characters),
     )
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Points, RgbImage
+from services.arrays import Points, RgbImage, Vector
 from services.sheet.surfaces import MeshSurface, StripsSurface
 
 
@@ -75,13 +75,21 @@ class Orientation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PrintSample:
+    """Characters of the page in the photo: centres (N, 2) and heights (N,) in photo pixels."""
+
+    characters: Points
+    heights_px: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RectifyResult:
     """The frontal flat view and its evidence.
 
     `mesh` is (rows, columns, 2): `mesh[r, c]` is the photo point (x, y) shown at output pixel
     (c (width-1)/(columns-1), r (height-1)/(rows-1)), after `orientation` was applied.
     `corners` (4, 2) are those of the sheet in photo pixels, clockwise from the top left of the view; a row is NaN where
-    the corner was not seen, and None says that no outline was found.
+    the corner was not seen, and None says that no outline was found. `print` is None if the page has no text.
     """
 
     image: RgbImage
@@ -94,3 +102,4 @@ class RectifyResult:
     warnings: tuple[Notice, ...] = ()
     timings_ms: dict[str, float] = field(default_factory=dict)
     corners: Points | None = None
+    print: PrintSample | None = None

@@ -264,7 +264,7 @@ def test_every_kind_of_surface_is_documented_and_told_by_its_type() -> None:
 def test_the_headers_of_images_are_documented() -> None:
     for path, own in (("/rectify", "Document-Kind"), ("/mosaic", "Document-Unplaced")):
         headers = DOCUMENT["paths"][path]["post"]["responses"]["200"]["headers"]
-        pages = ["Document-Pages", "Document-Failed"] if path == "/rectify" else []
+        pages = ["Document-Pages", "Document-Advice", "Document-Failed"] if path == "/rectify" else []
         assert list(headers) == [own, "Document-Rotation", "Document-Warnings", "Server-Timing", *pages]
 
 

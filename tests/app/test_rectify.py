@@ -42,7 +42,7 @@ def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     assert response.headers["content-type"] == "application/json"
     assert list(response.json()) == [
         "photo", "corners", "orientation", "width", "height", "mesh", "kind", "evidence", "camera", "surface",
-        "text", "warnings", "timings_ms", "image", "image_media_type",
+        "quality", "text", "warnings", "timings_ms", "image", "image_media_type",
     ]  # fmt: skip
     assert response.json()["image"] is None
     assert RectifyResult.model_validate(response.json()).mesh.source[1][0] == (0, 9)

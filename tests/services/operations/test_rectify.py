@@ -31,7 +31,7 @@ PARAMETERS = RectifyParameters(kind="planar", upright=False)
 def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
     reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS)
     document = json.loads(json.dumps(reply.document), parse_constant=reject_constant)
-    assert document.pop("timings_ms").keys() == {"decode", "text", "remap", "encode"}
+    assert document.pop("timings_ms").keys() == {"decode", "text", "remap", "quality", "encode"}
     assert document.pop("camera") == {
         "focal_length_px": 55.5,
         "field_of_view_deg": pytest.approx(60),
@@ -57,6 +57,7 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "warnings": [{"code": "focal-length-unknown", "detail": "Say it."}],
         "photo": {"width": 60, "height": 40},
         "corners": [None] * 4,
+        "quality": None,
         "text": None,
         "image": None,
         "image_media_type": None,

@@ -1,0 +1,78 @@
+"""What to do better in the next photo, with the figures that say so."""
+
+from dataclasses import dataclass
+
+from services.capture.quality import CaptureQuality
+
+
+@dataclass(frozen=True, slots=True)
+class AdviceParameters:
+    """From which figures a better photo is worth the effort."""
+
+    good_height_px: float = 20.0
+    """Print of this height reads well (Tesseract: 10 px poorly, 20 px as well as larger print)."""
+    least_height_px: float = 14.0
+    blur_heights: float = 0.16
+    """Blur, as share of the text height, above which strokes run together."""
+    least_contrast: float = 0.3
+    cut_off: float = 0.01
+    light: float = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """A stable code, and a sentence for the person who takes the photo."""
+
+    code: str
+    detail: str
+
+
+def advise(quality: CaptureQuality, parameters: AdviceParameters | None = None) -> tuple[Advice, ...]:
+    """Advice, the most important first; none for a photo that reads well."""
+    p = parameters or AdviceParameters()
+    found: list[Advice] = []
+    if quality.cut_off_fraction > p.cut_off:
+        share = max(1, round(100 * quality.cut_off_fraction))
+        found.append(
+            Advice(
+                "show-all-text",
+                f"{share} % of the text is cut off or seen too obliquely: take the whole page into view, from above.",
+            )
+        )
+    if quality.text_height_min_px < p.least_height_px:
+        height = round(quality.text_height_min_px)
+        found.append(
+            Advice(
+                "come-closer",
+                f"Come closer: letters are {height} pixels high, {p.good_height_px:g} read well.",
+            )
+        )
+    if quality.blur_px > p.blur_heights * quality.text_height_median_px:
+        where = f"The {quality.blurred_side} third" if quality.blurred_side else "The text"
+        found.append(
+            Advice("hold-still", f"{where} is out of focus or blurred: hold still and focus on the text.")
+        )
+    elif quality.blurred_side is not None:
+        found.append(
+            Advice(
+                "focus-evenly",
+                f"The {quality.blurred_side} third is out of focus: hold the camera parallel to the page.",
+            )
+        )
+    if quality.contrast < p.least_contrast:
+        found.append(Advice("more-light", "The print is faint against the paper: use more light."))
+    if quality.glare_fraction > p.light:
+        share = max(1, round(100 * quality.glare_fraction))
+        found.append(
+            Advice(
+                "avoid-glare", f"Glare covers {share} % of the text: switch off the flash, or move the lamp."
+            )
+        )
+    if quality.shadow_fraction > p.light:
+        share = max(1, round(100 * quality.shadow_fraction))
+        found.append(
+            Advice(
+                "avoid-shadow", f"Shadow without detail covers {share} % of the text: let light fall on it."
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,201 @@
+"""Figures of a photo that decide whether its text can be read: size of print, blur, contrast, missing text, light."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from services.arrays import Floats, GrayImage, Points, Vector
+
+FEWEST_EDGES = 5
+SHARP_PX = 0.7
+"""Blur of a sharp photo; less is not measured."""
+UNEVEN = 1.6
+"""A third that is more blurred than the sharpest by this factor is out of focus."""
+
+
+@dataclass(frozen=True, slots=True)
+class QualityParameters:
+    """Where the figures are measured."""
+
+    patches: int = 250
+    """Characters that are looked at; more do not change the medians."""
+    patch_heights: float = 0.8
+    """Half the side of a patch in text heights: a character and the paper round it."""
+    most_patch_px: int = 48
+    smoothing_px: float = 0.8
+    """Blur before the gradient is taken, so that noise is no edge; it is subtracted from the result."""
+    cells: int = 6
+    """Of the grid on which the least text height is found, along each side."""
+    cell_characters: int = 8
+    cut_heights: float = 0.6
+    """A character whose centre is this near to the photo's border is cut off."""
+    oblique_cos: float = 0.259
+    """Cosine of 75 degrees; strokes seen more obliquely run together."""
+    glare_level: int = 251
+    shadow_level: int = 10
+    blob_heights: float = 2.0
+    """Glare and shadow are larger than this; smaller bright and dark parts are paper and ink."""
+    overexposed: float = 0.5
+    """If a larger share of the page is at the highest level, the whole photo is bright, and it is no glare."""
+    area_side_px: int = 800
+    """Long side of the image on which glare and shadow are measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureQuality:
+    """Figures of one photo of a page; lengths are in pixels of the photo, shares 0-1.
+
+    `text_height_min_px` is that of the smallest or farthest print on the page. `blur_px` is the standard deviation of
+    the blur of edges, `contrast` that of ink against the paper next to it. `cut_off_fraction` is the share of the
+    characters at the photo's border or seen at more than 75 degrees. `blurred_side` names the part of the photo that
+    is less sharp than the rest, if there is one.
+    """
+
+    text_height_min_px: float
+    text_height_median_px: float
+    blur_px: float
+    contrast: float
+    cut_off_fraction: float
+    glare_fraction: float
+    shadow_fraction: float
+    blurred_side: str | None = None
+
+
+def measure_quality(
+    gray: GrayImage,
+    characters: Points,
+    sizes: Vector,
+    mesh: NDArray[np.float64] | None = None,
+    parameters: QualityParameters | None = None,
+) -> CaptureQuality | None:
+    """Figures of the photo `gray` (H, W) with the given characters; None without any.
+
+    `characters` (N, 2) are their centres and `sizes` (N,) their heights in photo pixels. `mesh` (rows, columns, 2) has
+    the photo points of the flat page.
+    """
+    p = parameters or QualityParameters()
+    inside = np.all((characters > 0) & (characters < [gray.shape[1] - 1, gray.shape[0] - 1]), axis=1)
+    characters, sizes = characters[inside], sizes[inside]
+    if len(characters) == 0:
+        return None
+    height = float(np.median(sizes))
+    chosen = np.unique(np.linspace(0, len(characters) - 1, min(p.patches, len(characters))).astype(int))
+    at = characters[chosen]
+    blurs, contrasts = _measure_patches(gray, at, height, p)
+    seen = np.isfinite(blurs)
+    glare, shadow = _measure_light(gray, characters, height, p)
+    return CaptureQuality(
+        text_height_min_px=_least_height(characters, sizes, p),
+        text_height_median_px=height,
+        blur_px=float(np.median(blurs[seen])) if seen.any() else 0.0,
+        contrast=float(np.median(contrasts)),
+        cut_off_fraction=_cut_off(gray.shape, characters, sizes, mesh, p),
+        glare_fraction=glare,
+        shadow_fraction=shadow,
+        blurred_side=_blurred_side(gray.shape, at[seen], blurs[seen]),
+    )
+
+
+def _measure_patches(
+    gray: GrayImage, at: Points, height_px: float, p: QualityParameters
+) -> tuple[Vector, Vector]:
+    """Blur in pixels (NaN: no edge) and contrast round each of the points."""
+    half = int(np.clip(round(p.patch_heights * height_px), 3, p.most_patch_px))
+    blurs, contrasts = np.full(len(at), np.nan), np.zeros(len(at))
+    for index, (x, y) in enumerate(np.round(at).astype(int)):
+        patch = gray[max(0, y - half) : y + half + 1, max(0, x - half) : x + half + 1]
+        if min(patch.shape) < 5:
+            continue
+        smooth = cv2.GaussianBlur(patch, (0, 0), p.smoothing_px).astype(np.float32)
+        dark, light = np.percentile(smooth, [3, 97])
+        contrasts[index] = (light - dark) / max(float(light), 1.0)
+        across = np.diff(smooth, axis=1)[:-1]
+        down = np.diff(smooth, axis=0)[:, :-1]
+        steepest = float(np.percentile(np.hypot(across, down), 99.0))
+        if light - dark > 8 and steepest > 0:
+            # The derivative of a step that a Gaussian blurs is the Gaussian: its peak is step / (sqrt(2 pi) sigma).
+            sigma = (light - dark) / (np.sqrt(2 * np.pi) * steepest)
+            blurs[index] = np.sqrt(max(sigma**2 - p.smoothing_px**2, 0.0))
+    return blurs, contrasts
+
+
+def _least_height(characters: Points, sizes: Vector, p: QualityParameters) -> float:
+    """Least of the median heights in the cells of a grid over the text."""
+    low, extent = characters.min(axis=0), np.maximum(np.ptp(characters, axis=0), 1.0)
+    cell = np.minimum(((characters - low) / extent * p.cells).astype(int), p.cells - 1) @ [1, p.cells]
+    medians = [
+        float(np.median(sizes[cell == number]))
+        for number in range(p.cells**2)
+        if np.count_nonzero(cell == number) >= p.cell_characters
+    ]
+    return min(medians, default=float(np.median(sizes)))
+
+
+def _cut_off(
+    shape: tuple[int, ...],
+    characters: Points,
+    sizes: Vector,
+    mesh: NDArray[np.float64] | None,
+    p: QualityParameters,
+) -> float:
+    edge = np.minimum(characters, np.array([shape[1] - 1, shape[0] - 1]) - characters).min(axis=1)
+    cut = edge < p.cut_heights * sizes
+    if mesh is not None:
+        cut |= _cosines(mesh, characters) < p.oblique_cos
+    return float(cut.mean())
+
+
+def _cosines(mesh: NDArray[np.float64], characters: Points) -> Vector:
+    """Cosine of the angle at which the page is seen at each character: the map's least over its largest stretch."""
+    rows, columns = mesh.shape[:2]
+    aspect = (columns - 1) / max(rows - 1, 1)
+    across = np.diff(mesh, axis=1)[:-1] * aspect
+    down = np.diff(mesh, axis=0)[:, :-1]
+    stretch = np.linalg.svd(np.nan_to_num(np.stack([across, down], axis=-1)), compute_uv=False)
+    cosines = np.where(stretch[..., 0] > 0, stretch[..., 1] / np.maximum(stretch[..., 0], 1e-9), 1.0)
+    middles = (mesh[:-1, :-1] + mesh[1:, 1:]) / 2
+    known = np.isfinite(middles).all(axis=-1)
+    if not known.any():
+        return np.ones(len(characters))
+    _, nearest = cKDTree(middles[known]).query(characters)
+    return np.asarray(cosines[known][nearest])
+
+
+def _measure_light(
+    gray: GrayImage, characters: Points, height_px: float, p: QualityParameters
+) -> tuple[float, float]:
+    """Shares of the page's area that are glare, and shadow without detail."""
+    factor = min(1.0, p.area_side_px / max(gray.shape))
+    size = (max(1, round(gray.shape[1] * factor)), max(1, round(gray.shape[0] * factor)))
+    small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+    page = np.zeros(small.shape, np.uint8)
+    hull = cv2.convexHull((characters * factor).astype(np.float32))
+    cv2.fillConvexPoly(page, np.round(hull).astype(np.int32), 1)
+    area = max(int(page.sum()), 1)
+    side = max(3, round(p.blob_heights * height_px * factor) | 1)
+    kernel = np.ones((side, side), np.uint8)
+    bright = np.asarray((small >= p.glare_level) & (page > 0), np.uint8)
+    glare = 0.0
+    if bright.sum() < p.overexposed * area:
+        glare = float(cv2.morphologyEx(bright, cv2.MORPH_OPEN, kernel).sum()) / area
+    dark = np.asarray((small <= p.shadow_level) & (page > 0), np.uint8)
+    return glare, float(cv2.morphologyEx(dark, cv2.MORPH_OPEN, kernel).sum()) / area
+
+
+def _blurred_side(shape: tuple[int, ...], at: Points, blurs: Vector) -> str | None:
+    """The outer third of the photo whose text is much less sharp than that of the sharpest third."""
+    found: list[tuple[float, str | None]] = []
+    for axis, names in ((0, ("left", None, "right")), (1, ("upper", None, "lower"))):
+        third: Floats = np.floor(at[:, axis] / max(shape[1 - axis], 1) * 3)
+        for part, name in enumerate(names):
+            own = blurs[third == part]
+            if len(own) >= FEWEST_EDGES:
+                found.append((float(np.median(own)), name))
+    if not found:
+        return None
+    sharpest = max(min(blur for blur, _ in found), SHARP_PX)
+    blur, name = max((each for each in found if each[1] is not None), default=(0.0, None))
+    return name if blur > UNEVEN * sharpest else None

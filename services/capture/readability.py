@@ -1,0 +1,44 @@
+"""The character error that a photo's figures let expect: a small calibrated model.
+
+The coefficients are those that `python -m benchmarks advice --fit` prints, from simulated photos of known text.
+"""
+
+import math
+from dataclasses import dataclass
+
+from services.capture.quality import CaptureQuality
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorModel:
+    """Logistic model: the logit of the error is the sum of these times the features of `features_of`."""
+
+    constant: float = -4.0
+    small_print: float = 1.6
+    blur: float = 9.0
+    faint_print: float = 1.0
+    uneven_light: float = 4.0
+
+
+def features_of(quality: CaptureQuality) -> tuple[float, float, float, float]:
+    """Features of the model, 0 for a good photo: small print, blur, faint print, uneven light.
+
+    Small print in octaves below 24 px, blur as share of the text height, contrast in octaves below full, and the share
+    of glare and clipped shadow.
+    """
+    height = 0.5 * (quality.text_height_min_px + quality.text_height_median_px)
+    return (
+        max(0.0, math.log2(24.0 / max(height, 1.0))),
+        quality.blur_px / max(height, 1.0),
+        -math.log2(min(max(quality.contrast, 0.01), 1.0)),
+        quality.glare_fraction + quality.shadow_fraction,
+    )
+
+
+def predict_character_error(quality: CaptureQuality, model: ErrorModel | None = None) -> float:
+    """Share of the characters, 0-1, that OCR will not read right. What is cut off is lost."""
+    m = model or ErrorModel()
+    weights = (m.small_print, m.blur, m.faint_print, m.uneven_light)
+    logit = m.constant + sum(w * f for w, f in zip(weights, features_of(quality), strict=True))
+    misread = 1.0 / (1.0 + math.exp(-max(min(logit, 50.0), -50.0)))
+    return 1.0 - (1.0 - misread) * (1.0 - quality.cut_off_fraction)

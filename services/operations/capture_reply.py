@@ -1,0 +1,34 @@
+"""The `quality` of the HTTP contract: figures of a photo, the error to expect, advice."""
+
+import cv2
+import numpy as np
+
+from services.arrays import RgbImage
+from services.capture.advice import advise
+from services.capture.quality import measure_quality
+from services.capture.readability import predict_character_error
+from services.operations.replies import rounded
+from services.rectify.results import RectifyResult
+
+
+def describe_quality(photo: RgbImage, result: RectifyResult) -> dict[str, object] | None:
+    """Quality of the photo (H, W, 3) whose flat page is `result`; None for a page without text."""
+    if result.print is None:
+        return None
+    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+    quality = measure_quality(gray, result.print.characters, result.print.heights_px, result.mesh)
+    if quality is None:
+        return None
+    return {
+        "text_height_px": {
+            "min": rounded(quality.text_height_min_px, 1),
+            "median": rounded(quality.text_height_median_px, 1),
+        },
+        "blur_px": rounded(quality.blur_px, 2),
+        "contrast": rounded(quality.contrast, 3),
+        "cut_off_fraction": rounded(quality.cut_off_fraction),
+        "glare_fraction": rounded(quality.glare_fraction),
+        "shadow_fraction": rounded(quality.shadow_fraction),
+        "predicted_character_error": rounded(predict_character_error(quality)),
+        "advice": [{"code": each.code, "detail": each.detail} for each in advise(quality)],
+    }

@@ -1,0 +1,129 @@
+"""Figures of drawn photos whose height, blur, contrast and light are known, and what is advised."""
+
+import cv2
+import numpy as np
+import pytest
+
+from services.arrays import Points
+from services.capture.advice import advise
+from services.capture.quality import CaptureQuality, QualityParameters, measure_quality
+from services.capture.readability import predict_character_error
+
+HEIGHT_PX = 24.0
+GOOD = CaptureQuality(24.0, 24.0, 0.8, 0.8, 0.0, 0.0, 0.0)
+
+
+def characters_on(image: np.ndarray, step: int = 48, ink: int = 20) -> Points:
+    """Draw squares of 24 pixels on a grid; their centres."""
+    centres = []
+    for y in range(60, image.shape[0] - 50, step):
+        for x in range(60, image.shape[1] - 50, step):
+            image[y - 12 : y + 12, x - 12 : x + 12] = ink
+            centres.append((x - 0.5, y - 0.5))
+    return np.array(centres, np.float64)
+
+
+def measured(image: np.ndarray, centres: Points, mesh: np.ndarray | None = None) -> CaptureQuality:
+    """Its figures."""
+    found = measure_quality(image, centres, np.full(len(centres), HEIGHT_PX), mesh)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("sigma_px", [1.0, 2.0, 4.0])
+def test_blur_is_that_of_the_edges(sigma_px: float) -> None:
+    image = np.full((600, 600), 230, np.uint8)
+    centres = characters_on(image)
+    blurred = np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), np.uint8)
+    assert measured(blurred, centres).blur_px == pytest.approx(sigma_px, rel=0.2)
+    noisy = blurred + np.random.default_rng(1).normal(0, 4, blurred.shape)
+    noise = measured(np.clip(noisy, 0, 255).astype(np.uint8), centres).blur_px
+    assert noise == pytest.approx(sigma_px, rel=0.35)
+
+
+@pytest.mark.parametrize("ink", [20, 120, 180])
+def test_contrast_is_that_of_ink_and_paper(ink: int) -> None:
+    image = np.full((600, 600), 230, np.uint8)
+    quality = measured(image, characters_on(image, ink=ink))
+    assert quality.contrast == pytest.approx((230 - ink) / 230, abs=0.05)
+    assert (quality.glare_fraction, quality.shadow_fraction) == (0.0, 0.0)
+
+
+def test_the_least_height_is_that_of_the_farthest_print() -> None:
+    image = np.full((600, 600), 230, np.uint8)
+    centres = np.repeat(characters_on(image), 10, axis=0)
+    heights = 10 + centres[:, 1] / 30
+    found = measure_quality(image, centres, heights)
+    assert found is not None
+    assert 11 < found.text_height_min_px < 15
+    assert found.text_height_median_px == pytest.approx(np.median(heights))
+
+
+def test_text_at_the_border_is_cut_off() -> None:
+    image = np.full((600, 600), 230, np.uint8)
+    centres = characters_on(image)
+    cut = np.concatenate([centres, [[5.0, 100.0]] * len(centres)])
+    assert measured(image, centres).cut_off_fraction == 0.0
+    assert measured(image, cut).cut_off_fraction == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("tilt_deg", "cut"), [(0, 0.0), (60, 0.0), (80, 1.0)])
+def test_text_seen_obliquely_is_lost(tilt_deg: float, cut: float) -> None:
+    """An affine view of a plane that is tilted about the vertical."""
+    image = np.full((600, 600), 230, np.uint8)
+    centres = characters_on(image)
+    x, y = np.meshgrid(np.linspace(0, 599, 49), np.linspace(0, 599, 49))
+    cosine = np.cos(np.radians(tilt_deg))
+    mesh = np.stack([300 + (x - 300) * cosine, y], axis=-1)
+    assert measured(image, centres, mesh).cut_off_fraction == pytest.approx(cut, abs=0.02)
+
+
+def test_glare_and_shadow_are_large_parts_without_detail() -> None:
+    image = np.full((600, 600), 200, np.uint8)
+    centres = characters_on(image)
+    image[150:350, 150:350] = 255
+    image[400:500, 100:500] = 3
+    area = np.ptp(centres[:, 0]) * np.ptp(centres[:, 1])
+    quality = measured(image, centres)
+    assert quality.glare_fraction == pytest.approx(200 * 200 / area, rel=0.15)
+    assert quality.shadow_fraction == pytest.approx(100 * 400 / area, rel=0.15)
+    # White paper in a bright photo is no glare.
+    bright = np.full((600, 600), 255, np.uint8)
+    assert measured(bright, characters_on(bright)).glare_fraction == 0.0
+
+
+def test_the_blurred_third_is_named() -> None:
+    image = np.full((600, 900), 230, np.uint8)
+    centres = characters_on(image)
+    image[:, :300] = cv2.GaussianBlur(image, (0, 0), 5.0)[:, :300]
+    assert measured(image, centres).blurred_side == "left"
+
+
+def test_without_characters_there_are_no_figures() -> None:
+    empty = np.zeros((0, 2))
+    assert measure_quality(np.zeros((9, 9), np.uint8), empty, np.zeros(0), None, QualityParameters()) is None
+
+
+@pytest.mark.parametrize(
+    ("worse", "code"),
+    [
+        ({"text_height_min_px": 9.0}, "come-closer"),
+        ({"blur_px": 6.0}, "hold-still"),
+        ({"blurred_side": "left"}, "focus-evenly"),
+        ({"contrast": 0.15}, "more-light"),
+        ({"cut_off_fraction": 0.2}, "show-all-text"),
+        ({"glare_fraction": 0.1}, "avoid-glare"),
+        ({"shadow_fraction": 0.1}, "avoid-shadow"),
+    ],
+)
+def test_every_fault_has_its_advice_and_costs(worse: dict[str, object], code: str) -> None:
+    figures = {name: getattr(GOOD, name) for name in CaptureQuality.__dataclass_fields__}
+    quality = CaptureQuality(**{**figures, **worse})
+    assert [advice.code for advice in advise(quality)] == [code]
+    assert predict_character_error(quality) >= predict_character_error(GOOD)
+    assert advise(GOOD) == ()
+
+
+def test_the_sentence_says_the_figure() -> None:
+    (advice,) = advise(CaptureQuality(9.2, 18.0, 0.8, 0.8, 0.0, 0.0, 0.0))
+    assert advice.detail == "Come closer: letters are 9 pixels high, 20 read well."
