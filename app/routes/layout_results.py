@@ -4,7 +4,6 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
-from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -12,6 +11,7 @@ from app.callers import caller_of
 from app.problems import documented
 from app.representations import choose_list_format
 from app.routes.common_responses import STORE
+from app.routes.paging import LINK, link_next
 from app.routes.state import State
 from app.schemas.layout_results import ListFormat, ResultEntry, ResultList
 from models.records import ListedResult
@@ -50,12 +50,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
                 "text/csv": {"schema": {"type": "string"}},
                 "application/jsonl": {"schema": {"type": "string"}},
             },
-            "headers": {
-                "Link": {
-                    "description": '`<...>; rel="next"`; absent after the last result.',
-                    "schema": {"type": "string"},
-                }
-            },
+            "headers": LINK,
         },
         **documented("invalid-option", "not-acceptable", *STORE),
     },
@@ -88,18 +83,20 @@ async def layout_results(
         lambda store: store.results(limit + 1, before=cursor, owner=owner, state=state_)
     )
     listed, following = found[:limit], found[limit - 1].id if len(found) > limit else None
-    headers = {}
+    response = _listed([_entry(each) for each in listed], chosen, following)
     if following is not None:
-        query = {**dict(request.query_params), "cursor": following}
-        headers["Link"] = f'<{state.settings.root_path}/layout/results?{urlencode(query)}>; rel="next"'
-    entries = [_entry(each) for each in listed]
+        link_next(request, state, response, following)
+    return response
+
+
+def _listed(entries: Sequence[ResultEntry], chosen: ListFormat, following: str | None) -> Response:
     if chosen == "csv":
-        return Response(_csv(entries), media_type="text/csv", headers=headers)
+        return Response(_csv(entries), media_type="text/csv")
     if chosen == "jsonl":
         lines = (entry.model_dump_json(by_alias=True) + "\n" for entry in entries)
-        return Response("".join(lines), media_type="application/jsonl", headers=headers)
-    body = ResultList(results=entries, next=following).model_dump_json(by_alias=True)
-    return Response(body, media_type="application/json", headers=headers)
+        return Response("".join(lines), media_type="application/jsonl")
+    body = ResultList(results=list(entries), next=following).model_dump_json(by_alias=True)
+    return Response(body, media_type="application/json")
 
 
 def _entry(listed: ListedResult) -> ResultEntry:
