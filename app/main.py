@@ -3,6 +3,7 @@
 import logging
 import signal
 import sys
+import time
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -24,7 +25,8 @@ from app.body_limits import body_limits_of
 from app.disk_space import DiskSpace
 from app.engine.local import LocalEngine, PoolLimits
 from app.interprocess_lock import InterprocessLock
-from app.jobs import JobLimits, Jobs
+from app.jobs.registry import Jobs
+from app.jobs.service import JobService, job_limits
 from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
 from app.metrics import Metrics
@@ -158,16 +160,8 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     )
     shared = None if settings.database_url else settings.data_dir / LEARNING_LOCK
     locks = ModelLocks(InterprocessLock(shared))
-    jobs = Jobs(
-        JobLimits(
-            ttl_s=settings.job_ttl_s,
-            max_jobs=settings.max_jobs,
-            max_result_bytes=settings.max_job_result_bytes,
-            max_listeners=settings.max_job_listeners,
-        )
-    )
-
     blobs = BlobAccess(settings.blob_url, settings.data_dir)
+    jobs = Jobs(store, blobs, job_limits(settings))
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
     @asynccontextmanager
@@ -177,11 +171,13 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             await blobs.open()
             await engine.start()
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
+            await job_service.start()
             try:
                 yield
             finally:
-                await engine.drain(settings.shutdown_grace_s)
-                await jobs.close()
+                begin_s = time.monotonic()
+                await job_service.stop(settings.shutdown_grace_s)
+                await engine.drain(max(0.0, begin_s + settings.shutdown_grace_s - time.monotonic()))
                 await blobs.close()
                 locks.close()
 
@@ -214,6 +210,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     answer = FrameworkErrors(methods)
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
+    job_service = JobService(app, answer, jobs, store, blobs, settings)
     _add_middleware(app, settings, engine, metrics, routes)
     _describe(app, settings)
     return app

@@ -159,15 +159,29 @@ class Settings(BaseSettings):
     job_ttl_s: int = Field(
         default=3600, ge=1, description="A job and its result are kept this long after its end."
     )
-    max_jobs: int = Field(
-        default=200,
+    job_lease_s: float = Field(
+        default=15.0,
         ge=1,
-        description="Most jobs that are kept; over the limit, those that ended first are removed.",
+        description="A job whose worker does not report for this long is given to another worker.",
+    )
+    max_jobs: int = Field(
+        default=1000,
+        ge=1,
+        description="Most unfinished jobs; further ones get 503 `busy`. Most jobs that are kept: over the limit, those "
+        "that ended first are removed.",
+    )
+    max_jobs_per_key: int = Field(
+        default=0, ge=0, description="Most unfinished jobs of one API key; 0: half of MAX_JOBS."
+    )
+    max_job_input_bytes: int = Field(
+        default=4096 * MIB,
+        ge=1024,
+        description="Uploads of all unfinished jobs together; over it: 503 `busy`.",
     )
     max_job_result_bytes: int = Field(
         default=512 * MIB,
         ge=1024,
-        description="Results of all jobs together, in temporary files; over the limit, the oldest are removed.",
+        description="Results of all jobs together; over the limit, the oldest are removed.",
     )
     max_job_listeners: int = Field(
         default=100,
@@ -229,6 +243,13 @@ class Settings(BaseSettings):
         ge=1,
         description="Unknown pages are kept this long: a new class of documents may need weeks to show.",
     )
+
+    @property
+    def most_jobs_per_key(self) -> int:
+        """Most unfinished jobs of one API key, or of all callers where there are no keys."""
+        if not self.api_keys:
+            return self.max_jobs
+        return self.max_jobs_per_key or max(1, self.max_jobs // 2)
 
     @property
     def image_limits(self) -> ImageLimits:

@@ -8,7 +8,7 @@ from fastapi import Depends, Request
 from app.blobs import BlobAccess
 from app.disk_space import DiskSpace
 from app.engine.base import Engine
-from app.jobs import Jobs
+from app.jobs.registry import Jobs
 from app.layout_store import LayoutStore
 from app.metrics import Metrics
 from app.model_locks import ModelLocks

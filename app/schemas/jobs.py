@@ -4,8 +4,8 @@ from datetime import datetime
 
 from pydantic import BaseModel, Field
 
-from app.jobs import JobState
 from app.schemas.problem import Problem
+from models.job_records import JobState
 
 
 class JobLinks(BaseModel):
@@ -24,8 +24,12 @@ class JobStatus(BaseModel):
         description="Current stage of the work, spelled as in `timings_ms`; `started` until the work reports one."
     )
     progress: float = Field(ge=0, le=1, description="Share of the work that is done; it never decreases.")
+    attempts: int = Field(
+        ge=0,
+        description="How often a worker has started it; twice if the first worker ended before the work was done.",
+    )
     created: datetime
-    started: datetime | None = Field(description="When a worker started it.")
+    started: datetime | None = Field(description="When a worker started it, the last time.")
     ended: datetime | None
     problem: Problem | None = Field(
         description="Why it failed or was cancelled; /jobs/{id}/result responds with the same problem."
