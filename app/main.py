@@ -1,5 +1,6 @@
 """The application, and the server that runs it."""
 
+import asyncio
 import logging
 import signal
 import sys
@@ -23,8 +24,11 @@ from app.authentication import ApiKeys
 from app.blobs import BlobAccess
 from app.body_limits import body_limits_of
 from app.disk_space import DiskSpace
+from app.engine.absent import AbsentEngine
+from app.engine.base import Engine
 from app.engine.local import LocalEngine, PoolLimits
 from app.interprocess_lock import InterprocessLock
+from app.jobs.forwarding import JobAdmission
 from app.jobs.registry import Jobs
 from app.jobs.service import JobService, job_limits
 from app.layout_store import LayoutStore, ResultLimits
@@ -105,6 +109,17 @@ WORK = frozenset(
     }
 )
 """Requests that need a seat in the engine."""
+LATER = frozenset(
+    {
+        ("POST", "/rectify"),
+        ("POST", "/mosaic"),
+        ("POST", "/layout"),
+        ("POST", "/layout/models/{name}/initialize"),
+        ("POST", "/layout/models/{name}/train"),
+        ("POST", "/layout/proposals"),
+    }
+)
+"""Those that may be jobs."""
 MAX_FIELD_BYTES = 64 * 1024
 """Largest option field. 200 points of a region need a tenth of it. The zones of a page have their own limit."""
 
@@ -134,21 +149,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     ]
     methods = _methods_of(routes)
     metrics = Metrics(methods)
-    engine = LocalEngine(
-        PoolLimits(
-            workers=settings.workers,
-            queue_length=settings.queue_length,
-            job_timeout_s=settings.job_timeout_s,
-            queue_timeout_s=settings.queue_timeout_s,
-            worker_memory_bytes=settings.worker_memory_bytes,
-            jobs_per_worker=settings.jobs_per_worker,
-            worker_resident_bytes=settings.worker_resident_bytes,
-        ),
-        warm_up=operations.warm_up,
-        warm_up_arguments=(settings.content_features,),
-        preload=operations.modules,
-        observe=metrics.observe_job,
-    )
+    engine = _engine(settings, operations, metrics)
     metrics.watch(engine.status)
     store = LayoutStore(
         settings.data_dir,
@@ -193,9 +194,6 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         dependencies=[Depends(KnownQueryOptions(routes))],
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
-    app.state.document_rectification = AppState(
-        settings, engine, operations, store, metrics, locks, jobs, disk, blobs
-    )
     for router in ROUTERS:
         if router is layout.router:
             # The limit of one field must be reached before that of all fields, because its message names the field.
@@ -211,9 +209,33 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
     job_service = JobService(app, answer, jobs, store, blobs, settings)
-    _add_middleware(app, settings, engine, metrics, routes)
+    metrics.watch_jobs(job_service.facts)
+    app.state.document_rectification = AppState(
+        settings, engine, operations, store, metrics, locks, jobs, disk, blobs, job_service
+    )
+    _add_middleware(app, settings, engine, jobs, metrics, routes)
     _describe(app, settings)
     return app
+
+
+def _engine(settings: Settings, operations: Operations, metrics: Metrics) -> Engine:
+    if not settings.workers:
+        return AbsentEngine()
+    return LocalEngine(
+        PoolLimits(
+            workers=settings.workers,
+            queue_length=settings.queue_length,
+            job_timeout_s=settings.job_timeout_s,
+            queue_timeout_s=settings.queue_timeout_s,
+            worker_memory_bytes=settings.worker_memory_bytes,
+            jobs_per_worker=settings.jobs_per_worker,
+            worker_resident_bytes=settings.worker_resident_bytes,
+        ),
+        warm_up=operations.warm_up,
+        warm_up_arguments=(settings.content_features,),
+        preload=operations.modules,
+        observe=metrics.observe_job,
+    )
 
 
 def _check_content_features(path: Path | None) -> None:
@@ -233,15 +255,24 @@ def _check_content_features(path: Path | None) -> None:
 
 
 def _add_middleware(
-    app: FastAPI, settings: Settings, engine: LocalEngine, metrics: Metrics, routes: list[APIRoute]
+    app: FastAPI, settings: Settings, engine: Engine, jobs: Jobs, metrics: Metrics, routes: list[APIRoute]
 ) -> None:
     """Add everything that every request passes before its route.
 
     The middleware that is added last is the outermost: prefix, log, body limits, origins, compression, errors, API
-    keys, methods, admission.
+    keys, methods, admission to the queue of jobs and to the engine.
     """
     places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
     app.add_middleware(Admission, engine=engine, work=WORK, places=places)
+    app.add_middleware(
+        JobAdmission,
+        jobs=jobs,
+        work=WORK,
+        later=LATER,
+        places=places,
+        queue_timeout_s=settings.queue_timeout_s,
+        forwards=not settings.workers,
+    )
     app.add_middleware(ConditionalGet)
     app.add_middleware(HeadAndOptions, methods=_methods_of(routes))
     app.add_middleware(ApiKeys, keys=settings.api_keys)
@@ -296,6 +327,26 @@ def _describe(app: FastAPI, settings: Settings) -> None:
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]
+
+
+def work(app: FastAPI | None = None, settings: Settings | None = None) -> None:
+    """Run jobs, without HTTP, until SIGTERM or SIGINT. Running jobs may then finish within the grace period."""
+    settings = settings or Settings()
+    configure_logs(settings.log_level)
+    if not settings.workers:
+        sys.exit("WORKERS=0: a process that only runs jobs needs workers.")
+    app = app or create_app(settings)
+
+    async def run_jobs() -> None:
+        stopping = asyncio.Event()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            asyncio.get_running_loop().add_signal_handler(number, stopping.set)
+        async with app.router.lifespan_context(app):
+            log.info("the worker takes jobs")
+            await stopping.wait()
+
+    with run_folder():
+        asyncio.run(run_jobs())
 
 
 def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:

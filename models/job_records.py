@@ -40,6 +40,16 @@ class JobBounds:
     most_input_bytes: int
 
 
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """One attempt to call a job's `callback_url`: the status of the answer (None: there was none), and what failed."""
+
+    at: datetime
+    status: int | None
+    failure: str | None
+    seconds: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredJob:
     """A job. `attempts` counts its starts; `revision` counts its changes.
@@ -66,7 +76,7 @@ class StoredJob:
     answer_bytes: int
     problem: dict[str, Any] | None
     callback_url: str | None
-    deliveries: tuple[dict[str, Any], ...] = ()
+    deliveries: tuple[Delivery, ...] = ()
 
     @property
     def is_over(self) -> bool:

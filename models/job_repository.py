@@ -7,6 +7,7 @@ job is written once.
 
 import secrets
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import cast
 
@@ -18,6 +19,7 @@ from models.documents import decode_document, encode_document
 from models.errors import JobKeyReused, JobNotFound, QueueFull
 from models.job_records import (
     FINAL_STATES,
+    Delivery,
     JobBounds,
     JobDraft,
     JobEnd,
@@ -238,12 +240,36 @@ class JobRepository(Transactions):
             finished = select(JobRow).where(JobRow.state.in_(FINAL_STATES)).order_by(JobRow.ended_at)
             for row in session.execute(finished.execution_options(yield_per=100)).scalars():
                 is_over_limit = jobs > most_jobs or answer_bytes > most_answer_bytes
-                if is_over_limit or self._has_expired(row):
+                if (is_over_limit and row.callback_at is None) or self._has_expired(row):
                     keys += _blob_keys(row)
                     session.delete(row)
                     jobs -= 1
                     answer_bytes -= row.answer_bytes
         return keys
+
+    def claim_callback(self, claim_s: float) -> StoredJob | None:
+        """A job whose callback is due; None: there is none. Nobody else gets it for `claim_s` seconds."""
+        now = self._clock()
+        due = select(JobRow).where(JobRow.callback_at <= now).order_by(JobRow.callback_at).limit(1)
+        with self._reading() as session:
+            if session.execute(due).first() is None:
+                return None
+        with self._writing() as session:
+            row = session.execute(due.with_for_update(skip_locked=True)).scalar_one_or_none()
+            if row is None:
+                return None
+            row.callback_at = now + timedelta(seconds=claim_s)
+            return _stored(row)
+
+    def note_delivery(self, job_id: str, delivery: Delivery, next_s: float | None) -> None:
+        """Add to a job's log of deliveries; the next one is due in `next_s` seconds, None: it was the last."""
+        with self._writing() as session:
+            row = session.get(JobRow, job_id, with_for_update=True)
+            if row is None:
+                return
+            noted = [*_deliveries(row), delivery]
+            row.deliveries = encode_document({"log": [_delivery_document(each) for each in noted]})
+            row.callback_at = None if next_s is None else self._clock() + timedelta(seconds=next_s)
 
     def queue_status(self) -> QueueStatus:
         """Numbers of unfinished jobs."""
@@ -328,6 +354,7 @@ def _end(row: JobRow, end: JobEnd, now: datetime, ttl_s: float) -> None:
     row.answer = None if end.answer is None else encode_document(end.answer)
     row.problem = None if end.problem is None else encode_document(end.problem)
     row.answer_key, row.answer_bytes = end.answer_key, end.answer_bytes
+    row.callback_at = None if row.callback_url is None else now
     if end.state == "succeeded":
         row.progress = 1.0
     row.revision += 1
@@ -357,4 +384,14 @@ def _stored(row: JobRow) -> StoredJob:
         answer_bytes=row.answer_bytes,
         problem=None if row.problem is None else decode_document(row.problem),
         callback_url=row.callback_url,
+        deliveries=tuple(_deliveries(row)),
     )
+
+
+def _deliveries(row: JobRow) -> list[Delivery]:
+    noted = [] if row.deliveries is None else decode_document(row.deliveries)["log"]
+    return [Delivery(**{**each, "at": datetime.fromisoformat(each["at"])}) for each in noted]
+
+
+def _delivery_document(delivery: Delivery) -> dict[str, object]:
+    return {**asdict(delivery), "at": delivery.at.isoformat()}

@@ -5,6 +5,7 @@ import logging
 import random
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from typing import Protocol
 
 from app.jobs.registry import Jobs
 from app.jobs.running import JobRunner
@@ -17,6 +18,16 @@ ASK_EVERY_S = 1.0
 SETTLE_EVERY_S = 3.0
 PURGE_EVERY_S = 5.0
 SWEEP_EVERY_S = 600.0
+
+
+class Dispatch(Protocol):
+    """Brings jobs to free slots of a `JobRunner`."""
+
+    async def start(self) -> None: ...
+    async def announce(self, job_id: str) -> None: ...
+    async def settle(self) -> None: ...
+    async def live_workers(self) -> int | None: ...
+    async def stop(self, grace_s: float) -> None: ...
 
 
 class LocalDispatch:
@@ -34,10 +45,17 @@ class LocalDispatch:
         self._runner.start()
         self._tasks = [asyncio.create_task(self._fill_slot()) for _ in range(self._slots)]
 
-    async def announce(self) -> None:
+    async def announce(self, job_id: str = "") -> None:
         """Say that there is one more job."""
         news, self._news = self._news, asyncio.Event()
         news.set()
+
+    async def settle(self) -> None:
+        """Nothing: slots ask the store themselves."""
+
+    async def live_workers(self) -> int | None:
+        """Number of processes that run jobs."""
+        return min(1, self._slots)
 
     async def stop(self, grace_s: float) -> None:
         """Take no more jobs; those that still run after `grace_s` seconds are handed back."""
@@ -67,9 +85,10 @@ class LocalDispatch:
 class Housekeeping:
     """What has to be done at intervals by every process, whether it runs jobs or not."""
 
-    def __init__(self, jobs: Jobs, runner: JobRunner) -> None:
+    def __init__(self, jobs: Jobs, runner: JobRunner, dispatch: Dispatch) -> None:
         self._duties: list[tuple[float, Callable[[], Awaitable[object]]]] = [
             (SETTLE_EVERY_S, runner.settle_stalled),
+            (SETTLE_EVERY_S, dispatch.settle),
             (PURGE_EVERY_S, jobs.purge),
             (SWEEP_EVERY_S, jobs.sweep_blobs),
         ]

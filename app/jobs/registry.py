@@ -2,10 +2,9 @@
 
 import asyncio
 import hashlib
-import json
 import logging
 import uuid
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -15,6 +14,7 @@ from starlette.responses import Response
 
 from app.blobs import BlobAccess
 from app.engine.base import Busy
+from app.jobs.answers import failed
 from app.jobs.stored_request import body_of, describe_request
 from app.layout_store import LayoutStore
 from models.errors import JobKeyReused, QueueFull, StoreError
@@ -23,8 +23,6 @@ from models.job_records import (
     JOB_BLOBS,
     JobBounds,
     JobDraft,
-    JobEnd,
-    JobState,
     StoredJob,
     blob_key,
     job_of_blob,
@@ -99,8 +97,8 @@ class JobLimits:
         return JobBounds(self.max_jobs, self.max_jobs_per_key, self.max_input_bytes)
 
 
-Announce = Callable[[], Coroutine[Any, Any, None]]
-"""Tells whoever runs jobs that there is one more."""
+Announce = Callable[[str], Coroutine[Any, Any, None]]
+"""Tells whoever runs jobs that there is one more; its id."""
 Abandon = Callable[[str], Coroutine[Any, Any, None]]
 """Stops a job if this process runs it, and waits for that."""
 
@@ -118,8 +116,8 @@ class Jobs:
         self._revisions: dict[str, int] = {}
         self._looked = asyncio.Event()
         self._looker: asyncio.Task[None] | None = None
-        self.announce: Announce = _nobody
-        self.abandon: Abandon = _no_one
+        self.announce: Announce = _ignore
+        self.abandon: Abandon = _ignore
 
     # Accepting
 
@@ -162,36 +160,62 @@ class Jobs:
         """
         parts, most_bytes, content_type = await body_of(request)
         await self.require_room(owner, most_bytes)
+        return await self.store_job(
+            describe_request(request, content_type),
+            parts,
+            most_bytes,
+            owner,
+            str(getattr(request.scope.get("route"), "operation_id", None) or "request"),
+            repeatable=repeatable,
+            callback_url=callback_url,
+        )
+
+    async def store_job(
+        self,
+        description: dict[str, Any],
+        parts: Iterator[bytes],
+        most_bytes: int,
+        owner: str | None,
+        operation: str,
+        *,
+        priority: int = 0,
+        repeatable: Repeatable | None = None,
+        callback_url: str | None = None,
+    ) -> StoredJob:
+        """Store a request of `describe_request` with the parts of its body as a job, and announce it.
+
+        Raises
+        ------
+        Busy, KeyReused
+        """
         job_id = uuid.uuid4().hex  # 122 random bits: cannot be guessed
         key, size = blob_key(job_id, "input"), 0
         if most_bytes:
             size = await self._blobs.put(key, parts, most_bytes + _FORM_HEADS_BYTES)
-        route = request.scope.get("route")
         draft = JobDraft(
             id=job_id,
             owner=owner,
-            operation=str(getattr(route, "operation_id", None) or "request"),
-            request=describe_request(request, content_type),
+            operation=operation,
+            request=description,
             input_key=key if size else None,
             input_bytes=size,
             repeat_key=None if repeatable is None else _repeat_key(repeatable, owner),
             digest=None if repeatable is None else repeatable.digest,
+            priority=priority,
             callback_url=callback_url,
         )
-        bounds = self._limits.bounds
+        bounds, is_new = self._limits.bounds, False
         try:
             job, is_new = await self._store.call(lambda store: store.add_job(draft, bounds))
-        except BaseException as error:
-            await self._forget([key] if size else [])
-            if isinstance(error, QueueFull):
-                raise _busy(error) from None
-            if isinstance(error, JobKeyReused):
-                raise _key_reused() from None
-            raise
+        except QueueFull as full:
+            raise _busy(full) from None
+        except JobKeyReused:
+            raise _key_reused() from None
+        finally:
+            if size and not is_new:
+                await self._forget([key])
         if is_new:
-            await self.announce()
-        else:
-            await self._forget([key] if size else [])
+            await self.announce(job.id)
         return job
 
     # Showing
@@ -357,19 +381,6 @@ class Jobs:
         self._looked.set()
 
 
-def failed(problem: Response, state: JobState = "failed") -> JobEnd:
-    """The end of a job with a problem document."""
-    body = bytes(problem.body).decode()
-    answer = {**head_of(problem), "body": body}
-    return JobEnd(state, answer, problem=json.loads(body))
-
-
-def head_of(response: Response) -> dict[str, Any]:
-    """Status and headers of a response, as JSON."""
-    headers = [(name.decode("latin-1"), value.decode("latin-1")) for name, value in response.raw_headers]
-    return {"status": response.status_code, "headers": headers}
-
-
 def _repeat_key(request: Repeatable, owner: str | None) -> str:
     return hashlib.sha256(f"{owner or ''}\n{request.key}".encode("utf-8", "surrogatepass")).hexdigest()
 
@@ -382,9 +393,5 @@ def _key_reused() -> KeyReused:
     return KeyReused("This Idempotency-Key came with a different request. Send a new key for new work.")
 
 
-async def _nobody() -> None:
-    pass
-
-
-async def _no_one(job_id: str) -> None:
+async def _ignore(job_id: str) -> None:
     pass

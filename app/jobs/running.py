@@ -9,13 +9,15 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from starlette.datastructures import Headers
 from starlette.responses import Response
 
 from app.blobs import BlobAccess
 from app.engine.base import WorkerDied
-from app.jobs.registry import failed, head_of
+from app.jobs.answers import failed, head_of
 from app.jobs.stored_request import JobRun
 from app.layout_store import LayoutStore
+from app.logs import trace_of
 from models.blobs import BlobNotFound
 from models.errors import StoreError, StoreUnavailable
 from models.job_records import JobEnd, Lease, Progress, StoredJob, blob_key
@@ -67,6 +69,7 @@ class _Running:
     is_new: bool = False
     written_s: float = field(default_factory=time.monotonic)
     is_lost: bool = False
+    is_ending: bool = False
 
     def report(self, stage: str, fraction: float) -> None:
         """Note progress. The fraction never decreases."""
@@ -85,6 +88,8 @@ class JobRunner:
         self._limits = limits
         self._running: dict[str, _Running] = {}
         self._renewing: asyncio.Task[None] | None = None
+        self.starts = 0
+        """Number of attempts that this process has begun."""
         self.leases_lost = 0
         """Number of jobs that ended or went on elsewhere while this process ran them."""
 
@@ -103,6 +108,7 @@ class JobRunner:
         lease = await self._store.call(lambda store: store.claim_job(self._limits.lease_s))
         if lease is None:
             return False
+        self.starts += 1
         running = _Running(lease, asyncio.create_task(self._run(lease)))
         self._running[lease.job.id] = running
         try:
@@ -206,6 +212,8 @@ class JobRunner:
                 key = blob_key(job.id, f"answer-{lease.token}")
                 await self._blobs.put(key, bytes(answer.body), len(answer.body))
             end = JobEnd("succeeded", head_of(answer), key, len(answer.body))
+        # From here on the lease says nothing: who ends a job takes its token away.
+        self._running[job.id].is_ending = True
         is_first = await self._store.call(lambda store: store.end_job(job.id, lease.token, end, ttl_s))
         with suppress(StoreError):  # the sweep deletes what remains
             unneeded = job.input_key if is_first else key
@@ -223,14 +231,14 @@ class JobRunner:
 
     async def _renew(self) -> None:
         """Write progress and renew leases, as long as this process runs jobs."""
+        renew_every_s = min(self._limits.renew_every_s, self._limits.lease_s / 4)
         while True:
             await asyncio.sleep(self._limits.report_every_s)
             now_s = time.monotonic()
             due = [
                 each
                 for each in self._running.values()
-                if each.is_new
-                or now_s - each.written_s > min(self._limits.renew_every_s, self._limits.lease_s / 4)
+                if not each.is_ending and (each.is_new or now_s - each.written_s > renew_every_s)
             ]
             if due:
                 try:
@@ -245,7 +253,7 @@ class JobRunner:
             each.is_new, each.written_s = False, now_s
         lost = await self._store.call(lambda store: store.renew_leases(reports, self._limits.lease_s))
         for each in due:
-            if each.lease.job.id in lost and not each.task.done() and not each.is_lost:
+            if each.lease.job.id in lost and not (each.task.done() or each.is_lost or each.is_ending):
                 self.leases_lost += 1
                 each.is_lost = True
                 each.task.cancel()
@@ -278,5 +286,4 @@ def _is_lost_input(answer: Response) -> bool:
 
 def _trace(request: dict[str, Any]) -> dict[str, str]:
     """What connects log lines of a job with those of its request."""
-    trace = request["headers"].get("traceparent")
-    return {"request_id": request["request_id"]} | ({} if trace is None else {"traceparent": trace})
+    return {"request_id": request["request_id"], **trace_of(Headers(request["headers"]))}

@@ -1,5 +1,6 @@
 """What runs the jobs of one process: made with the app, started and stopped with it."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from typing import Any
 
@@ -12,13 +13,21 @@ from starlette.responses import Response
 from starlette.types import ASGIApp
 
 from app.blobs import BlobAccess
-from app.jobs.dispatch import Housekeeping, LocalDispatch
+from app.jobs.callbacks import Callbacks, CallbackSettings
+from app.jobs.dispatch import Dispatch, Housekeeping, LocalDispatch
+from app.jobs.queue import QueueDispatch
 from app.jobs.registry import JobLimits, Jobs
 from app.jobs.running import JobRunner, RunLimits
 from app.jobs.stored_request import JobRun, do_request
 from app.layout_store import LayoutStore
+from app.metrics import JobFacts
 from app.problems import FrameworkErrors, ProblemBoundary, problem_response
 from app.settings import Settings
+from models.errors import StoreError
+from models.job_records import QueueStatus
+
+QUEUE_TIMEOUT_S = 1.0
+"""Time for the numbers of the queue, without which metrics are served too."""
 
 
 class JobService:
@@ -40,6 +49,8 @@ class JobService:
             return await do_request(routes, app, request, body, run)
 
         self._jobs = jobs
+        self._store = store
+        self._queue: QueueStatus | None = None
         self._runner = JobRunner(
             store,
             blobs,
@@ -47,20 +58,48 @@ class JobService:
             _tell,
             RunLimits(settings.job_ttl_s, settings.max_job_result_bytes, settings.job_lease_s),
         )
-        self._dispatch = LocalDispatch(self._runner, settings.workers)
-        self._housekeeping = Housekeeping(jobs, self._runner)
-        jobs.announce, jobs.abandon = self._dispatch.announce, self._runner.abandon
+        self.dispatch: Dispatch = (
+            QueueDispatch(settings.database_url, self._runner, settings.workers)
+            if settings.database_url
+            else LocalDispatch(self._runner, settings.workers)
+        )
+        self._housekeeping = Housekeeping(jobs, self._runner, self.dispatch)
+        self.callbacks = Callbacks(
+            store,
+            CallbackSettings(
+                settings.callback_hosts,
+                settings.callback_internal_hosts,
+                settings.callback_secret,
+                settings.root_path,
+            ),
+        )
+        jobs.announce, jobs.abandon = self.dispatch.announce, self._runner.abandon
+
+    async def read_queue(self) -> None:
+        """Read the numbers of the queue for `facts`."""
+        try:
+            async with asyncio.timeout(QUEUE_TIMEOUT_S):
+                self._queue = await self._store.call(lambda store: store.queue_status())
+        except (StoreError, TimeoutError):
+            self._queue = None
+
+    def facts(self) -> JobFacts:
+        """What metrics tell of jobs; the queue as `read_queue` found it."""
+        runner = self._runner
+        return JobFacts(self._queue, runner.starts, runner.leases_lost, self.callbacks.failures)
 
     async def start(self) -> None:
         """Begin to run jobs."""
-        await self._dispatch.start()
+        await self.dispatch.start()
         self._housekeeping.start()
+        self.callbacks.start()
 
     async def stop(self, grace_s: float) -> None:
         """Take no more jobs. Those that still run after `grace_s` seconds are handed back."""
         self._jobs.close()
+        await self.callbacks.stop()
         await self._housekeeping.stop()
-        await self._dispatch.stop(grace_s)
+        await self.dispatch.stop(grace_s)
 
 
 def _tell(error: Exception, request_id: str) -> Response:

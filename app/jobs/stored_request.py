@@ -13,11 +13,12 @@ from starlette.datastructures import FormData, Headers, UploadFile
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Scope
 
+from app.logs import trace_of
 from services.progress import ProgressSink
 
 _READ_BYTES = 1 << 20
-_KEPT_HEADERS = ("accept", "if-match", "if-none-match", "traceparent")
-"""Headers that change an answer, or that the log names."""
+_KEPT_HEADERS = ("accept", "if-match", "if-none-match")
+"""Headers that change an answer."""
 RUN = "job_run"
 """Name in the state of a request under which a job's `JobRun` is."""
 
@@ -39,6 +40,7 @@ class JobRun:
 def describe_request(request: Request, content_type: str | None) -> dict[str, Any]:
     """A request without its body, as JSON. `content_type` is that of the stored body."""
     headers = {name: request.headers[name] for name in _KEPT_HEADERS if name in request.headers}
+    headers |= trace_of(request.headers)
     if content_type is not None:
         headers["content-type"] = content_type
     return {

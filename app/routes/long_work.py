@@ -1,19 +1,22 @@
 """`Prefer: respond-async` (RFC 7240): the response is sent after the work, or the work becomes a job."""
 
 from collections.abc import Callable, Coroutine
+from dataclasses import asdict
 from typing import Any
 
 from fastapi import Request, Response
 from starlette.datastructures import Headers
 
 from app.callers import caller_of
+from app.jobs.callback_request import parse_callback_url
 from app.jobs.registry import MOST_KEY_CHARACTERS, Repeatable
 from app.jobs.stored_request import RUN, JobRun
 from app.routes.connection import while_connected
 from app.routes.sent_request import digest_of
 from app.routes.state import AppState
-from app.schemas.jobs import JobLinks, JobStatus
+from app.schemas.jobs import JobDelivery, JobLinks, JobStatus
 from app.schemas.problem import Problem
+from app.wishes import RESPOND_ASYNC, prefers_async
 from models.job_records import StoredJob
 from services.errors import InvalidOption
 from services.progress import ProgressSink
@@ -21,9 +24,9 @@ from services.progress import ProgressSink
 Work = Callable[[ProgressSink | None], Coroutine[Any, Any, Response]]
 """Coroutine that answers a request. It passes the sink to `Engine.submit`; None: progress is not reported."""
 
-RESPOND_ASYNC = "respond-async"
 ACCEPTED_STATUS = 202
 KEY_HEADER = "Idempotency-Key"
+CALLBACK = "callback_url"
 POLL_AFTER_S = 1
 """Advice for clients that poll: the shortest work takes about this long."""
 ACCEPTED: dict[int | str, dict[str, Any]] = {
@@ -85,7 +88,7 @@ async def answer_now_or_later(request: Request, state: AppState, work: Work) -> 
     run: JobRun | None = getattr(request.state, RUN, None)
     if run is not None:
         return await work(run.report)
-    key = _key_of(request.headers)
+    key, callback_url = _key_of(request.headers), await _callback_url(request, state)
     if not prefers_async(request.headers):
         return await while_connected(request, work(None))
     request.state.seat.release()
@@ -95,7 +98,7 @@ async def answer_now_or_later(request: Request, state: AppState, work: Work) -> 
         repeated = Repeatable(key, await digest_of(request))
         if (earlier := await state.jobs.repeated(repeated, owner)) is not None:
             return _accepted(earlier, root_path)
-    return _accepted(await state.jobs.accept(request, owner, repeated), root_path)
+    return _accepted(await state.jobs.accept(request, owner, repeated, callback_url), root_path)
 
 
 async def check_key(request: Request) -> None:
@@ -122,13 +125,27 @@ def _key_of(headers: Headers) -> str | None:
     return key
 
 
-def prefers_async(headers: Headers) -> bool:
-    """Whether the client prefers a job (`respond-async`)."""
-    preferences = ",".join(headers.getlist("prefer")).split(",")
-    return any(
-        preference.partition(";")[0].partition("=")[0].strip().lower() == RESPOND_ASYNC
-        for preference in preferences
-    )
+async def _callback_url(request: Request, state: AppState) -> str | None:
+    """The `callback_url` of the request, in the query or in the form.
+
+    Raises
+    ------
+    InvalidOption
+        When it is not allowed, or comes without the preference for a job.
+    """
+    sent = {request.query_params[CALLBACK]} if CALLBACK in request.query_params else set()
+    if request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
+        sent |= {str(value) for value in (await request.form()).getlist(CALLBACK)}
+    urls = sent - {""}
+    if not urls:
+        return None
+    if len(urls) > 1:
+        raise InvalidOption(f"{CALLBACK}: the query and the form have different ones; send one.", CALLBACK)
+    if not prefers_async(request.headers):
+        raise InvalidOption(f"{CALLBACK}: send it with `Prefer: {RESPOND_ASYNC}`.", CALLBACK)
+    url = urls.pop()
+    parse_callback_url(url, state.settings.callback_hosts)
+    return url
 
 
 def status_of(job: StoredJob, root_path: str) -> JobStatus:
@@ -146,6 +163,8 @@ def status_of(job: StoredJob, root_path: str) -> JobStatus:
         problem=None if job.problem is None else Problem.model_validate(job.problem),
         links=JobLinks(result=f"{path}/result", events=f"{path}/events"),
         poll_after_s=None if job.is_over else POLL_AFTER_S,
+        callback_url=job.callback_url,
+        deliveries=[JobDelivery(**asdict(each)) for each in job.deliveries],
     )
 
 

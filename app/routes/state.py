@@ -9,6 +9,7 @@ from app.blobs import BlobAccess
 from app.disk_space import DiskSpace
 from app.engine.base import Engine
 from app.jobs.registry import Jobs
+from app.jobs.service import JobService
 from app.layout_store import LayoutStore
 from app.metrics import Metrics
 from app.model_locks import ModelLocks
@@ -29,6 +30,7 @@ class AppState:
     jobs: Jobs
     disk: DiskSpace
     blobs: BlobAccess
+    job_service: JobService
 
 
 def app_state(request: Request) -> AppState:

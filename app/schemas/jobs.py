@@ -15,6 +15,15 @@ class JobLinks(BaseModel):
     events: str = Field(description="Server-sent events: the state whenever it changes.")
 
 
+class JobDelivery(BaseModel):
+    """One attempt to send a callback."""
+
+    at: datetime
+    status: int | None = Field(description="HTTP status of the answer; null: there was none.")
+    failure: str | None = Field(description="What went wrong; null: it was delivered.")
+    seconds: float = Field(ge=0, description="How long it took.")
+
+
 class JobStatus(BaseModel):
     """State of a job."""
 
@@ -37,4 +46,8 @@ class JobStatus(BaseModel):
     links: JobLinks = Field(description="Paths of the job, its result and its events.")
     poll_after_s: int | None = Field(
         description="Ask for the state again after this many seconds; null: the job has ended."
+    )
+    callback_url: str | None = Field(description="Where the state is sent at the job's end.")
+    deliveries: list[JobDelivery] = Field(
+        description="Attempts to send it; a failed one is repeated up to 5 times."
     )

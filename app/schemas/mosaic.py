@@ -10,6 +10,7 @@ from pydantic_core import PydanticCustomError
 from app.schemas.options import (
     WRONG_NUMBER_OF_FILES,
     AskedFormat,
+    CallbackUrl,
     Embed,
     Illumination,
     Quality,
@@ -81,6 +82,7 @@ class MosaicForm(BaseModel):
     format: AskedFormat = None
     quality: Quality = None
     embed: Embed = False
+    callback_url: CallbackUrl = None
 
     def parameters(self) -> MosaicParameters:
         """The options of the mosaic, without those of the response format.

@@ -73,3 +73,11 @@ Quality = Annotated[
     Field(description="1-100, for lossy formats; default 90.", examples=[90]),
 ]
 Embed = Annotated[Switch, Field(description="With JSON: include the image as base64 in `image`.")]
+CallbackUrl = Annotated[
+    Annotated[str, Field(max_length=2000)] | Absent,
+    Field(
+        description="With `Prefer: respond-async`: where the service sends the job's state at its end, signed as "
+        "Standard Webhooks says. The host must be one of CALLBACK_HOSTS.",
+        examples=["https://hooks.example.org/documents"],
+    ),
+]

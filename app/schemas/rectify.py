@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.schemas.options import Absent, AskedPagesFormat, Embed, Illumination, Quality, Upright
+from app.schemas.options import Absent, AskedPagesFormat, CallbackUrl, Embed, Illumination, Quality, Upright
 from app.schemas.page import Answer, Orientation, Point, Warning
 from services.contract.rectify import Crop, PageKind, Pages, RectifyParameters
 
@@ -88,6 +88,7 @@ class RectifyForm(BaseModel):
     format: AskedPagesFormat = None
     quality: Quality = None
     embed: Embed = False
+    callback_url: CallbackUrl = None
 
     def parameters(self) -> RectifyParameters:
         """The options of the rectification, without those of the response format."""

@@ -13,9 +13,10 @@ import psutil
 import pytest
 from starlette.datastructures import Headers
 
-from app.routes.long_work import prefers_async
+from app.wishes import prefers_async
 from tests.app.scripted import upload
 from tests.app.serving import serving
+from tests.app.test_health import sample
 from tests.app.test_problems import assert_problem
 
 LATER = {"Prefer": "respond-async"}
@@ -190,6 +191,21 @@ def test_the_queue_of_jobs_is_bounded_apart_from_seats(tmp_path: Path) -> None:
         for path in paths:
             assert until(client, path)["state"] == "succeeded"
         until(client, start(client, ""))
+
+
+def test_metrics_tell_the_queue(tmp_path: Path) -> None:
+    with serving() as client:
+        first, second = (start(client, f"wait {tmp_path}") for _ in range(2))
+        until(client, first, "running")
+        text = client.get("/metrics").text
+        names = ("job_queue_depth", "job_queue_running", "job_attempts_total")
+        assert [sample(text, name) for name in names] == [1, 1, 1]
+        assert sample(text, "job_queue_oldest_seconds") > 0
+        assert sample(text, "job_blob_bytes") > 0
+        ready = client.get("/health/ready").json()
+        assert (ready["blobs"], ready["queue"], ready["job_runners"]) == ("ready", "ready", 1)
+        for path in (first, second):
+            client.delete(path)
 
 
 def test_the_oldest_finished_job_gives_way_to_a_new_one() -> None:

@@ -83,3 +83,15 @@ def test_an_upload_that_kills_its_worker_ends_after_two_attempts(tmp_path: Path)
         assert until(service, other)["state"] == "succeeded"
         refused = accept(service, "no-text")
         assert (until(service, refused)["attempts"], inputs(tmp_path)) == (1, [])
+
+
+def test_log_lines_of_a_job_name_the_trace_of_its_request(tmp_path: Path) -> None:
+    trace = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
+    with running(**settings(tmp_path)) as service:
+        headers = {"Prefer": "respond-async", "traceparent": trace, "X-Request-ID": "mine"}
+        answer = httpx.post(f"{service.url}/rectify", files={"image": upload("")}, headers=headers)
+        until(service, answer.headers["location"])
+        job = answer.headers["location"].rpartition("/")[2]
+    lines = [line for line in service.lines if line.get("job") == job or line.get("path") == "/rectify"]
+    assert {"request", "job started", "job ended"} <= {line["message"] for line in lines}
+    assert {(line["traceparent"], line["request_id"]) for line in lines} == {(trace, "mine")}
