@@ -11,7 +11,7 @@ from urllib.parse import parse_qsl, urlencode
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.key_names import spellings_of_key
+from app.key_names import name_of_key, spellings_of_key
 from services.errors import DocumentError
 
 HEADER = "X-API-Key"
@@ -43,6 +43,7 @@ class ApiKeys:
     A request has its key in X-API-Key or as `Authorization: Bearer`. A GET request may have a token of
     `make_token` as a query option instead, because a browser sends no headers for images and EventSource.
     `request.state.api_key` is the configured key that was sent; None: no keys are configured, or the path is open.
+    `request.state.caller` is its name.
     """
 
     def __init__(self, app: ASGIApp, keys: Collection[str], clock: Callable[[], float] = time.time) -> None:
@@ -61,10 +62,11 @@ class ApiKeys:
             token, query = _without_token(scope["query_string"])
             scope = {**scope, "query_string": query}
         state = scope.setdefault("state", {})
-        state["api_key"] = None
+        state["api_key"] = state["caller"] = None
         is_open = scope["path"] in OPEN_PATHS or scope["path"].startswith(OPEN_FOLDERS)
         if self.keys and not is_open:
-            state["api_key"] = self._judge(Headers(scope=scope), token)
+            state["api_key"] = key = self._judge(Headers(scope=scope), token)
+            state["caller"] = name_of_key(key)
         await self.app(scope, receive, send)
 
     def _judge(self, headers: Headers, token: str | None) -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from fastapi import Request
 
-from app.key_names import name_of_key
 from app.routes.state import AppState
 from models.errors import ResultNotFound
 
@@ -29,8 +28,7 @@ class Caller:
 
 def caller_of(request: Request) -> Caller:
     """Who sends this request."""
-    key: str | None = request.state.api_key
-    name = None if key is None else name_of_key(key)
+    name: str | None = request.state.caller
     return Caller(name, name in (None, ADMIN))
 
 

@@ -1,8 +1,10 @@
 """The application, and the server that runs it."""
 
+import asyncio
 import logging
 import signal
 import sys
+import time
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -23,10 +25,14 @@ from app.blobs import BlobAccess
 from app.body_limits import body_limits_of
 from app.browser_rules import OwnSite, SecurityHeaders
 from app.disk_space import DiskSpace
+from app.engine.absent import AbsentEngine
+from app.engine.base import Engine
 from app.engine.local import LocalEngine, PoolLimits
 from app.expiry import deleting_expired
 from app.interprocess_lock import InterprocessLock
-from app.jobs import JobLimits, Jobs
+from app.jobs.forwarding import JobAdmission
+from app.jobs.registry import Jobs
+from app.jobs.service import JobService, job_limits
 from app.kept_images import KeptImages
 from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
@@ -113,6 +119,17 @@ WORK = frozenset(
     }
 )
 """Requests that need a seat in the engine."""
+LATER = frozenset(
+    {
+        ("POST", "/rectify"),
+        ("POST", "/mosaic"),
+        ("POST", "/layout"),
+        ("POST", "/layout/models/{name}/initialize"),
+        ("POST", "/layout/models/{name}/train"),
+        ("POST", "/layout/proposals"),
+    }
+)
+"""Those that may be jobs."""
 MAX_FIELD_BYTES = 64 * 1024
 """Largest option field. 200 points of a region need a tenth of it. The zones of a page have their own limit."""
 
@@ -142,21 +159,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     ]
     methods = _methods_of(routes)
     metrics = Metrics(methods)
-    engine = LocalEngine(
-        PoolLimits(
-            workers=settings.workers,
-            queue_length=settings.queue_length,
-            job_timeout_s=settings.job_timeout_s,
-            queue_timeout_s=settings.queue_timeout_s,
-            worker_memory_bytes=settings.worker_memory_bytes,
-            jobs_per_worker=settings.jobs_per_worker,
-            worker_resident_bytes=settings.worker_resident_bytes,
-        ),
-        warm_up=operations.warm_up,
-        warm_up_arguments=(settings.content_features,),
-        preload=operations.modules,
-        observe=metrics.observe_job,
-    )
+    engine = _engine(settings, operations, metrics)
     metrics.watch(engine.status)
     store = LayoutStore(
         settings.data_dir,
@@ -168,17 +171,9 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     )
     shared = None if settings.database_url else settings.data_dir / LEARNING_LOCK
     locks = ModelLocks(InterprocessLock(shared))
-    jobs = Jobs(
-        JobLimits(
-            ttl_s=settings.job_ttl_s,
-            max_jobs=settings.max_jobs,
-            max_result_bytes=settings.max_job_result_bytes,
-            max_listeners=settings.max_job_listeners,
-        )
-    )
-
     blobs = BlobAccess(settings.blob_url, settings.data_dir)
     images = KeptImages(blobs, store, settings.max_kept_images_bytes)
+    jobs = Jobs(store, blobs, job_limits(settings))
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
     @asynccontextmanager
@@ -188,12 +183,14 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             await blobs.open()
             await engine.start()
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
+            await job_service.start()
             try:
                 async with deleting_expired(store, images):
                     yield
             finally:
-                await engine.drain(settings.shutdown_grace_s)
-                await jobs.close()
+                begin_s = time.monotonic()
+                await job_service.stop(settings.shutdown_grace_s)
+                await engine.drain(max(0.0, begin_s + settings.shutdown_grace_s - time.monotonic()))
                 await blobs.close()
                 locks.close()
 
@@ -208,9 +205,6 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         redirect_slashes=False,
         dependencies=[Depends(KnownQueryOptions(routes))],
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
-    )
-    app.state.document_rectification = AppState(
-        settings, engine, operations, store, metrics, locks, jobs, disk, blobs, images
     )
     for router in ROUTERS:
         if router is layout.router:
@@ -227,9 +221,34 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     answer = FrameworkErrors(methods)
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
-    _add_middleware(app, settings, engine, metrics, routes)
+    job_service = JobService(app, answer, jobs, store, blobs, settings)
+    metrics.watch_jobs(job_service.facts)
+    app.state.document_rectification = AppState(
+        settings, engine, operations, store, metrics, locks, jobs, disk, blobs, images, job_service
+    )
+    _add_middleware(app, settings, engine, jobs, metrics, routes)
     _describe(app, settings)
     return app
+
+
+def _engine(settings: Settings, operations: Operations, metrics: Metrics) -> Engine:
+    if not settings.workers:
+        return AbsentEngine()
+    return LocalEngine(
+        PoolLimits(
+            workers=settings.workers,
+            queue_length=settings.queue_length,
+            job_timeout_s=settings.job_timeout_s,
+            queue_timeout_s=settings.queue_timeout_s,
+            worker_memory_bytes=settings.worker_memory_bytes,
+            jobs_per_worker=settings.jobs_per_worker,
+            worker_resident_bytes=settings.worker_resident_bytes,
+        ),
+        warm_up=operations.warm_up,
+        warm_up_arguments=(settings.content_features,),
+        preload=operations.modules,
+        observe=metrics.observe_job,
+    )
 
 
 def _check_content_features(path: Path | None) -> None:
@@ -249,15 +268,24 @@ def _check_content_features(path: Path | None) -> None:
 
 
 def _add_middleware(
-    app: FastAPI, settings: Settings, engine: LocalEngine, metrics: Metrics, routes: list[APIRoute]
+    app: FastAPI, settings: Settings, engine: Engine, jobs: Jobs, metrics: Metrics, routes: list[APIRoute]
 ) -> None:
     """Add everything that every request passes before its route.
 
     The middleware that is added last is the outermost: prefix, log, security headers, body limits, origins,
-    compression, errors, requests of other sites, API keys, methods, admission.
+    compression, errors, requests of other sites, API keys, methods, admission to the queue of jobs and to the engine.
     """
     places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
     app.add_middleware(Admission, engine=engine, work=WORK, places=places)
+    app.add_middleware(
+        JobAdmission,
+        jobs=jobs,
+        work=WORK,
+        later=LATER,
+        places=places,
+        queue_timeout_s=settings.queue_timeout_s,
+        forwards=not settings.workers,
+    )
     app.add_middleware(ConditionalGet)
     app.add_middleware(HeadAndOptions, methods=_methods_of(routes))
     app.add_middleware(ApiKeys, keys=settings.api_keys)
@@ -314,6 +342,26 @@ def _describe(app: FastAPI, settings: Settings) -> None:
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]
+
+
+def work(app: FastAPI | None = None, settings: Settings | None = None) -> None:
+    """Run jobs, without HTTP, until SIGTERM or SIGINT. Running jobs may then finish within the grace period."""
+    settings = settings or Settings()
+    configure_logs(settings.log_level)
+    if not settings.workers:
+        sys.exit("WORKERS=0: a process that only runs jobs needs workers.")
+    app = app or create_app(settings)
+
+    async def run_jobs() -> None:
+        stopping = asyncio.Event()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            asyncio.get_running_loop().add_signal_handler(number, stopping.set)
+        async with app.router.lifespan_context(app):
+            log.info("the worker takes jobs")
+            await stopping.wait()
+
+    with run_folder():
+        asyncio.run(run_jobs())
 
 
 def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:

@@ -1,15 +1,18 @@
 """All settings, read from the environment. Names contain units."""
 
+import base64
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field, FilePath, field_validator
+from pydantic import Field, FilePath, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from app.processors import usable_workers, worker_memory_bytes
 from services.contract.images import ImageLimits
 
 MIB = 1024 * 1024
+FEWEST_SECRET_BYTES = 24
+"""Of the secret that signs callbacks, as Standard Webhooks asks."""
 
 
 class Settings(BaseSettings):
@@ -118,10 +121,10 @@ class Settings(BaseSettings):
     # Workers
     workers: int = Field(
         default_factory=usable_workers,
-        ge=1,
+        ge=0,
         le=256,
         description="Worker processes; default: the processors that the service may use, also by its CPU quota, as far "
-        "as its memory suffices.",
+        "as its memory suffices. 0: all work is done by workers of other processes that share DATABASE_URL.",
     )
     queue_length: int = Field(
         default=16,
@@ -149,7 +152,7 @@ class Settings(BaseSettings):
         description="Time limit of initializing and of training a layout model.",
     )
     worker_memory_bytes: int = Field(
-        default_factory=lambda settings: worker_memory_bytes(settings.get("workers", 1)),
+        default_factory=lambda settings: worker_memory_bytes(settings.get("workers", 1) or 1),
         ge=0,
         description="Address space of a worker (RLIMIT_AS); 0: no limit. Default: 4 GiB, or less where all workers "
         "would exceed the memory of the machine or of the control group.",
@@ -165,15 +168,43 @@ class Settings(BaseSettings):
     job_ttl_s: int = Field(
         default=3600, ge=1, description="A job and its result are kept this long after its end."
     )
-    max_jobs: int = Field(
-        default=200,
+    job_lease_s: float = Field(
+        default=15.0,
         ge=1,
-        description="Most jobs that are kept; over the limit, those that ended first are removed.",
+        description="A job whose worker does not report for this long is given to another worker.",
+    )
+    max_jobs: int = Field(
+        default=1000,
+        ge=1,
+        description="Most unfinished jobs; further ones get 503 `busy`. Most jobs that are kept: over the limit, those "
+        "that ended first are removed.",
+    )
+    max_jobs_per_key: int = Field(
+        default=0, ge=0, description="Most unfinished jobs of one API key; 0: half of MAX_JOBS."
+    )
+    max_job_input_bytes: int = Field(
+        default=4096 * MIB,
+        ge=1024,
+        description="Uploads of all unfinished jobs together; over it: 503 `busy`.",
     )
     max_job_result_bytes: int = Field(
         default=512 * MIB,
         ge=1024,
-        description="Results of all jobs together, in temporary files; over the limit, the oldest are removed.",
+        description="Results of all jobs together; over the limit, the oldest are removed.",
+    )
+    callback_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Comma-separated hosts that `callback_url` of a job may name (hooks.example.org, *.example.org; *: "
+        "any host of the internet). Needs CALLBACK_SECRET.",
+    )
+    callback_internal_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Those of CALLBACK_HOSTS, by name, that may have addresses of the own network.",
+    )
+    callback_secret: str = Field(
+        default="",
+        description="Secret by which callbacks are signed (Standard Webhooks): whsec_ and at least 24 bytes in base64.",
+        repr=False,
     )
     max_job_listeners: int = Field(
         default=100,
@@ -252,6 +283,13 @@ class Settings(BaseSettings):
     )
 
     @property
+    def most_jobs_per_key(self) -> int:
+        """Most unfinished jobs of one API key, or of all callers where there are no keys."""
+        if not self.api_keys:
+            return self.max_jobs
+        return self.max_jobs_per_key or max(1, self.max_jobs // 2)
+
+    @property
     def image_limits(self) -> ImageLimits:
         """Limits of one uploaded image."""
         return ImageLimits(
@@ -260,9 +298,21 @@ class Settings(BaseSettings):
             max_bytes=self.max_upload_bytes,
         )
 
-    @field_validator("api_keys", "cors_origins", mode="before")
+    @field_validator("api_keys", "cors_origins", "callback_hosts", "callback_internal_hosts", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         if isinstance(value, str):
             return tuple(key.strip() for key in value.split(",") if key.strip())
         return value
+
+    @model_validator(mode="after")
+    def _check_callbacks(self) -> Self:
+        if not self.callback_hosts:
+            return self
+        try:
+            secret = base64.b64decode(self.callback_secret.removeprefix("whsec_"), validate=True)
+        except ValueError:
+            secret = b""
+        if len(secret) < FEWEST_SECRET_BYTES:
+            raise ValueError("CALLBACK_HOSTS needs CALLBACK_SECRET: whsec_ and at least 24 bytes in base64")
+        return self

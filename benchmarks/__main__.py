@@ -24,6 +24,7 @@ MODULES = {
     "learning_store": "learning.store",
     "sensitivity": "sensitivity.study",
     "attack": "attack.service",
+    "jobs": "jobs.chaos",
     "readme_pictures": "readme_pictures",
 }
 """Module of each benchmark by its name, which is also the name of its figures and of its baseline."""

@@ -29,7 +29,7 @@ from app.schemas.layout import (
     parse_names,
     result_of,
 )
-from app.schemas.options import FORMAT, Absent
+from app.schemas.options import FORMAT, Absent, CallbackUrl
 from app.settings import Settings
 from services.contract.layout import DocumentReply, LayoutFormat, LayoutOptions, LayoutSettings
 from services.errors import InvalidOption, TooLarge
@@ -98,6 +98,7 @@ async def layout(
     state: State,
     form: Annotated[LayoutForm, Form(media_type="multipart/form-data")],
     format: Annotated[LayoutFormat | Absent, FORMAT, Query(description="As the field of the form.")] = None,
+    callback_url: Annotated[CallbackUrl, Query()] = None,
 ) -> Response:
     """Recognize the class of a document and the logical label of each of its zones.
 

@@ -1,8 +1,9 @@
 """POST /layout/models/{name}/train: training of a model on its samples."""
 
 import json
+from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 
 from app.engine.base import TimeLimit
 from app.layout_store import document_of
@@ -17,6 +18,7 @@ from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import AppState, State
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_training import Round, TrainBody, TrainedModel
+from app.schemas.options import CallbackUrl
 from models.errors import ModelNotFound, VersionConflict
 from models.records import StoredModel, StoredSample
 from models.repository import Store
@@ -42,7 +44,11 @@ router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
     dependencies=[Depends(check_key)],
 )
 async def train_layout_model(
-    request: Request, state: State, name: ModelName, if_match: IfMatch = None
+    request: Request,
+    state: State,
+    name: ModelName,
+    if_match: IfMatch = None,
+    callback_url: Annotated[CallbackUrl, Query()] = None,
 ) -> Response:
     """Train the model on its samples in rounds; it learns from every error (5.5, 5.6).
 

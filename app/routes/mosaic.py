@@ -12,7 +12,7 @@ from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import answer_page, choose_encoding, documented_page
 from app.routes.state import State
 from app.schemas.mosaic import MosaicForm, MosaicResult
-from app.schemas.options import AskedFormat
+from app.schemas.options import AskedFormat, CallbackUrl
 from services.contract.mosaic import MosaicLimits
 from services.progress import ProgressSink
 
@@ -41,6 +41,7 @@ async def mosaic(
     state: State,
     form: Annotated[MosaicForm, Form(media_type="multipart/form-data")],
     format: Annotated[AskedFormat, Query()] = None,
+    callback_url: Annotated[CallbackUrl, Query()] = None,
 ) -> Response:
     """Join overlapping photos of one page, in any order and from any positions, into the whole flat page.
 

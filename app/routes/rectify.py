@@ -11,7 +11,7 @@ from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
 from app.routes.state import State
-from app.schemas.options import AskedPagesFormat
+from app.schemas.options import AskedPagesFormat, CallbackUrl
 from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult
 from services.progress import ProgressSink
 
@@ -40,6 +40,7 @@ async def rectify(
     state: State,
     form: Annotated[RectifyForm, Form(media_type="multipart/form-data")],
     format: Annotated[AskedPagesFormat, Query()] = None,
+    callback_url: Annotated[CallbackUrl, Query()] = None,
 ) -> Response:
     """Flatten photos of pages, taken from any position.
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.schemas.options import FORMAT, Absent, Switch
+from app.schemas.options import FORMAT, Absent, CallbackUrl, Switch
 from app.schemas.page import Answer, FlatPage, Warning
 from services.contract.fields import FieldType, ValueProblem
 from services.contract.layout import LayoutFormat
@@ -101,6 +101,7 @@ class LayoutForm(BaseModel):
         default=False,
         description="Add the words of every zone, each with its box and OCR confidence, to JSON, PAGE-XML and ALTO.",
     )
+    callback_url: CallbackUrl = None
 
 
 class ReadWord(Answer):
