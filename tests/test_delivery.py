@@ -94,7 +94,7 @@ def test_the_container_asks_after_its_own_health() -> None:
 
 def test_compose() -> None:
     compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
-    ((_, service),) = compose["services"].items()
+    (service,) = (one for one in compose["services"].values() if "profiles" not in one)
     assert service["build"] == "."
     assert service["read_only"] is True
     assert any(mount.startswith("/tmp") for mount in service["tmpfs"])
@@ -103,6 +103,16 @@ def test_compose() -> None:
     assert target == service["environment"]["DATA_DIR"] == "/data"
     assert service["mem_limit"]
     assert int(service["stop_grace_period"].removesuffix("s")) > 30
+
+
+def test_compose_of_many_machines() -> None:
+    compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+    scaled = {name: one for name, one in compose["services"].items() if one.get("profiles") == ["scale"]}
+    assert {"api", "worker", "postgres", "blobs"} <= set(scaled)
+    api, worker = (scaled[name]["environment"] for name in ("api", "worker"))
+    assert api["WORKERS"] == "0" != worker["WORKERS"]
+    for name in ("DATABASE_URL", "BLOB_URL"):
+        assert api[name] == worker[name]
 
 
 def test_serve_listens_where_it_is_told() -> None:

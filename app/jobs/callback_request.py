@@ -16,7 +16,7 @@ from services.errors import InvalidOption
 
 LONGEST_URL = 2000
 _FIELD = "callback_url"
-_PORTS = {"http": 80, "https": 443}
+_PORTS = {"http": http.client.HTTP_PORT, "https": http.client.HTTPS_PORT}
 _NAT64 = ipaddress.ip_network("64:ff9b::/96")
 
 
