@@ -8,6 +8,7 @@ from prometheus_client.registry import Collector
 
 from app.engine.base import EngineStatus, JobRecord
 from app.paths import PathTemplates
+from app.worker_facts import languages_of
 
 MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 SECONDS = (0.01, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 120.0)
@@ -81,6 +82,10 @@ class _EngineCollector(Collector):
             ("engine_running", now.running, "Jobs that have a worker."),
         ):
             yield GaugeMetricFamily(name, meaning, value=value)
+        languages = GaugeMetricFamily("ocr_language", "Languages that OCR reads.", labels=["language"])
+        for language in languages_of(now):
+            languages.add_metric([language], 1)
+        yield languages
         yield CounterMetricFamily(
             "engine_worker_deaths", "Workers that ended unexpectedly.", value=now.worker_deaths
         )

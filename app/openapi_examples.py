@@ -341,6 +341,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "admitted": 0,
         "capacity": 18,
         "ocr": "tesseract",
+        "languages": ["deu", "eng"],
         "store": "ready",
     },
 }

@@ -181,6 +181,13 @@ class Settings(BaseSettings):
         description="Most clients that listen to events of jobs; further ones get 503 `busy`.",
     )
 
+    # OCR
+    ocr_languages: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Comma-separated languages that requests may ask for, by Tesseract's names (eng,deu,fra); the "
+        "first one is read where a request names none. Default: what is installed, English first.",
+    )
+
     # Content features
     content_features: FilePath | None = Field(
         default=None,
@@ -260,7 +267,7 @@ class Settings(BaseSettings):
             max_bytes=self.max_upload_bytes,
         )
 
-    @field_validator("api_keys", "cors_origins", mode="before")
+    @field_validator("api_keys", "cors_origins", "ocr_languages", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         if isinstance(value, str):

@@ -7,6 +7,7 @@ from app.metrics import MEDIA_TYPE
 from app.problems import documented
 from app.routes.state import State
 from app.schemas.health import Live, Ready
+from app.worker_facts import languages_of
 from services.errors import DocumentError
 
 DISK_TIMEOUT_S = 0.2
@@ -39,6 +40,7 @@ async def ready(state: State) -> Ready:
         admitted=status.admitted,
         capacity=status.capacity,
         ocr=None if ocr is None else str(ocr),
+        languages=languages_of(status),
         disk="ready" if await state.disk.is_enough(DISK_TIMEOUT_S) else "full",
         store="ready" if await state.store.is_available() else "unavailable",
     )
