@@ -14,7 +14,9 @@ WORKDIR /app
 
 # Before the sources, so that a change of code does not install everything again.
 COPY Makefile requirements.lock ./
-RUN make system-packages
+# docker build --build-arg LANGUAGES="fra deu": what is read besides English.
+ARG LANGUAGES=""
+RUN make system-packages LANGUAGES="$LANGUAGES"
 RUN make venv
 
 COPY app ./app

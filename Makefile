@@ -16,6 +16,9 @@ PYTHON := $(shell for python in python3.11 /usr/bin/python3.11 /usr/local/bin/py
 	&& command -v "$$python" && break; done)
 endif
 
+# Languages that the service shall read besides English, by Tesseract's names: make serve LANGUAGES="fra deu"
+LANGUAGES ?=
+
 VENV := .venv
 BENCH_VENV := .venv-bench
 BIN := $(VENV)/bin
@@ -47,6 +50,7 @@ PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_V
 
 help:
 	@echo 'make serve            set up, then serve on HOST:PORT (now $(HOST):$(PORT))'
+	@echo '             LANGUAGES="fra deu" installs what is needed to read these languages too'
 	@echo 'make worker           set up, then run jobs, without HTTP, for services that share DATABASE_URL and BLOB_URL'
 	@echo 'make test             set up, then run all tests (TEST_PROCESSES=2, TEST_OPTIONS=...)'
 	@echo 'make test-fast        the tests of single steps: no service, no whole photo'
@@ -145,8 +149,8 @@ endef
 # Tesseract's language data, and python3-venv where this Python cannot make environments without it.
 system-packages:
 	@missing=''; \
-	for package in tesseract-ocr-eng tesseract-ocr-osd; do \
-		name=$${package#tesseract-ocr-}.traineddata; \
+	for language in eng osd $(LANGUAGES); do \
+		name="$$language.traineddata"; package="tesseract-ocr-$$(printf %s "$$language" | tr _ -)"; \
 		for folder in "$$TESSDATA_PREFIX" /usr/share/tesseract-ocr/5/tessdata \
 			/usr/share/tesseract-ocr/4.00/tessdata /usr/share/tesseract-ocr/tessdata \
 			/usr/share/tessdata /usr/local/share/tessdata; do \

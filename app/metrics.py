@@ -9,6 +9,7 @@ from prometheus_client.registry import Collector
 
 from app.engine.base import EngineStatus, JobRecord
 from app.paths import PathTemplates
+from app.worker_facts import languages_of
 from models.job_records import QueueStatus
 
 MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
@@ -97,6 +98,10 @@ class _EngineCollector(Collector):
             ("engine_running", now.running, "Jobs that have a worker."),
         ):
             yield GaugeMetricFamily(name, meaning, value=value)
+        languages = GaugeMetricFamily("ocr_language", "Languages that OCR reads.", labels=["language"])
+        for language in languages_of(now):
+            languages.add_metric([language], 1)
+        yield languages
         yield CounterMetricFamily(
             "engine_worker_deaths", "Workers that ended unexpectedly.", value=now.worker_deaths
         )

@@ -382,6 +382,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "admitted": 0,
         "capacity": 18,
         "ocr": "tesseract",
+        "languages": ["deu", "eng"],
         "store": "ready",
     },
 }

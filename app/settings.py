@@ -212,6 +212,13 @@ class Settings(BaseSettings):
         description="Most clients that listen to events of jobs; further ones get 503 `busy`.",
     )
 
+    # OCR
+    ocr_languages: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Comma-separated languages that requests may ask for, by Tesseract's names (eng,deu,fra); the "
+        "first one is read where a request names none. Default: what is installed, English first.",
+    )
+
     # Content features
     content_features: FilePath | None = Field(
         default=None,
@@ -298,7 +305,14 @@ class Settings(BaseSettings):
             max_bytes=self.max_upload_bytes,
         )
 
-    @field_validator("api_keys", "cors_origins", "callback_hosts", "callback_internal_hosts", mode="before")
+    @field_validator(
+        "api_keys",
+        "cors_origins",
+        "ocr_languages",
+        "callback_hosts",
+        "callback_internal_hosts",
+        mode="before",
+    )
     @classmethod
     def _split(cls, value: object) -> object:
         if isinstance(value, str):

@@ -9,6 +9,7 @@ from app.metrics import MEDIA_TYPE
 from app.problems import documented
 from app.routes.state import State
 from app.schemas.health import Live, Ready
+from app.worker_facts import languages_of
 from services.errors import DocumentError
 
 DISK_TIMEOUT_S = 0.2
@@ -47,6 +48,7 @@ async def ready(state: State) -> Ready:
         admitted=status.admitted,
         capacity=status.capacity,
         ocr=None if ocr is None else str(ocr),
+        languages=languages_of(status),
         disk="ready" if disk else "full",
         store="ready" if store else "unavailable",
         blobs="ready" if blobs else "unavailable",

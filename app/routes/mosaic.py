@@ -9,6 +9,7 @@ from app.engine.base import TimeLimit
 from app.form_parts import FormRoute
 from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
+from app.routes.ocr_languages import chosen_language
 from app.routes.page_answers import answer_page, choose_encoding, documented_page
 from app.routes.state import State
 from app.schemas.mosaic import MosaicForm, MosaicResult
@@ -51,7 +52,8 @@ async def mosaic(
     form = with_format(form, format)
     encoding = await choose_encoding(request, form, form.images[0])
     parameters = form.parameters()
-    parameters = replace(parameters, text=form.text or encoding.needs_text)
+    language = chosen_language(form.language, state.settings)
+    parameters = replace(parameters, text=form.text or encoding.needs_text, language=language)
     settings = state.settings
     photo_limits = replace(settings.image_limits, max_bytes=settings.max_mosaic_upload_bytes)
 

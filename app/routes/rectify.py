@@ -9,6 +9,7 @@ from app.form_parts import FormRoute
 from app.routes.document_uploads import check_photos, document_limits, document_time_limit
 from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
+from app.routes.ocr_languages import chosen_language
 from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
 from app.routes.state import State
 from app.schemas.options import AskedPagesFormat, CallbackUrl
@@ -62,7 +63,11 @@ async def rectify(
     settings = state.settings
     await check_photos(form.image, settings)
     encoding = await choose_pages_encoding(request, form, form.image[0])
-    parameters = replace(form.parameters(), text=form.text or encoding.needs_text)
+    parameters = replace(
+        form.parameters(),
+        text=form.text or encoding.needs_text,
+        language=chosen_language(form.language, settings),
+    )
 
     time_limit = await document_time_limit(form.image, settings)
 

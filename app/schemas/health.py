@@ -20,6 +20,7 @@ class Ready(BaseModel):
     admitted: int = Field(ge=0, description="Requests that have a seat in the engine.")
     capacity: int = Field(ge=0, description="Seats: workers and places in the queue.")
     ocr: str | None = Field(description="The OCR engine that workers use; null: none is installed.")
+    languages: list[str] = Field(description="Languages that it reads, by Tesseract's names.")
     disk: Literal["ready", "full"] = Field(
         description="Whether the folders for data and temporary files have MIN_FREE_DISK_BYTES of free space."
     )

@@ -26,7 +26,7 @@ from simulation.degradation import Degradation, Exposure, expose
 from simulation.pages import own_pages
 from simulation.scenes import View, photograph
 
-_SIZES = (700, 900, 1100, 1400, 1800, 2300)
+_SIZES = (600, 750, 900, 1100, 1400, 1700)
 """Long sides of the photos; print of 10 points is 7 to 23 pixels high in them."""
 _RIDGE = 0.02
 
@@ -34,7 +34,7 @@ _RIDGE = 0.02
 def make_photos(count: int, seed: int = 19) -> Iterator[tuple[NDArray[np.uint8], list[str]]]:
     """Photos of known text at several distances, blurred, noisy, faint, cut off; with the lines of the page."""
     rng = np.random.default_rng(seed)
-    pages = own_pages(1000, 1560)
+    pages = own_pages(800, 1250)
     for index in range(count):
         page = pages[index % len(pages)]
         long_side = int(rng.choice(_SIZES))
@@ -78,7 +78,13 @@ def measure(photo: NDArray[np.uint8], lines: Sequence[str]) -> tuple[CaptureQual
     quality = measure_quality(gray, result.print.characters, result.print.heights_px, result.mesh)
     text = read_flat_page(result.image, engine, language)
     error = 1.0 - character_score(lines, "\n".join(line.text for line in text.lines))
-    return None if quality is None else (quality, error)
+    if quality is None:
+        return None
+    print(
+        f"{error:.3f} measured, {predict_character_error(quality):.3f} predicted, {astuple(quality)}",
+        flush=True,
+    )
+    return quality, error
 
 
 def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> ErrorModel:
@@ -99,7 +105,7 @@ def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> Err
 def main(arguments: Sequence[str]) -> int:
     """Print rank correlations, and the fitted coefficients with `--fit`."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks advice", description=__doc__)
-    parser.add_argument("--photos", type=int, default=40, help="simulated photos")
+    parser.add_argument("--photos", type=int, default=24, help="simulated photos")
     parser.add_argument("--fit", action="store_true", help="fit the coefficients to half of the photos")
     parser.add_argument("--development", action="store_true", help="also the development photos with text")
     asked = parser.parse_args(arguments)

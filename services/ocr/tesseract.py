@@ -12,6 +12,7 @@ import numpy as np
 
 from services.arrays import GrayImage
 from services.ocr.engine import OcrEngine, ReadDirection, Word
+from services.ocr.languages import DEFAULT_LANGUAGE
 
 _log = logging.getLogger(__name__)
 
@@ -22,6 +23,8 @@ _TESSDATA_FOLDERS = (
     "/usr/share/tessdata",
     "/usr/local/share/tessdata",
 )
+_NO_LANGUAGES = frozenset({"osd", "equ", "snum"})
+"""Data files of orientation, formulas and serial numbers."""
 _LARGEST_SIDE_PX = 16000
 """Tesseract keeps coordinates in 16 bits."""
 _SMALLEST_SIDE_PX = 3
@@ -33,20 +36,39 @@ class EngineUnavailable(Exception):
 
 
 def find_tessdata(language: str) -> Path | None:
-    """Folder that holds `language`.traineddata: TESSDATA_PREFIX first, then where distributions put it."""
+    """Folder that holds the data of `language` (`eng`, or all of `eng+fra`).
+
+    TESSDATA_PREFIX is searched first, then where distributions put it.
+    """
+    names = [f"{name}.traineddata" for name in language.split("+")]
+    return next((folder for folder in _folders() if all((folder / name).is_file() for name in names)), None)
+
+
+def installed_languages() -> tuple[str, ...]:
+    """Languages whose data are installed, in alphabetical order."""
+    names = {file.stem for folder in _folders() if folder.is_dir() for file in folder.glob("*.traineddata")}
+    return tuple(sorted(names - _NO_LANGUAGES))
+
+
+def default_language() -> str:
+    """English where it is installed, else the first language that is."""
+    installed = installed_languages()
+    return DEFAULT_LANGUAGE if DEFAULT_LANGUAGE in installed or not installed else installed[0]
+
+
+def _folders() -> list[Path]:
     prefix = os.environ.get("TESSDATA_PREFIX")
     folders = [Path(prefix), Path(prefix) / "tessdata"] if prefix else []
-    folders += [Path(folder) for folder in _TESSDATA_FOLDERS]
-    for folder in folders:
-        if (folder / f"{language}.traineddata").is_file():
-            return folder
-    return None
+    return folders + [Path(folder) for folder in _TESSDATA_FOLDERS]
 
 
-def open_engine() -> OcrEngine | None:
-    """A new engine for the calling thread or process; None if none is installed (logged once)."""
+def open_engine(language: str | None = None) -> OcrEngine | None:
+    """A new engine for the calling thread or process; None if none is installed (logged once).
+
+    `language` is one of Tesseract's, or several (`eng+fra`); None: the default.
+    """
     try:
-        return TesseractEngine()
+        return TesseractEngine(language or default_language())
     except EngineUnavailable as error:
         _tell_once(str(error))
         return None

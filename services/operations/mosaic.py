@@ -49,14 +49,16 @@ def mosaic_uploads(
     InvalidOption
         When `parameters` or `encoding` are not possible.
     """
-    if parameters.text:
+    if parameters.text or parameters.language is not None:
         reading_engine(parameters.language)  # an error must come before the work
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
         photos = _decode_photos(uploads, limits)
     focal_lengths_px = [photo.focal_length_px for photo in photos]
     with progress_within(0.03, MOSAIC_READING_BEGINS if parameters.text else ENCODING_BEGINS):
-        result = mosaic([photo.pixels for photo in photos], parameters, focal_lengths_px, ocr_engine())
+        result = mosaic(
+            [photo.pixels for photo in photos], parameters, focal_lengths_px, ocr_engine(parameters.language)
+        )
     timings_ms |= result.timings_ms
     text = None
     if parameters.text:

@@ -12,7 +12,8 @@ from services.errors import InvalidOption
 from services.layout.page import Zone
 from services.layout.pipeline import segment_read_page
 from services.ocr.engine import OcrEngine
-from services.ocr.languages import DEFAULT_LANGUAGE, language_tag
+from services.ocr.languages import language_tag
+from services.ocr.tesseract import default_language, installed_languages
 from services.operations.reader import ocr_engine
 from services.text.alto import write_alto_pages
 from services.text.arrangement import Region, arrange_words
@@ -33,14 +34,27 @@ def reading_engine(language: str | None) -> tuple[OcrEngine, str]:
     InvalidOption
         When no OCR engine or no language data is installed.
     """
-    engine = ocr_engine()
+    if language is not None:
+        _check_installed(language)
+    engine = ocr_engine(language)
     if engine is None:
         raise InvalidOption(
             "text: no OCR engine is installed on this server, so pages cannot be read; send text=false, and ask for "
             "an image or json.",
             "text",
         )
-    return engine, language or DEFAULT_LANGUAGE
+    return engine, language or default_language()
+
+
+def _check_installed(language: str) -> None:
+    installed = installed_languages()
+    missing = [name for name in language.split("+") if name not in installed]
+    if missing:
+        raise InvalidOption(
+            f"language: {', '.join(missing)} is not installed on this server; installed are "
+            f"{', '.join(installed) or 'none'}.",
+            "language",
+        )
 
 
 def read_flat_page(

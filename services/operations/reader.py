@@ -1,12 +1,15 @@
-"""The OCR engine that a worker's operations share."""
+"""The OCR engines that a worker's operations share."""
 
 import functools
 
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine
 
+MOST_ENGINES = 3
+"""Engines that a worker keeps, one a language (20 to 80 MB each)."""
 
-@functools.cache
-def ocr_engine() -> OcrEngine | None:
-    """The OCR engine of this process, opened at first use; None when none is installed."""
-    return open_engine()
+
+@functools.lru_cache(maxsize=MOST_ENGINES)
+def ocr_engine(language: str | None = None) -> OcrEngine | None:
+    """The OCR engine of this process for `language` (None: the default), opened at first use; None if there is none."""
+    return open_engine(language)

@@ -60,7 +60,7 @@ def rectify_picture(
     decode: Callable[[], PagePicture], parameters: RectifyParameters, encoding: Encoding
 ) -> PageReply:
     """The reply to one photo; `decode` returns it. Raises what `rectify_upload` raises."""
-    if parameters.text:
+    if parameters.text or parameters.language is not None:
         reading_engine(parameters.language)  # an error must come before the work
     end = READING_BEGINS if parameters.text else ENCODING_BEGINS
     timings_ms: dict[str, float] = {}
@@ -69,12 +69,14 @@ def rectify_picture(
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
     if parameters.pages == "both":
         with progress_within(0.03, end):
-            found = rectify_spread(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
+            found = rectify_spread(
+                photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language)
+            )
         pages = [describe_page(result, parameters, encoding, photo) for result in found.pages]
         timings_ms |= page_timings(found)
         return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
     with progress_within(0.03, end):
-        result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine())
+        result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language))
     page = describe_page(result, parameters, encoding, photo)
     source = source if source.dpi is None else replace(source, dpi=source.dpi * page.scale)
     timings_ms |= result.timings_ms
@@ -92,9 +94,11 @@ def flatten_picture(
     """
     results: tuple[RectifyResult, ...]
     if parameters.pages == "both":
-        results = rectify_spread(photo.pixels, parameters, photo.focal_length_px, ocr_engine()).pages
+        results = rectify_spread(
+            photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language)
+        ).pages
     else:
-        results = (rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine()),)
+        results = (rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language)),)
     return [describe_page(result, parameters, encoding, photo) for result in results]
 
 

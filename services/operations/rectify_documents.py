@@ -41,7 +41,7 @@ def rectify_uploads(
     NotAcceptable
         When there are several pages and the client accepts no format that can hold several.
     """
-    if parameters.text:
+    if parameters.text or parameters.language is not None:
         reading_engine(parameters.language)  # an error must come before the work
     page_limits = PageLimits(limits.image, limits.max_pages, limits.max_megapixels)
     with open_pages(uploads, page_limits, lenient=True) as sources:

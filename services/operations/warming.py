@@ -11,6 +11,7 @@ from services.contract.layout import LayoutOptions, LayoutSettings
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
 from services.imaging.codec import encode_image
+from services.ocr.tesseract import installed_languages
 from services.operations.layout import recognize_upload
 from services.operations.reader import ocr_engine
 from services.operations.rectify import rectify_upload
@@ -20,7 +21,7 @@ def warm_up(content_features: Path | None = None) -> dict[str, object]:
     """Import modules, open the OCR engine and rectify a small picture, so that the first request is not slower.
 
     `content_features` is the operator's settings file of content features (None: the file of this package). Returns
-    `{"ocr": name}` with the name of the OCR engine or None.
+    `{"ocr": name, "languages": [...]}` with the name of the OCR engine or None, and what it reads.
 
     Raises
     ------
@@ -34,7 +35,8 @@ def warm_up(content_features: Path | None = None) -> dict[str, object]:
     recognize_upload(
         sheet, None, None, [], LayoutOptions(), LayoutSettings(content_features=content_features)
     )
-    return {"ocr": None if engine is None else engine.name}
+    languages = () if engine is None else installed_languages()
+    return {"ocr": None if engine is None else engine.name, "languages": list(languages)}
 
 
 def _draw_sheet() -> RgbImage:

@@ -364,7 +364,7 @@ def _labels(document: bytes) -> list[str]:
 
 def warm_up(content_features: Path | None) -> dict[str, object]:
     """What workers of the scripted service say of themselves."""
-    return {"ocr": "scripted"}
+    return {"ocr": "scripted", "languages": ["eng", "fra"]}
 
 
 OPERATIONS = Operations(**{field.name: Operation(f"{__name__}:{field.name}") for field in fields(Operations)})

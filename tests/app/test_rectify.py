@@ -9,6 +9,7 @@ import pytest
 from app.schemas.rectify import CreasedSheet, PagesResult, RectifyResult
 from tests.app.scripted import upload
 from tests.app.scripted_results import CREASED_SHEET
+from tests.app.serving import serving
 
 
 def post(
@@ -287,3 +288,20 @@ def test_text_formats_imply_reading(client: httpx.Client) -> None:
     assert response.headers["content-type"].startswith("text/vnd.hocr+html")
     assert response.headers["content-disposition"] == 'inline; filename="photo-flat.html"'
     assert post(client, accept="text/markdown").headers["content-type"].startswith("text/markdown")
+
+
+def test_the_language_reaches_the_operation(client: httpx.Client) -> None:
+    told = notices(post(client, {"format": "json", "text": "true", "language": "eng+chi_sim"}))["options"]
+    assert "language='eng+chi_sim'" in told
+    for wrong in ("../eng", "eng+", "e", "eng fra", "eng+" * 9 + "eng"):
+        assert post(client, {"language": wrong}).json()["field"] == "language"
+
+
+def test_an_operator_chooses_languages() -> None:
+    with serving(ocr_languages="deu, eng") as client:
+        assert "language='deu'" in notices(post(client, {"format": "json"}))["options"]
+        refused = post(client, {"format": "json", "language": "eng+fra"})
+        assert (refused.status_code, refused.json()["code"]) == (422, "invalid-option")
+        assert "fra is not read by this server; OCR_LANGUAGES has deu, eng" in refused.json()["detail"]
+        assert client.get("/health/ready").json()["languages"] == ["eng", "fra"]
+        assert 'ocr_language{language="fra"} 1.0' in client.get("/metrics").text

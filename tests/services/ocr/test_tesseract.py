@@ -10,7 +10,14 @@ import pytest
 
 from services.ocr import tesseract
 from services.ocr.engine import DirectionDetector, OcrEngine
-from services.ocr.tesseract import EngineUnavailable, TesseractEngine, find_tessdata, open_engine
+from services.ocr.tesseract import (
+    EngineUnavailable,
+    TesseractEngine,
+    default_language,
+    find_tessdata,
+    installed_languages,
+    open_engine,
+)
 from tests.services.ocr.pages import blank, set_lines, text_of_line, text_page
 
 
@@ -128,3 +135,16 @@ def test_prefix_comes_before_the_usual_folders(
     monkeypatch.setenv("TESSDATA_PREFIX", str(tmp_path))
     assert find_tessdata("eng") == folder
     assert find_tessdata("no-such-language") is None
+
+
+def test_languages_are_those_whose_data_are_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tesseract, "_TESSDATA_FOLDERS", (str(tmp_path / "absent"),))
+    monkeypatch.setenv("TESSDATA_PREFIX", str(tmp_path))
+    assert installed_languages() == ()
+    assert default_language() == "eng"
+    for name in ("osd", "fra", "chi_sim"):
+        (tmp_path / f"{name}.traineddata").touch()
+    assert installed_languages() == ("chi_sim", "fra")
+    assert default_language() == "chi_sim"
+    assert find_tessdata("fra+chi_sim") == tmp_path
+    assert find_tessdata("fra+deu") is None

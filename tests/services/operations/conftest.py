@@ -12,7 +12,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> RectifyPipeline:
     stand_in = RectifyPipeline()
     monkeypatch.setattr(rectify, "rectify", stand_in)
     monkeypatch.setattr(rectify, "rectify_spread", stand_in.rectify_spread)
-    monkeypatch.setattr(rectify, "ocr_engine", lambda: "an engine")
+    monkeypatch.setattr(rectify, "ocr_engine", lambda language: "an engine")
     return stand_in
 
 
@@ -21,5 +21,5 @@ def mosaic_pipeline(monkeypatch: pytest.MonkeyPatch) -> MosaicPipeline:
     """Of `mosaic`."""
     stand_in = MosaicPipeline()
     monkeypatch.setattr(mosaic, "mosaic", stand_in)
-    monkeypatch.setattr(mosaic, "ocr_engine", lambda: "an engine")
+    monkeypatch.setattr(mosaic, "ocr_engine", lambda language: "an engine")
     return stand_in

@@ -31,7 +31,7 @@ class Reader:
 @pytest.fixture(autouse=True)
 def reader(pipeline: RectifyPipeline, monkeypatch: pytest.MonkeyPatch) -> None:
     """The engine of this module."""
-    monkeypatch.setattr(page_reading, "ocr_engine", Reader)
+    monkeypatch.setattr(page_reading, "ocr_engine", lambda language: Reader())
 
 
 def read(encoding: Encoding, parameters: RectifyParameters = READ) -> PageReply:
@@ -84,7 +84,22 @@ def test_text_files(text_format: TextFormat, media_type: str, start: bytes) -> N
 def test_without_an_engine_the_request_is_refused(
     pipeline: RectifyPipeline, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(page_reading, "ocr_engine", lambda: None)
+    monkeypatch.setattr(page_reading, "ocr_engine", lambda language: None)
     with pytest.raises(InvalidOption, match="no OCR engine"):
         read(Encoding("json"))
     assert pipeline.calls == []  # before any work
+
+
+def test_a_language_that_is_not_installed_is_refused_with_those_that_are(
+    pipeline: RectifyPipeline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_reading, "installed_languages", lambda: ("deu", "eng"))
+    for parameters in (RectifyParameters(language="eng+xyz"), RectifyParameters(text=True, language="xyz")):
+        with pytest.raises(
+            InvalidOption, match="xyz is not installed on this server; installed are deu, eng"
+        ) as told:
+            read(Encoding("json"), parameters)
+        assert told.value.field == "language"
+    assert pipeline.calls == []
+    text = read(Encoding("json"), RectifyParameters(text=True, language="deu+eng")).document["text"]
+    assert text["language"] == "deu+eng"  # type: ignore[index]

@@ -33,7 +33,7 @@ def test_warming_up_runs_the_whole_road(
 
     monkeypatch.setattr(rectify, "rectify", refuse)
     monkeypatch.setattr(warming, "ocr_engine", lambda: None)
-    assert warm_up() == {"ocr": None}
+    assert warm_up() == {"ocr": None, "languages": []}
     assert len(pipeline.calls) == 1
 
 
