@@ -306,6 +306,29 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
     ("200", "layout_model_health"): {"name": "letter", **_HEALTH},
     ("200", "layout_model_settings"): _SETTINGS,
     ("200", "change_layout_model_settings"): {**_SETTINGS, "learner": "counting"},
+    ("200", "layout_results"): {
+        "results": [
+            {
+                "id": _RESULT,
+                "created": _WHEN,
+                "expires": _WHEN,
+                "state": "confirmed",
+                "class": "letter",
+                "probability": 0.97,
+                "fields": [
+                    {
+                        "label": "date",
+                        "text": "March 3, 1998",
+                        "type": "date",
+                        "value": "1998-03-03",
+                        "confidence": 0.91,
+                        "zones": ["z2"],
+                    }
+                ],
+            }
+        ],
+        "next": None,
+    },
     ("200", "unknown_layout_pages"): {"pages": [{**_UNKNOWN, "zones": 9}]},
     ("200", "unknown_layout_page"): {**_PAGE, **_UNKNOWN},
     ("200", "propose_layout_classes"): {
