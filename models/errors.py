@@ -54,6 +54,12 @@ class JobNotFound(NotFound):
     """There is no job with this id, or it has expired."""
 
 
+class Claimed(StoreError):
+    """Another person works on this page of the review queue."""
+
+    code = "conflict"
+
+
 class VersionConflict(StoreError):
     """The model does not have the version that the writer expected. `current` is its version, None without any."""
 
