@@ -4,6 +4,7 @@ What a request stores belongs to the name of its key, so that a key can be repla
 """
 
 from dataclasses import dataclass
+from hashlib import sha256
 
 from fastapi import Request
 
@@ -12,6 +13,10 @@ from models.errors import ResultNotFound
 
 ADMIN = "admin"
 """The key of this name sees what all keys have made."""
+
+
+_SEPARATOR = "\0"
+"""Not in any name of a key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +29,12 @@ class Caller:
     def sees(self, owner: str | None) -> bool:
         """Whether something that `owner` made is shown to this caller."""
         return self.sees_all or owner == self.name
+
+    def scoped(self, idempotency_key: str | None) -> str | None:
+        """An Idempotency-Key as it is stored, so that the same one of another API key is a different one."""
+        if idempotency_key is None or self.name is None:
+            return idempotency_key
+        return sha256(f"{self.name}{_SEPARATOR}{idempotency_key}".encode(errors="replace")).hexdigest()
 
 
 def caller_of(request: Request) -> Caller:

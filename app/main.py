@@ -43,6 +43,7 @@ from app.problems import FrameworkErrors, ProblemBoundary
 from app.routes import (
     health,
     layout,
+    layout_exchange,
     layout_feedback,
     layout_images,
     layout_models,
@@ -82,6 +83,7 @@ ROUTERS = (
     layout_models.router,
     layout_samples.router,
     layout_sample_archives.router,
+    layout_exchange.router,
     layout_training.router,
     layout_versions.router,
     layout_settings.router,
@@ -113,6 +115,7 @@ WORK = frozenset(
         ("PUT", "/layout/models/{name}"),
         ("POST", "/layout/models/{name}/samples"),
         ("POST", "/layout/models/{name}/samples/archive"),
+        ("POST", "/layout/import"),
         ("POST", "/layout/models/{name}/initialize"),
         ("POST", "/layout/models/{name}/train"),
         ("GET", "/layout/models/{name}/versions/{version}/diff"),

@@ -182,6 +182,7 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
         "mosaic": {"images": ["(file a.jpg)", "(file b.jpg)"], "format": "json"},
         "layout": {"image": ["(file page.png)"], "format": "json"},
         "add_layout_samples": {"archive": "(file samples.zip)"},
+        "import_layout_models": {"archive": "(file models.zip)"},
     },
 }
 """Bodies by media type and operation."""
@@ -198,6 +199,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
             "mosaic",
             "layout",
             "add_layout_samples",
+            "import_layout_models",
             "initialize_layout_model",
             "train_layout_model",
             "propose_layout_classes",
@@ -299,6 +301,18 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
                 "problem": {"code": "invalid-option", "detail": "zones: give at least one zone its label."},
             },
         ],
+    },
+    ("200", "import_layout_models"): {
+        "models": [
+            {
+                "name": "letter",
+                "version": 8,
+                "changed": True,
+                "samples_added": 12,
+                "samples_known": 0,
+                "problems": [],
+            }
+        ]
     },
     ("200", "layout_samples"): {
         "model": "letter",

@@ -62,7 +62,7 @@ async def give_layout_feedback(
     limit = state.settings.max_zones_bytes
     body = await read_json(request, FeedbackBody, most_bytes=limit, setting="MAX_ZONES_BYTES")
     feedback = await while_connected(
-        request, learn_from_feedback(state, id, idempotency_key, body, caller.name)
+        request, learn_from_feedback(state, id, caller.scoped(idempotency_key), body, caller.name)
     )
     request.state.seat.release()
     warnings = [] if feedback.created else await _without_effect(state, feedback)

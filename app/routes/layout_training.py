@@ -12,6 +12,7 @@ from app.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
 from app.routes.json_bodies import json_request, read_json
 from app.routes.labelled_pages import layout_settings
+from app.routes.lessons import training_note
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
 from app.routes.model_answers import ETAG, IfMatch
 from app.routes.model_samples import samples_to_learn_from
@@ -115,7 +116,7 @@ async def _train_newest_version(
     def write(store: Store) -> int | None:
         if json.loads(json.dumps(trained.document)) == model.document:
             return model.version
-        note = f"{report.kept_round} rounds, {len(samples)} samples"
+        note = training_note(report.kept_round, len(samples), model.settings.learner)
         return store.add_version(
             name, trained.document, "train", expected_version=model.version, note=note
         ).version

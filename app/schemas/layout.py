@@ -16,7 +16,7 @@ MODEL_NAME_PATTERN = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,59}$"
 MOST_NAMES = 200
 MOST_PAGE = 10_000
 """Largest page number that can be selected from a file, independent of the limit on a document's pages."""
-_NAMES_PATTERN = (
+NAMES_PATTERN = (
     f"^{MODEL_NAME_PATTERN.strip('^$')}(, ?{MODEL_NAME_PATTERN.strip('^$')}){{0,{MOST_NAMES - 1}}}$"
 )
 
@@ -38,7 +38,8 @@ def parse_names(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def _checked_names(text: str) -> str:
+def checked_names(text: str) -> str:
+    """The unchanged `text`; ValueError if it is not a list of model names."""
     parse_names(text)
     return text
 
@@ -76,10 +77,10 @@ class LayoutForm(BaseModel):
     ocr: Literal["auto", "off"] = Field(
         default="auto", description="auto: read the page if an OCR engine is installed."
     )
-    models: Annotated[str, AfterValidator(_checked_names)] | Absent = Field(
+    models: Annotated[str, AfterValidator(checked_names)] | Absent = Field(
         default=None,
         description="The models to compare, separated by commas; default: all.",
-        json_schema_extra={"pattern": _NAMES_PATTERN},
+        json_schema_extra={"pattern": NAMES_PATTERN},
     )
     format: Annotated[LayoutFormat | Absent, FORMAT] = Field(
         default=None,
