@@ -65,5 +65,10 @@ def body_limits_of(settings: Settings) -> tuple[BodyLimits, Mapping[str, BodyLim
         "/layout/models/{name}/samples": replace(
             zones, max_upload_bytes=settings.max_upload_bytes, size_setting="MAX_UPLOAD_BYTES"
         ),
+        "/layout/models/{name}/samples/archive": replace(
+            photo,
+            max_upload_bytes=settings.max_document_upload_bytes,
+            size_setting="MAX_DOCUMENT_UPLOAD_BYTES",
+        ),
         "/layout/results/{id}/feedback": zones,
     }

@@ -180,6 +180,7 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
         "rectify": {"image": ["(file photo.jpg)"], "illumination": "normalize", "format": "json"},
         "mosaic": {"images": ["(file a.jpg)", "(file b.jpg)"], "format": "json"},
         "layout": {"image": ["(file page.png)"], "format": "json"},
+        "add_layout_samples": {"archive": "(file samples.zip)"},
     },
 }
 """Bodies by media type and operation."""
@@ -195,6 +196,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
             "rectify",
             "mosaic",
             "layout",
+            "add_layout_samples",
             "initialize_layout_model",
             "train_layout_model",
             "propose_layout_classes",
@@ -263,6 +265,22 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
     },
     ("200", "add_layout_sample"): _RECEIPT,
     ("201", "add_layout_sample"): _RECEIPT,
+    ("200", "add_layout_samples"): {
+        "model": "letter",
+        "added": 1,
+        "known": 0,
+        "failed": 1,
+        "ignored": 0,
+        "pages": [
+            {"files": ["page/1.xml", "1.png"], "status": "added", "id": _SAMPLE, "problem": None},
+            {
+                "files": ["page/2.xml"],
+                "status": "failed",
+                "id": None,
+                "problem": {"code": "invalid-option", "detail": "zones: give at least one zone its label."},
+            },
+        ],
+    },
     ("200", "layout_samples"): {
         "model": "letter",
         "samples": [{"id": _SAMPLE, "zones": 1, "labels": {"receiver": 1}, "created": _WHEN}],
@@ -306,6 +324,29 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
     ("200", "layout_model_health"): {"name": "letter", **_HEALTH},
     ("200", "layout_model_settings"): _SETTINGS,
     ("200", "change_layout_model_settings"): {**_SETTINGS, "learner": "counting"},
+    ("200", "layout_results"): {
+        "results": [
+            {
+                "id": _RESULT,
+                "created": _WHEN,
+                "expires": _WHEN,
+                "state": "confirmed",
+                "class": "letter",
+                "probability": 0.97,
+                "fields": [
+                    {
+                        "label": "date",
+                        "text": "March 3, 1998",
+                        "type": "date",
+                        "value": "1998-03-03",
+                        "confidence": 0.91,
+                        "zones": ["z2"],
+                    }
+                ],
+            }
+        ],
+        "next": None,
+    },
     ("200", "unknown_layout_pages"): {"pages": [{**_UNKNOWN, "zones": 9}]},
     ("200", "unknown_layout_page"): {**_PAGE, **_UNKNOWN},
     ("200", "propose_layout_classes"): {

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TypeVar, get_args
 from urllib.parse import quote
 
+from app.schemas.layout_results import LIST_MEDIA_TYPES, ListFormat
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import AnswerFormat, PagesFormat, SeveralFormat
 from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
@@ -145,6 +146,20 @@ def choose_layout_format(requested: LayoutFormat | None, accept: str | None) -> 
         return requested
     ranges = parse_accept(accept) if accept is not None else ()
     return _liked(LAYOUT_MEDIA_TYPES, ranges)[0] if ranges else "json"
+
+
+def choose_list_format(requested: ListFormat | None, accept: str | None) -> ListFormat:
+    """Format of a list of results: `requested`, else by the header `accept`, else JSON.
+
+    Raises
+    ------
+    NotAcceptable
+        When `accept` allows no format.
+    """
+    if requested is not None:
+        return requested
+    ranges = parse_accept(accept) if accept is not None else ()
+    return _liked(LIST_MEDIA_TYPES, ranges)[0] if ranges else "json"
 
 
 def _liked(media_types: Mapping[Name, str], ranges: tuple[MediaRange, ...]) -> list[Name]:

@@ -13,6 +13,7 @@ MODULES = {
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",
     "layout_words": "layout.word_labels",
+    "layout_values": "layout.values",
     "layout_segmentation": "layout.segmentation",
     "layout_matching": "layout.matching",
     "layout_documents": "layout.documents",

@@ -141,14 +141,19 @@ class FeedbackRepository(Transactions):
             stored = _stored_feedback(session, feedback, created=True)
             return replace(stored, taken_back=taken_back)
 
-    def feedbacks(self, name: str, newest: int = 50) -> list[FeedbackSummary]:
-        """The last feedbacks whose found or verified class is this one, newest first. Raises `ModelNotFound`."""
+    def feedbacks(self, name: str, newest: int = 50, before: str | None = None) -> list[FeedbackSummary]:
+        """The last feedbacks whose found or verified class is this one, newest first; of those with ids below `before`.
+
+        Raises `ModelNotFound`.
+        """
         with self._reading() as session:
             of_model = select(FeedbackModelRow.feedback_id).where(
                 FeedbackModelRow.model_id == find_model(session, name).id
             )
             wanted = select(FeedbackRow).where(FeedbackRow.id.in_(of_model))
             wanted = wanted.options(defer(FeedbackRow.request), defer(FeedbackRow.report))
+            if before is not None:
+                wanted = wanted.where(FeedbackRow.id < before)
             rows = session.execute(wanted.order_by(FeedbackRow.id.desc()).limit(newest)).scalars().all()
             versions = _versions_of(session, [row.id for row in rows])
         return [

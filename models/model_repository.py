@@ -113,18 +113,23 @@ class ModelRepository(Transactions):
             if found is not None:
                 yield stored_model(row, samples, found)
 
-    def model_versions(self, name: str) -> list[VersionSummary]:
-        """The versions of a class, oldest first. Raises `ModelNotFound`."""
+    def model_versions(
+        self, name: str, newest: int | None = None, before: int | None = None
+    ) -> list[VersionSummary]:
+        """The versions of a class, oldest first: the `newest` ones, or all, of those before version `before`.
+
+        Raises `ModelNotFound`.
+        """
         with self._reading() as session:
             row = find_model(session, name)
-            rows = session.execute(
-                select(VersionRow.version, VersionRow.origin, VersionRow.created_at, VersionRow.note)
-                .where(VersionRow.model_id == row.id)
-                .order_by(VersionRow.version)
-            ).all()
+            wanted = select(VersionRow.version, VersionRow.origin, VersionRow.created_at, VersionRow.note)
+            wanted = wanted.where(VersionRow.model_id == row.id).order_by(VersionRow.version.desc())
+            if before is not None:
+                wanted = wanted.where(VersionRow.version < before)
+            rows = session.execute(wanted.limit(newest)).all()
         return [
             VersionSummary(version, cast(Origin, origin), created_at, note)
-            for version, origin, created_at, note in rows
+            for version, origin, created_at, note in reversed(rows)
         ]
 
     def add_version(

@@ -115,6 +115,21 @@ class StoredResult:
     pages: "tuple[StoredResult, ...]" = ()
 
 
+ResultState = Literal["open", "confirmed", "corrected"]
+"""Open: without feedback; confirmed: feedback found nothing wrong; corrected: it found something wrong."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ListedResult:
+    """The result of one page in a list; `result` is its `LayoutResult` without the id."""
+
+    id: str
+    result: dict[str, Any]
+    created_at: datetime
+    expires_at: datetime
+    state: ResultState
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class UnknownPageDraft:
     """A page that fits no class, kept for `ttl_s` seconds. The store keeps the `bound` newest ones.

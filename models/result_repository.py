@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, CursorResult, delete, select
 from models.documents import Document, decode_document, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
 from models.queries import READ_AT_ONCE, add_unknown_page
-from models.records import ResultDraft, StoredResult, UnknownPage, UnknownPageDraft
+from models.records import ListedResult, ResultDraft, ResultState, StoredResult, UnknownPage, UnknownPageDraft
 from models.tables import FeedbackRow, ResultRow, UnknownPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
@@ -81,6 +81,50 @@ class ResultRepository(Transactions):
         if result is None or None in rows:
             raise ResultNotFound(f"there is no result {result_id!r}, or no longer", result_id)
         return replace(result, pages=tuple(_stored_result(page) for page in rows if page is not None))
+
+    def results(
+        self,
+        limit: int,
+        *,
+        before: str | None = None,
+        owner: str | None = None,
+        state: ResultState | None = None,
+    ) -> list[ListedResult]:
+        """The newest results of pages that are kept, newest first, `limit` at most.
+
+        `before` is the id of a result: only older ones are listed. `owner` and `state` select; None: all.
+        """
+        of_row = select(FeedbackRow.id).where(FeedbackRow.result_id == ResultRow.id)
+        something_wrong = (
+            FeedbackRow.class_wrong | (FeedbackRow.wrong_zones > 0) | (FeedbackRow.wrong_letters > 0)
+        )
+        verified, corrected = of_row.exists(), of_row.where(something_wrong).exists()
+        wanted = select(ResultRow, verified, corrected).where(ResultRow.expires_at > self._clock())
+        if before is not None:
+            wanted = wanted.where(ResultRow.id < before)
+        if owner is not None:
+            wanted = wanted.where(ResultRow.owner == owner)
+        if state is not None:
+            wanted = wanted.where(verified if state != "open" else ~verified)
+        if state in ("confirmed", "corrected"):
+            wanted = wanted.where(corrected if state == "corrected" else ~corrected)
+        listed: list[ListedResult] = []
+        with self._reading() as session:
+            rows = session.execute(
+                wanted.order_by(ResultRow.id.desc()).execution_options(yield_per=READ_AT_ONCE)
+            )
+            for row, is_verified, is_corrected in rows:
+                document = decode_document(row.document)
+                if "result" in document:  # a document's values are those of its pages
+                    found: ResultState = "confirmed" if is_verified else "open"
+                    found = "corrected" if is_corrected else found
+                    listed.append(
+                        ListedResult(row.id, document["result"], row.created_at, row.expires_at, found)
+                    )
+                session.expunge(row)
+                if len(listed) == limit:
+                    break
+        return listed
 
     def result_owner(self, result_id: str) -> str | None:
         """The owner of a result, or of the feedback on a result that is no longer kept. Raises `ResultNotFound`."""

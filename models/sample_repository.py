@@ -85,12 +85,18 @@ class SampleRepository(Transactions):
             rows = session.execute(of_model).scalars().all()
         return [stored_sample(sample, created=False) for sample in rows]
 
-    def each_sample(self, name: str, *, newest_first: bool = False) -> Iterator[StoredSample]:
-        """Iterates over the samples of a class, few in memory at a time. Raises `ModelNotFound` at the first step."""
+    def each_sample(
+        self, name: str, *, newest_first: bool = False, after: str = ""
+    ) -> Iterator[StoredSample]:
+        """Iterates over the samples of a class, few in memory at a time; with `after`, over those of larger ids.
+
+        Raises `ModelNotFound` at the first step.
+        """
         with self._reading() as session:
             row = find_model(session, name)
             order = SampleRow.id.desc() if newest_first else SampleRow.id
-            wanted = select(SampleRow).where(SampleRow.model_id == row.id).order_by(order)
+            wanted = select(SampleRow).where(SampleRow.model_id == row.id, SampleRow.id > after)
+            wanted = wanted.order_by(order)
             for sample in session.execute(wanted.execution_options(yield_per=READ_AT_ONCE)).scalars():
                 yield stored_sample(sample, created=False)
                 session.expunge(sample)

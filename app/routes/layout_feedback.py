@@ -1,9 +1,8 @@
 """POST /layout/results/{id}/feedback: corrections of results, from which models learn."""
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Request, Response
 
 from app.callers import require_own_result
 from app.problems import documented
@@ -13,6 +12,7 @@ from app.routes.feedback_learning import learn_from_feedback
 from app.routes.feedback_undo import undo_feedback
 from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import IdempotencyKey
+from app.routes.paging import LINK, Cursor, Limit, first_of, link_next
 from app.routes.state import State
 from app.schemas.layout_feedback import (
     AdaptedModel,
@@ -33,8 +33,6 @@ from app.schemas.page import Warning
 from models.records import FeedbackSummary, StoredFeedback
 
 router = APIRouter(tags=["layout feedback"])
-
-MOST_LISTED = 200
 
 
 @router.post(
@@ -97,13 +95,22 @@ async def undo_layout_feedback(request: Request, state: State, id: str) -> Undon
 @router.get(
     "/layout/models/{name}/feedback",
     operation_id="layout_model_feedback",
-    responses=documented(*READING),
+    responses={200: {"headers": LINK}, **documented(*READING)},
 )
 async def layout_model_feedback(
-    state: State, name: ModelName, limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50
+    request: Request,
+    response: Response,
+    state: State,
+    name: ModelName,
+    limit: Limit = 50,
+    cursor: Cursor = None,
 ) -> FeedbackList:
     """The latest feedbacks on pages whose found or verified class is this one, newest first."""
-    feedbacks = await state.store.call(lambda store: store.feedbacks(name, limit))
+    feedbacks, has_more = await state.store.call(
+        lambda store: first_of(store.feedbacks(name, limit + 1, cursor), limit)
+    )
+    if has_more:
+        link_next(request, state, response, feedbacks[-1].id)
     return FeedbackList(model=name, feedback=[_entry(feedback) for feedback in feedbacks])
 
 

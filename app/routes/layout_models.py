@@ -18,6 +18,7 @@ from app.routes.layout_settings import health_of
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
 from app.routes.model_answers import ETAG, LOCATION, IfMatch, IfNoneMatch
 from app.routes.model_samples import samples_to_learn_from
+from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
 from app.routes.state import State
 from app.schemas.layout_models import (
     ImportedModel,
@@ -44,11 +45,20 @@ _MODEL: dict[str, Any] = {
 }
 
 
-@router.get("", operation_id="layout_models", responses=documented(*STORE))
-async def layout_models(state: State) -> ModelList:
+@router.get("", operation_id="layout_models", responses={200: {"headers": LINK}, **documented(*STORE)})
+async def layout_models(
+    request: Request,
+    response: Response,
+    state: State,
+    limit: Limit = MOST_LISTED,
+    cursor: Cursor = None,
+) -> ModelList:
     """All layout models, by name, without their content; with their health, computed from feedback."""
     ready = await state.store.ready()
-    models, healths = await state.store.call(lambda store: (store.models(), store.healths()))
+    stored, healths = await state.store.call(lambda store: (store.models(), store.healths()))
+    models, has_more = first_of((model for model in stored if model.name > (cursor or "")), limit)
+    if has_more:
+        link_next(request, state, response, models[-1].name)
     return ModelList(
         models=[
             ModelSummary(

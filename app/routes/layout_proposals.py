@@ -12,6 +12,7 @@ from app.routes.common_responses import BODY, READING, STORE, WORK
 from app.routes.json_bodies import refuse_body
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
+from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
 from app.routes.state import State
 from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
 from models.errors import UnknownPageNotFound
@@ -31,9 +32,15 @@ LEAST_SAMPLES = 4
 @router.get(
     "/unknown-pages",
     operation_id="unknown_layout_pages",
-    responses=documented(*STORE),
+    responses={200: {"headers": LINK}, **documented(*STORE)},
 )
-async def unknown_layout_pages(request: Request, state: State) -> UnknownPageList:
+async def unknown_layout_pages(
+    request: Request,
+    response: Response,
+    state: State,
+    limit: Limit = MOST_LISTED,
+    cursor: Cursor = None,
+) -> UnknownPageList:
     """Pages that fit no class, newest first, without their zones. The newest are kept for some weeks."""
 
     def summarize(store: Store) -> list[UnknownPageSummary]:
@@ -42,11 +49,14 @@ async def unknown_layout_pages(request: Request, state: State) -> UnknownPageLis
                 id=page.id, result=page.result_id, zones=len(page.page["zones"]), created=page.created_at
             )
             for page in store.each_unknown_page()
-            if caller.sees(page.owner)
+            if caller.sees(page.owner) and (cursor is None or page.id < cursor)
         ]
 
     caller = caller_of(request)
-    return UnknownPageList(pages=(await state.store.call(summarize))[::-1])
+    pages, has_more = first_of(reversed(await state.store.call(summarize)), limit)
+    if has_more:
+        link_next(request, state, response, pages[-1].id)
+    return UnknownPageList(pages=pages)
 
 
 @router.get("/unknown-pages/{id}", operation_id="unknown_layout_page", responses=documented(*READING))

@@ -8,6 +8,7 @@ from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
 from app.routes.connection import while_connected
 from app.routes.labelled_pages import LABELLED_PAGE_BODY, count_labels, labelled_page, layout_settings
 from app.routes.model_answers import IdempotencyKey
+from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
 from app.routes.state import State
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary
@@ -64,8 +65,15 @@ async def add_layout_sample(
     )
 
 
-@router.get("", operation_id="layout_samples", responses=documented(*READING))
-async def layout_samples(state: State, name: ModelName) -> SampleList:
+@router.get("", operation_id="layout_samples", responses={200: {"headers": LINK}, **documented(*READING)})
+async def layout_samples(
+    request: Request,
+    response: Response,
+    state: State,
+    name: ModelName,
+    limit: Limit = MOST_LISTED,
+    cursor: Cursor = None,
+) -> SampleList:
     """Samples of a model, oldest first, without their zones."""
 
     def summarize(sample: StoredSample) -> SampleSummary:
@@ -73,9 +81,11 @@ async def layout_samples(state: State, name: ModelName) -> SampleList:
         zones = len(sample.document["zones"])
         return SampleSummary(id=sample.id, zones=zones, labels=labels, created=sample.created_at)
 
-    summaries = await state.store.call(
-        lambda store: [summarize(sample) for sample in store.each_sample(name)]
+    summaries, has_more = await state.store.call(
+        lambda store: first_of(map(summarize, store.each_sample(name, after=cursor or "")), limit)
     )
+    if has_more:
+        link_next(request, state, response, summaries[-1].id)
     return SampleList(model=name, samples=summaries)
 
 

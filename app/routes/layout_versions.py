@@ -13,6 +13,7 @@ from app.routes.common_responses import BODY, READING, WORK
 from app.routes.connection import while_connected
 from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import ETAG, IfMatch
+from app.routes.paging import LINK, MOST_LISTED, Limit, first_of, link_next
 from app.routes.state import State
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_versions import (
@@ -34,17 +35,35 @@ router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
 MOST_CHANGES = 1000
 
 
-@router.get("/versions", operation_id="layout_model_versions", responses=documented(*READING))
-async def layout_model_versions(state: State, name: ModelName) -> VersionList:
+@router.get(
+    "/versions",
+    operation_id="layout_model_versions",
+    responses={200: {"headers": LINK}, **documented(*READING)},
+)
+async def layout_model_versions(
+    request: Request,
+    response: Response,
+    state: State,
+    name: ModelName,
+    limit: Limit = MOST_LISTED,
+    cursor: Annotated[
+        Annotated[int, Field(ge=1, le=MOST_VERSION)] | Absent,
+        Query(description="Where the list continues, from the `Link` header of the previous part."),
+    ] = None,
+) -> VersionList:
     """Versions of a model, newest first; GET /layout/models/{name}?version= exports each of them."""
-    versions = await state.store.call(lambda store: store.model_versions(name))
+    versions, has_more = await state.store.call(
+        lambda store: first_of(reversed(store.model_versions(name, limit + 1, cursor)), limit)
+    )
+    if has_more:
+        link_next(request, state, response, versions[-1].version)
     return VersionList(
         name=name,
         versions=[
             Version(
                 version=version.version, origin=version.origin, note=version.note, created=version.created_at
             )
-            for version in reversed(versions)
+            for version in versions
         ],
     )
 

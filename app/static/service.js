@@ -113,15 +113,28 @@ async function ended(job, onProgress, signal) {
 }
 
 let described = null;
-/** Fields of an operation's form as the OpenAPI document describes them, by name. */
-export async function formFields(path) {
+/** The OpenAPI document: what this service can do. */
+async function description() {
   described ??= get("openapi.json").catch((error) => {
     described = null;
     throw error;
   });
-  const { paths, components } = await described;
-  const operation = Object.entries(paths).find(([name]) => name.endsWith(path))[1].post;
+  return described;
+}
+
+/** Operations of a path, by method; undefined where the service has no such path. */
+async function operationsOf(path) {
+  const { paths } = await description();
+  return Object.entries(paths).find(([name]) => name.endsWith(path) && !name.slice(0, -path.length).includes("{"))?.[1];
+}
+
+export const offers = async (path) => Boolean(await operationsOf(path));
+
+/** Fields of an operation's form, by name. */
+export async function formFields(path) {
+  const { components } = await description();
   const resolve = (schema) => (schema.$ref ? components.schemas[schema.$ref.split("/").pop()] : schema);
+  const { post: operation } = await operationsOf(path);
   return resolve(operation.requestBody.content["multipart/form-data"].schema).properties;
 }
 

@@ -17,7 +17,7 @@ from services.layout.model.layout_model import MOST_LABELS, LayoutModel
 from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.page import InvalidLayout, Page
 from services.layout.pipeline import complete_sample, content_features, initialize_model
-from services.operations.page_zones import check_frame, exchange_limits, read_zones
+from services.operations.page_zones import check_frame, exchange_limits, read_file, read_zones
 from services.operations.reader import ocr_engine
 from services.operations.replies import to_json_ready
 
@@ -25,10 +25,13 @@ FOUND = "found"
 """Key of a sample's second view: the zones that segmentation finds in its image, with the verified labels."""
 
 
-def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
+def measure_sample(
+    image: bytes | None, zones: bytes, settings: LayoutSettings, any_format: bool = False
+) -> dict[str, object]:
     """A labelled page with all measurements and texts, as JSON; the key `FOUND` has the page in segmented zones.
 
-    Content features of zones with text are left out: initialization computes them from the text.
+    `zones` are JSON of the HTTP contract; with `any_format` perhaps PAGE-XML or ALTO. Content features of zones with
+    text are left out: initialization computes them from the text.
 
     Raises
     ------
@@ -37,12 +40,14 @@ def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) 
     InvalidOption
         When the zones are invalid, have no label, or are not in pixels of the image.
     """
-    page = read_zones(zones, settings)
+    page = None if any_format else read_zones(zones, settings)
+    picture = None if image is None else decode_image(image, settings.image).pixels
+    if page is None:
+        page = read_file(zones, picture, settings)  # ALTO may need the picture's size
     if all(zone.label is None for zone in page.zones):
         raise InvalidOption(
             "zones: give at least one zone its label; a page without any teaches nothing.", "zones"
         )
-    picture = None if image is None else decode_image(image, settings.image).pixels
     check_frame(page, picture)
     engine = None if picture is None else ocr_engine()
     verified, found = complete_sample(page, picture, engine, content_features(settings.content_features))

@@ -212,7 +212,9 @@ def resize_kept_picture(picture: bytes, width: int) -> bytes:
     return picture + f" at most {width} wide".encode()
 
 
-def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
+def measure_sample(
+    image: bytes | None, zones: bytes, settings: LayoutSettings, any_format: bool = False
+) -> dict[str, object]:
     """Follow the script in the image, then the page as it was sent; in the image the same zones are found."""
     _follow(image or b"", "image")
     page = _page(zones)

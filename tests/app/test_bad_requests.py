@@ -64,7 +64,7 @@ MODELS = [
     other("settings that are a list", f"PATCH {MODEL}/settings", "body", "object", json=[1]),
     other("a class that continues itself", f"PATCH {MODEL}/settings", "continues", "continue itself", 409,
         json={"continues": "letter"}),
-    other("too many feedbacks", f"GET {MODEL}/feedback?limit=1000", "limit", "less than or equal to 200"),
+    other("too many feedbacks", f"GET {MODEL}/feedback?limit=1001", "limit", "less than or equal to 1000"),
 ]  # fmt: skip
 SAMPLES = [
     other("neither JSON nor a form", f"POST {MODEL}/samples", None, "application/json", 400, content=b"x"),
@@ -84,7 +84,7 @@ SAMPLES = [
 ]  # fmt: skip
 RESULTS = [
     other("an unknown result", "GET /layout/results/1", None, "1", 404),
-    other("a result as XML", f"GET {RESULT}", None, "stored as JSON", 406, headers={"Accept": "application/xml"}),
+    other("a result as XML", f"GET {RESULT}", None, "application/json", 406, headers={"Accept": "application/xml"}),
     other("a result in another format", f"GET {RESULT}?format=alto", "format", "query option"),
     other("a result changed", f"PUT {RESULT}", None, "`Allow`", 405, json={}),
     other("feedback that is no JSON", f"POST {RESULT}/feedback", "body", "not valid JSON", content=b"{"),

@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
@@ -12,6 +13,7 @@ from models.errors import ResultNotFound, StoreUnavailable
 from models.records import ResultDraft, UnknownPageDraft
 from models.repository import Store
 from tests.models.conftest import Clock
+from tests.models.feedback_drafts import draft
 from tests.models.whole_database import everything
 
 
@@ -96,3 +98,35 @@ def test_only_the_newest_results_are_kept(store: Store) -> None:
     assert store.purge_results(keep_newest=3) == 7
     assert [store.result(result).document for result in ids[7:]] == [{"n": 7}, {"n": 8}, {"n": 9}]
     assert store.purge_results(keep_newest=0) == 3
+
+
+def test_results_are_listed_newest_first_and_page_by_page(letters: Store, clock: Clock) -> None:
+    """Every page of a result is listed once, whatever the limit, also after newer ones were added."""
+    ids = []
+    for number in range(7):
+        clock.now += timedelta(seconds=1)
+        ids.append(letters.add_result({"result": {"n": number}}, ttl_s=100, owner="ab"[number % 2]))
+    letters.add_document({"class": "letter"}, [ResultDraft({"result": {"n": 7}})], ttl_s=100)
+    assert [each.result["n"] for each in letters.results(20)] == [7, 6, 5, 4, 3, 2, 1, 0]
+    assert [each.result["n"] for each in letters.results(20, owner="a")] == [6, 4, 2, 0]
+    seen, before = [], ids[6]
+    while listed := letters.results(2, before=before):
+        seen += [each.id for each in listed]
+        before = listed[-1].id
+        letters.add_result({"result": {"n": 99}}, ttl_s=100)
+    assert seen == ids[5::-1]
+    clock.now += timedelta(seconds=200)
+    assert letters.results(20) == []
+
+
+def test_results_have_the_state_that_feedback_gave_them(letters: Store) -> None:
+    ids = [letters.add_result({"result": {}}, ttl_s=100) for _ in range(5)]
+    letters.add_feedback(draft(ids[0], "a", wrong=0), [])
+    letters.add_feedback(draft(ids[1], "b", wrong=2), [])
+    letters.add_feedback(replace(draft(ids[2], "c", wrong=0), letters=9, wrong_letters=1), [])
+    letters.add_feedback(draft(ids[3], "d", wrong=0, found="memo"), [])
+    states = ["confirmed", "corrected", "corrected", "corrected", "open"]
+    assert [(each.id, each.state) for each in letters.results(9)][::-1] == list(zip(ids, states, strict=True))
+    for state in ("open", "confirmed", "corrected"):
+        expected = [id for id, each in zip(ids, states, strict=True) if each == state]
+        assert [each.id for each in letters.results(9, state=state)][::-1] == expected

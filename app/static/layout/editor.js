@@ -1,7 +1,7 @@
 // A recognized page, its zones, and what a person says about them: class, labels, boxes, text.
 
 import { button, labelled, make, notify, percent, problemNote, select, setOptions } from "../elements.js";
-import { get, post, request } from "../service.js";
+import { get, post, Problem, request } from "../service.js";
 import { LabelKeys } from "./label_keys.js";
 import { learnedNote } from "./learned.js";
 import { PageViewer } from "./page_viewer.js";
@@ -15,9 +15,12 @@ const HELP =
   "Alt and arrow keys move its box, with Shift they change its size. Ctrl Z takes the last change back, Ctrl Enter confirms.";
 
 export class PageEditor {
-  /** `actions` are further buttons beside Confirm; `onConfirmed` is called with the answer to the feedback. */
-  constructor({ actions = [], onConfirmed } = {}) {
-    this.onConfirmed = onConfirmed;
+  /**
+   * `actions` are further buttons beside Confirm; `onConfirmed` is called with the answer to the feedback. `submit(name,
+   * zones)` takes the place of the feedback, for pages that have no result; it resolves to what is shown then.
+   */
+  constructor({ actions = [], onConfirmed, submit } = {}) {
+    Object.assign(this, { onConfirmed, submit });
     this.viewer = new PageViewer();
     this.keys = new LabelKeys();
     this.label = select([], null, () => this.chooseLabel());
@@ -212,7 +215,8 @@ export class PageEditor {
     this.answer.replaceChildren(make("p", {}, "The models learn…"));
     try {
       const chosen = this.class_.value === OTHER ? this.otherClass.querySelector("input").value.trim() : this.class_.value;
-      if (this.class_.value === OTHER) await this.makeClass(chosen);
+      if (this.submit) await this.hand(chosen);
+      else if (this.class_.value === OTHER) await this.makeClass(chosen);
       else await this.teach(chosen === NONE ? null : chosen);
     } catch (error) {
       this.answer.replaceChildren(problemNote(error));
@@ -230,10 +234,20 @@ export class PageEditor {
     this.onConfirmed?.(feedback);
   }
 
+  async hand(name) {
+    if (!name) throw new Problem({ code: "no-class", detail: "Choose a class, or give a new one its name." });
+    this.answer.replaceChildren(await this.submit(name, this.labelledZones()));
+  }
+
+  /** The zones as a sample has them. */
+  labelledZones() {
+    return this.zones.list.map(({ id, box, label, text, kind, font_size, lines }) => ({ id, box, label, text, kind, font_size, lines }));
+  }
+
   /** The page as the first sample of a new class, and the class's first model. */
   async makeClass(name) {
     const { width, height } = this.result;
-    const zones = this.zones.list.map(({ id, box, label, text, kind, font_size, lines }) => ({ id, box, label, text, kind, font_size, lines }));
+    const zones = this.labelledZones();
     const path = `layout/models/${encodeURIComponent(name)}`;
     await post(`${path}/samples`, { width, height, zones });
     const model = await post(`${path}/initialize`);

@@ -2,21 +2,11 @@
 
 import { button, checkbox, labelled, make, notify, problemNote, select, setOptions } from "../elements.js";
 import { sizeOf } from "../flatten/pictures.js";
-import { get, link, request, work } from "../service.js";
+import { formFields, get, work } from "../service.js";
 import { PageEditor } from "./editor.js";
+import { keptPicture } from "./picture.js";
 
 const FORMATS = "image/*,.heic,.heif,.tif,.tiff,.pdf";
-
-/** Address of a result's kept picture; null where none is kept. */
-export async function keptPicture(id) {
-  const path = `layout/results/${id}/image`;
-  try {
-    await request("HEAD", path);
-    return await link(path);
-  } catch {
-    return null;
-  }
-}
 
 export function createView() {
   const file = make("input", { type: "file", multiple: true, accept: FORMATS });
@@ -65,6 +55,7 @@ export function createView() {
       const sent = new FormData();
       for (const one of files) sent.append("image", one, one.name);
       if (photo.firstElementChild.checked) sent.append("rectify", "true");
+      if ("keep_image" in (await formFields("/layout"))) sent.append("keep_image", "true");
       const response = await work("layout", sent, ({ stage: name, progress: share }) => {
         bar.value = share;
         stage.textContent = (name ?? "").replaceAll("_", " ");
@@ -89,7 +80,7 @@ export function createView() {
     const result = sheets[index];
     const isPhoto = photo.firstElementChild.checked;
     const single = sheets.length === 1 && files.length === 1 && !isPhoto && (await sizeOf(files[0])) ? files[0] : null;
-    const picture = single ? URL.createObjectURL(single) : await keptPicture(result.id);
+    const picture = single ? URL.createObjectURL(single) : await keptPicture(result);
     const kind = result.class ? `${result.class.name}, ${Math.round(result.class.probability * 100)} %` : "no class";
     facts.textContent = `${kind}; ${result.zones.length} zones.`;
     editor.element.hidden = false;

@@ -137,19 +137,20 @@ def _read(
     lines: Sequence[Line], words: Sequence[Word] | None, frame: Frame, parameters: SegmentationParameters
 ) -> tuple[ReadLines, list[list[Word]]]:
     """Text and confidence of every line, and its words from left to right."""
-    sure = [
-        word
-        for word in words or ()
-        if word.confidence >= parameters.least_confidence and any(map(str.isalnum, word.text))
-    ]
-    if not sure or not lines:
+    seen = [word for word in words or () if any(map(str.isalnum, word.text))]
+    if not seen or not lines:
         return ReadLines([""] * len(lines), np.zeros(len(lines))), [[] for _ in lines]
     boxes = np.array([line.box for line in lines])
-    word_boxes = frame.level(np.array([word.box for word in sure]) / np.array([*frame.scale, *frame.scale]))
-    line_of_word = assign_words(sure, word_boxes, boxes)
-    own = words_of_lines(sure, word_boxes, line_of_word, len(lines))
+    word_boxes = frame.level(np.array([word.box for word in seen]) / np.array([*frame.scale, *frame.scale]))
+    is_sure = np.array([word.confidence >= parameters.least_confidence for word in seen])
+    line_of_word = assign_words(seen, word_boxes, boxes)
+    confidence = line_confidences(seen, np.where(is_sure, line_of_word, -1), len(lines))
+    # In a line that is text, a word that was read badly is a word all the same.
+    is_text = confidence >= parameters.sure_confidence
+    line_of_word = np.where(is_sure | is_text[line_of_word], line_of_word, -1)
+    own = words_of_lines(seen, word_boxes, line_of_word, len(lines))
     texts = [" ".join(word.text for word in each) for each in own]
-    return ReadLines(texts, line_confidences(sure, line_of_word, len(lines))), own
+    return ReadLines(texts, confidence), own
 
 
 def _hull(lines: Sequence[Line]) -> NDArray[np.float64]:

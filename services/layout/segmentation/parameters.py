@@ -116,7 +116,7 @@ class SegmentationParameters:
     """Notes after a letter's body are below this share of the page's height."""
 
     least_confidence: float = 0.3
-    """Words read with less confidence are no text."""
+    """Words read with less confidence are no text, but for those in a line that is."""
 
     widest_label: float = 9.0
     """Labels of entries ("FROM:", "Phone number:") are shorter."""

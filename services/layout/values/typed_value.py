@@ -20,25 +20,25 @@ _FINDERS: Mapping[FieldType, Callable[[str, FieldSetting], FoundValue]] = {
 
 
 def plain_text(text: str) -> str:
-    """The text in one line, its words separated by single spaces."""
-    return " ".join(text.split())
+    """The text with single spaces between words, and without empty lines."""
+    return "\n".join(line for each in text.splitlines() if (line := " ".join(each.split())))
 
 
 def find_value(text: str, setting: FieldSetting) -> FoundValue:
     """The value of a field; `text` is its `plain_text`, to which the span of the value refers.
 
-    Other types than `text` search the first `LONGEST_TEXT` characters.
+    Other types than `text` search the first `LONGEST_TEXT` characters. Patterns see the lines, all others one line.
     """
+    line = text.replace("\n", " ")
     if setting.type == "text":
-        return FoundValue(text, (0, len(text))) if text else NO_VALUE
-    text = text[:LONGEST_TEXT]
+        return FoundValue(line, (0, len(line))) if line else NO_VALUE
     if setting.type == "pattern":
-        return _find_pattern(text, setting)
-    return _FINDERS[setting.type](text, setting)
+        return _find_pattern(text[:LONGEST_TEXT], setting)
+    return _FINDERS[setting.type](line[:LONGEST_TEXT], setting)
 
 
 def _find_pattern(text: str, setting: FieldSetting) -> FoundValue:
     pattern = compile_bounded(setting.pattern or "")
     group = 1 if pattern.groups else 0
     matches = (match for match in pattern.finditer(text) if match[group])
-    return the_only(FoundValue(match[group], match.span(group)) for match in matches)
+    return the_only(FoundValue(match[group].replace("\n", " "), match.span(group)) for match in matches)

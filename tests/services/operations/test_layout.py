@@ -295,3 +295,16 @@ def test_a_class_has_a_bounded_number_of_labels() -> None:
         initialize_from_samples("many", [sample], SETTINGS)
     few = initialize_from_samples("many", [{**sample, "zones": zones[:-1]}], SETTINGS)
     assert len(few.labels) == MOST_LABELS
+
+
+@pytest.mark.parametrize("image_format", ["pagexml", "alto"])
+def test_a_sample_may_be_a_file_of_another_program(model: ModelDocument, image_format: Any) -> None:
+    options = LayoutOptions(format=image_format)
+    labelled = recognize_upload(None, as_json(LETTERS[2]), None, [model], options, SETTINGS)
+    sample: Any = measure_sample(None, labelled.body, SETTINGS, True)
+    zones: Any = labelled.document["zones"]
+    assert {zone["id"]: zone["label"] for zone in sample["zones"]} == {
+        zone["id"]: zone["label"] for zone in zones
+    }
+    with pytest.raises(InvalidOption, match="JSON"):
+        measure_sample(None, labelled.body, SETTINGS)

@@ -1,5 +1,7 @@
 """Segmentation of whole pages: drawn letters and papers, and what must not break it."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -160,6 +162,21 @@ def test_words_become_the_text_of_their_zones() -> None:
     assert found.text == title.text
     assert found.lines == title.lines
     assert {zone.text for zone in segment_page(drawing(truth), None).zones} == {""}
+
+
+def test_a_badly_read_word_stays_in_a_line_that_is_text() -> None:
+    """It is left out only where all of its line was read badly."""
+    truth = sample("plain", 1)
+    title = next(zone for zone in truth.zones if zone.label == "title")
+    words = words_of(truth)
+
+    def text_with(*unsure: str) -> str:
+        read = [replace(word, confidence=0.1) if word.text in unsure else word for word in words]
+        return zone_at(segment_page(drawing(truth), read), title.box).text
+
+    each = title.text.split()
+    assert text_with(each[1]) == title.text
+    assert text_with(*each) == ""
 
 
 def test_zones_come_in_reading_order() -> None:

@@ -102,6 +102,15 @@ def test_a_pattern_finds_its_first_group() -> None:
     assert find_value("INV-1234 or RE-1235", numbered).problem == "several-values"
 
 
+def test_a_pattern_sees_the_lines() -> None:
+    lines = plain_text("TO:\n Ms.  Patricia Hall \n\nFAX: 1")
+    assert lines == "TO:\nMs. Patricia Hall\nFAX: 1"
+    name = FieldSetting("pattern", pattern=r"TO:\s?([A-Za-z. ]++)")
+    assert find_value(lines, name).value == "Ms. Patricia Hall"
+    assert find_value(lines, FieldSetting("pattern", pattern="(?m)^FAX: [0-9]")).span == (22, 28)
+    assert find_value(lines, FieldSetting("pattern", pattern=r"Hall\sFAX")).value == "Hall FAX"
+
+
 def test_text_is_one_line() -> None:
     assert find_value(plain_text(" Mr. John\n Doe "), FieldSetting()).value == "Mr. John Doe"
 

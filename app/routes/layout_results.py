@@ -1,0 +1,148 @@
+"""GET /layout/results: the newest results with their values, as JSON, JSON lines or CSV, page by page."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+
+from app.callers import caller_of
+from app.problems import documented
+from app.representations import choose_list_format
+from app.routes.common_responses import STORE
+from app.routes.paging import LINK, link_next
+from app.routes.state import State
+from app.schemas.layout_results import ListFormat, ResultEntry, ResultList
+from models.records import ListedResult
+
+router = APIRouter(tags=["layout"])
+
+MOST_LISTED = 200
+"""Results of one answer; the documents of 200 pages with all their zones are read in 0.2 s."""
+COLUMNS = (
+    "result",
+    "created",
+    "state",
+    "class",
+    "probability",
+    "label",
+    "type",
+    "value",
+    "currency",
+    "problem",
+    "confidence",
+    "text",
+)
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""First letters by which spreadsheets take a text as a formula."""
+
+
+@router.get(
+    "/layout/results",
+    operation_id="layout_results",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "The results, newest first. The header `Link` has the address of the next ones.",
+            "model": ResultList,
+            "content": {
+                "text/csv": {"schema": {"type": "string"}},
+                "application/jsonl": {"schema": {"type": "string"}},
+            },
+            "headers": LINK,
+        },
+        **documented("invalid-option", "not-acceptable", *STORE),
+    },
+)
+async def layout_results(
+    request: Request,
+    state: State,
+    limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50,
+    cursor: Annotated[
+        str | None,
+        Query(
+            pattern="^[0-9A-HJKMNP-TV-Z]{26}$", description="`next` of the answer before; absent: the newest."
+        ),
+    ] = None,
+    state_: Annotated[
+        Literal["open", "confirmed", "corrected"] | None,
+        Query(alias="state", description="open: no feedback. corrected: feedback found something wrong."),
+    ] = None,
+    format: Annotated[ListFormat | None, Query(description="Or by `Accept`.")] = None,
+) -> Response:
+    """List the kept results of pages, newest first, with the values of their fields.
+
+    JSON lines have one result a line, CSV one value a row. A result that is made meanwhile is not in later answers; one
+    that expires is left out. With API keys, the results are those of the caller's key.
+    """
+    chosen = choose_list_format(format, request.headers.get("accept"))
+    caller = caller_of(request)
+    owner = None if caller.sees_all else caller.name
+    found = await state.store.call(
+        lambda store: store.results(limit + 1, before=cursor, owner=owner, state=state_)
+    )
+    listed, following = found[:limit], found[limit - 1].id if len(found) > limit else None
+    response = _listed([_entry(each) for each in listed], chosen, following)
+    if following is not None:
+        link_next(request, state, response, following)
+    return response
+
+
+def _listed(entries: Sequence[ResultEntry], chosen: ListFormat, following: str | None) -> Response:
+    if chosen == "csv":
+        return Response(_csv(entries), media_type="text/csv")
+    if chosen == "jsonl":
+        lines = (entry.model_dump_json(by_alias=True) + "\n" for entry in entries)
+        return Response("".join(lines), media_type="application/jsonl")
+    body = ResultList(results=list(entries), next=following).model_dump_json(by_alias=True)
+    return Response(body, media_type="application/json")
+
+
+def _entry(listed: ListedResult) -> ResultEntry:
+    result = listed.result
+    of_class = result.get("class")
+    return ResultEntry.model_validate(
+        {
+            "id": listed.id,
+            "created": listed.created_at,
+            "expires": listed.expires_at,
+            "state": listed.state,
+            "class": None if of_class is None else of_class["name"],
+            "probability": None if of_class is None else of_class["probability"],
+            "fields": result.get("fields", []),
+        }
+    )
+
+
+def _csv(entries: Sequence[ResultEntry]) -> str:
+    """A row for each value, after a row with the names of the columns (RFC 4180)."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS)
+    writer.writeheader()
+    for entry in entries:
+        shared = {
+            "result": entry.id,
+            "created": entry.created.isoformat(),
+            "state": entry.state,
+            "class": entry.class_,
+            "probability": entry.probability,
+        }
+        for field in entry.fields:
+            values: Mapping[str, Any] = field.model_dump(exclude={"zones"})
+            is_read = field.type in ("text", "pattern")
+            writer.writerow(
+                {
+                    **shared,
+                    **values,
+                    "label": _harmless(field.label),
+                    "text": _harmless(field.text),
+                    "value": _harmless(field.value) if is_read else field.value,
+                }
+            )
+    return text.getvalue()
+
+
+def _harmless(text: str | None) -> str | None:
+    """A text that no spreadsheet takes as a formula: an apostrophe stands before its first letter if one could."""
+    return f"'{text}" if text and text.startswith(_FORMULA) else text

@@ -1,0 +1,39 @@
+"""Response of GET /layout/results."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import ConfigDict, Field
+
+from app.schemas.layout import LabelField
+from app.schemas.page import Answer
+
+ListFormat = Literal["json", "csv", "jsonl"]
+LIST_MEDIA_TYPES: dict[ListFormat, str] = {
+    "json": "application/json",
+    "csv": "text/csv",
+    "jsonl": "application/jsonl",
+}
+
+
+class ResultEntry(Answer):
+    """A kept result of one page, with the values of its fields."""
+
+    model_config = ConfigDict(extra="forbid", serialize_by_alias=True)
+
+    id: str = Field(description="As in /layout/results/{id}.")
+    created: datetime
+    expires: datetime
+    state: Literal["open", "confirmed", "corrected"] = Field(
+        description="open: no feedback. confirmed: feedback found nothing wrong. corrected: it found something wrong."
+    )
+    class_: str | None = Field(alias="class", description="null: no class fits, or there is no model.")
+    probability: float | None = Field(ge=0, le=1)
+    fields: list[LabelField]
+
+
+class ResultList(Answer):
+    """Results of pages, newest first."""
+
+    results: list[ResultEntry]
+    next: str | None = Field(description="`cursor` of the next results; null: these were the last.")
