@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from typing import Annotated, Literal
 
 from fastapi import UploadFile
@@ -26,7 +27,7 @@ from app.schemas.options import (
 from app.schemas.page import Answer, Embedded, EmbeddedMediaType, FlatPage, Point, Warning
 from app.schemas.page_text import ReadText as PageText
 from app.schemas.problem import Problem
-from services.contract.rectify import Crop, PageKind, Pages, RectifyParameters
+from services.contract.rectify import Crop, OnNoText, PageKind, Pages, RectifyParameters
 
 REGION_POINTS = (3, 200)
 REGION_LIMIT_PX = 1e6
@@ -74,6 +75,21 @@ def _checked_region(text: str) -> str:
     return text
 
 
+PAPER_PATTERN = "^(auto|none|a3|a4|a5|letter|legal|[1-9][0-9]{1,2}x[1-9][0-9]{1,2}(mm)?)$"
+"""Pattern of `paper` in the OpenAPI document. The parser also accepts tenths of a millimetre, and sizes to 5000."""
+_PAPER = re.compile(r"auto|none|a3|a4|a5|letter|legal|(\d{2,4}(?:\.\d)?)x(\d{2,4}(?:\.\d)?)(mm)?")
+
+
+def _checked_paper(text: str) -> str:
+    paper = text.strip().lower() or "auto"
+    found = _PAPER.fullmatch(paper)
+    if found is None or not all(10 <= float(side) <= 5000 for side in found.groups()[:2] if side):
+        raise ValueError(
+            "expected auto, none, a3, a4, a5, letter, legal, or width x height in millimetres as 210x297 (10 to 5000)"
+        )
+    return paper
+
+
 class RectifyForm(BaseModel):
     """The multipart form of POST /rectify."""
 
@@ -105,6 +121,17 @@ class RectifyForm(BaseModel):
         description="For an open book: the main page of the photo, or both pages, left before right. With `both` the "
         "response is a list of pages, even for one page.",
     )
+    paper: Annotated[str, AfterValidator(_checked_paper)] = Field(
+        default="auto",
+        description="True size of the sheet: auto (a format where the sheet's corners are seen and only one has its "
+        "proportions), none, a3, a4, a5, letter, legal, or width x height in millimetres (210x297).",
+        json_schema_extra={"pattern": PAPER_PATTERN},
+    )
+    on_no_text: OnNoText = Field(
+        default="refuse",
+        description="keep: pass a photo through as it is when neither text nor an outline shows its page's shape; "
+        "refuse: answer `no-text`.",
+    )
     text: ReadText = False
     language: Language = None
     format: AskedPagesFormat = None
@@ -127,6 +154,8 @@ class RectifyForm(BaseModel):
             illumination=self.illumination,
             crop=self.crop,
             pages=self.pages,
+            paper=self.paper,
+            on_no_text=self.on_no_text,
             text=self.text,
             language=self.language or None,
         )
@@ -197,6 +226,21 @@ class CreasedSheet(Answer):
     normals: list[list[Direction]] = Field(description="Unit normal of every cell, camera frame.")
 
 
+class PageSize(Answer):
+    """Size of the sheet in millimetres; null for what is not known, and `reason` says why."""
+
+    width_mm: float | None
+    height_mm: float | None
+    dpi: float | None = Field(description="Pixels of the flat view per inch of the sheet.")
+    paper: str | None = Field(description="Name of the format, or the size as it was sent.")
+    source: Literal["outline", "given"] | None = Field(
+        description="The sheet's proportions, or the request; null: the size is not known."
+    )
+    reason: str
+    aspect: float | None = Field(description="Width over height of the sheet, if its four corners are seen.")
+    aspect_deviation: float | None = Field(description="Standard deviation of the aspect's logarithm.")
+
+
 class RectifyResult(FlatPage):
     """The frontal flat view of one photo, and the evidence for it."""
 
@@ -204,6 +248,7 @@ class RectifyResult(FlatPage):
     evidence: Evidence
     camera: Camera
     surface: Annotated[Plane | Strips | CreasedSheet, Field(discriminator="type")]
+    page: PageSize | None = Field(default=None, description="True size of the sheet.")
     quality: PhotoQuality | None = Field(
         default=None, description="How well the photo can be read; null for a page without text."
     )

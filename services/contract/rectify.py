@@ -7,6 +7,7 @@ PageKind = Literal["auto", "planar", "curved"]
 Illumination = Literal["keep", "normalize"]
 Crop = Literal["sheet", "text", "photo"]
 Pages = Literal["main", "both"]
+OnNoText = Literal["refuse", "keep"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +16,9 @@ class RectifyParameters:
 
     `region` is a polygon ((x, y), ...) around the text of the page, in pixels of the EXIF-upright photo. `crop` selects
     the visible area: the sheet cut at its edges, the text with margins, or the photo around the page. `pages` "both"
-    selects both pages of an open book. `text` reads the page in `language` (`eng+fra`; None: the default).
+    selects both pages of an open book. `paper` is `auto`, `none`, a paper format, or `210x297` in millimetres. `text`
+    reads the page in `language` (`eng+fra`; None: the default). `on_no_text` "keep" passes a photo through as it is
+    when nothing shows the shape of its page.
     """
 
     kind: PageKind = "auto"
@@ -25,5 +28,7 @@ class RectifyParameters:
     illumination: Illumination = "keep"
     crop: Crop = "sheet"
     pages: Pages = "main"
+    paper: str = "auto"
+    on_no_text: OnNoText = "refuse"
     text: bool = False
     language: str | None = None

@@ -2,7 +2,7 @@
 
 import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast, get_args
 
 from services.arrays import RgbImage
@@ -29,13 +29,21 @@ from services.text.page_text import PageText
 class DescribedPage:
     """One page of an answer: its picture (H, W, 3) RGB, its HTTP document without `image`, its text if it was read.
 
-    `scale` is pixels of the picture per pixel of the flat view, below 1 for a reduced one.
+    `scale` is pixels of the picture per pixel of the flat view, below 1 for a reduced one. `dpi` is the resolution of
+    the picture if the true size of the page is known; None: that of the upload.
     """
 
     image: RgbImage
     document: Mapping[str, object]
     text: PageText | None = None
     scale: float = 1.0
+    dpi: float | None = None
+
+    def source(self, upload: SourceFacts) -> SourceFacts:
+        """Facts of the upload, with the resolution of this picture."""
+        if self.dpi is not None:
+            return replace(upload, dpi=self.dpi)
+        return upload if upload.dpi is None else replace(upload, dpi=upload.dpi * self.scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,8 +102,8 @@ def encode_page(
     InvalidOption
         When `encoding` is not possible.
     """
-    quality, profile = encoding.quality, source.icc_profile
-    dpi = None if source.dpi is None else source.dpi * page.scale
+    facts = page.source(source)
+    quality, dpi, profile = encoding.quality, facts.dpi, facts.icc_profile
     embedded, part = None, None
     if target.format == "json":
         if encoding.embed:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict
 from functools import partial
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from services.arrays import Points, Vector
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
+from services.documents.paper_size import measure_size
+from services.errors import NoText
 from services.imaging.codec import decode_image
 from services.imaging.page_images import PagePicture, page_picture
 from services.operations.capture_reply import describe_quality
@@ -27,9 +29,10 @@ from services.operations.replies import (
     timed,
 )
 from services.progress import progress_within
+from services.rectify.kept_photo import keep_photo
 from services.rectify.pipeline import rectify
 from services.rectify.results import PlaneSurface, RectifyResult
-from services.rectify.spread import page_timings, rectify_spread
+from services.rectify.spread import RectifiedPages, page_timings, rectify_spread
 from services.sheet.surfaces import MeshSurface, StripsSurface
 
 
@@ -69,18 +72,15 @@ def rectify_picture(
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
     if parameters.pages == "both":
         with progress_within(0.03, end):
-            found = rectify_spread(
-                photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language)
-            )
+            found = _flatten_spread(photo, parameters)
         pages = [describe_page(result, parameters, encoding, photo) for result in found.pages]
         timings_ms |= page_timings(found)
         return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
     with progress_within(0.03, end):
-        result = rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language))
+        result = _flatten(photo, parameters)
     page = describe_page(result, parameters, encoding, photo)
-    source = source if source.dpi is None else replace(source, dpi=source.dpi * page.scale)
     timings_ms |= result.timings_ms
-    return make_reply(page.image, dict(page.document), source, encoding, timings_ms, page.text)
+    return make_reply(page.image, dict(page.document), page.source(source), encoding, timings_ms, page.text)
 
 
 def flatten_picture(
@@ -92,14 +92,28 @@ def flatten_picture(
     ------
     NoText, InvalidOption
     """
-    results: tuple[RectifyResult, ...]
-    if parameters.pages == "both":
-        results = rectify_spread(
-            photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language)
-        ).pages
-    else:
-        results = (rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language)),)
+    both = parameters.pages == "both"
+    results = _flatten_spread(photo, parameters).pages if both else (_flatten(photo, parameters),)
     return [describe_page(result, parameters, encoding, photo) for result in results]
+
+
+def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult:
+    try:
+        return rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language))
+    except NoText as refusal:
+        if parameters.on_no_text == "refuse":
+            raise
+        return keep_photo(photo.pixels, refusal)
+
+
+def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> RectifiedPages:
+    try:
+        engine = ocr_engine(parameters.language)
+        return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine)
+    except NoText as refusal:
+        if parameters.on_no_text == "refuse":
+            raise
+        return RectifiedPages((keep_photo(photo.pixels, refusal),), (), {})
 
 
 def describe_page(
@@ -116,12 +130,28 @@ def describe_page(
     view = reduce_view(result, encoding)
     height, width = view.image.shape[:2]
     size = photo.pixels.shape[1], photo.pixels.shape[0]
+    scale = width / result.image.shape[1]
+    page = measure_size(
+        parameters.paper,
+        result.corners,
+        result.mesh,
+        result.image.shape[1],
+        result.image.shape[0],
+        camera_assumed=result.camera.source == "assumed",
+    )
+    dpi = None if page.dpi is None else page.dpi * scale
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
     return DescribedPage(
         view.image,
-        {**describe_rectification(view, size), "quality": quality, "timings_ms": timings_ms},
+        {
+            **describe_rectification(view, size),
+            "page": {**asdict(page), "dpi": rounded(dpi, 1)},
+            "quality": quality,
+            "timings_ms": timings_ms,
+        },
         None if text is None else text.resized(width, height),
-        width / result.image.shape[1],
+        scale,
+        dpi,
     )
 
 

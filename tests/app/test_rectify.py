@@ -43,7 +43,7 @@ def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     assert response.headers["content-type"] == "application/json"
     assert list(response.json()) == [
         "photo", "corners", "orientation", "width", "height", "mesh", "kind", "evidence", "camera", "surface",
-        "quality", "text", "warnings", "timings_ms", "image", "image_media_type",
+        "page", "quality", "text", "warnings", "timings_ms", "image", "image_media_type",
     ]  # fmt: skip
     assert response.json()["image"] is None
     assert RectifyResult.model_validate(response.json()).mesh.source[1][0] == (0, 9)
@@ -121,6 +121,9 @@ def test_an_app_can_draw_on_the_photo(client: httpx.Client) -> None:
         ("illumination", "bright"),
         ("format", "gif"),
         ("crop", "page"),
+        ("paper", "a6"),
+        ("paper", "210"),
+        ("paper", "9x297"),
         ("pages", "2"),
         ("quality", "0"),
         ("quality", "101"),

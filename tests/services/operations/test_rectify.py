@@ -12,10 +12,10 @@ import pytest
 from PIL import Image, ImageCms
 from pydantic import TypeAdapter
 
-from app.schemas.rectify import CreasedSheet
+from app.schemas.rectify import CreasedSheet, RectifyResult
 from services.contract.images import Encoding, ImageLimits
 from services.contract.rectify import RectifyParameters
-from services.errors import InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
+from services.errors import InvalidOption, NoText, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.operations import rectify as rectify_operation
 from services.operations.rectify import rectify_upload
 from services.progress import progress_to, report_progress
@@ -57,6 +57,16 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "warnings": [{"code": "focal-length-unknown", "detail": "Say it."}],
         "photo": {"width": 60, "height": 40},
         "corners": [None] * 4,
+        "page": {
+            "width_mm": None,
+            "height_mm": None,
+            "dpi": None,
+            "paper": None,
+            "source": None,
+            "reason": "The sheet's four corners are not in view, so its proportions are unknown.",
+            "aspect": None,
+            "aspect_deviation": None,
+        },
         "quality": None,
         "text": None,
         "image": None,
@@ -228,3 +238,23 @@ def test_bad_uploads_never_reach_the_pipeline(
     with pytest.raises(error):
         rectify_upload(upload, PARAMETERS, Encoding(), limits)
     assert pipeline.calls == []
+
+
+def test_a_photo_without_text_is_kept_if_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise NoText("too little text.")
+
+    monkeypatch.setattr(rectify_operation, "rectify", refuse)
+    monkeypatch.setattr(rectify_operation, "rectify_spread", refuse)
+    upload = make_file(PHOTO, "PNG")
+    for pages in ("main", "both"):
+        with pytest.raises(NoText):
+            rectify_upload(upload, RectifyParameters(pages=pages), Encoding("png"), LIMITS)  # type: ignore[arg-type]
+        keep = RectifyParameters(pages=pages, on_no_text="keep")  # type: ignore[arg-type]
+        reply = rectify_upload(upload, keep, Encoding("png"), LIMITS)
+        with Image.open(io.BytesIO(reply.body)) as picture:
+            assert np.array_equal(np.asarray(picture), PHOTO)
+    document = rectify_upload(upload, RectifyParameters(on_no_text="keep"), Encoding("json"), LIMITS).document
+    described = RectifyResult.model_validate(document)
+    assert described.mesh.source[-1][-1] == (PHOTO.shape[1] - 1, PHOTO.shape[0] - 1)
+    assert [warning.code for warning in described.warnings] == ["kept-as-it-is"]

@@ -1,0 +1,85 @@
+"""Sheets of known proportions, seen through known maps."""
+
+import numpy as np
+import pytest
+
+from services.arrays import Points
+from services.documents.paper_size import FORMATS, PageSize, measure_size, parse_size, places_in_view
+
+WIDTH, HEIGHT = 901, 1201
+H = np.array([[1.2, 0.1, 50.0], [-0.05, 1.1, 30.0], [1e-4, 5e-5, 1.0]])
+
+
+def photo(points: Points) -> Points:
+    """A perspective map from the view to the photo."""
+    mapped = np.column_stack([points, np.ones(len(points))]) @ H.T
+    return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
+
+def mesh() -> np.ndarray:
+    """The view's, 65 x 49."""
+    x, y = np.meshgrid(np.linspace(0, WIDTH - 1, 49), np.linspace(0, HEIGHT - 1, 65))
+    return photo(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(65, 49, 2)
+
+
+def sheet(width: float, height: float, left: float = 20.0, top: float = 10.0) -> Points:
+    """Corners in the view."""
+    return np.array([[left, top], [left + width, top], [left + width, top + height], [left, top + height]])
+
+
+def size_of(corners: Points | None, paper: str = "auto", *, assumed: bool = False) -> PageSize:
+    """Of a sheet with these corners in the view."""
+    seen = None if corners is None else photo(corners)
+    return measure_size(paper, seen, mesh(), WIDTH, HEIGHT, camera_assumed=assumed)
+
+
+def test_places_are_found_again_also_just_outside_of_the_view() -> None:
+    points = np.array([[0.0, 0.0], [450.3, 600.7], [WIDTH + 3.0, HEIGHT + 2.0], [-4.0, 900.0]])
+    assert places_in_view(photo(points), mesh(), WIDTH, HEIGHT) == pytest.approx(points, abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["a4", "letter", "legal"])
+@pytest.mark.parametrize("landscape", [False, True])
+def test_a_format_is_told_by_its_aspect(name: str, landscape: bool) -> None:
+    width_mm, height_mm = FORMATS[name][::-1] if landscape else FORMATS[name]
+    scale = 800 / max(width_mm, height_mm)
+    size = size_of(sheet(width_mm * scale, height_mm * scale))
+    assert (size.paper, size.source) == (name, "outline")
+    assert (size.width_mm, size.height_mm) == (width_mm, height_mm)
+    assert size.dpi == pytest.approx(scale * 25.4, rel=1e-3)
+    assert size.aspect == pytest.approx(width_mm / height_mm, rel=1e-3)
+
+
+@pytest.mark.parametrize("aspect", [1.0, 0.85, 0.74, 0.5])
+def test_no_format_is_named_for_another_aspect(aspect: float) -> None:
+    size = size_of(sheet(800 * aspect, 800))
+    assert (size.paper, size.width_mm, size.dpi) == (None, None, None)
+    assert "fits" in size.reason
+
+
+def test_nothing_is_named_where_the_corners_are_not_seen_or_the_camera_is_unknown() -> None:
+    a4 = sheet(560, 792)
+    assert "corners" in size_of(None).reason
+    unseen = a4.copy()
+    unseen[2] = np.nan
+    assert size_of(unseen).paper is None
+    skewed = a4.copy()
+    skewed[1, 0] += 60  # opposite sides differ: the map is wrong there
+    assert "too little to tell" in size_of(skewed).reason
+    assert size_of(a4, assumed=True).aspect_deviation == pytest.approx(0.024, abs=0.002)
+
+
+def test_a_size_that_is_given_is_taken() -> None:
+    size = size_of(sheet(600, 800), "a5")
+    assert (size.width_mm, size.height_mm, size.source) == (148, 210, "given")
+    assert size.dpi == pytest.approx(600 / 148 * 25.4, rel=1e-3)
+    own = size_of(None, "100x50.5")
+    assert (own.width_mm, own.height_mm) == (100, 50.5)
+    assert own.dpi == pytest.approx(WIDTH / 100 * 25.4)
+    assert size_of(sheet(560, 792), "none").dpi is None
+
+
+@pytest.mark.parametrize("wrong", ["", "a6", "210", "9x100", "100x6000", "1e3x200"])
+def test_other_sizes_are_refused(wrong: str) -> None:
+    with pytest.raises(ValueError, match="210x297"):
+        parse_size(wrong)
