@@ -50,6 +50,7 @@ from app.routes import (
     mosaic,
     pages,
     rectify,
+    review,
     tokens,
 )
 from app.routes import jobs as job_routes
@@ -79,6 +80,7 @@ ROUTERS = (
     layout_versions.router,
     layout_settings.router,
     layout_proposals.router,
+    review.router,
     job_routes.router,
     tokens.router,
     health.router,
@@ -92,6 +94,7 @@ TAGS = {
     "layout feedback": "What a person corrects; the models learn from it.",
     "layout models": "Models of document classes: their samples, versions, training and settings.",
     "layout proposals": "Pages of no known class; new classes, classes to merge and to split.",
+    "review": "Pages that a person should look at, and who changed what.",
     "jobs": "Work whose answer comes later (`Prefer: respond-async`).",
     "tokens": "Short-lived tokens for links that cannot have an API key.",
     "health": "Whether the service is up, and its metrics.",

@@ -55,6 +55,7 @@ _LAYOUT = {
     "document_class": "letter",
     "page": None,
     "image": {"width": 1240, "height": 1754, "bytes": 181204},
+    "decision": {"action": "accept", "tolerated_error": 0.01, "reasons": []},
     "warnings": [],
     "timings_ms": {"decode": 18.0, "match": 21.4},
 }
@@ -226,6 +227,24 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "models": [{"name": "letter", "old_version": 8, "new_version": 9}],
         "samples": 1,
     },
+    ("200", "layout_queue"): {
+        "results": [
+            {
+                "id": _RESULT,
+                "state": "open",
+                "class": "letter",
+                "zones": 11,
+                "confidence": 0.61,
+                "gain": 1.84,
+                "decision": "review",
+                "has_image": True,
+                "created": _WHEN,
+                "claimed_by": None,
+                "claimed_until": None,
+            }
+        ]
+    },
+    ("200", "claim_layout_result"): {"result": _RESULT, "claim": "3v1Z8d0LqkU0n0Qb1yWmFA", "until": _WHEN},
     ("200", "layout_model_feedback"): {
         "model": "letter",
         "feedback": [

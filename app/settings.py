@@ -1,5 +1,6 @@
 """All settings, read from the environment. Names contain units."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -240,6 +241,14 @@ class Settings(BaseSettings):
         description="Pictures of all pages together; over the limit, the oldest are removed.",
     )
 
+    tolerated_errors: Annotated[Mapping[str, float], NoDecode] = Field(
+        default={"*": 0.01},
+        description="Comma-separated shares of wrong zones that may go through without a person: for all classes "
+        "(0.01), a class (letter=0.02) or a label of it (letter/date=0.005).",
+    )
+    claim_ttl_s: int = Field(
+        default=600, ge=1, description="A page of the review queue stays claimed for this long."
+    )
     max_unknown_pages: int = Field(
         default=200,
         ge=1,
@@ -266,3 +275,35 @@ class Settings(BaseSettings):
         if isinstance(value, str):
             return tuple(key.strip() for key in value.split(",") if key.strip())
         return value
+
+    @field_validator("tolerated_errors", mode="before")
+    @classmethod
+    def _shares(cls, value: object) -> object:
+        """The shares by class or `class/label`; `*`: all classes."""
+        if not isinstance(value, str):
+            return value
+        shares = {"*": 0.01}
+        for entry in filter(None, map(str.strip, value.split(","))):
+            name, _, share = entry.rpartition("=")
+            shares[name or "*"] = float(share)
+        return shares
+
+    @field_validator("tolerated_errors")
+    @classmethod
+    def _possible_shares(cls, value: Mapping[str, float]) -> Mapping[str, float]:
+        for name, share in value.items():
+            if not 0.0 < share <= 1.0:
+                raise ValueError(f"the share of {name} must be above 0 and at most 1")
+        return value
+
+    def tolerated_errors_of(self, name: str) -> dict[str | None, float]:
+        """Tolerated error of a class, under None, and of its labels that have one of their own."""
+        prefix = f"{name}/"
+        of_labels = {
+            key.removeprefix(prefix): share
+            for key, share in self.tolerated_errors.items()
+            if key.startswith(prefix)
+        }
+        errors: dict[str | None, float] = {None: self.tolerated_errors.get(name, self.tolerated_errors["*"])}
+        errors.update(of_labels)
+        return errors

@@ -50,6 +50,12 @@ class UnknownPageNotFound(NotFound):
     """There is no unknown page with this id, or it has expired."""
 
 
+class Claimed(StoreError):
+    """Another person works on this page of the review queue."""
+
+    code = "conflict"
+
+
 class VersionConflict(StoreError):
     """The model does not have the version that the writer expected. `current` is its version, None without any."""
 

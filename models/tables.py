@@ -177,3 +177,39 @@ class ResultRow(Table):
     expires_at: Mapped[datetime] = mapped_column(UtcDateTime, index=True)
     document: Mapped[bytes] = mapped_column(LargeBinary)
     owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
+
+
+class ReviewRow(Table):
+    """Place of a page's result in the review queue. Whether it is open follows from its feedback.
+
+    `gain` and `confidence` are computed when the page is recognized. `claim` is a secret of the person who works on it.
+    """
+
+    __tablename__ = "layout_reviews"
+
+    result_id: Mapped[str] = mapped_column(
+        ForeignKey("layout_results.id", ondelete="CASCADE"), primary_key=True
+    )
+    gain: Mapped[float] = mapped_column(index=True)
+    confidence: Mapped[float] = mapped_column(index=True)
+    class_name: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    zones: Mapped[int]
+    decision: Mapped[str] = mapped_column(String(10))
+    has_image: Mapped[bool]
+    is_skipped: Mapped[bool]
+    claim: Mapped[str | None] = mapped_column(String(64))
+    claimed_by: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    claimed_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
+
+
+class AuditRow(Table):
+    """One entry of the list of who changed what, and when. `who` is the name of an API key; NULL: no key."""
+
+    __tablename__ = "layout_audit"
+
+    id: Mapped[str] = mapped_column(String(26), primary_key=True)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    who: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    action: Mapped[str] = mapped_column(String(40))
+    model: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
+    detail: Mapped[str] = mapped_column(Text)

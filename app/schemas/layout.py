@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.schemas.options import FORMAT, Absent, Switch
 from app.schemas.page import Answer, FlatPage, Warning
+from app.schemas.review import Decision
 from services.contract.fields import FieldType, ValueProblem
 from services.contract.layout import LayoutFormat
 
@@ -256,6 +257,10 @@ class LayoutResult(Answer):
     )
     image: KeptImage | None = Field(
         default=None, description="The kept picture of the page; null: none is kept."
+    )
+    decision: Decision | None = Field(
+        default=None,
+        description="Whether the labels may be used without a person; null: no model was compared.",
     )
     warnings: list[Warning]
     timings_ms: dict[str, float]

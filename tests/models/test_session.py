@@ -91,7 +91,7 @@ import sqlalchemy as sa
 from alembic import op
 
 revision = "0099"
-down_revision = "0004"
+down_revision = "0005"
 
 def upgrade():
     with op.batch_alter_table("layout_models", recreate="always") as table:
