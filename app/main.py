@@ -20,6 +20,7 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from app import __version__
+from app.audit import Audit
 from app.authentication import ApiKeys
 from app.blobs import BlobAccess
 from app.body_limits import body_limits_of
@@ -40,7 +41,9 @@ from app.metrics import Metrics
 from app.model_locks import ModelLocks
 from app.openapi import describe
 from app.problems import FrameworkErrors, ProblemBoundary
+from app.roles import RoleRules, read_keys_file
 from app.routes import (
+    audit,
     health,
     layout,
     layout_exchange,
@@ -89,6 +92,7 @@ ROUTERS = (
     layout_settings.router,
     layout_proposals.router,
     review.router,
+    audit.router,
     job_routes.router,
     tokens.router,
     health.router,
@@ -232,7 +236,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     app.state.document_rectification = AppState(
         settings, engine, operations, store, metrics, locks, jobs, disk, blobs, images, job_service
     )
-    _add_middleware(app, settings, engine, jobs, metrics, routes)
+    _add_middleware(app, settings, engine, store, jobs, metrics, routes)
     _describe(app, settings)
     return app
 
@@ -274,12 +278,19 @@ def _check_content_features(path: Path | None) -> None:
 
 
 def _add_middleware(
-    app: FastAPI, settings: Settings, engine: Engine, jobs: Jobs, metrics: Metrics, routes: list[APIRoute]
+    app: FastAPI,
+    settings: Settings,
+    engine: Engine,
+    store: LayoutStore,
+    jobs: Jobs,
+    metrics: Metrics,
+    routes: list[APIRoute],
 ) -> None:
     """Add everything that every request passes before its route.
 
     The middleware that is added last is the outermost: prefix, log, security headers, body limits, origins,
-    compression, errors, requests of other sites, API keys, methods, admission to the queue of jobs and to the engine.
+    compression, errors, requests of other sites, API keys, roles, list of changes, methods, admission to the queue of
+    jobs and to the engine.
     """
     places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
     app.add_middleware(Admission, engine=engine, work=WORK, places=places)
@@ -294,7 +305,9 @@ def _add_middleware(
     )
     app.add_middleware(ConditionalGet)
     app.add_middleware(HeadAndOptions, methods=_methods_of(routes))
-    app.add_middleware(ApiKeys, keys=settings.api_keys)
+    app.add_middleware(Audit, store=store)
+    app.add_middleware(RoleRules)
+    app.add_middleware(ApiKeys, keys=settings.api_keys, file_keys=read_keys_file(settings.api_keys_file))
     app.add_middleware(OwnSite, origins=settings.cors_origins)
     app.add_middleware(ProblemBoundary)
     app.add_middleware(
@@ -343,7 +356,10 @@ def _describe(app: FastAPI, settings: Settings) -> None:
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
             app.openapi_schema = describe(
-                app, TAGS, keys=bool(settings.api_keys), root_path=settings.root_path
+                app,
+                TAGS,
+                keys=bool(settings.api_keys or settings.api_keys_file),
+                root_path=settings.root_path,
             )
         return app.openapi_schema
 

@@ -246,6 +246,18 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
             }
         ]
     },
+    ("200", "audit"): {
+        "entries": [
+            {
+                "id": _SAMPLE,
+                "time": _WHEN,
+                "who": "anna",
+                "action": "rollback",
+                "model": "letter",
+                "detail": "version 8",
+            }
+        ]
+    },
     ("200", "claim_layout_result"): {"result": _RESULT, "claim": "3v1Z8d0LqkU0n0Qb1yWmFA", "until": _WHEN},
     ("200", "layout_model_feedback"): {
         "model": "letter",

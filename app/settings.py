@@ -48,6 +48,11 @@ class Settings(BaseSettings):
         "Authorization: Bearer (except to /, /health, /metrics, /docs).",
         repr=False,
     )
+    api_keys_file: FilePath | None = Field(
+        default=None,
+        description="File of further keys with names and roles, a line each: NAME ROLE DIGEST (reader, verifier, "
+        "admin); `python -m app.roles NAME ROLE` makes a key and its line.",
+    )
     token_ttl_s: int = Field(
         default=300, ge=1, le=86400, description="A token of POST /tokens allows to read for this long."
     )
