@@ -14,6 +14,7 @@ MODULES = {
     "layout_recognition": "layout.recognition",
     "layout_words": "layout.word_labels",
     "layout_values": "layout.values",
+    "layout_calibration": "layout.label_trust",
     "layout_segmentation": "layout.segmentation",
     "layout_matching": "layout.matching",
     "layout_documents": "layout.documents",
