@@ -1,7 +1,8 @@
-"""The character error that a photo's figures let expect: a small calibrated model.
+"""The character error that a photo's figures let expect: a small logistic model.
 
-The coefficients are set by hand from 16 simulated photos of known text (`python -m benchmarks advice`); print of 8 pixels
-read with 1 % of errors, print of 7 pixels with more than 50 %. `--fit` prints fitted ones, for which 16 photos are too few.
+The coefficients are set by hand from 16 simulated photos of known text (`python -m benchmarks advice`): print of 8
+pixels was read with 1 % of errors, print of 7 pixels with more than 50 %. `--fit` prints fitted coefficients; 16 photos
+are too few for them.
 """
 
 import math
