@@ -107,7 +107,7 @@ def test_without_characters_there_are_no_figures() -> None:
 @pytest.mark.parametrize(
     ("worse", "code"),
     [
-        ({"text_height_min_px": 9.0}, "come-closer"),
+        ({"text_height_min_px": 7.0}, "come-closer"),
         ({"blur_px": 6.0}, "hold-still"),
         ({"blurred_side": "left"}, "focus-evenly"),
         ({"contrast": 0.15}, "more-light"),
@@ -125,5 +125,5 @@ def test_every_fault_has_its_advice_and_costs(worse: dict[str, object], code: st
 
 
 def test_the_sentence_says_the_figure() -> None:
-    (advice,) = advise(CaptureQuality(9.2, 18.0, 0.8, 0.8, 0.0, 0.0, 0.0))
-    assert advice.detail == "Come closer: letters are 9 pixels high, 20 read well."
+    (advice,) = advise(CaptureQuality(7.2, 18.0, 0.8, 0.8, 0.0, 0.0, 0.0))
+    assert advice.detail == "Come closer: letters are 7 pixels high, 14 read well."
