@@ -1,13 +1,12 @@
 """GET /audit: who changed what, and when."""
 
 from typing import Annotated
-from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request, Response
 
 from app.problems import documented
 from app.routes.common_responses import STORE
-from app.routes.review import LINK
+from app.routes.paging import LINK, link_next
 from app.routes.state import State
 from app.schemas.layout import MODEL_NAME_PATTERN
 from app.schemas.options import Absent
@@ -40,10 +39,6 @@ async def audit(
 ) -> Response:
     """List who changed models or deleted data, newest first. The newest 100 000 entries are kept."""
     found = await state.store.call(lambda store: store.changes(limit + 1, model=model, before=cursor))
-    headers = {}
-    if len(found) > limit:
-        query = {**dict(request.query_params), "cursor": found[limit - 1].id}
-        headers["Link"] = f'<{state.settings.root_path}/audit?{urlencode(query)}>; rel="next"'
     entries = [
         Change(
             id=entry.id,
@@ -55,6 +50,8 @@ async def audit(
         )
         for entry in found[:limit]
     ]
-    return Response(
-        ChangeList(entries=entries).model_dump_json(), headers=headers, media_type="application/json"
-    )
+    body = ChangeList(entries=entries).model_dump_json()
+    response = Response(body, media_type="application/json")
+    if len(found) > limit:
+        link_next(request, state, response, found[limit - 1].id)
+    return response
