@@ -35,13 +35,14 @@ class PlainSample:
 class PlainClass:
     documents: dict[int, Any] = field(default_factory=dict)
     version: int | None = None
+    last: int = 0
     samples: list[PlainSample] = field(default_factory=list)
     alive: bool = True
 
     def append(self, document: Any) -> tuple[int | None, int]:
-        old, new = self.version, len(self.documents) + 1
+        old, new = self.version, self.last + 1
         self.documents[new] = document
-        self.version = new
+        self.version = self.last = new
         return old, new
 
 
@@ -128,6 +129,7 @@ class FeedbackHistory(RuleBasedStateMachine):
         for sample in list(self.classes[name].samples):
             self.drop(sample)
         self.classes[name].alive, self.classes[name].version = False, None
+        self.classes[name].documents.clear()
         left = []
         for feedback in self.feedbacks:
             was_about = name in feedback.about
@@ -183,7 +185,7 @@ class FeedbackHistory(RuleBasedStateMachine):
         documents = {name: {"n": next(self.numbers)} for name in names}
         expected = {name: alive[name].version for name in names}
         if is_late and names:
-            expected[names[-1]] = len(alive[names[-1]].documents) + 7
+            expected[names[-1]] = alive[names[-1]].last + 7
         changes = [ModelChange(name, documents[name], expected[name]) for name in names]
 
         by_key = [each for each in self.feedbacks if key is not None and each.key == key]
