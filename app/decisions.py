@@ -148,7 +148,7 @@ def decide(
 
 
 def place_in_queue(result: Mapping[str, Any]) -> ReviewDraft:
-    """What the queue is ordered by, for a result with its decision.
+    """What the queue is ordered by, for a result with its decision; a page without one is reviewed.
 
     The gain is the expected number of zones with a wrong label.
     """
@@ -158,6 +158,6 @@ def place_in_queue(result: Mapping[str, Any]) -> ReviewDraft:
         confidence=min(confidences, default=0.0),
         class_name=result["class"]["name"] if result.get("class") else None,
         zones=len(result["zones"]),
-        decision=result["decision"]["action"],
+        decision=(result.get("decision") or {"action": "review"})["action"],
         has_image=result.get("image") is not None,
     )

@@ -232,7 +232,7 @@ class LayoutStore:
     def _draft(self, document: dict[str, Any], owner: str | None) -> ResultDraft:
         unknown = self.unknown_page(document["page"], owner) if _is_unknown(document) else None
         result = document.get("result", {})
-        review = place_in_queue(result) if result.get("decision") else None
+        review = place_in_queue(result) if "zones" in result else None
         return ResultDraft(document, unknown, owner, review)
 
     async def _purge_when_due(self, new: int) -> None:

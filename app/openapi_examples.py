@@ -229,23 +229,6 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "models": [{"name": "letter", "old_version": 8, "new_version": 9}],
         "samples": 1,
     },
-    ("200", "layout_queue"): {
-        "results": [
-            {
-                "id": _RESULT,
-                "state": "open",
-                "class": "letter",
-                "zones": 11,
-                "confidence": 0.61,
-                "gain": 1.84,
-                "decision": "review",
-                "has_image": True,
-                "created": _WHEN,
-                "claimed_by": None,
-                "claimed_until": None,
-            }
-        ]
-    },
     ("200", "audit"): {
         "entries": [
             {
@@ -388,6 +371,15 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
                         "zones": ["z2"],
                     }
                 ],
+                "review": {
+                    "zones": 11,
+                    "confidence": 0.61,
+                    "gain": 1.84,
+                    "decision": "review",
+                    "has_image": True,
+                    "claimed_by": None,
+                    "claimed_until": None,
+                },
             }
         ],
         "next": None,

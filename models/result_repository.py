@@ -104,10 +104,11 @@ class ResultRepository(Transactions):
         before: str | None = None,
         owner: str | None = None,
         state: ResultState | None = None,
+        ids: Collection[str] | None = None,
     ) -> list[ListedResult]:
         """The newest results of pages that are kept, newest first, `limit` at most.
 
-        `before` is the id of a result: only older ones are listed. `owner` and `state` select; None: all.
+        `before` is the id of a result: only older ones are listed. `owner`, `state` and `ids` select; None: all.
         """
         of_row = select(FeedbackRow.id).where(FeedbackRow.result_id == ResultRow.id)
         something_wrong = (
@@ -119,6 +120,8 @@ class ResultRepository(Transactions):
             wanted = wanted.where(ResultRow.id < before)
         if owner is not None:
             wanted = wanted.where(ResultRow.owner == owner)
+        if ids is not None:
+            wanted = wanted.where(ResultRow.id.in_(ids))
         if state is not None:
             wanted = wanted.where(verified if state != "open" else ~verified)
         if state in ("confirmed", "corrected"):

@@ -2,7 +2,7 @@
 
 import json
 import secrets
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from datetime import datetime, timedelta
 from typing import cast
 
@@ -32,10 +32,11 @@ class ReviewRepository(Transactions):
         order: ReviewOrder = "newest",
         after: str | None = None,
         owner: str | None = None,
+        ids: Collection[str] | None = None,
     ) -> list[Review]:
         """Pages of the queue in the given order, `limit` at most, those after the cursor `after` (of `cursor_of`).
 
-        Claimed pages keep their place. `owner` selects the results of one key; None: all.
+        Claimed pages keep their place. `owner` selects the results of one key, `ids` these results; None: all.
 
         Raises
         ------
@@ -73,6 +74,8 @@ class ReviewRepository(Transactions):
         if state is not None:
             wanted = wanted.where(conditions[state])
         wanted = _ordered(wanted, order, after).limit(limit)
+        if ids is not None:
+            wanted = wanted.where(ReviewRow.result_id.in_(ids))
         now = self._clock()
         with self._reading() as session:
             rows = session.execute(wanted).all()
@@ -185,16 +188,17 @@ def _is_claimed(row: ReviewRow, now: datetime) -> bool:
 
 def cursor_of(review: Review, order: ReviewOrder) -> str:
     """Place of a page in the list, from which the list goes on."""
-    key = {"gain": review.gain, "confidence": review.confidence, "newest": 0.0}[order]
-    return f"{json.dumps(key)}_{review.id}"
+    if order == "newest":
+        return review.id
+    return f"{json.dumps(review.gain if order == 'gain' else review.confidence)}_{review.id}"
 
 
 def _ordered(
     wanted: Select[ReviewRow, datetime, str], order: ReviewOrder, after: str | None
 ) -> Select[ReviewRow, datetime, str]:
     """Sorted by the order and then by id, newest first, beginning after the cursor."""
-    key_text, _, id = (after or "").partition("_")
-    key = float(key_text) if after is not None else 0.0
+    key_text, _, id = (after or "").rpartition("_")
+    key = float(key_text or 0.0)
     older = ReviewRow.result_id < id
     if order == "newest":
         wanted = wanted.order_by(ReviewRow.result_id.desc())

@@ -50,7 +50,8 @@ async def audit(
         )
         for entry in found[:limit]
     ]
-    response = Response(ChangeList(entries=entries).model_dump_json(), media_type="application/json")
+    body = ChangeList(entries=entries).model_dump_json()
+    response = Response(body, media_type="application/json")
     if len(found) > limit:
         link_next(request, state, response, found[limit - 1].id)
     return response

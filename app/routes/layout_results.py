@@ -3,7 +3,7 @@
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -14,10 +14,13 @@ from app.routes.common_responses import STORE
 from app.routes.paging import LINK, link_next
 from app.routes.state import State
 from app.schemas.layout_results import ListFormat, ResultEntry, ResultList
-from models.records import ListedResult
+from models.records import ListedResult, ResultState, Review, ReviewOrder, ReviewState
+from models.repository import Store, cursor_of
+from services.errors import InvalidOption
 
 router = APIRouter(tags=["layout"])
 
+CURSOR_PATTERN = r"^([0-9]{1,9}(\.[0-9]{1,20})?(e-[0-9]{1,3})?_)?[0-9A-HJKMNP-TV-Z]{26}$"
 MOST_LISTED = 200
 """Results of one answer; the documents of 200 pages with all their zones are read in 0.2 s."""
 COLUMNS = (
@@ -44,7 +47,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
     response_class=Response,
     responses={
         200: {
-            "description": "The results, newest first. The header `Link` has the address of the next ones.",
+            "description": "The results. The header `Link` has the address of the next ones.",
             "model": ResultList,
             "content": {
                 "text/csv": {"schema": {"type": "string"}},
@@ -61,17 +64,19 @@ async def layout_results(
     limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50,
     cursor: Annotated[
         str | None,
-        Query(
-            pattern="^[0-9A-HJKMNP-TV-Z]{26}$", description="`next` of the answer before; absent: the newest."
-        ),
+        Query(pattern=CURSOR_PATTERN, description="`next` of the answer before; absent: the first ones."),
     ] = None,
     state_: Annotated[
-        Literal["open", "confirmed", "corrected"] | None,
+        Literal["open", "confirmed", "corrected", "skipped"] | None,
         Query(alias="state", description="open: no feedback. corrected: feedback found something wrong."),
     ] = None,
+    order: Annotated[
+        ReviewOrder,
+        Query(description="gain: what is expected to teach most first. confidence: the least sure first."),
+    ] = "newest",
     format: Annotated[ListFormat | None, Query(description="Or by `Accept`.")] = None,
 ) -> Response:
-    """List the kept results of pages, newest first, with the values of their fields.
+    """List the kept results of pages with the values of their fields: the newest first, or as a review queue.
 
     JSON lines have one result a line, CSV one value a row. A result that is made meanwhile is not in later answers; one
     that expires is left out. With API keys, the results are those of the caller's key.
@@ -79,14 +84,48 @@ async def layout_results(
     chosen = choose_list_format(format, request.headers.get("accept"))
     caller = caller_of(request)
     owner = None if caller.sees_all else caller.name
-    found = await state.store.call(
-        lambda store: store.results(limit + 1, before=cursor, owner=owner, state=state_)
+    reviews, results = await state.store.call(
+        lambda store: _read(store, limit + 1, state_, order, cursor, owner)
     )
-    listed, following = found[:limit], found[limit - 1].id if len(found) > limit else None
-    response = _listed([_entry(each) for each in listed], chosen, following)
+    has_more = len(results) > limit
+    following = None
+    if has_more:
+        last = results[limit - 1].id
+        following = last if order == "newest" else cursor_of(reviews[last], order)
+    response = _listed([_entry(each, reviews.get(each.id)) for each in results[:limit]], chosen, following)
     if following is not None:
         link_next(request, state, response, following)
     return response
+
+
+def _read(
+    store: Store,
+    most: int,
+    state: ReviewState | None,
+    order: ReviewOrder,
+    after: str | None,
+    owner: str | None,
+) -> tuple[dict[str, Review], list[ListedResult]]:
+    """Results in their order, and what the review queue knows of them by their ids.
+
+    Raises
+    ------
+    InvalidOption
+        When the cursor is that of another order.
+    """
+    if (order == "newest") == ("_" in (after or "")) and after is not None:
+        raise InvalidOption(
+            "cursor: it belongs to a list in another order; begin again without it.", "cursor"
+        )
+    if order == "newest" and state in (None, "confirmed", "corrected"):
+        of_state = None if state is None else cast(ResultState, state)
+        results = store.results(most, before=after, owner=owner, state=of_state)
+        reviews = store.reviews(most, ids=[each.id for each in results])
+        return {review.id: review for review in reviews}, results
+    reviews = store.reviews(most, state=state, order=order, after=after, owner=owner)
+    found = {each.id: each for each in store.results(most, ids=[review.id for review in reviews])}
+    results = [found[review.id] for review in reviews if review.id in found]
+    return {review.id: review for review in reviews}, results
 
 
 def _listed(entries: Sequence[ResultEntry], chosen: ListFormat, following: str | None) -> Response:
@@ -99,7 +138,7 @@ def _listed(entries: Sequence[ResultEntry], chosen: ListFormat, following: str |
     return Response(body, media_type="application/json")
 
 
-def _entry(listed: ListedResult) -> ResultEntry:
+def _entry(listed: ListedResult, review: Review | None) -> ResultEntry:
     result = listed.result
     of_class = result.get("class")
     return ResultEntry.model_validate(
@@ -107,12 +146,25 @@ def _entry(listed: ListedResult) -> ResultEntry:
             "id": listed.id,
             "created": listed.created_at,
             "expires": listed.expires_at,
-            "state": listed.state,
+            "state": listed.state if review is None else review.state,
+            "review": None if review is None else _facts(review),
             "class": None if of_class is None else of_class["name"],
             "probability": None if of_class is None else of_class["probability"],
             "fields": result.get("fields", []),
         }
     )
+
+
+def _facts(review: Review) -> dict[str, Any]:
+    return {
+        "zones": review.zones,
+        "confidence": round(review.confidence, 4),
+        "gain": round(review.gain, 4),
+        "decision": review.decision,
+        "has_image": review.has_image,
+        "claimed_by": review.claimed_by,
+        "claimed_until": review.claimed_until,
+    }
 
 
 def _csv(entries: Sequence[ResultEntry]) -> str:

@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field
 
 from app.schemas.layout import LabelField
 from app.schemas.page import Answer
+from app.schemas.review import ReviewFacts
 
 ListFormat = Literal["json", "csv", "jsonl"]
 LIST_MEDIA_TYPES: dict[ListFormat, str] = {
@@ -24,16 +25,18 @@ class ResultEntry(Answer):
     id: str = Field(description="As in /layout/results/{id}.")
     created: datetime
     expires: datetime
-    state: Literal["open", "confirmed", "corrected"] = Field(
-        description="open: no feedback. confirmed: feedback found nothing wrong. corrected: it found something wrong."
+    state: Literal["open", "confirmed", "corrected", "skipped"] = Field(
+        description="open: no feedback. confirmed: feedback found nothing wrong. corrected: it found something wrong. "
+        "skipped: a person has left it out."
     )
     class_: str | None = Field(alias="class", description="null: no class fits, or there is no model.")
     probability: float | None = Field(ge=0, le=1)
     fields: list[LabelField]
+    review: ReviewFacts | None = Field(description="null: the result is older than the review queue.")
 
 
 class ResultList(Answer):
-    """Results of pages, newest first."""
+    """Results of pages in the requested order."""
 
     results: list[ResultEntry]
     next: str | None = Field(description="`cursor` of the next results; null: these were the last.")

@@ -28,14 +28,9 @@ class Decision(Answer):
     reasons: list[DecisionReason]
 
 
-class QueueEntry(Answer):
-    """A recognized page in the review queue."""
+class ReviewFacts(Answer):
+    """What the review queue knows of a page."""
 
-    model_config = ConfigDict(extra="forbid", serialize_by_alias=True, validate_by_name=True)
-
-    id: str = Field(description="Id of the result.")
-    state: Literal["open", "confirmed", "corrected", "skipped"]
-    class_: str | None = Field(alias="class")
     zones: int
     confidence: float = Field(
         description="Least probability of a zone that its class and its label are right."
@@ -45,15 +40,8 @@ class QueueEntry(Answer):
     )
     decision: Literal["accept", "review"]
     has_image: bool = Field(description="GET /layout/results/{id}/image has its picture.")
-    created: datetime
     claimed_by: str | None = Field(description="Name of the API key that works on it; null without keys.")
     claimed_until: datetime | None = Field(description="null: nobody works on it.")
-
-
-class Queue(Answer):
-    """A part of the review queue; the header `Link` has the address of the next one."""
-
-    results: list[QueueEntry]
 
 
 class ClaimBody(BaseModel):

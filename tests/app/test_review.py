@@ -22,10 +22,10 @@ def client(empty_service: httpx.Client) -> httpx.Client:
 
 
 def queue(client: httpx.Client, **options: Any) -> list[dict[str, Any]]:
-    response = client.get("/layout/queue", params=options)
+    response = client.get("/layout/results", params={"state": "open", "order": "gain", **options})
     assert response.status_code == 200, response.text
     entries: list[dict[str, Any]] = response.json()["results"]
-    return entries
+    return [{**entry, **entry["review"]} for entry in entries]
 
 
 def test_a_page_is_open_until_somebody_gives_feedback(client: httpx.Client) -> None:
@@ -33,8 +33,12 @@ def test_a_page_is_open_until_somebody_gives_feedback(client: httpx.Client) -> N
     give(client, right, {"class": "letter"})
     give(client, wrong, {"labels": {"z2": "date"}})
     assert client.post(f"/layout/results/{left}/skip").status_code == 204
-    states = {entry["id"]: entry["state"] for entry in queue(client, state="all")}
-    assert states == {right: "confirmed", wrong: "corrected", left: "skipped"}
+    for order in ("gain", "confidence", "newest"):
+        listed = client.get("/layout/results", params={"order": order}).json()["results"]
+        states = {entry["id"]: entry["state"] for entry in listed}
+        assert states == {right: "confirmed", wrong: "corrected", left: "skipped"}
+        for result, state in states.items():
+            assert [entry["id"] for entry in queue(client, order=order, state=state)] == [result]
     assert queue(client) == []
     client.delete(f"/layout/results/{wrong}/feedback")
     assert [entry["id"] for entry in queue(client)] == [wrong]
@@ -43,9 +47,10 @@ def test_a_page_is_open_until_somebody_gives_feedback(client: httpx.Client) -> N
     assert entry["gain"] == pytest.approx(2 - 2 * 0.75 * 0.9)
 
 
-def test_a_list_goes_on_at_its_link(client: httpx.Client) -> None:
+@pytest.mark.parametrize("order", ["gain", "confidence", "newest"])
+def test_a_list_goes_on_at_its_link(client: httpx.Client, order: str) -> None:
     added = {recognize(client) for _ in range(5)}
-    path, seen = "/layout/queue?order=newest&limit=2", []
+    path, seen = f"/layout/results?order={order}&limit=2", []
     for _ in range(3):
         response = client.get(path)
         seen += [entry["id"] for entry in response.json()["results"]]
@@ -54,8 +59,10 @@ def test_a_list_goes_on_at_its_link(client: httpx.Client) -> None:
     assert path == ""
     assert set(seen) == added
     assert len(seen) == 5
-    assert_problem(client.get("/layout/queue", params={"cursor": "1"}), 422, "invalid-option")
-    assert_problem(client.get("/layout/queue", params={"cursor": f"e_{seen[0]}"}), 422, "invalid-option")
+    other = seen[0] if order != "newest" else f"0.5_{seen[0]}"
+    for cursor in ("1", f"e_{seen[0]}", other):
+        response = client.get("/layout/results", params={"cursor": cursor, "order": order})
+        assert_problem(response, 422, "invalid-option")
 
 
 def test_a_claimed_page_is_for_one_person(client: httpx.Client) -> None:

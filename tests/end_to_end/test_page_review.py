@@ -69,7 +69,7 @@ def test_two_people_work_through_the_queue(office: httpx.Client) -> None:
         expect(ben.page.locator(".zone").first).to_be_visible()
         states = {
             entry["id"]: entry["state"]
-            for entry in office.get("/layout/queue", params={"state": "all"}).json()["results"]
+            for entry in office.get("/layout/results", params={"order": "gain"}).json()["results"]
         }
         assert states[claimed[0]] in ("confirmed", "corrected")
         assert states[claimed[1]] == "skipped"

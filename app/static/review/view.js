@@ -31,7 +31,8 @@ export function createView() {
 
   async function list() {
     rows.replaceChildren();
-    nextPart = `layout/queue?state=${state.value}&order=${order.value}&limit=${LISTED}`;
+    const of = state.value === "all" ? "" : `state=${state.value}&`;
+    nextPart = `layout/results?${of}order=${order.value}&limit=${LISTED}`;
     await append();
     if (!rows.children.length) rows.append(make("li", { class: "empty" }, "Nothing to do here."));
   }
@@ -50,15 +51,17 @@ export function createView() {
 
   function entry(one) {
     const name = one.class ?? "no class";
-    const facts = `${one.zones} zones, least sure ${percent(one.confidence)}, about ${one.gain.toFixed(1)} wrong; ${when(one.created)}`;
-    const taken = one.claimed_until ? `claimed${one.claimed_by ? ` by ${one.claimed_by}` : ""} until ${new Date(one.claimed_until).toLocaleTimeString()}` : "";
+    const { review } = one;
+    if (!review) return make("li", { class: "queue-entry" }, `${name} ${one.state}, ${when(one.created)}`);
+    const facts = `${review.zones} zones, least sure ${percent(review.confidence)}, about ${review.gain.toFixed(1)} wrong; ${when(one.created)}`;
+    const taken = review.claimed_until ? `claimed${review.claimed_by ? ` by ${review.claimed_by}` : ""} until ${new Date(review.claimed_until).toLocaleTimeString()}` : "";
     const picture = make("img", { alt: "", loading: "lazy", width: 72 });
-    if (one.has_image) link(`layout/results/${one.id}/image?width=144`).then((address) => (picture.src = address));
+    if (review.has_image) link(`layout/results/${one.id}/image?width=144`).then((address) => (picture.src = address));
     return make(
       "li",
       { class: "queue-entry" },
-      one.has_image ? picture : null,
-      make("div", {}, make("strong", {}, name), ` ${one.state}, ${one.decision === "accept" ? "may go through" : "needs a person"}`, make("br", {}), make("small", {}, facts, taken ? make("span", { class: "bad" }, ` ${taken}`) : "")),
+      review.has_image ? picture : null,
+      make("div", {}, make("strong", {}, name), ` ${one.state}, ${review.decision === "accept" ? "may go through" : "needs a person"}`, make("br", {}), make("small", {}, facts, taken ? make("span", { class: "bad" }, ` ${taken}`) : "")),
       button(`Open ${name}`, () => openPage(one.id)),
     );
   }
@@ -66,12 +69,12 @@ export function createView() {
   /** Claims the first page that is free and not seen yet, and opens it. */
   async function next() {
     await letGo();
-    let path = `layout/queue?state=open&order=${order.value}&limit=${LISTED}`;
+    let path = `layout/results?state=open&order=${order.value}&limit=${LISTED}`;
     while (path) {
       const response = await request("GET", path);
       const { results } = await response.json();
-      for (const { id, claimed_until: until } of results) {
-        if (until || seen.has(id)) continue;
+      for (const { id, review } of results) {
+        if (review.claimed_until || seen.has(id)) continue;
         if (await openPage(id)) return;
       }
       path = nextOf(response);
