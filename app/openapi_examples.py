@@ -172,6 +172,10 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
         "add_layout_sample": _PAGE,
         "train_layout_model": {"rounds": 10},
         "roll_layout_model_back": {"version": 7},
+        **{
+            f"{name}_layout_result": {"claim": "3v1Z8d0LqkU0n0Qb1yWmFA"}
+            for name in ("claim", "release", "skip")
+        },
         "change_layout_model_settings": {
             "learner": "counting",
             "fields": {"date": {"type": "date", "order": "MDY"}},

@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
 
 from app.problems import documented
 from app.routes.common_responses import STORE
@@ -30,11 +31,13 @@ async def audit(
     request: Request,
     state: State,
     model: Annotated[
-        str | Absent, Query(pattern=MODEL_NAME_PATTERN, description="Only changes of this model.")
+        Annotated[str, Field(pattern=MODEL_NAME_PATTERN)] | Absent,
+        Query(description="Only changes of this model."),
     ] = None,
     limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50,
     cursor: Annotated[
-        str | Absent, Query(pattern="^[0-9A-HJKMNP-TV-Z]{26}$", description="From the header `Link`.")
+        Annotated[str, Field(pattern="^[0-9A-HJKMNP-TV-Z]{26}$")] | Absent,
+        Query(description="From the header `Link`."),
     ] = None,
 ) -> Response:
     """List who changed models or deleted data, newest first. The newest 100 000 entries are kept."""

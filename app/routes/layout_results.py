@@ -6,17 +6,19 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, cast
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
 
 from app.callers import caller_of
+from app.preconditions import Conflict
 from app.problems import documented
 from app.representations import choose_list_format
 from app.routes.common_responses import STORE
 from app.routes.paging import LINK, link_next
 from app.routes.state import State
 from app.schemas.layout_results import ListFormat, ResultEntry, ResultList
+from app.schemas.options import Absent
 from models.records import ListedResult, ResultState, Review, ReviewOrder, ReviewState
 from models.repository import Store, cursor_of
-from services.errors import InvalidOption
 
 router = APIRouter(tags=["layout"])
 
@@ -55,7 +57,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
             },
             "headers": LINK,
         },
-        **documented("invalid-option", "not-acceptable", *STORE),
+        **documented("invalid-option", "not-acceptable", "conflict", *STORE),
     },
 )
 async def layout_results(
@@ -63,8 +65,8 @@ async def layout_results(
     state: State,
     limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50,
     cursor: Annotated[
-        str | None,
-        Query(pattern=CURSOR_PATTERN, description="`next` of the answer before; absent: the first ones."),
+        Annotated[str, Field(pattern=CURSOR_PATTERN)] | Absent,
+        Query(description="`next` of the answer before, in the same order; absent: the first ones."),
     ] = None,
     state_: Annotated[
         Literal["open", "confirmed", "corrected", "skipped"] | None,
@@ -110,13 +112,11 @@ def _read(
 
     Raises
     ------
-    InvalidOption
+    Conflict
         When the cursor is that of another order.
     """
     if (order == "newest") == ("_" in (after or "")) and after is not None:
-        raise InvalidOption(
-            "cursor: it belongs to a list in another order; begin again without it.", "cursor"
-        )
+        raise Conflict("cursor: it belongs to a list in another order; begin again without it.", "cursor")
     if order == "newest" and state in (None, "confirmed", "corrected"):
         of_state = None if state is None else cast(ResultState, state)
         results = store.results(most, before=after, owner=owner, state=of_state)

@@ -126,7 +126,10 @@ def test_every_route_is_documented_and_every_job_is_admitted() -> None:
     assert {route.path for route in routes} == DOCUMENT["paths"].keys()
     methods = {(method, route.path) for route in routes for method in route.methods}
     writes = {(method, path) for method, path in methods if method in {"POST", "PUT"}}
-    of_the_store_alone = {("POST", "/layout/models/{name}/rollback")}
+    of_the_store_alone = {
+        ("POST", "/layout/models/{name}/rollback"),
+        *(("POST", f"/layout/results/{{id}}/{act}") for act in ("claim", "release", "skip")),
+    }
     assert writes - WORK == {*of_the_store_alone, ("POST", "/tokens")}
     assert WORK - writes == {
         ("GET", "/layout/models/{name}/versions/{version}/diff"),

@@ -60,9 +60,13 @@ def test_a_list_goes_on_at_its_link(client: httpx.Client, order: str) -> None:
     assert set(seen) == added
     assert len(seen) == 5
     other = seen[0] if order != "newest" else f"0.5_{seen[0]}"
-    for cursor in ("1", f"e_{seen[0]}", other):
+    for cursor, status, code in (
+        ("1", 422, "invalid-option"),
+        (f"e_{seen[0]}", 422, "invalid-option"),
+        (other, 409, "conflict"),
+    ):
         response = client.get("/layout/results", params={"cursor": cursor, "order": order})
-        assert_problem(response, 422, "invalid-option")
+        assert_problem(response, status, code)
 
 
 def test_a_claimed_page_is_for_one_person(client: httpx.Client) -> None:
