@@ -65,12 +65,6 @@ def _run_peer(command: list[str], photo: RgbImage | bytes) -> tuple[RgbImage | N
         return np.ascontiguousarray(np.asarray(page, np.uint8)[..., ::-1]), usage, ""
 
 
-def start_of_page_dewarp(command: str) -> Usage:
-    """What its process takes before it sees a photo: the interpreter and its imports."""
-    with tempfile.TemporaryDirectory() as folder:
-        return _run_limited([command, "--help"], folder)[1]
-
-
 def _run_limited(command: list[str], folder: str) -> tuple[str, Usage]:
     """Run to the end or to the limits; the reason of a failure, and the child's own use."""
     started = time.perf_counter()

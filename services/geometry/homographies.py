@@ -1,27 +1,28 @@
-"""Homographies, named `H_dst_src`, on points (N, 2)."""
+"""Homographies, named `H_dst_src`, on points (N, 2); many maps of the same points at once where a fit needs it."""
 
 import numpy as np
 
 from services.arrays import Floats, Homography, Points, Vector
 
 
-def transform_points(H: Homography, points: Points) -> Points:
-    """Points (N, 2) mapped by `H`; points on its vanishing line become infinite."""
-    p = np.asarray(points, np.float64)
-    w = p[:, 0] * H[2, 0] + p[:, 1] * H[2, 1] + H[2, 2]
+def transform_points(H: Floats, points: Points) -> Floats:
+    """Points (..., N, 2): `points` (N, 2) mapped by `H` (..., 3, 3); points on its vanishing line become infinite."""
+    px, py = np.asarray(points, np.float64).T
+    h = H[..., None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        x = (p[:, 0] * H[0, 0] + p[:, 1] * H[0, 1] + H[0, 2]) / w
-        y = (p[:, 0] * H[1, 0] + p[:, 1] * H[1, 1] + H[1, 2]) / w
-    return np.stack([x, y], axis=1)
+        w = px * h[..., 2, 0, :] + py * h[..., 2, 1, :] + h[..., 2, 2, :]
+        x = (px * h[..., 0, 0, :] + py * h[..., 0, 1, :] + h[..., 0, 2, :]) / w
+        y = (px * h[..., 1, 0, :] + py * h[..., 1, 1, :] + h[..., 1, 2, :]) / w
+    return np.stack([x, y], axis=-1)
 
 
-def jacobians(H: Homography, points: Points) -> Floats:
-    """Derivatives (N, 2, 2) of the map at `points` (N, 2): d destination / d source."""
+def jacobians(H: Floats, points: Points) -> Floats:
+    """Derivatives (..., N, 2, 2) of the maps `H` (..., 3, 3) at `points` (N, 2): d destination / d source."""
     p = np.asarray(points, np.float64)
-    w = p[:, 0] * H[2, 0] + p[:, 1] * H[2, 1] + H[2, 2]
+    w = p[:, 0] * H[..., 2, 0, None] + p[:, 1] * H[..., 2, 1, None] + H[..., 2, 2, None]
     image = transform_points(H, p)
-    upper = H[None, :2, :2] - image[:, :, None] * H[None, 2:, :2]
-    return np.asarray(upper / w[:, None, None])
+    upper = H[..., None, :2, :2] - image[..., None] * H[..., None, 2:, :2]
+    return np.asarray(upper / w[..., None, None])
 
 
 def translation(x: float, y: float) -> Homography:

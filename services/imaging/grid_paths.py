@@ -38,22 +38,24 @@ def trace_back(
 
     `best` (G, N, M) is what `accumulate_scores` returned for the same `max_shift` and `shift_cost`.
     """
-    shifts = np.arange(-max_shift, max_shift + 1)
-    cost = shift_cost * np.abs(shifts)
+    cost = shift_cost * np.abs(np.arange(-max_shift, max_shift + 1))
     if len(ends) <= FEW_PATHS:
         paths = [
             _trace_one(best[grid], int(end), max_shift, cost) for grid, end in zip(grids, ends, strict=True)
         ]
         return np.array(paths, np.intp).reshape(len(ends), best.shape[1])
-    rows, last = best.shape[1], best.shape[2] - 1
+    grid_count, rows, columns = best.shape
+    padded = np.full((grid_count, rows, columns + 2 * max_shift), -np.inf)
+    padded[..., max_shift : max_shift + columns] = best
+    values, width = padded.ravel(), columns + 2 * max_shift
+    whence = grids[:, None] * (rows * width) + np.arange(2 * max_shift + 1)
     together = np.empty((len(ends), rows), np.intp)
     together[:, -1] = at = np.asarray(ends, np.intp)
-    for row in range(rows - 1, 0, -1):
-        whence = at[:, None] + shifts
-        near = best[grids[:, None], row - 1, np.clip(whence, 0, last)] - cost
-        # A column beyond the border repeats the border's with a higher cost, so it is never chosen.
-        at = np.clip(at + near.argmax(axis=1) - max_shift, 0, last)
-        together[:, row - 1] = at
+    for row in range(rows - 2, -1, -1):
+        near = values.take(whence + (at + row * width)[:, None]) - cost
+        # Where no path leads to, all is -inf and the first column is taken.
+        at = np.maximum(at + near.argmax(axis=1) - max_shift, 0)
+        together[:, row] = at
     return together
 
 

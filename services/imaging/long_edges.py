@@ -110,16 +110,17 @@ def find_long_edges(
     text = (rows >= along[0]) & (rows <= along[1])
     if text.sum() < p.min_bands or not (weight > 0).any():
         return []
-    noise = float(np.percentile(np.abs(steps[weight > 0]), p.blank_percentile))
-    contrast = max(p.contrast, p.noise_factor * noise)
+    contrast = p.contrast
+    if p.noise_factor > 0:
+        noise = float(np.percentile(np.abs(steps[weight > 0]), p.blank_percentile))
+        contrast = max(contrast, p.noise_factor * noise)
     found = []
     supports = np.stack([np.clip(sign * steps / contrast, 0.0, 1.0) for sign in (1.0, -1.0)])
     for sign, support, paths in zip((1.0, -1.0), supports, _paths(supports, weight, text, p), strict=True):
-        for path in paths:
-            if not _is_certain(path, support, weight, rows, along, p):
-                continue
+        certain = _certain(paths, support, weight, rows, along, p)
+        grounds = (_ground_beside(certain, brightness, side, p) for side in (-1, 1))
+        for path, left, right in zip(certain, *grounds, strict=True):
             first, last = _extent(sign * steps[np.arange(len(path)), path], text, contrast, p)
-            left, right = (_ground_beside(path, brightness, side, p) for side in (-1, 1))
             edge = LongEdge(path, rows, text, float(rows[first]), float(rows[last]), left, right)
             if not _ends_on_paper(edge, (first, last), weight, p):
                 found.append(edge)
@@ -144,13 +145,22 @@ def _extent(
     return int(first), int(last)
 
 
-def _ground_beside(columns: NDArray[np.intp], brightness: Floats, side: int, p: LongEdgeParameters) -> Vector:
-    """Ground (N,) next to column `columns[n]` in band n of `brightness` (H, W): medians; `side` -1 is left."""
+def _ground_beside(
+    paths: NDArray[np.intp], brightness: Floats, side: int, p: LongEdgeParameters
+) -> NDArray[np.float32]:
+    """Ground (K, N) next to column `paths[k, n]` in band n of `brightness` (H, W): medians; `side` -1 is left."""
     near, far = p.ground_px
-    at = np.clip(columns[:, None] + side * np.arange(near, far), 0, brightness.shape[1] - 1)
-    rows = np.arange(len(columns) * p.band_px).reshape(-1, p.band_px)
-    ground = np.median(brightness[rows[:, :, None], at[:, None, :]], axis=1)
-    return np.asarray(np.median(ground, axis=1))
+    at = np.clip(paths[..., None] + side * np.arange(near, far), 0, brightness.shape[1] - 1)
+    rows = np.arange(paths.shape[1] * p.band_px).reshape(-1, p.band_px)
+    values = brightness[rows[None, :, :, None], at[:, :, None, :]]
+    return np.asarray(_median(_median(values, 2), 2), np.float32)
+
+
+def _median(values: Floats, axis: int) -> Floats:
+    """As np.median, which takes several times as long where there are few values."""
+    ordered, count = np.sort(values, axis=axis), values.shape[axis]
+    middle = ordered.take([(count - 1) // 2, count // 2], axis=axis)
+    return np.asarray(middle.mean(axis=axis))
 
 
 def _ends_on_paper(edge: LongEdge, extent: tuple[int, int], weight: Floats, p: LongEdgeParameters) -> bool:
@@ -230,32 +240,55 @@ def _paths(
     return found
 
 
-def _is_certain(
-    path: NDArray[np.intp],
+def _certain(
+    paths: NDArray[np.intp],
     support: Floats,
     weight: Floats,
     rows: Vector,
     along: tuple[float, float],
     p: LongEdgeParameters,
-) -> bool:
-    """Whether the path is supported along the text, beyond its ends and over most of the view, and is straight."""
-    bands = np.arange(len(path))
-    value, seen = support[bands, path], weight[bands, path] > 0
+) -> NDArray[np.intp]:
+    """Straight ones of `paths` (K, bands) that are supported along the text, beyond it and over most of the view."""
+    bands = np.arange(len(rows))
+    value, seen = support[bands, paths], weight[bands, paths] > 0
     text = (rows >= along[0]) & (rows <= along[1])
-    if (text & seen).sum() < p.min_seen * text.sum() or value[text & seen].mean() < p.support:
-        return False
     reach = max(p.beyond * (along[1] - along[0]), 2.0 * p.band_px)
-    ends = [(rows < along[0]) & (rows >= along[0] - reach), (rows > along[1]) & (rows <= along[1] + reach)]
-    shown = [end & seen for end in ends]
-    beyond = [value[end].mean() >= p.beyond_support for end in shown if end.sum() >= 2]
-    if not beyond or not all(beyond):
-        return False
+    above = (rows < along[0]) & (rows >= along[0] - reach)
+    below = (rows > along[1]) & (rows <= along[1] + reach)
     all_seen = weight.max(axis=1) > 0
-    if value[seen].sum() < p.share_of_view * all_seen.sum():
-        return False
-    good = text & seen & (value > 0.3)
-    curve = np.polynomial.Polynomial.fit(rows[good], path[good].astype(np.float64), 2)
-    slope = np.abs(curve.deriv()(np.array(along))).max()
-    return bool(
-        slope <= p.max_slope and np.median(np.abs(curve(rows[good]) - path[good])) <= p.straightness_px
-    )
+    # Share of the text that is seen, support along it, and over the view.
+    certain = (text & seen).sum(axis=1) >= p.min_seen * text.sum()
+    certain &= _mean_where(value, text & seen) >= p.support
+    certain &= (value * seen).sum(axis=1) >= p.share_of_view * all_seen.sum()
+    ends = [end & seen for end in (above, below)]
+    known = np.stack([end.sum(axis=1) >= 2 for end in ends])
+    good = np.stack([_mean_where(value, end) >= p.beyond_support for end in ends])
+    certain &= known.any(axis=0) & (good | ~known).all(axis=0)
+    found = [
+        k for k in np.flatnonzero(certain) if _is_straight(paths[k], value[k], text & seen[k], rows, along, p)
+    ]
+    return paths[np.array(found, np.intp)]
+
+
+def _mean_where(values: Floats, chosen: Mask) -> Vector:
+    """Mean (K,) of the `chosen` of each row of values (K, N); 0 of none."""
+    return np.asarray((values * chosen).sum(axis=1) / np.maximum(chosen.sum(axis=1), 1))
+
+
+def _is_straight(
+    path: NDArray[np.intp],
+    value: Vector,
+    along_text: NDArray[np.bool_],
+    rows: Vector,
+    along: tuple[float, float],
+    p: LongEdgeParameters,
+) -> bool:
+    """Whether a path (bands,), supported by `value` (bands,), is near a parabola that leans little."""
+    good = along_text & (value > 0.3)
+    middle, unit = 0.5 * (along[0] + along[1]), max(0.5 * (along[1] - along[0]), 1.0)
+    t = (rows[good] - middle) / unit
+    design = np.stack([np.ones_like(t), t, t * t], axis=1)
+    c = np.linalg.lstsq(design, path[good].astype(np.float64), rcond=None)[0]
+    slope = max(abs(c[1] - 2 * c[2]), abs(c[1] + 2 * c[2])) / unit
+    away = np.abs(design @ c - path[good])
+    return bool(slope <= p.max_slope and np.median(away) <= p.straightness_px)

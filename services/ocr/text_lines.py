@@ -36,6 +36,9 @@ class TextLineParameters:
     """Share of ink in a line's box; rules and frames lie outside."""
     largest_slope: float = 0.1
     """The page is flat, or nearly so."""
+    clear_mass: float = 1.0
+    """With so much dark print no light print is searched: lines that the dark gaps between light letters make had
+    up to 0.35 on 13 negatives of pages, the pages' own lines 1.4 to 8.4 on all but three sparse ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +95,7 @@ def detect_text_lines(
     scale = (gray.shape[1] / size[0], gray.shape[0] / size[1])
     small = np.asarray(small, dtype=np.uint8)
     dark = _lines_both_ways(small, False, scale, parameters)
-    if not _has_light_print(small, parameters):
+    if max(line.mass for line in dark) >= parameters.clear_mass or not _has_light_print(small, parameters):
         return dark
     light = _lines_both_ways(np.asarray(255 - small, dtype=np.uint8), True, scale, parameters)
     # Between dark letters lie light gaps, which make short lines too.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Homography, Points, Vector
+from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.focal_prior import FOCAL
 from services.geometry.homographies import transform_points
 from services.robust import robust_scale
@@ -92,11 +92,11 @@ def observe_lines(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineResiduals:
-    """Residuals of the text lines under a plane, in units of their deviations: (N,) each."""
+    """Residuals of the text lines under planes, in units of their deviations: (..., N) each."""
 
-    baselines: Vector
-    spacings: Vector
-    margins: Vector
+    baselines: Floats
+    spacings: Floats
+    margins: Floats
 
     def scales(self) -> tuple[float, float]:
         """Robust deviation of the baselines' and the spacings' residuals; 1 when the deviations were right."""
@@ -114,9 +114,11 @@ class LineTerms:
         self._order = np.concatenate([*orders, np.zeros(0)])
         self._sizes = np.bincount(self._paragraph, minlength=len(o.paragraphs)).astype(np.float64)
         self._squares = np.bincount(self._paragraph, self._order**2, len(o.paragraphs))
+        self._begins = _begins(self._paragraph)
         self._alike, self._kind = _flat(o.alike)
         self._sizes_alike = self._sizes[self._alike]
         self._kind_sizes = np.bincount(self._kind, self._sizes_alike, len(o.alike))
+        self._kind_begins = _begins(self._kind)
         # A short paragraph knows its spacing less well: its own deviation is added to the common one.
         own = p.spacing * np.sqrt(12.0) / np.maximum(self._sizes_alike, 1.0) ** 1.5
         self._alike_deviation = np.hypot(p.spacing_between, own)
@@ -124,27 +126,29 @@ class LineTerms:
         left = np.array([side == "left" for _, side in o.margins], bool)
         self._left = left[self._margin]
 
-    def at(self, H: Homography) -> LineResiduals:
-        """Baselines horizontal, spacing equal, margins vertical, in the flat view of `H` (plane <- centred)."""
+    def at(self, H: Floats) -> LineResiduals:
+        """Baselines horizontal, spacing equal, margins vertical, in flat views `H` (..., 3, 3; plane <- centred)."""
         o, p = self.o, self.p
         a, b = transform_points(H, o.starts), transform_points(H, o.ends)
         delta = b - a
-        y = (0.5 * (a[:, 1] + b[:, 1]))[self._lines]
-        index, count = self._paragraph, len(o.paragraphs)
+        y = (0.5 * (a[..., 1] + b[..., 1]))[..., self._lines]
+        index = self._paragraph
         # The line through the places y of a paragraph's lines: `order` has no mean.
-        spacing = np.bincount(index, self._order * y, count) / self._squares
-        middle = np.bincount(index, y, count) / self._sizes
-        uneven = (y - middle[index] - spacing[index] * self._order) / (np.abs(spacing[index]) * p.spacing)
-        log = np.log(np.maximum(spacing[self._alike], 1e-9))
-        mean = np.bincount(self._kind, self._sizes_alike * log, len(o.alike)) / self._kind_sizes
-        unlike = (log - mean[self._kind]) / self._alike_deviation
+        spacing = _sums(self._order * y, self._begins) / self._squares
+        middle = _sums(y, self._begins) / self._sizes
+        each = spacing[..., index]
+        uneven = (y - middle[..., index] - each * self._order) / (np.abs(each) * p.spacing)
+        log = np.log(np.maximum(spacing[..., self._alike], 1e-9))
+        mean = _sums(self._sizes_alike * log, self._kind_begins) / self._kind_sizes
+        unlike = (log - mean[..., self._kind]) / self._alike_deviation
+        length = np.hypot(delta[..., 0], delta[..., 1])
         text_height = (
-            float(np.median(o.relative_heights * np.linalg.norm(delta, axis=1))) if len(delta) else 1.0
+            np.median(o.relative_heights * length, axis=-1, keepdims=True) if len(o.starts) else np.ones(1)
         )
-        x = np.where(self._left, a[self._ends, 0], b[self._ends, 0])
-        margins = (x - _medians(x, self._margin)[self._margin]) / (p.margin * text_height)
-        slopes = np.arctan2(delta[:, 1], np.abs(delta[:, 0])) / o.slope_deviations
-        return LineResiduals(slopes, np.concatenate([uneven, unlike]), margins)
+        x = np.where(self._left, a[..., self._ends, 0], b[..., self._ends, 0])
+        margins = (x - _medians(x, self._margin)[..., self._margin]) / (p.margin * text_height)
+        slopes = np.arctan2(delta[..., 1], np.abs(delta[..., 0])) / o.slope_deviations
+        return LineResiduals(slopes, np.concatenate([uneven, unlike], axis=-1), margins)
 
 
 def _flat(groups: Sequence[NDArray[np.intp]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -153,11 +157,23 @@ def _flat(groups: Sequence[NDArray[np.intp]]) -> tuple[NDArray[np.intp], NDArray
     return members, np.repeat(np.arange(len(groups)), [len(group) for group in groups])
 
 
-def _medians(values: Vector, group: NDArray[np.intp]) -> Vector:
-    """Median of each group of `values` (N,), whose group numbers (N,) ascend from 0 without gaps."""
-    if not len(values):
-        return np.zeros(0)
-    ordered = values[np.lexsort((values, group))]
-    size = np.bincount(group)
-    first = np.cumsum(size) - size
-    return np.asarray(0.5 * (ordered[first + (size - 1) // 2] + ordered[first + size // 2]))
+def _begins(group: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Index of the first member of every group, whose numbers (N,) ascend from 0 without gaps."""
+    return np.flatnonzero(np.diff(group, prepend=-1))
+
+
+def _sums(values: Floats, begins: NDArray[np.intp]) -> Floats:
+    """Sums (..., G) of the groups of `values` (..., N) that begin at `begins` (G,)."""
+    if not len(begins):
+        return np.zeros((*values.shape[:-1], 0))
+    return np.asarray(np.add.reduceat(values, begins, axis=-1))
+
+
+def _medians(values: Floats, group: NDArray[np.intp]) -> Floats:
+    """Medians (..., G) of the groups of `values` (..., N), whose numbers (N,) ascend from 0 without gaps."""
+    if not len(group):
+        return np.zeros((*values.shape[:-1], 0))
+    order = np.lexsort((values, np.broadcast_to(group, values.shape)), axis=-1)
+    ordered = np.take_along_axis(values, order, axis=-1)
+    size, first = np.bincount(group), _begins(group)
+    return np.asarray(0.5 * (ordered[..., first + (size - 1) // 2] + ordered[..., first + size // 2]))

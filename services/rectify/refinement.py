@@ -27,6 +27,8 @@ from services.texture_flow.field import FlowSamples
 
 LEAST_GAIN = 1e-6
 """Relative decrease of the cost below which a fit ends: a thousandth of a deviation in the unknowns."""
+DIFFERENCE_STEP = float(np.sqrt(np.finfo(np.float64).eps))
+"""Of an unknown, relative: rounding and curvature weigh alike."""
 
 TURN_STEP_RAD, FOCAL_STEP, SHIFT_STEP = 0.01, 0.05, 0.05
 """Typical steps of angles, of the logarithm of the focal length and of the principal point (centred units)."""
@@ -70,13 +72,17 @@ class FlowObservations:
     major_deviation: Vector
     minor_deviation: Vector
 
-    def residuals(self, H: Homography, slant_rad: float) -> Vector:
-        """Text lines against horizontal, strokes against vertical but for `slant_rad`, in deviations (N,)."""
-        t = np.einsum("nij,nj->ni", jacobians(H, self.major.points), self.major_tangent)
-        along = np.arctan(t[:, 1] / np.where(t[:, 0] == 0, 1e-12, t[:, 0]))
-        s = np.einsum("nij,nj->ni", jacobians(H, self.minor.points), self.minor_tangent)
-        across = np.arctan(s[:, 0] / np.where(s[:, 1] == 0, 1e-12, s[:, 1]))
-        return np.concatenate([along / self.major_deviation, (across - slant_rad) / self.minor_deviation])
+    def residuals(self, H: Floats, slant_rad: float | Floats) -> Floats:
+        """Text lines against horizontal, strokes against vertical but for `slant_rad`, in deviations (..., N).
+
+        `H` (..., 3, 3) are the maps to flat views; of several, `slant_rad` has as many dimensions as the result.
+        """
+        t = np.einsum("...nij,nj->...ni", jacobians(H, self.major.points), self.major_tangent)
+        along = np.arctan(t[..., 1] / np.where(t[..., 0] == 0, 1e-12, t[..., 0]))
+        s = np.einsum("...nij,nj->...ni", jacobians(H, self.minor.points), self.minor_tangent)
+        across = np.arctan(s[..., 0] / np.where(s[..., 1] == 0, 1e-12, s[..., 1]))
+        found = [along / self.major_deviation, (across - slant_rad) / self.minor_deviation]
+        return np.concatenate(found, axis=-1)
 
 
 def observe_flows(
@@ -174,26 +180,39 @@ def refine_plane(
         N = (start.rotation @ rotation_from_vector(x[:3]))[:, 2]
         return np.asarray(N[:2] * np.arccos(np.clip(N[2], -1, 1)) / max(float(np.hypot(N[0], N[1])), 1e-9))
 
-    def residuals(x: Vector) -> Vector:
-        H = flatten(x)
+    def residuals_at(X: Floats) -> Floats:
+        """Residuals (K, N) at K vectors of unknowns (K, P); together they take little longer than one."""
+        H = np.stack([flatten(x) for x in X])
         lines = terms.at(H)
-        growth = 0.0 if principal_point is None else principal_point.log_growth(x[5:7])[0]
         # Observations may be outliers, so they have a robust loss; priors are squared.
+        robust = [flows.residuals(H, X[:, 4:5]), lines.baselines, lines.spacings]
+        own = np.stack([held_residuals(x) for x in X])
+        return np.concatenate(
+            [soft_l1(np.concatenate(robust, axis=1))[0], cauchy(lines.margins)[0], own], axis=1
+        )
+
+    def held_residuals(x: Vector) -> Vector:
+        """Residuals of priors and sides, which few unknowns determine."""
+        growth = 0.0 if principal_point is None else principal_point.log_growth(x[5:7])[0]
         focal_and_slant = [
             (x[3] - prior.log_focal - growth) / prior.deviation,
             (x[4] - p.slant_mean_rad) / p.slant_rad,
         ]
-        parts = [
-            soft_l1(np.concatenate([flows.residuals(H, float(x[4])), lines.baselines, lines.spacings]))[0],
-            cauchy(lines.margins)[0],
-            np.array(focal_and_slant),
-            tilt(x) / p.tilt_rad,
-        ]
+        parts = [np.array(focal_and_slant), tilt(x) / p.tilt_rad]
         if sides is not None and has_sides:
             parts.append(side_residuals(plane_of(x), sides, float(x[5]), p))
         if principal_point is not None:
             parts.append((x[5:7] - principal_point.mean) / np.array(principal_point.deviations))
         return np.concatenate(parts)
+
+    def residuals(x: Vector) -> Vector:
+        return np.asarray(residuals_at(x[None])[0])
+
+    def differences(x: Vector) -> Floats:
+        """Jacobian (N, P) of `residuals` by forward differences."""
+        steps = DIFFERENCE_STEP * np.where(x < 0, -1.0, 1.0) * np.maximum(np.abs(x), 1.0)
+        found = residuals_at(np.concatenate([x[None], x + np.diag(steps)]))
+        return np.asarray((found[1:] - found[0]).T / steps)
 
     x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), p.slant_mean_rad])
     x_scale = [TURN_STEP_RAD, TURN_STEP_RAD, TURN_STEP_RAD, FOCAL_STEP, TURN_STEP_RAD]
@@ -203,7 +222,9 @@ def refine_plane(
     if principal_point is not None:
         x0 = np.append(x0, principal_point.start)
         x_scale += [SHIFT_STEP, SHIFT_STEP]
-    fit = least_squares(residuals, x0, x_scale=x_scale, max_nfev=MOST_EVALUATIONS, ftol=LEAST_GAIN)
+    fit = least_squares(
+        residuals, x0, differences, x_scale=x_scale, max_nfev=MOST_EVALUATIONS, ftol=LEAST_GAIN
+    )
     drawn = abs(float(fit.x[3]) - prior.log_focal)
     if principal_point is None and prior.source == "assumed" and drawn > p.believable_focal * prior.deviation:
         held = FocalPrior(prior.log_focal, FOCAL.held_deviation, "assumed")

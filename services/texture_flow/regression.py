@@ -50,37 +50,49 @@ def regress_directions(
     At every node a polynomial is fitted with Gaussian weights (`sigma`) times the samples' own; a little of the far
     field keeps nodes without near samples defined (extrapolation). The variance is that of unit noise.
     """
-    # The Gaussian separates: moments of the samples are gathered by small matrix products.
+    # The Gaussian separates: moments of the samples are gathered by few matrix products.
     dx = (x[:, None] - samples.points[:, 0]) / sigma
     dy = (y[:, None] - samples.points[:, 1]) / sigma
-    gx, gy = ([_gaussian(d) * d**i for i in range(2 * order + 1)] for d in (dx, dy))
-    far_x, far_y = np.exp(-0.5 * (dx / 5) ** 2) + 1e-6, np.exp(-0.5 * (dy / 5) ** 2) + 1e-6
-    value = np.stack([np.cos(2 * samples.angles), np.sin(2 * samples.angles)], axis=1)
+    gx, gy = (_weighted_powers(d, 2 * order) for d in (dx, dy))
+    far_x, far_y = (np.exp(-0.5 * (d / 5) ** 2)[None] + 1e-6 for d in (dx, dy))
     w = samples.weights
-
-    def moment(fx: Floats, fy: Floats, v: Vector) -> Floats:
-        return np.asarray((fy * v) @ fx.T)
-
-    terms = [(total - j, j) for total in range(order + 1) for j in range(total + 1)]
-    second = {(i, j): moment(gx[i], gy[j], w) for i in range(2 * order + 1) for j in range(2 * order + 1 - i)}
-    normal = np.stack(
-        [np.stack([second[i + k, j + m] for k, m in terms], axis=-1) for i, j in terms], axis=-2
-    )
-    right = np.stack(
-        [np.stack([moment(gx[i], gy[j], w * v) for i, j in terms], axis=-1) for v in value.T], axis=-1
-    )
-    far_weight = np.maximum(moment(far_x, far_y, w), 1e-12)  # no samples at all: direction 0
-    far = np.stack([moment(far_x, far_y, w * v) / far_weight for v in value.T], axis=-1)
+    values = np.stack([w * np.cos(2 * samples.angles), w * np.sin(2 * samples.angles)])
+    i, j = np.array([(total - k, k) for total in range(order + 1) for k in range(total + 1)]).T
+    second = _moments(gx, gy, w[None])[0]
+    # Terms first, nodes (R, C) last.
+    normal = second[j[:, None] + j, i[:, None] + i]
+    right = _moments(gx[: order + 1], gy[: order + 1], values)[:, j, i].swapaxes(0, 1)
+    far_weight, *far_values = _moments(far_x, far_y, np.concatenate([w[None], values]))[:, 0, 0]
+    # No samples at all: direction 0.
+    far = np.stack(far_values) / np.maximum(far_weight, 1e-12)
     # The far field enters as a weak observation of the value, zero as a weak one of the slopes.
     floor = max(_FAR_SHARE * float(np.median(w)), 1e-6) if len(w) else 1.0
-    held = np.arange(len(terms))
-    normal[..., held, held] += np.where(held > 0, _DAMPING[order], 0.0) * second[0, 0][..., None] + floor
-    right[..., 0, :] += floor * far
-    unit = np.broadcast_to(np.eye(len(terms), 1), (*right.shape[:-1], 1))
-    solved = np.linalg.solve(normal, np.concatenate([right, unit], axis=-1))[..., 0, :]
-    return solved[..., :2], solved[..., 2]
+    held = np.arange(len(i))
+    normal[held, held] += np.where(held > 0, _DAMPING[order], 0.0)[:, None, None] * second[0, 0] + floor
+    right[0] += floor * far
+    # Only the value is asked for: slopes and bends are eliminated, at all nodes together.
+    for k in held[:0:-1]:
+        share = normal[:k, k] / normal[k, k]
+        right[:k] -= share[:, None] * right[k]
+        normal[:k, :k] -= share[:, None] * normal[k, :k]
+    return np.moveaxis(right[0] / normal[0, 0], 0, -1), 1 / normal[0, 0]
 
 
-def _gaussian(d: Floats) -> Floats:
-    """exp(-d^2 / 2), and zero where that is nothing: denormal numbers would slow the products tenfold."""
-    return np.asarray(np.where(np.abs(d) < 9.0, np.exp(-0.5 * d**2), 0.0))
+def _moments(fx: Floats, fy: Floats, weights: Floats) -> Floats:
+    """Sums (K, P, Q, R, C) over N samples of weights (K, N) times `fy` (P, R, N) times `fx` (Q, C, N)."""
+    (powers, rows, size), (others, columns, _) = fy.shape, fx.shape
+    left = (weights[:, None, None] * fy).reshape(len(weights) * powers * rows, size)
+    found = left @ fx.reshape(others * columns, size).T
+    return np.asarray(found.reshape(-1, powers, rows, others, columns).transpose(0, 1, 3, 2, 4))
+
+
+def _weighted_powers(d: Floats, highest: int) -> Floats:
+    """exp(-d^2 / 2) d^k (highest + 1, ...) for k from 0 on; zero where that is nothing.
+
+    Denormal numbers would slow the products tenfold, and general powers take longer than the products.
+    """
+    powers = np.empty((highest + 1, *d.shape))
+    powers[0] = np.where(np.abs(d) < 9.0, np.exp(-0.5 * d * d), 0.0)
+    for k in range(highest):
+        np.multiply(powers[k], d, out=powers[k + 1])
+    return powers

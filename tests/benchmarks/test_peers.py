@@ -77,15 +77,6 @@ def test_uvdoc_runs_in_a_process_of_its_own(tmp_path: Path) -> None:
     assert usage.cpu_s > 0
 
 
-def test_its_start_is_measured_without_a_photo(tmp_path: Path) -> None:
-    script = tmp_path / "peer"
-    script.write_text(
-        f"#!{sys.executable}\nimport sys\nassert sys.argv[1:] == ['--help']\nsum(range(10**6))\n"
-    )
-    script.chmod(0o755)
-    assert peers.start_of_page_dewarp(str(script)).cpu_s > 0
-
-
 def test_a_failure_has_a_reason(tmp_path: Path) -> None:
     page, _, trouble = peers.run_page_dewarp(_command(tmp_path, "sys.exit(3)"), PHOTO)
     assert page is None

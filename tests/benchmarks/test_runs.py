@@ -11,7 +11,7 @@ from benchmarks.common.figures import StripErrors
 from benchmarks.common.reading import Reading
 from benchmarks.common.scan_distances import ScanDistances
 from benchmarks.common.stopwatch import Usage
-from benchmarks.rectify import photo_report, photos, simulated, speed
+from benchmarks.rectify import photo_report, photos, simulated
 from benchmarks.rectify.cases import EXPERIMENTS, Case, all_cases
 from benchmarks.rectify.real_photos import RealPhoto
 from benchmarks.rectify.simulated import Bench, Options, run_case
@@ -288,46 +288,6 @@ def test_scans_are_compared_on_photos_that_both_have() -> None:
 def test_no_data_is_said_and_is_no_failure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert photos.main(["--data", str(tmp_path)]) == 0
     assert "no photos" in capsys.readouterr().err
-
-
-def test_speed_table_has_a_column_a_photo() -> None:
-    figures = [
-        speed.SpeedFigures(3.0, Usage(0.6, 0.6, 300.0), {"decode": 20.0}),
-        speed.SpeedFigures(12.0, Usage(2.4, 2.4, 800.0), {"decode": 80.0}, curved=True),
-    ]
-    lines = speed.format_speed(figures).splitlines()
-    assert lines[0].split() == ["megapixels", "3.0", "12.0", "curved"]
-    assert lines[1].split() == ["CPU", "s", "0.600", "2.400"]
-    assert lines[2].split()[-2:] == ["0.200", "0.200"]
-    assert lines[-1].split() == ["decode", "ms", "20", "80"]
-
-
-def test_what_is_wanted_of_time_and_memory() -> None:
-    def figures(cpu_s: float, peak_mb: float, megapixels: float = 12.0, *, curved: bool) -> bool:
-        usage = Usage(cpu_s, cpu_s, peak_mb)
-        return speed.SpeedFigures(megapixels, usage, curved=curved).is_wanted
-
-    assert figures(1.1, 600.0, curved=False)
-    assert not figures(1.3, 600.0, curved=False)
-    assert figures(2.9, 890.0, curved=True)
-    assert not figures(3.1, 890.0, curved=True)
-    assert not figures(2.9, 910.0, curved=True)
-    assert figures(9.0, 2000.0, 24.0, curved=False)
-
-
-def test_the_peers_start_is_not_held_against_it() -> None:
-    peer = speed.PeerSpeed(Usage(13.0, 13.0, 200.0), Usage(1.0, 1.0, 90.0), "")
-    ours = Usage(2.0, 2.0, 300.0)
-    assert peer.ratio(ours) == pytest.approx(6.0)
-    assert "6.0 times ours (6.5 with its start)" in speed.format_peer("Powell", peer, ours)
-
-
-@pytest.mark.parametrize("curved", [False, True])
-def test_uploads_have_the_asked_size(curved: bool) -> None:
-    upload = speed.make_upload(0.5, degraded=False, curved=curved)
-    picture = cv2.imdecode(np.frombuffer(upload, np.uint8), 1)
-    assert picture is not None
-    assert picture.shape[0] * picture.shape[1] == pytest.approx(0.5e6, rel=0.01)
 
 
 def test_a_run_without_reading_adopts_no_baseline(capsys: pytest.CaptureFixture[str]) -> None:

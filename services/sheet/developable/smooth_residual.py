@@ -7,7 +7,7 @@ by construction, is added to the map of the surface. Points are not moved along 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
+from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.page_map import PageMap
@@ -49,10 +49,22 @@ class MorphedPage:
 
     def shift(self, page: Points) -> Vector:
         """Shift (N,) of v at page points (N, 2) of the surface."""
-        rows, columns = self.coefficients.shape
-        across = _splines(page[:, 0], float(self.low[0]), float(self.high[0]), columns)
-        down = _splines(page[:, 1], float(self.low[1]), float(self.high[1]), rows)
-        return np.asarray(np.einsum("nr,rc,nc->n", down, self.coefficients, across))
+        return self._down(self._across(page[:, 0]), page[:, 1])
+
+    def _across(self, u: Vector) -> Floats:
+        """Coefficients (N, rows) of the splines along v at each u (N,)."""
+        first, values = _local_splines(u, float(self.low[0]), float(self.high[0]), self.coefficients.shape[1])
+        by_column = np.ascontiguousarray(self.coefficients.T)
+        found = values[0][:, None] * by_column[first]
+        for k in (1, 2, 3):
+            found += values[k][:, None] * by_column[first + k]
+        return np.asarray(found)
+
+    def _down(self, coefficients: Floats, v: Vector) -> Vector:
+        """Shift (N,) at each v (N,), of which there are coefficients (N, rows)."""
+        first, values = _local_splines(v, float(self.low[1]), float(self.high[1]), coefficients.shape[1])
+        n = np.arange(len(v))
+        return np.asarray(sum(values[k] * coefficients[n, first + k] for k in range(4)))
 
     def to_page(self, centred: Points) -> Points:
         """See `PageMap`."""
@@ -61,9 +73,9 @@ class MorphedPage:
 
     def to_photo(self, page: Points) -> Points:
         """See `PageMap`. The shift is small and smooth, so v + shift(v) is inverted by iteration."""
-        before = page.copy()
+        before, coefficients = page.copy(), self._across(page[:, 0])
         for _ in range(3):
-            before[:, 1] = page[:, 1] - self.shift(before)
+            before[:, 1] = page[:, 1] - self._down(coefficients, before[:, 1])
         return self.surface.to_photo(before)
 
     def jacobians(self, centred: Points) -> Floats:
@@ -78,11 +90,35 @@ class MorphedPage:
         return J
 
 
-def _splines(x: Vector, low: float, high: float, count: int) -> Floats:
-    """Cubic B-splines (N, count) over [low, high], constant beyond."""
+def _local_splines(x: Vector, low: float, high: float, count: int) -> tuple[NDArray[np.intp], list[Vector]]:
+    """Number (N,) of the first of the four cubic B-splines over [low, high] that are not zero at x, and their values.
+
+    There are `count` of them, on equal spans and clamped at both ends; beyond the ends they are constant.
+    """
     knots = np.concatenate([np.full(3, low), np.linspace(low, high, count - 2), np.full(3, high)])
     inside = np.clip(np.nan_to_num(x, nan=low), low, high)
-    return np.asarray(BSpline.design_matrix(inside, knots, 3).toarray())
+    first = np.minimum(((inside - low) * ((count - 3) / (high - low))).astype(np.intp), count - 4)
+    # De Boor's recursion, from the one spline of degree 0 to the four of degree 3.
+    after = [knots[first + 3 + j] - inside for j in (1, 2, 3)]
+    before = [inside - knots[first + 4 - j] for j in (1, 2, 3)]
+    values: list[Vector] = [np.ones(len(inside))]
+    for degree in (1, 2, 3):
+        carried, raised = np.zeros(len(inside)), []
+        for j in range(degree):
+            share = values[j] / (after[j] + before[degree - 1 - j])
+            raised.append(carried + after[j] * share)
+            carried = before[degree - 1 - j] * share
+        values = [*raised, carried]
+    return first, values
+
+
+def _splines(x: Vector, low: float, high: float, count: int) -> Floats:
+    """Cubic B-splines (N, count) over [low, high], constant beyond."""
+    first, values = _local_splines(x, low, high, count)
+    dense = np.zeros((len(x), count))
+    for k in range(4):
+        dense[np.arange(len(x)), first + k] = values[k]
+    return dense
 
 
 def morph_to_lines(

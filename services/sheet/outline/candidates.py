@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
-from services.sheet.outline.colors import color_log_odds
+from services.sheet.outline.colors import color_codes, color_log_odds
 from services.sheet.outline.corners import CornerParameters, split_sides
 from services.sheet.outline.print_place import PrintPlace
 from services.sheet.outline.rays import RayParameters, Rays, cast_rays
@@ -81,7 +81,8 @@ def find_candidates(
     reach = rays.reach_of_mask(place.mask)
     search = _Search(rays, rate, p, 1.3 * float(np.median(reach)))
     # By colour: what is like the ground of the print, then what is like the inside of the first curve.
-    odds_image = color_log_odds(reduced.colors, place.mask, None)
+    codes = color_codes(reduced.colors)
+    odds_image = color_log_odds(codes, place.mask, None)
     for _ in range(2):
         search.add((p.inside * reach, rays.sample(odds_image)))
         path = search.paths[-1]
@@ -89,7 +90,7 @@ def find_candidates(
         inside = _filled(rays.at(path), place.mask.shape)
         if 1 - inside.mean() < p.least_ground:
             break
-        odds_image = color_log_odds(reduced.colors, inside, ~inside)
+        odds_image = color_log_odds(codes, inside, ~inside)
     # By edges alone, beyond the print, or beyond its core if texture of a desk was found as print.
     core = rays.reach_of_mask(place.core).astype(np.float64)
     search.add((p.inside * rays.reach_of_hull(rays.at(reach)), 0.0), (core, 0.0))

@@ -29,9 +29,11 @@ def color_density(codes: NDArray[np.int64]) -> Floats:
     return np.asarray(cube.ravel() / max(float(cube.sum()), 1.0))
 
 
-def color_log_odds(colors: Floats, inside: Mask, outside: Mask | None) -> Floats:
-    """(h, w) log ratio of how often a colour occurs `inside` and `outside` (None: anywhere), limited to -1..1."""
-    codes = color_codes(colors)
+def color_log_odds(codes: NDArray[np.int64], inside: Mask, outside: Mask | None) -> Floats:
+    """(h, w) log ratio of how often a pixel's colour occurs `inside` and `outside` (None: anywhere), limited to -1..1.
+
+    `codes` (h, w) are its pixels' colour bins.
+    """
     floor = 1e-5
     within = color_density(codes[inside]) + floor
     beyond = color_density(codes if outside is None else codes[outside]) + floor

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,8 +75,8 @@ def split_sides(
     if len(places) < 4:
         return None
     cost = _side_costs(points, shown, places, p)
-    fours = np.array(list(itertools.combinations(range(len(places)), 4)))
-    fits = sum(cost[fours[:, k], fours[:, (k + 1) % 4]] for k in range(4)) / count
+    fours = _fours(len(places))
+    fits = np.asarray(cost[fours, np.roll(fours, -1, axis=1)].sum(axis=1) / count)
     flatness = np.clip(1 - turn[places] / np.deg2rad(70.0), 0, 1.5) ** 2
     price = np.where(shown[places], flatness, 0.1)
     total = fits + p.turn_weight * price[fours].sum(axis=1)
@@ -84,6 +85,12 @@ def split_sides(
         return None
     at = places[fours[best]]
     return Corners(np.asarray(at, np.intp), float(np.sqrt(fits[best])), turn[at])
+
+
+@cache
+def _fours(count: int) -> NDArray[np.intp]:
+    """All choices (K, 4) of four of `count` places, in order; `count` is two dozen at most."""
+    return np.array(list(itertools.combinations(range(count), 4)), np.intp)
 
 
 def _turns(points: Points, arm: int) -> Vector:
@@ -252,14 +259,19 @@ def _end_line(points: Points, seen: NDArray[np.bool_], p: CornerParameters) -> t
         centre = piece.mean(axis=0)
         axes = np.linalg.svd(piece - centre, full_matrices=False)[2]
         s, d = (piece - centre) @ axes[0], (piece - centre) @ axes[1]
+        unit = max(float(np.abs(s).max()), 1e-9)
+        powers = np.array([1.0, unit, unit * unit])
+        design = np.stack([np.ones_like(s), s / unit, (s / unit) ** 2], axis=1)
         keep = np.ones(len(s), bool)
         for _ in range(3):
-            fit = np.polynomial.polynomial.polyfit(s[keep], d[keep], 2)
-            residual = np.abs(d - np.polynomial.polynomial.polyval(s, fit))
+            used = design[keep]
+            fit = np.linalg.solve(used.T @ used + 1e-12 * np.eye(3), used.T @ d[keep])
+            residual = np.abs(d - design @ fit)
             keep = residual <= 3 * np.median(residual) + 1e-6
+        fit = fit / powers
         if np.sqrt(np.mean(residual[keep] ** 2)) < p.smooth * side and keep.mean() > p.kept:
             end = float((points[0] - centre) @ axes[0])
-            height = float(np.polynomial.polynomial.polyval(end, fit))
+            height = float(fit[0] + fit[1] * end + fit[2] * end * end)
             return centre + end * axes[0] + height * axes[1], axes[0] + (fit[1] + 2 * fit[2] * end) * axes[1]
     if len(narrow) < 4:
         return None

@@ -26,7 +26,7 @@ from services.sheet.outline.edges import (
     EdgePoints,
     follow_edge,
     measure_closed_edge,
-    measure_side,
+    measure_sides,
 )
 from services.sheet.outline.print_place import PrintParameters, place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
@@ -120,10 +120,11 @@ def _measure(
     diagonal = float(np.linalg.norm(np.ptp(edge.points, axis=0))) / f
     window = reduced.window_of(photo.shape, 1.0)
     guides = guide_sides(edge, corners, located)
-    measured = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in guides]
     smooth = smooth_sides(edge, corners, p.corners)
-    if smooth is not None:
-        tried = [measure_side(photo, (guide + 0.5) / f - 0.5, diagonal, window, p.edges) for guide in smooth]
+    in_photo = [(guide + 0.5) / f - 0.5 for guide in [*guides, *(smooth or [])]]
+    measured = measure_sides(photo, in_photo, diagonal, window, p.edges)
+    measured, tried = measured[:4], measured[4:]
+    if tried:
         chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
         measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
         known = known | chosen | np.roll(chosen, 1)

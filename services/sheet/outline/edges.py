@@ -1,5 +1,6 @@
 """The sheet's edge, point by point: searched along the normals of a curve that is near it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -91,16 +92,16 @@ def outward_normals(points: Points, width: int) -> Points:
 
 
 def _profiles(
-    image: RgbImage, points: Points, normals: Points, offsets: Vector, tangential: Vector
+    image: RgbImage, points: Points, normals: Points, offsets: Vector, tangential: Floats
 ) -> Floats:
-    """Colours (N, M, 3) at `offsets` (M,) along the normals, averaged over the `tangential` offsets."""
+    """Colours (N, M, 3) at `offsets` (M,) along the normals, averaged over the `tangential` offsets (N, T)."""
     along = np.column_stack([-normals[:, 1], normals[:, 0]])
     base = points[:, None, :] + offsets[None, :, None] * normals[:, None, :]
     total = np.zeros((*base.shape[:2], 3), np.float32)
-    for offset in tangential:
-        at = (base + offset * along[:, None, :]).astype(np.float32)
+    for offset in tangential.T:
+        at = (base + (offset[:, None] * along)[:, None, :]).astype(np.float32)
         total += cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(total / len(tangential))
+    return np.asarray(total / tangential.shape[1])
 
 
 def _shown(points: Points, window: tuple[float, float, float, float], margin: float) -> NDArray[np.bool_]:
@@ -129,7 +130,7 @@ def follow_edge(
     normals = outward_normals(points, 3)
     offsets = np.arange(-p.reach_px, p.reach_px + 0.5, 1.0)
     wide = np.arange(offsets[0] - 2, offsets[-1] + 2.5, 1.0)
-    colors = _profiles(image, points, normals, wide, np.array([-2.0, 0.0, 2.0]))
+    colors = _profiles(image, points, normals, wide, np.tile([-2.0, 0.0, 2.0], (count, 1)))
     difference = np.linalg.norm(
         0.5 * (colors[:, 3:-1] + colors[:, 4:]) - 0.5 * (colors[:, :-4] + colors[:, 1:-3]), axis=2
     )
@@ -150,23 +151,41 @@ def measure_closed_edge(
     p = parameters or EdgeParameters()
     points = smooth_closed(resample_closed(curve, len(curve)), 3)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    return _measure(image, points, outward_normals(points, 2), diagonal, window, True, p)
+    return _measure(image, points[None], outward_normals(points, 2)[None], diagonal, window, True, p)
 
 
-def measure_side(
+def measure_sides(
     image: RgbImage,
-    guide: Points,
+    guides: Sequence[Points],
     diagonal: float,
     window: tuple[float, float, float, float],
     parameters: EdgeParameters | None = None,
-) -> EdgePoints:
-    """Sub-pixel points of a side's edge, near a `guide` (N, 2) that runs clockwise from corner to corner.
+) -> list[EdgePoints]:
+    """Sub-pixel points of sides' edges, near `guides` (N, 2) that run clockwise from corner to corner.
 
     `diagonal` is the outline's.
     """
     p = parameters or EdgeParameters()
+    places, normals = zip(*(_normals_along(guide, p.side_points) for guide in guides), strict=True)
+    found = _measure(image, np.stack(places), np.stack(normals), diagonal, window, False, p)
+    parts = [slice(k * p.side_points, (k + 1) * p.side_points) for k in range(len(guides))]
+    return [
+        EdgePoints(
+            found.points[part],
+            found.normals[part],
+            found.deviations[part],
+            found.strength[part],
+            found.seen[part],
+            found.shown[part],
+        )
+        for part in parts
+    ]
+
+
+def _normals_along(guide: Points, count: int) -> tuple[Points, Points]:
+    """`count` points at equal distances along the curve `guide` (N, 2), and unit normals there."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(guide, axis=0), axis=1))])
-    at = (np.arange(p.side_points) + 0.5) * along[-1] / p.side_points
+    at = (np.arange(count) + 0.5) * along[-1] / count
     points = np.column_stack([np.interp(at, along, guide[:, k]) for k in range(2)])
     inner = points.copy()
     inner[1:-1] = (points[:-2] + points[1:-1] + points[2:]) / 3
@@ -174,28 +193,33 @@ def measure_side(
     way[2:-2] = inner[4:] - inner[:-4]
     normal = np.column_stack([way[:, 1], -way[:, 0]])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-    return _measure(image, inner, normal, diagonal, window, False, p)
+    return inner, normal
 
 
 def _measure(
     image: RgbImage,
-    points: Points,
-    normals: Points,
+    curves: Floats,
+    curve_normals: Floats,
     diagonal: float,
     window: tuple[float, float, float, float],
     closed: bool,
     p: EdgeParameters,
 ) -> EdgePoints:
-    """The step along each normal: where its derivative, in the direction from one side's colour to the other's, is
-    greatest (the vertex of a parabola through three samples)."""
+    """The edges of G curves (G, N, 2), which lie near them, as one sequence of G N points.
+
+    An edge is the step along each normal (G, N, 2): where its derivative, in the direction from one side's colour to
+    the other's, is greatest (the vertex of a parabola through three samples).
+    """
+    points, normals = curves.reshape(-1, 2), curve_normals.reshape(-1, 2)
     step = max(p.fine_step * diagonal, 0.5)
     reach = max(p.fine_reach * diagonal, 3.0)
     width = max(p.edge_width * diagonal, 1.0)
     near, far = (g * width for g in p.ground)
     half = int(np.ceil((reach + far) / step))
     offsets = step * np.arange(-half, half + 1)
-    spacing = float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    colors = _profiles(image, points, normals, offsets, np.linspace(-0.4, 0.4, 5) * spacing)
+    spacing = np.median(np.linalg.norm(np.diff(curves, axis=1), axis=2), axis=1)
+    tangential = np.repeat(spacing, curves.shape[1])[:, None] * np.linspace(-0.4, 0.4, 5)
+    colors = _profiles(image, points, normals, offsets, tangential)
     first, last = int(np.ceil(near / step)), int(np.ceil(far / step))
     # Means on both sides of every sample, from running sums.
     sums = np.concatenate(
@@ -214,7 +238,8 @@ def _measure(
     strength = contrast**2 / (contrast**2 + p.contrast**2) * sharp
     score = strength - 0.1 * (offsets[inside] / reach) ** 2
     find = find_closed_paths if closed else find_open_paths
-    m = np.clip(find(score[None], 3, p.straightness)[0], 1, len(inside) - 2)
+    paths = find(score.reshape(*curves.shape[:2], -1), 3, p.straightness).ravel()
+    m = np.clip(paths, 1, len(inside) - 2)
     n = np.arange(len(points))
     before, here, after = along[n, m - 1], along[n, m], along[n, m + 1]
     bend = before - 2 * here + after

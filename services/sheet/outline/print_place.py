@@ -52,7 +52,7 @@ def place_print(reduced: ReducedPhoto, characters: Points | None, p: PrintParame
         return PrintPlace(core, core, np.zeros((0, 2)))
     place = reduced.from_photo(characters)
     at = np.clip(np.round(place).astype(int), 0, [width - 1, height - 1])
-    code = color_codes(reduced.colors)[at[:, 1], at[:, 0]]
+    code = color_codes(reduced.colors[at[:, 1], at[:, 0]])
     density = color_density(code)[code]
     kept = density >= p.like_print * np.percentile(density, 90)
     place, at = place[kept], at[kept]

@@ -89,10 +89,13 @@ def test_every_way_is_found(way: Orientation, inverted: bool) -> None:
 
 
 @pytest.mark.parametrize("way", WAYS[:4], ids=str)
-def test_ordinary_page_costs_six_short_readings(way: Orientation) -> None:
-    reader = FlagReader()
+@pytest.mark.parametrize(("letters", "reads"), [(15, 6), (30, 2)])
+def test_clear_page_costs_two_readings_and_one_of_short_lines_six(
+    way: Orientation, letters: int, reads: int
+) -> None:
+    reader = FlagReader(good=(letters * "F", 0.95))
     estimate_orientation(laid(page_of_flags(), way), reader)
-    assert reader.reads == 6
+    assert reader.reads == reads
 
 
 def test_mirrored_ways_are_not_tried_on_a_page_that_reads() -> None:
