@@ -127,12 +127,15 @@ _ACCEPTED = {
     "state": "queued",
     "stage": None,
     "progress": 0.0,
+    "attempts": 0,
     "created": _WHEN,
     "started": None,
     "ended": None,
     "problem": None,
     "links": {"result": f"/jobs/{_JOB}/result", "events": f"/jobs/{_JOB}/events"},
     "poll_after_s": 1,
+    "callback_url": None,
+    "deliveries": [],
 }
 _HEALTH = {
     "feedbacks": 60,
@@ -410,6 +413,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "state": "running",
         "stage": "texture_flow",
         "progress": 0.4,
+        "attempts": 1,
         "started": _WHEN,
     },
     ("200", "job_result"): _RECTIFIED,
@@ -425,6 +429,9 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "ocr": "tesseract",
         "languages": ["deu", "eng"],
         "store": "ready",
+        "blobs": "ready",
+        "queue": "ready",
+        "job_runners": 1,
     },
 }
 """JSON responses by status and operation."""
