@@ -48,6 +48,7 @@ def describe(app: FastAPI, tags: Mapping[str, str], *, keys: bool, root_path: st
     for _, operation in operations_of(document):
         _describe_problems(operation)
         _add_examples(operation)
+        _put_json_first(operation)
     for foreseen in ("HTTPValidationError", "ValidationError"):
         schemas.pop(foreseen, None)
     schemas["Problem"] = Problem.model_json_schema()
@@ -122,6 +123,14 @@ def _add_examples(operation: dict[str, Any]) -> None:
                 **content[PROBLEM],
                 "example": _problem_example(int(status), code, response["description"]),
             }
+
+
+def _put_json_first(operation: dict[str, Any]) -> None:
+    """Order the types of each response: generators take the first one that they know."""
+    for response in operation["responses"].values():
+        if JSON in response.get("content", {}):
+            content = response["content"]
+            response["content"] = {JSON: content.pop(JSON), **content}
 
 
 def _problem_example(status: int, code: str, description: str) -> dict[str, Any]:

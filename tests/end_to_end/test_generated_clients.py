@@ -97,7 +97,7 @@ def test_the_python_client_goes_the_main_way(
 
     # /rectify
     form = models.RectifyForm(
-        image=file(page, "photo.png"), format_=models.RectifyFormFormat.JSON, quality=80
+        image=[file(page, "photo.png")], format_=models.RectifyFormFormat.JSON, quality=80
     )
     flat = call("rectify.rectify", body=form)
     assert isinstance(flat, models.RectifyResult)
