@@ -1,4 +1,4 @@
-# make serve   sets everything up and serves on HOST:PORT
+# make serve   sets everything up and serves on HOST:PORT; make worker runs jobs for services that share DATABASE_URL
 # make test    sets everything up and runs the tests; make test-fast runs the fast ones
 # make help    the other targets
 
@@ -44,13 +44,14 @@ BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
 BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
-.PHONY: help serve test test-fast lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-mosaic bench-layout bench-learning \
+.PHONY: help serve worker test test-fast lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning \
 	system-packages postgresql chromium typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
 help:
 	@echo 'make serve            set up, then serve on HOST:PORT (now $(HOST):$(PORT))'
 	@echo '             LANGUAGES="fra deu" installs what is needed to read these languages too'
+	@echo 'make worker           set up, then run jobs, without HTTP, for services that share DATABASE_URL and BLOB_URL'
 	@echo 'make test             set up, then run all tests (TEST_PROCESSES=2, TEST_OPTIONS=...)'
 	@echo 'make test-fast        the tests of single steps: no service, no whole photo'
 	@echo 'make lint             formatting, lint and types'
@@ -61,6 +62,7 @@ help:
 	@echo 'make bench-photos     the real photos, page-dewarp and UVDoc side by side (BENCH_OPTIONS=...)'
 	@echo 'make bench-speed      time and memory of an upload against its size, page-dewarp beside it'
 	@echo 'make bench-attack     hostile files, bodies and clients against the running service, and what each must be answered'
+	@echo 'make bench-jobs       accepted jobs while workers, services and PostgreSQL are killed and restarted (BENCH_OPTIONS=...)'
 	@echo 'make bench-mosaic     mosaics of simulated photos, peers on the same photos; then the checks (BENCH_OPTIONS=...)'
 	@echo 'make bench-layout     labels and classes of pages with labelled zones, a random forest beside; zones; matching'
 	@echo 'make bench-learning   models that learn: rounds, feedback page by page, wrong classes, servers that are killed; documents, many models, discovery'
@@ -70,6 +72,9 @@ help:
 
 serve: venv
 	@exec $(BIN)/python -m app
+
+worker: venv
+	@exec $(BIN)/python -m app worker
 
 # Each process of the tests has one core; numerical libraries with threads of their own would only compete.
 TEST_PROCESSES := 2
@@ -103,6 +108,9 @@ bench-speed: venv-dev venv-bench
 
 bench-attack: venv-dev
 	@$(BIN)/python -m benchmarks attack $(BENCH_OPTIONS)
+
+bench-jobs: venv-dev postgresql
+	@$(BIN)/python -m benchmarks jobs $(BENCH_OPTIONS)
 
 bench-mosaic: venv-dev
 	@$(BIN)/python -m benchmarks mosaic_simulated --peers $(BENCH_OPTIONS)

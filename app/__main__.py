@@ -1,7 +1,14 @@
-"""`python -m app` runs the service with the settings of the environment."""
+"""`python -m app` runs the service with the settings of the environment; `python -m app worker` only runs its jobs."""
+
+import sys
 
 if __name__ == "__main__":
     # Inside the guard: worker processes import this module too, and must not load the app.
-    from app.main import serve
+    from app.main import serve, work
 
-    serve()
+    if sys.argv[1:] == ["worker"]:
+        work()
+    elif not sys.argv[1:]:
+        serve()
+    else:
+        sys.exit("usage: python -m app [worker]")

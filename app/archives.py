@@ -27,7 +27,7 @@ class ArchivedFile:
 class UploadedArchive:
     """A ZIP archive that a client has sent. Its calls read files, so that servers make them in threads."""
 
-    def __init__(self, file: IO[bytes], field: str) -> None:
+    def __init__(self, file: IO[bytes], field: str, most_files: int = MOST_FILES) -> None:
         """Open the archive in `file`, which the form's part `field` holds.
 
         Raises
@@ -35,7 +35,7 @@ class UploadedArchive:
         InvalidOption
             When it is no ZIP archive, or is damaged.
         TooLarge
-            When it has more than `MOST_FILES` files.
+            When it has more than `most_files` files.
         """
         self._field = field
         try:

@@ -4,14 +4,16 @@ import base64
 import hmac
 import struct
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
+from types import MappingProxyType
 from urllib.parse import parse_qsl, urlencode
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.key_names import spellings_of_key
+from app.key_names import name_of_key, spellings_of_key
+from app.roles import FileKey, digest_of_key
 from services.errors import DocumentError
 
 HEADER = "X-API-Key"
@@ -43,10 +45,22 @@ class ApiKeys:
     A request has its key in X-API-Key or as `Authorization: Bearer`. A GET request may have a token of
     `make_token` as a query option instead, because a browser sends no headers for images and EventSource.
     `request.state.api_key` is the configured key that was sent; None: no keys are configured, or the path is open.
+    `request.state.caller` is its name.
     """
 
-    def __init__(self, app: ASGIApp, keys: Collection[str], clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        keys: Collection[str],
+        clock: Callable[[], float] = time.time,
+        file_keys: Mapping[str, FileKey] = MappingProxyType({}),
+    ) -> None:
+        """`file_keys` are those of API_KEYS_FILE, by their digests."""
         self.app = app
+        self.file_keys = file_keys
+        # In the place of the key itself, which is not known; its digest is secret too, so it can sign tokens.
+        self.entries = {digest: f"{key.name}:sha256:{digest}" for digest, key in file_keys.items()}
+        self.roles = {self.entries[digest]: key.role for digest, key in file_keys.items()}
         self.keys = {
             form: key for key in keys for spelled in spellings_of_key(key) for form in _bytes_of(spelled)
         }
@@ -61,10 +75,12 @@ class ApiKeys:
             token, query = _without_token(scope["query_string"])
             scope = {**scope, "query_string": query}
         state = scope.setdefault("state", {})
-        state["api_key"] = None
+        state["api_key"] = state["caller"] = None
         is_open = scope["path"] in OPEN_PATHS or scope["path"].startswith(OPEN_FOLDERS)
-        if self.keys and not is_open:
-            state["api_key"] = self._judge(Headers(scope=scope), token)
+        if (self.keys or self.entries) and not is_open:
+            state["api_key"] = key = self._judge(Headers(scope=scope), token)
+            state["caller"] = name_of_key(key)
+            state["role"] = self.roles.get(key)
         await self.app(scope, receive, send)
 
     def _judge(self, headers: Headers, token: str | None) -> str:
@@ -75,7 +91,7 @@ class ApiKeys:
         if sent:
             return self._known_key(sent[0])
         if token:
-            return key_of_token(token, sorted(set(self.keys.values())), self.clock())
+            return key_of_token(token, sorted({*self.keys.values(), *self.entries.values()}), self.clock())
         raise Unauthorized(
             f"Send an API key in the {HEADER} header, or as Authorization: Bearer KEY. A link to read something may "
             f"have a token of POST /tokens as the query option `{TOKEN_OPTION}`."
@@ -85,6 +101,11 @@ class ApiKeys:
         offered = key.encode("latin-1")  # the bytes that were sent: Starlette decodes headers as Latin-1
         # Every key is compared in constant time, so that the response time reveals nothing about a key.
         found = [known for form, known in self.keys.items() if hmac.compare_digest(offered, form)]
+        found += [
+            entry
+            for digest, entry in self.entries.items()
+            if hmac.compare_digest(digest_of_key(offered), digest)
+        ]
         if not found:
             raise Forbidden(f"The API key in the {HEADER} or Authorization header is not valid.")
         return found[0]

@@ -70,7 +70,8 @@ class BlobAccess:
     async def is_available(self) -> bool:
         """Whether a blob can be written now; False if that is not known within `PROBE_TIMEOUT_S`."""
         if self._probe is None or self._probe.done():
-            blobs = self._opened()
+            if (blobs := self._blobs) is None:
+                return False
             self._probe = asyncio.get_running_loop().run_in_executor(self._probe_thread, blobs.check)
         probe = self._probe
         await asyncio.wait((probe,), timeout=PROBE_TIMEOUT_S)

@@ -44,6 +44,9 @@ def body_limits_of(settings: Settings) -> tuple[BodyLimits, Mapping[str, BodyLim
         plain_setting="MAX_MODEL_BYTES",
     )
     photo = replace(plain, max_upload_bytes=settings.max_upload_bytes, size_setting="MAX_UPLOAD_BYTES")
+    archive = replace(
+        photo, max_upload_bytes=settings.max_document_upload_bytes, size_setting="MAX_DOCUMENT_UPLOAD_BYTES"
+    )
     return plain, {
         "/rectify": replace(
             plain,
@@ -65,10 +68,7 @@ def body_limits_of(settings: Settings) -> tuple[BodyLimits, Mapping[str, BodyLim
         "/layout/models/{name}/samples": replace(
             zones, max_upload_bytes=settings.max_upload_bytes, size_setting="MAX_UPLOAD_BYTES"
         ),
-        "/layout/models/{name}/samples/archive": replace(
-            photo,
-            max_upload_bytes=settings.max_document_upload_bytes,
-            size_setting="MAX_DOCUMENT_UPLOAD_BYTES",
-        ),
+        "/layout/models/{name}/samples/archive": archive,
+        "/layout/import": archive,
         "/layout/results/{id}/feedback": zones,
     }

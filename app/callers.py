@@ -4,15 +4,19 @@ What a request stores belongs to the name of its key, so that a key can be repla
 """
 
 from dataclasses import dataclass
+from hashlib import sha256
 
 from fastapi import Request
 
-from app.key_names import name_of_key
 from app.routes.state import AppState
 from models.errors import ResultNotFound
 
 ADMIN = "admin"
-"""The key of this name sees what all keys have made."""
+"""The key of this name in API_KEYS, and every key of this role in API_KEYS_FILE, see what all keys have made."""
+
+
+_SEPARATOR = "\0"
+"""Not in any name of a key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +30,18 @@ class Caller:
         """Whether something that `owner` made is shown to this caller."""
         return self.sees_all or owner == self.name
 
+    def scoped(self, idempotency_key: str | None) -> str | None:
+        """An Idempotency-Key as it is stored, so that the same one of another API key is a different one."""
+        if idempotency_key is None or self.name is None:
+            return idempotency_key
+        return sha256(f"{self.name}{_SEPARATOR}{idempotency_key}".encode(errors="replace")).hexdigest()
+
 
 def caller_of(request: Request) -> Caller:
     """Who sends this request."""
-    key: str | None = request.state.api_key
-    name = None if key is None else name_of_key(key)
-    return Caller(name, name in (None, ADMIN))
+    name: str | None = request.state.caller
+    role = getattr(request.state, "role", None)
+    return Caller(name, role == ADMIN or (role is None and name in (None, ADMIN)))
 
 
 async def require_own_result(request: Request, state: AppState, result_id: str) -> Caller:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from app.decisions import EVIDENCE, Decision, decide, place_in_queue
 from app.probe import Probe
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
 from models.records import ResultDraft, StoredModel, UnknownPageDraft
@@ -199,13 +200,23 @@ class LayoutStore:
             )
         return documents
 
+    async def decision(self, result: Mapping[str, Any], tolerated: Mapping[str | None, float]) -> Decision:
+        """Whether a recognized page may go through without a person, by the feedback on its class so far."""
+        if not result.get("class"):
+            return decide(result, (), tolerated)
+        name = result["class"]["name"]
+        verdicts = await self.call(lambda store: store.verdicts(name, EVIDENCE))
+        return decide(result, verdicts, tolerated)
+
     async def keep_result(self, document: dict[str, Any], owner: str | None = None) -> str:
         """Store a recognition result of `owner` and return its id.
 
         A page that fits no class is also stored as an unknown page.
         """
         draft, ttl_s = self._draft(document, owner), self._results.ttl_s
-        result_id = await self.call(lambda store: store.add_result(document, ttl_s, draft.unknown, owner))
+        result_id = await self.call(
+            lambda store: store.add_result(document, ttl_s, draft.unknown, owner, draft.review)
+        )
         await self._purge_when_due(1)
         return result_id
 
@@ -220,7 +231,9 @@ class LayoutStore:
 
     def _draft(self, document: dict[str, Any], owner: str | None) -> ResultDraft:
         unknown = self.unknown_page(document["page"], owner) if _is_unknown(document) else None
-        return ResultDraft(document, unknown, owner)
+        result = document.get("result", {})
+        review = place_in_queue(result) if result.get("decision") else None
+        return ResultDraft(document, unknown, owner, review)
 
     async def _purge_when_due(self, new: int) -> None:
         """Delete expired results at intervals. A failure is logged only, because nothing else depends on it."""

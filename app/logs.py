@@ -15,6 +15,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.metrics import Metrics
 
 HEADER = "X-Request-ID"
+TRACE_HEADER = "traceparent"
+_TRACE = re.compile("[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
 _GOOD_REQUEST_ID = re.compile(r"[A-Za-z0-9._~+/=:@-]{1,128}")
 _PLAIN_FIELDS = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message"}
 log = logging.getLogger("app.requests")
@@ -46,12 +48,20 @@ def configure_logs(level: str) -> None:
     handler = logging.StreamHandler(sys.stdout)
     handler.setFormatter(JsonFormatter())
     logging.basicConfig(level=level, handlers=[handler], force=True)
+    for library in ("procrastinate", "alembic"):  # they tell every step
+        logging.getLogger(library).setLevel(logging.WARNING)
 
 
 def request_id_of(headers: Headers) -> str:
     """The client's request id if it is short and has safe characters only, else a new one."""
     offered = headers.get(HEADER, "")
     return offered if _GOOD_REQUEST_ID.fullmatch(offered) else uuid.uuid4().hex
+
+
+def trace_of(headers: Headers) -> dict[str, str]:
+    """The client's `traceparent` (W3C Trace Context) as a field of log lines; none if it has another form."""
+    offered = headers.get(TRACE_HEADER, "")
+    return {TRACE_HEADER: offered} if _TRACE.fullmatch(offered) else {}
 
 
 class RequestLog:
@@ -97,5 +107,6 @@ class RequestLog:
                     "duration_ms": round(seconds * 1000, 1),
                     "sent_bytes": sent_bytes,
                     "client": scope["client"][0] if scope.get("client") else None,
+                    **trace_of(Headers(scope=scope)),
                 },
             )

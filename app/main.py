@@ -1,8 +1,10 @@
 """The application, and the server that runs it."""
 
+import asyncio
 import logging
 import signal
 import sys
+import time
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -18,15 +20,20 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from app import __version__
+from app.audit import Audit
 from app.authentication import ApiKeys
 from app.blobs import BlobAccess
 from app.body_limits import body_limits_of
 from app.browser_rules import OwnSite, SecurityHeaders
 from app.disk_space import DiskSpace
+from app.engine.absent import AbsentEngine
+from app.engine.base import Engine
 from app.engine.local import LocalEngine, PoolLimits
 from app.expiry import deleting_expired
 from app.interprocess_lock import InterprocessLock
-from app.jobs import JobLimits, Jobs
+from app.jobs.forwarding import JobAdmission
+from app.jobs.registry import Jobs
+from app.jobs.service import JobService, job_limits
 from app.kept_images import KeptImages
 from app.layout_store import LayoutStore, ResultLimits
 from app.logs import RequestLog, configure_logs
@@ -34,9 +41,12 @@ from app.metrics import Metrics
 from app.model_locks import ModelLocks
 from app.openapi import describe
 from app.problems import FrameworkErrors, ProblemBoundary
+from app.roles import RoleRules, read_keys_file
 from app.routes import (
+    audit,
     health,
     layout,
+    layout_exchange,
     layout_feedback,
     layout_images,
     layout_models,
@@ -50,6 +60,7 @@ from app.routes import (
     mosaic,
     pages,
     rectify,
+    review,
     tokens,
 )
 from app.routes import jobs as job_routes
@@ -75,10 +86,13 @@ ROUTERS = (
     layout_models.router,
     layout_samples.router,
     layout_sample_archives.router,
+    layout_exchange.router,
     layout_training.router,
     layout_versions.router,
     layout_settings.router,
     layout_proposals.router,
+    review.router,
+    audit.router,
     job_routes.router,
     tokens.router,
     health.router,
@@ -92,6 +106,7 @@ TAGS = {
     "layout feedback": "What a person corrects; the models learn from it.",
     "layout models": "Models of document classes: their samples, versions, training and settings.",
     "layout proposals": "Pages of no known class; new classes, classes to merge and to split.",
+    "review": "Pages that a person should look at, and who changed what.",
     "jobs": "Work whose answer comes later (`Prefer: respond-async`).",
     "tokens": "Short-lived tokens for links that cannot have an API key.",
     "health": "Whether the service is up, and its metrics.",
@@ -104,6 +119,7 @@ WORK = frozenset(
         ("PUT", "/layout/models/{name}"),
         ("POST", "/layout/models/{name}/samples"),
         ("POST", "/layout/models/{name}/samples/archive"),
+        ("POST", "/layout/import"),
         ("POST", "/layout/models/{name}/initialize"),
         ("POST", "/layout/models/{name}/train"),
         ("GET", "/layout/models/{name}/versions/{version}/diff"),
@@ -113,6 +129,17 @@ WORK = frozenset(
     }
 )
 """Requests that need a seat in the engine."""
+LATER = frozenset(
+    {
+        ("POST", "/rectify"),
+        ("POST", "/mosaic"),
+        ("POST", "/layout"),
+        ("POST", "/layout/models/{name}/initialize"),
+        ("POST", "/layout/models/{name}/train"),
+        ("POST", "/layout/proposals"),
+    }
+)
+"""Those that may be jobs."""
 MAX_FIELD_BYTES = 64 * 1024
 """Largest option field. 200 points of a region need a tenth of it. The zones of a page have their own limit."""
 
@@ -142,21 +169,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     ]
     methods = _methods_of(routes)
     metrics = Metrics(methods)
-    engine = LocalEngine(
-        PoolLimits(
-            workers=settings.workers,
-            queue_length=settings.queue_length,
-            job_timeout_s=settings.job_timeout_s,
-            queue_timeout_s=settings.queue_timeout_s,
-            worker_memory_bytes=settings.worker_memory_bytes,
-            jobs_per_worker=settings.jobs_per_worker,
-            worker_resident_bytes=settings.worker_resident_bytes,
-        ),
-        warm_up=operations.warm_up,
-        warm_up_arguments=(settings.content_features,),
-        preload=operations.modules,
-        observe=metrics.observe_job,
-    )
+    engine = _engine(settings, operations, metrics)
     metrics.watch(engine.status)
     store = LayoutStore(
         settings.data_dir,
@@ -168,17 +181,9 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     )
     shared = None if settings.database_url else settings.data_dir / LEARNING_LOCK
     locks = ModelLocks(InterprocessLock(shared))
-    jobs = Jobs(
-        JobLimits(
-            ttl_s=settings.job_ttl_s,
-            max_jobs=settings.max_jobs,
-            max_result_bytes=settings.max_job_result_bytes,
-            max_listeners=settings.max_job_listeners,
-        )
-    )
-
     blobs = BlobAccess(settings.blob_url, settings.data_dir)
     images = KeptImages(blobs, store, settings.max_kept_images_bytes)
+    jobs = Jobs(store, blobs, job_limits(settings))
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
     @asynccontextmanager
@@ -188,12 +193,14 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             await blobs.open()
             await engine.start()
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
+            await job_service.start()
             try:
                 async with deleting_expired(store, images):
                     yield
             finally:
-                await engine.drain(settings.shutdown_grace_s)
-                await jobs.close()
+                begin_s = time.monotonic()
+                await job_service.stop(settings.shutdown_grace_s)
+                await engine.drain(max(0.0, begin_s + settings.shutdown_grace_s - time.monotonic()))
                 await blobs.close()
                 locks.close()
 
@@ -208,9 +215,6 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         redirect_slashes=False,
         dependencies=[Depends(KnownQueryOptions(routes))],
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
-    )
-    app.state.document_rectification = AppState(
-        settings, engine, operations, store, metrics, locks, jobs, disk, blobs, images
     )
     for router in ROUTERS:
         if router is layout.router:
@@ -227,9 +231,34 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     answer = FrameworkErrors(methods)
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
-    _add_middleware(app, settings, engine, metrics, routes)
+    job_service = JobService(app, answer, jobs, store, blobs, settings)
+    metrics.watch_jobs(job_service.facts)
+    app.state.document_rectification = AppState(
+        settings, engine, operations, store, metrics, locks, jobs, disk, blobs, images, job_service
+    )
+    _add_middleware(app, settings, engine, store, jobs, metrics, routes)
     _describe(app, settings)
     return app
+
+
+def _engine(settings: Settings, operations: Operations, metrics: Metrics) -> Engine:
+    if not settings.workers:
+        return AbsentEngine()
+    return LocalEngine(
+        PoolLimits(
+            workers=settings.workers,
+            queue_length=settings.queue_length,
+            job_timeout_s=settings.job_timeout_s,
+            queue_timeout_s=settings.queue_timeout_s,
+            worker_memory_bytes=settings.worker_memory_bytes,
+            jobs_per_worker=settings.jobs_per_worker,
+            worker_resident_bytes=settings.worker_resident_bytes,
+        ),
+        warm_up=operations.warm_up,
+        warm_up_arguments=(settings.content_features,),
+        preload=operations.modules,
+        observe=metrics.observe_job,
+    )
 
 
 def _check_content_features(path: Path | None) -> None:
@@ -249,18 +278,36 @@ def _check_content_features(path: Path | None) -> None:
 
 
 def _add_middleware(
-    app: FastAPI, settings: Settings, engine: LocalEngine, metrics: Metrics, routes: list[APIRoute]
+    app: FastAPI,
+    settings: Settings,
+    engine: Engine,
+    store: LayoutStore,
+    jobs: Jobs,
+    metrics: Metrics,
+    routes: list[APIRoute],
 ) -> None:
     """Add everything that every request passes before its route.
 
     The middleware that is added last is the outermost: prefix, log, security headers, body limits, origins,
-    compression, errors, requests of other sites, API keys, methods, admission.
+    compression, errors, requests of other sites, API keys, roles, list of changes, methods, admission to the queue of
+    jobs and to the engine.
     """
     places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
     app.add_middleware(Admission, engine=engine, work=WORK, places=places)
+    app.add_middleware(
+        JobAdmission,
+        jobs=jobs,
+        work=WORK,
+        later=LATER,
+        places=places,
+        queue_timeout_s=settings.queue_timeout_s,
+        forwards=not settings.workers,
+    )
     app.add_middleware(ConditionalGet)
     app.add_middleware(HeadAndOptions, methods=_methods_of(routes))
-    app.add_middleware(ApiKeys, keys=settings.api_keys)
+    app.add_middleware(Audit, store=store)
+    app.add_middleware(RoleRules)
+    app.add_middleware(ApiKeys, keys=settings.api_keys, file_keys=read_keys_file(settings.api_keys_file))
     app.add_middleware(OwnSite, origins=settings.cors_origins)
     app.add_middleware(ProblemBoundary)
     app.add_middleware(
@@ -309,11 +356,34 @@ def _describe(app: FastAPI, settings: Settings) -> None:
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
             app.openapi_schema = describe(
-                app, TAGS, keys=bool(settings.api_keys), root_path=settings.root_path
+                app,
+                TAGS,
+                keys=bool(settings.api_keys or settings.api_keys_file),
+                root_path=settings.root_path,
             )
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]
+
+
+def work(app: FastAPI | None = None, settings: Settings | None = None) -> None:
+    """Run jobs, without HTTP, until SIGTERM or SIGINT. Running jobs may then finish within the grace period."""
+    settings = settings or Settings()
+    configure_logs(settings.log_level)
+    if not settings.workers:
+        sys.exit("WORKERS=0: a process that only runs jobs needs workers.")
+    app = app or create_app(settings)
+
+    async def run_jobs() -> None:
+        stopping = asyncio.Event()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            asyncio.get_running_loop().add_signal_handler(number, stopping.set)
+        async with app.router.lifespan_context(app):
+            log.info("the worker takes jobs")
+            await stopping.wait()
+
+    with run_folder():
+        asyncio.run(run_jobs())
 
 
 def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:

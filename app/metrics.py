@@ -1,6 +1,7 @@
 """Metrics for Prometheus, served at /metrics."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 
 from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -9,10 +10,21 @@ from prometheus_client.registry import Collector
 from app.engine.base import EngineStatus, JobRecord
 from app.paths import PathTemplates
 from app.worker_facts import languages_of
+from models.job_records import QueueStatus
 
 MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 SECONDS = (0.01, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 120.0)
 METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+
+
+@dataclass(frozen=True, slots=True)
+class JobFacts:
+    """The queue of all services (None: it cannot be read), and what this process has counted since its start."""
+
+    queue: QueueStatus | None
+    starts: int
+    leases_lost: int
+    callback_failures: int
 
 
 class Metrics:
@@ -59,6 +71,10 @@ class Metrics:
         """Export the engine's status too, read at each scrape."""
         self.registry.register(_EngineCollector(status))
 
+    def watch_jobs(self, facts: Callable[[], JobFacts]) -> None:
+        """Export what is known of the queue of jobs too."""
+        self.registry.register(_JobsCollector(facts))
+
     def exposition(self) -> bytes:
         """All metrics in Prometheus' text format."""
         return generate_latest(self.registry)
@@ -94,3 +110,33 @@ class _EngineCollector(Collector):
             "Workers replaced after their maximum number of jobs.",
             value=now.recycled_workers,
         )
+
+
+class _JobsCollector(Collector):
+    def __init__(self, facts: Callable[[], JobFacts]) -> None:
+        self._facts = facts
+
+    def collect(self) -> Iterator[Metric]:
+        now = self._facts()
+        if now.queue is not None:
+            for name, value, meaning in (
+                ("job_queue_depth", now.queue.queued, "Accepted jobs that wait, of all services."),
+                ("job_queue_running", now.queue.running, "Accepted jobs that run, of all services."),
+                ("job_queue_oldest_seconds", now.queue.oldest_s, "Age of the oldest unfinished job."),
+                ("job_blob_bytes", now.queue.input_bytes, "Uploads of unfinished jobs."),
+            ):
+                yield GaugeMetricFamily(name, meaning, value=value)
+        for name, value, meaning in (
+            ("job_attempts", now.starts, "Starts of jobs by this process."),
+            (
+                "job_leases_lost",
+                now.leases_lost,
+                "Jobs that ended or went on elsewhere while this process ran them.",
+            ),
+            (
+                "job_callback_failures",
+                now.callback_failures,
+                "Callbacks that were not delivered at an attempt.",
+            ),
+        ):
+            yield CounterMetricFamily(name, meaning, value=value)

@@ -55,6 +55,7 @@ _LAYOUT = {
     "document_class": "letter",
     "page": None,
     "image": {"width": 1240, "height": 1754, "bytes": 181204},
+    "decision": {"action": "accept", "tolerated_error": 0.01, "reasons": []},
     "warnings": [],
     "timings_ms": {"decode": 18.0, "match": 21.4},
 }
@@ -181,6 +182,7 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
         "mosaic": {"images": ["(file a.jpg)", "(file b.jpg)"], "format": "json"},
         "layout": {"image": ["(file page.png)"], "format": "json"},
         "add_layout_samples": {"archive": "(file samples.zip)"},
+        "import_layout_models": {"archive": "(file models.zip)"},
     },
 }
 """Bodies by media type and operation."""
@@ -197,6 +199,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
             "mosaic",
             "layout",
             "add_layout_samples",
+            "import_layout_models",
             "initialize_layout_model",
             "train_layout_model",
             "propose_layout_classes",
@@ -226,6 +229,36 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "models": [{"name": "letter", "old_version": 8, "new_version": 9}],
         "samples": 1,
     },
+    ("200", "layout_queue"): {
+        "results": [
+            {
+                "id": _RESULT,
+                "state": "open",
+                "class": "letter",
+                "zones": 11,
+                "confidence": 0.61,
+                "gain": 1.84,
+                "decision": "review",
+                "has_image": True,
+                "created": _WHEN,
+                "claimed_by": None,
+                "claimed_until": None,
+            }
+        ]
+    },
+    ("200", "audit"): {
+        "entries": [
+            {
+                "id": _SAMPLE,
+                "time": _WHEN,
+                "who": "anna",
+                "action": "rollback",
+                "model": "letter",
+                "detail": "version 8",
+            }
+        ]
+    },
+    ("200", "claim_layout_result"): {"result": _RESULT, "claim": "3v1Z8d0LqkU0n0Qb1yWmFA", "until": _WHEN},
     ("200", "layout_model_feedback"): {
         "model": "letter",
         "feedback": [
@@ -280,6 +313,18 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
                 "problem": {"code": "invalid-option", "detail": "zones: give at least one zone its label."},
             },
         ],
+    },
+    ("200", "import_layout_models"): {
+        "models": [
+            {
+                "name": "letter",
+                "version": 8,
+                "changed": True,
+                "samples_added": 12,
+                "samples_known": 0,
+                "problems": [],
+            }
+        ]
     },
     ("200", "layout_samples"): {
         "model": "letter",

@@ -1,15 +1,19 @@
 """All settings, read from the environment. Names contain units."""
 
+import base64
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field, FilePath, field_validator
+from pydantic import Field, FilePath, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from app.processors import usable_workers, worker_memory_bytes
 from services.contract.images import ImageLimits
 
 MIB = 1024 * 1024
+FEWEST_SECRET_BYTES = 24
+"""Of the secret that signs callbacks, as Standard Webhooks asks."""
 
 
 class Settings(BaseSettings):
@@ -43,6 +47,11 @@ class Settings(BaseSettings):
         description="Comma-separated keys; if set, a request must send one of them as X-API-Key or as "
         "Authorization: Bearer (except to /, /health, /metrics, /docs).",
         repr=False,
+    )
+    api_keys_file: FilePath | None = Field(
+        default=None,
+        description="File of further keys with names and roles, a line each: NAME ROLE DIGEST (reader, verifier, "
+        "admin); `python -m app.roles NAME ROLE` makes a key and its line.",
     )
     token_ttl_s: int = Field(
         default=300, ge=1, le=86400, description="A token of POST /tokens allows to read for this long."
@@ -118,10 +127,10 @@ class Settings(BaseSettings):
     # Workers
     workers: int = Field(
         default_factory=usable_workers,
-        ge=1,
+        ge=0,
         le=256,
         description="Worker processes; default: the processors that the service may use, also by its CPU quota, as far "
-        "as its memory suffices.",
+        "as its memory suffices. 0: all work is done by workers of other processes that share DATABASE_URL.",
     )
     queue_length: int = Field(
         default=16,
@@ -149,7 +158,7 @@ class Settings(BaseSettings):
         description="Time limit of initializing and of training a layout model.",
     )
     worker_memory_bytes: int = Field(
-        default_factory=lambda settings: worker_memory_bytes(settings.get("workers", 1)),
+        default_factory=lambda settings: worker_memory_bytes(settings.get("workers", 1) or 1),
         ge=0,
         description="Address space of a worker (RLIMIT_AS); 0: no limit. Default: 4 GiB, or less where all workers "
         "would exceed the memory of the machine or of the control group.",
@@ -165,15 +174,43 @@ class Settings(BaseSettings):
     job_ttl_s: int = Field(
         default=3600, ge=1, description="A job and its result are kept this long after its end."
     )
-    max_jobs: int = Field(
-        default=200,
+    job_lease_s: float = Field(
+        default=15.0,
         ge=1,
-        description="Most jobs that are kept; over the limit, those that ended first are removed.",
+        description="A job whose worker does not report for this long is given to another worker.",
+    )
+    max_jobs: int = Field(
+        default=1000,
+        ge=1,
+        description="Most unfinished jobs; further ones get 503 `busy`. Most jobs that are kept: over the limit, those "
+        "that ended first are removed.",
+    )
+    max_jobs_per_key: int = Field(
+        default=0, ge=0, description="Most unfinished jobs of one API key; 0: half of MAX_JOBS."
+    )
+    max_job_input_bytes: int = Field(
+        default=4096 * MIB,
+        ge=1024,
+        description="Uploads of all unfinished jobs together; over it: 503 `busy`.",
     )
     max_job_result_bytes: int = Field(
         default=512 * MIB,
         ge=1024,
-        description="Results of all jobs together, in temporary files; over the limit, the oldest are removed.",
+        description="Results of all jobs together; over the limit, the oldest are removed.",
+    )
+    callback_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Comma-separated hosts that `callback_url` of a job may name (hooks.example.org, *.example.org; *: "
+        "any host of the internet). Needs CALLBACK_SECRET.",
+    )
+    callback_internal_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Those of CALLBACK_HOSTS, by name, that may have addresses of the own network.",
+    )
+    callback_secret: str = Field(
+        default="",
+        description="Secret by which callbacks are signed (Standard Webhooks): whsec_ and at least 24 bytes in base64.",
+        repr=False,
     )
     max_job_listeners: int = Field(
         default=100,
@@ -247,6 +284,14 @@ class Settings(BaseSettings):
         description="Pictures of all pages together; over the limit, the oldest are removed.",
     )
 
+    tolerated_errors: Annotated[Mapping[str, float], NoDecode] = Field(
+        default={"*": 0.01},
+        description="Comma-separated shares of wrong zones that may go through without a person: for all classes "
+        "(0.01), a class (letter=0.02) or a label of it (letter/date=0.005).",
+    )
+    claim_ttl_s: int = Field(
+        default=600, ge=1, description="A page of the review queue stays claimed for this long."
+    )
     max_unknown_pages: int = Field(
         default=200,
         ge=1,
@@ -259,6 +304,13 @@ class Settings(BaseSettings):
     )
 
     @property
+    def most_jobs_per_key(self) -> int:
+        """Most unfinished jobs of one API key, or of all callers where there are no keys."""
+        if not self.api_keys:
+            return self.max_jobs
+        return self.max_jobs_per_key or max(1, self.max_jobs // 2)
+
+    @property
     def image_limits(self) -> ImageLimits:
         """Limits of one uploaded image."""
         return ImageLimits(
@@ -267,9 +319,60 @@ class Settings(BaseSettings):
             max_bytes=self.max_upload_bytes,
         )
 
-    @field_validator("api_keys", "cors_origins", "ocr_languages", mode="before")
+    @field_validator(
+        "api_keys",
+        "cors_origins",
+        "ocr_languages",
+        "callback_hosts",
+        "callback_internal_hosts",
+        mode="before",
+    )
     @classmethod
     def _split(cls, value: object) -> object:
         if isinstance(value, str):
             return tuple(key.strip() for key in value.split(",") if key.strip())
         return value
+
+    @model_validator(mode="after")
+    def _check_callbacks(self) -> Self:
+        if not self.callback_hosts:
+            return self
+        try:
+            secret = base64.b64decode(self.callback_secret.removeprefix("whsec_"), validate=True)
+        except ValueError:
+            secret = b""
+        if len(secret) < FEWEST_SECRET_BYTES:
+            raise ValueError("CALLBACK_HOSTS needs CALLBACK_SECRET: whsec_ and at least 24 bytes in base64")
+        return self
+
+    @field_validator("tolerated_errors", mode="before")
+    @classmethod
+    def _shares(cls, value: object) -> object:
+        """The shares by class or `class/label`; `*`: all classes."""
+        if not isinstance(value, str):
+            return value
+        shares = {"*": 0.01}
+        for entry in filter(None, map(str.strip, value.split(","))):
+            name, _, share = entry.rpartition("=")
+            shares[name or "*"] = float(share)
+        return shares
+
+    @field_validator("tolerated_errors")
+    @classmethod
+    def _possible_shares(cls, value: Mapping[str, float]) -> Mapping[str, float]:
+        for name, share in value.items():
+            if not 0.0 < share <= 1.0:
+                raise ValueError(f"the share of {name} must be above 0 and at most 1")
+        return value
+
+    def tolerated_errors_of(self, name: str) -> dict[str | None, float]:
+        """Tolerated error of a class, under None, and of its labels that have one of their own."""
+        prefix = f"{name}/"
+        of_labels = {
+            key.removeprefix(prefix): share
+            for key, share in self.tolerated_errors.items()
+            if key.startswith(prefix)
+        }
+        errors: dict[str | None, float] = {None: self.tolerated_errors.get(name, self.tolerated_errors["*"])}
+        errors.update(of_labels)
+        return errors

@@ -14,6 +14,8 @@ from app.paths import PathTemplates
 from app.upload_places import BodyTooSlow, UploadPlaces
 from services.errors import DocumentError, TooLarge
 
+IS_JOB = "is_job"
+"""Name in the state of a request: whether it will be stored as a job, and needs no worker now."""
 _RATE_HOLDS_AFTER_S = 5.0
 """Time before the least rate of a body holds: connections start slowly, and phones pause."""
 
@@ -176,7 +178,7 @@ class Admission:
         if scope["type"] != "http" or not self._is_work(scope):
             await self.app(scope, receive, send)
             return
-        seat = _LateSeat(self.engine)
+        seat = _LateSeat(None if scope["state"].get(IS_JOB) else self.engine)
         scope.setdefault("state", {})["seat"] = seat
         seat.take()
         try:
@@ -215,13 +217,14 @@ class Admission:
 class _LateSeat:
     """A seat that is taken after the request has begun."""
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine | None) -> None:
+        """`engine` None: a request that becomes a job needs no seat."""
         self._engine = engine
         self._seat: Seat | None = None
 
     def take(self) -> None:
         """Take the seat. Raises what `Engine.admit` raises."""
-        self._seat = self._engine.admit()
+        self._seat = None if self._engine is None else self._engine.admit()
 
     def release(self) -> None:
         """Release the seat if there is one."""

@@ -14,6 +14,7 @@ MODULES = {
     "layout_recognition": "layout.recognition",
     "layout_words": "layout.word_labels",
     "layout_values": "layout.values",
+    "layout_calibration": "layout.label_trust",
     "layout_segmentation": "layout.segmentation",
     "layout_matching": "layout.matching",
     "layout_documents": "layout.documents",
@@ -24,6 +25,7 @@ MODULES = {
     "learning_store": "learning.store",
     "sensitivity": "sensitivity.study",
     "attack": "attack.service",
+    "jobs": "jobs.chaos",
     "readme_pictures": "readme_pictures",
 }
 """Module of each benchmark by its name, which is also the name of its figures and of its baseline."""

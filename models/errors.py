@@ -50,6 +50,16 @@ class UnknownPageNotFound(NotFound):
     """There is no unknown page with this id, or it has expired."""
 
 
+class JobNotFound(NotFound):
+    """There is no job with this id, or it has expired."""
+
+
+class Claimed(StoreError):
+    """Another person works on this page of the review queue."""
+
+    code = "conflict"
+
+
 class VersionConflict(StoreError):
     """The model does not have the version that the writer expected. `current` is its version, None without any."""
 
@@ -68,6 +78,16 @@ class KeyReused(StoreError):
     """An idempotency key was used again with another document."""
 
     code = "conflict"
+
+
+class JobKeyReused(KeyReused):
+    """The Idempotency-Key of a job came with a different request before."""
+
+
+class QueueFull(StoreError):
+    """There are too many unfinished jobs."""
+
+    code = "busy"
 
 
 class NotStorable(StoreError):

@@ -279,7 +279,7 @@ def _look_up_feedback(
         row = session.execute(select(FeedbackRow).where(FeedbackRow.key == key)).scalar_one_or_none()
         if row is not None:
             if (row.result_id, row.digest) != (result_id, digest):
-                raise KeyReused(f"the idempotency key {key!r} came before, with another feedback")
+                raise KeyReused("this Idempotency-Key came before, with another feedback; send a new one")
             return row
     same = select(FeedbackRow).where(FeedbackRow.result_id == result_id, FeedbackRow.digest == digest)
     row = session.execute(same).scalar_one_or_none()

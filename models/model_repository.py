@@ -217,12 +217,16 @@ class ModelRepository(Transactions):
         return after
 
     def delete_model(self, name: str, *, expected_version: ExpectedVersion = ANY) -> None:
-        """Delete a class, its samples and the feedback on its pages. Raises `ModelNotFound`, `VersionConflict`."""
+        """Delete a class with its versions, its samples and the feedback on its pages.
+
+        A later class of this name continues its version numbers. Raises `ModelNotFound`, `VersionConflict`.
+        """
         with self._changing() as (session, state):
             row = find_model(session, name)
             require_version(name, row.version, expected_version)
             session.execute(delete(SampleRow).where(SampleRow.model_id == row.id))
             _delete_feedback(session, row)
+            session.execute(delete(VersionRow).where(VersionRow.model_id == row.id))
             session.execute(update(ModelRow).where(ModelRow.continues == name).values(continues=None))
             row.deleted_at = row.updated_at = self._clock()
             row.version = None

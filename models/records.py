@@ -143,13 +143,62 @@ class UnknownPageDraft:
     owner: str | None = None
 
 
+ReviewState = Literal["open", "confirmed", "corrected", "skipped"]
+ReviewOrder = Literal["gain", "confidence", "newest"]
+
+
+@dataclass(frozen=True, slots=True)
+class ReviewDraft:
+    """What the review queue knows of a page: expected number of wrong zones, least confidence, class, decision."""
+
+    gain: float
+    confidence: float
+    class_name: str | None
+    zones: int
+    decision: str
+    has_image: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Review:
+    """The result of a page in the review queue. `claimed_until` is None if nobody works on it."""
+
+    id: str
+    state: ReviewState
+    gain: float
+    confidence: float
+    class_name: str | None
+    zones: int
+    decision: str
+    has_image: bool
+    created_at: datetime
+    claimed_by: str | None
+    claimed_until: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class AuditEntry:
+    """Who changed what, and when; `who` is the name of an API key, None without keys."""
+
+    id: str
+    created_at: datetime
+    who: str | None
+    action: str
+    model: str | None
+    detail: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ResultDraft:
-    """The result of a recognition. `unknown` is its page, if no class fits; `owner` as in `UnknownPageDraft`."""
+    """The result of a recognition. `unknown` is its page, if no class fits; `owner` as in `UnknownPageDraft`.
+
+    `review` is its place in the review queue; None: it is not in the queue.
+    """
 
     document: Document
     unknown: UnknownPageDraft | None = None
     owner: str | None = None
+    review: ReviewDraft | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

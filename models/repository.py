@@ -12,14 +12,24 @@ callers may cache it.
 """
 
 from models.feedback_repository import FeedbackRepository
+from models.job_repository import JobRepository
 from models.lesson_repository import LessonRepository
 from models.model_repository import ModelRepository
 from models.result_repository import ResultRepository
+from models.review_repository import ReviewRepository, cursor_of
 from models.sample_repository import SampleRepository
 from models.transactions import utc_now
 
-__all__ = ["Store", "utc_now"]
+__all__ = ["Store", "cursor_of", "utc_now"]
 
 
-class Store(ModelRepository, SampleRepository, FeedbackRepository, LessonRepository, ResultRepository):
-    """Models, samples, feedback and results in one database. `with Store.open(...)` closes it."""
+class Store(
+    ModelRepository,
+    SampleRepository,
+    FeedbackRepository,
+    LessonRepository,
+    ResultRepository,
+    ReviewRepository,
+    JobRepository,
+):
+    """Models, samples, feedback, results and jobs in one database. `with Store.open(...)` closes it."""

@@ -1,7 +1,7 @@
 """The store's calls for data that expires: results of recognition, and pages that fitted no class."""
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import datetime, timedelta
 from typing import cast
 
@@ -10,8 +10,16 @@ from sqlalchemy import ColumnElement, CursorResult, delete, select
 from models.documents import Document, decode_document, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
 from models.queries import READ_AT_ONCE, add_unknown_page
-from models.records import ListedResult, ResultDraft, ResultState, StoredResult, UnknownPage, UnknownPageDraft
-from models.tables import FeedbackRow, ResultRow, UnknownPageRow
+from models.records import (
+    ListedResult,
+    ResultDraft,
+    ResultState,
+    ReviewDraft,
+    StoredResult,
+    UnknownPage,
+    UnknownPageDraft,
+)
+from models.tables import FeedbackRow, ResultRow, ReviewRow, UnknownPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
 
@@ -28,11 +36,12 @@ class ResultRepository(Transactions):
         ttl_s: float,
         unknown: UnknownPageDraft | None = None,
         owner: str | None = None,
+        review: ReviewDraft | None = None,
     ) -> str:
         """Store a result for `ttl_s` seconds, and its page if no class fits; return the result's id."""
         now = self._clock()
         result_id = self._ulids.make(now)
-        self._keep([result_id], [ResultDraft(document, unknown, owner)], now, ttl_s)
+        self._keep([result_id], [ResultDraft(document, unknown, owner, review)], now, ttl_s)
         return result_id
 
     def add_document(
@@ -66,6 +75,12 @@ class ResultRepository(Transactions):
             for row, draft in zip(rows, drafts, strict=True):
                 if draft.unknown is not None:
                     add_unknown_page(session, self._ulids.make(now), row.id, draft.unknown, now)
+            session.flush()
+            session.add_all(
+                ReviewRow(result_id=row.id, is_skipped=False, **asdict(draft.review))
+                for row, draft in zip(rows, drafts, strict=True)
+                if draft.review is not None
+            )
 
     def result(self, result_id: str) -> StoredResult:
         """A result, for a document with the results of its pages. Raises `ResultNotFound`."""

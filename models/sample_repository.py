@@ -55,7 +55,7 @@ class SampleRepository(Transactions):
             if key is not None:
                 earlier = session.execute(of_model.where(SampleRow.key == key)).scalar_one_or_none()
                 if earlier is not None and earlier.digest != digest:
-                    raise KeyReused(f"the idempotency key {key!r} came before, with another sample")
+                    raise KeyReused("this Idempotency-Key came before, with another sample; send a new one")
             same = session.execute(of_model.where(SampleRow.digest == digest)).scalar_one_or_none()
             if same is not None:
                 same.origin = "posted"  # feedback deletes samples of its own only

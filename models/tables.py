@@ -2,7 +2,7 @@
 
 from datetime import UTC, datetime
 
-from sqlalchemy import BigInteger, DateTime, Dialect, ForeignKey, LargeBinary, MetaData, String, Text
+from sqlalchemy import BigInteger, DateTime, Dialect, Double, ForeignKey, LargeBinary, MetaData, String, Text
 from sqlalchemy import UniqueConstraint as Unique
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from sqlalchemy.types import TypeDecorator
@@ -177,3 +177,80 @@ class ResultRow(Table):
     expires_at: Mapped[datetime] = mapped_column(UtcDateTime, index=True)
     document: Mapped[bytes] = mapped_column(LargeBinary)
     owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
+
+
+class JobRow(Table):
+    """An accepted job. Its input and its answer are blobs; the queue knows its id only.
+
+    `token` names the lease of the worker that runs it. `repeat_key` is that of its Idempotency-Key. A queued job does
+    not start before `ready_at`. `returns` counts how often it was handed back without an attempt.
+    """
+
+    __tablename__ = "jobs"
+    __table_args__ = (Unique("repeat_key"),)
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    owner: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    operation: Mapped[str] = mapped_column(String(MAX_NAME))
+    request: Mapped[bytes] = mapped_column(LargeBinary)
+    input_key: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    input_bytes: Mapped[int] = mapped_column(BigInteger)
+    repeat_key: Mapped[str | None] = mapped_column(String(64))
+    digest: Mapped[str | None] = mapped_column(String(64))
+    priority: Mapped[int]
+    state: Mapped[str] = mapped_column(String(20), index=True)
+    stage: Mapped[str | None] = mapped_column(String(100))
+    progress: Mapped[float] = mapped_column(Double)
+    revision: Mapped[int]
+    attempts: Mapped[int]
+    returns: Mapped[int]
+    token: Mapped[str | None] = mapped_column(String(32))
+    lease_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    ready_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    started_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    ended_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    expires_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    answer: Mapped[bytes | None] = mapped_column(LargeBinary)
+    answer_key: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    answer_bytes: Mapped[int] = mapped_column(BigInteger)
+    problem: Mapped[bytes | None] = mapped_column(LargeBinary)
+    callback_url: Mapped[str | None] = mapped_column(Text)
+    callback_at: Mapped[datetime | None] = mapped_column(UtcDateTime, index=True)
+    deliveries: Mapped[bytes | None] = mapped_column(LargeBinary)
+
+
+class ReviewRow(Table):
+    """Place of a page's result in the review queue. Whether it is open follows from its feedback.
+
+    `gain` and `confidence` are computed when the page is recognized. `claim` is a secret of the person who works on it.
+    """
+
+    __tablename__ = "layout_reviews"
+
+    result_id: Mapped[str] = mapped_column(
+        ForeignKey("layout_results.id", ondelete="CASCADE"), primary_key=True
+    )
+    gain: Mapped[float] = mapped_column(index=True)
+    confidence: Mapped[float] = mapped_column(index=True)
+    class_name: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    zones: Mapped[int]
+    decision: Mapped[str] = mapped_column(String(10))
+    has_image: Mapped[bool]
+    is_skipped: Mapped[bool]
+    claim: Mapped[str | None] = mapped_column(String(64))
+    claimed_by: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    claimed_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
+
+
+class AuditRow(Table):
+    """One entry of the list of who changed what, and when. `who` is the name of an API key; NULL: no key."""
+
+    __tablename__ = "layout_audit"
+
+    id: Mapped[str] = mapped_column(String(26), primary_key=True)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    who: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    action: Mapped[str] = mapped_column(String(40))
+    model: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
+    detail: Mapped[str] = mapped_column(Text)

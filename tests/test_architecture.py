@@ -35,7 +35,7 @@ RULES = [
     (
         "app",
         ("models", *SQL),
-        ("models.repository", "models.records", "models.errors", "models.blobs"),
+        ("models.repository", "models.records", "models.errors", "models.blobs", "models.job_records"),
     ),
     ("app/engine", (*HTTP, "pydantic", "app"), ("app.engine",)),
     (

@@ -62,7 +62,9 @@ def test_every_step_of_the_container_is_the_makefiles() -> None:
     )
     assert steps
     assert {step.partition(" ")[0] for step in steps} == {"make"}
-    assert {target for step in steps for target in step.split()[1:]} <= make_targets()
+    words = {word for step in steps for word in step.split()[1:]}
+    assert {word for word in words if "=" not in word} <= make_targets()
+    assert {word.partition("=")[0] for word in words if "=" in word} <= {"LANGUAGES"}
 
 
 def test_the_container_copies_what_there_is_and_what_it_needs() -> None:
@@ -94,7 +96,7 @@ def test_the_container_asks_after_its_own_health() -> None:
 
 def test_compose() -> None:
     compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
-    ((_, service),) = compose["services"].items()
+    (service,) = (one for one in compose["services"].values() if "profiles" not in one)
     assert service["build"] == "."
     assert service["read_only"] is True
     assert any(mount.startswith("/tmp") for mount in service["tmpfs"])
@@ -103,6 +105,16 @@ def test_compose() -> None:
     assert target == service["environment"]["DATA_DIR"] == "/data"
     assert service["mem_limit"]
     assert int(service["stop_grace_period"].removesuffix("s")) > 30
+
+
+def test_compose_of_many_machines() -> None:
+    compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+    scaled = {name: one for name, one in compose["services"].items() if one.get("profiles") == ["scale"]}
+    assert {"api", "worker", "postgres", "blobs"} <= set(scaled)
+    api, worker = (scaled[name]["environment"] for name in ("api", "worker"))
+    assert api["WORKERS"] == "0" != worker["WORKERS"]
+    for name in ("DATABASE_URL", "BLOB_URL"):
+        assert api[name] == worker[name]
 
 
 def test_serve_listens_where_it_is_told() -> None:

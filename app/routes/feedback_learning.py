@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
 
+from app.decisions import verdicts_of
 from app.engine.base import Busy, JobTimedOut
 from app.layout_store import document_of, labels_of
 from app.routes.feedback_undo import NotUndoable, fresh_models, models_without
@@ -70,11 +71,12 @@ async def learn_from_feedback(
     verified, revised = await _verified(state, result.document, body)
     names = [name for name in (verified.found_class, verified.verified_class) if name is not None]
     names += await state.store.call(lambda store: store.taught_models(result_id))
+    given = _Given(result_id, key, request, verified, revised, owner, result.document)
     limit_s = state.settings.queue_timeout_s
     async with state.locks.hold(names, limit_s, "QUEUE_TIMEOUT_S"):
         for _ in range(MOST_TRIES):
             try:
-                feedback = await _learn_once(state, _Given(result_id, key, request, verified, revised, owner))
+                feedback = await _learn_once(state, given)
                 break
             except VersionConflict:  # another process wrote a version first: start again from it
                 await asyncio.sleep(random.uniform(0.0, LONGEST_PAUSE_S))
@@ -104,6 +106,17 @@ class _Given:
     verified: VerifiedPage[dict[str, Any]]
     revised: _Revision
     owner: str | None
+    found: Mapping[str, Any]
+
+    def verdicts(self, adaptation: Adaptation) -> list[list[Any]]:
+        """What the person said of the zones that were recognized; nothing if a person has changed them before."""
+        if "recognized" in self.found:
+            return []
+        verified = self.verified
+        kept = {str(zone["id"]) for zone in verified.page["zones"]}
+        wrong = {str(each["zone"]) for each in adaptation.wrong}
+        class_is_right = verified.found_class == verified.verified_class
+        return verdicts_of(self.found["result"], wrong, kept, class_is_right=class_is_right)
 
 
 async def _verified(
@@ -318,6 +331,7 @@ def _draft(given: _Given, adaptation: Adaptation) -> FeedbackDraft:
         "wrong": adaptation.wrong,
         "costs": adaptation.costs,
         "texts": texts,
+        "verdicts": given.verdicts(adaptation),
     }
     return FeedbackDraft(
         result_id=given.result_id,

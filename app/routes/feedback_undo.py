@@ -7,7 +7,6 @@ to that of a service which never got the feedback. Models that did not learn fro
 """
 
 import asyncio
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,7 +16,7 @@ from typing import Any
 from app.engine.base import Busy, JobTimedOut, TimeLimit
 from app.layout_store import document_of, packed_model
 from app.routes.labelled_pages import layout_settings
-from app.routes.lessons import lesson_page, teach
+from app.routes.lessons import lesson_page, rounds_and_learner, teach
 from app.routes.model_samples import newest_samples
 from app.routes.state import AppState
 from models.errors import VersionConflict
@@ -133,8 +132,11 @@ async def _repeat(state: AppState, result_id: str, pasts: Sequence[ModelPast]) -
             draft = await state.engine.submit(initialize, name, pages, settings, time_limit=limit)
             documents[name] = draft.document
         elif document is not None:
-            model = ModelDocument(name, step.version, packed_model(document), learner=learners[name])
-            train, rounds = state.operations.train_model, _rounds_of(step)
+            rounds, learner = rounds_and_learner(step.note)
+            model = ModelDocument(
+                name, step.version, packed_model(document), learner=learner or learners[name]
+            )
+            train = state.operations.train_model
             draft, _ = await state.engine.submit(train, model, pages, rounds, settings, time_limit=limit)
             documents[name] = draft.document
     return documents
@@ -207,12 +209,6 @@ def _samples_of(store: Store, name: str, step: ModelStep, without: Sequence[str]
     """The samples that a class had at the time of a step and still has, without those of some results."""
     samples = newest_samples(store, name, without_results=without)
     return [sample for sample in samples if sample.created_at <= step.created_at]
-
-
-def _rounds_of(step: ModelStep) -> int:
-    """The number of rounds that a training kept, from the note of its version."""
-    kept = re.match(r"\d+", step.note)
-    return int(kept[0]) if kept else 1
 
 
 def _named(pasts: Sequence[ModelPast]) -> str:

@@ -1,5 +1,7 @@
 """Liveness, readiness and metrics."""
 
+import asyncio
+
 from fastapi import APIRouter, Response
 
 from app.engine.base import EngineStatus
@@ -31,7 +33,13 @@ async def live() -> Live:
 async def ready(state: State) -> Ready:
     """Returns 200 when workers have warmed up."""
     status: EngineStatus = state.engine.status()
-    if not status.ready:
+    disk, store, blobs, runners = await asyncio.gather(
+        state.disk.is_enough(DISK_TIMEOUT_S),
+        state.store.is_available(),
+        state.blobs.is_available(),
+        state.job_service.dispatch.live_workers(),
+    )
+    if not status.ready or (not status.workers and not runners):
         raise NotReady("No worker is ready; work that is sent now would wait.")
     ocr = status.facts.get("ocr")
     return Ready(
@@ -41,8 +49,11 @@ async def ready(state: State) -> Ready:
         capacity=status.capacity,
         ocr=None if ocr is None else str(ocr),
         languages=languages_of(status),
-        disk="ready" if await state.disk.is_enough(DISK_TIMEOUT_S) else "full",
-        store="ready" if await state.store.is_available() else "unavailable",
+        disk="ready" if disk else "full",
+        store="ready" if store else "unavailable",
+        blobs="ready" if blobs else "unavailable",
+        queue="unavailable" if runners is None else "ready",
+        job_runners=runners,
     )
 
 
@@ -54,4 +65,5 @@ async def ready(state: State) -> Ready:
 )
 async def metrics(state: State) -> Response:
     """Counters and gauges in Prometheus' text format."""
+    await state.job_service.read_queue()
     return Response(state.metrics.exposition(), headers={"Content-Type": MEDIA_TYPE})

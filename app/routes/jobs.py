@@ -8,13 +8,14 @@ from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from app.callers import caller_of
-from app.jobs import Job, Jobs
-from app.problems import documented
+from app.jobs.registry import JobCancelled, Jobs
+from app.problems import documented, problem_response
 from app.routes.common_responses import IMAGE, STORE, WORK
 from app.routes.long_work import status_of
 from app.routes.state import State
 from app.schemas.jobs import JobStatus
 from app.schemas.options import Absent
+from models.job_records import StoredJob
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 
 router = APIRouter(prefix="/jobs/{id}", tags=["jobs"])
@@ -43,10 +44,10 @@ _POLLING: dict[str, Any] = {
 _BINARY_RESULTS = sorted({*PAGES_MEDIA_TYPES.values(), "image/png"} - {"application/json"})
 
 
-@router.get("", operation_id="job", responses={200: _POLLING, **documented("not-found", "internal")})
+@router.get("", operation_id="job", responses={200: _POLLING, **documented("not-found", "internal", *STORE)})
 async def job(request: Request, response: Response, state: State, id: str) -> JobStatus:
-    """The state of the job. It is kept for JOB_TTL_S seconds after the job's end, or until the service restarts."""
-    status = status_of(_own_job(request, state, id), state.settings.root_path)
+    """The state of the job. It is kept for JOB_TTL_S seconds after the job's end, also when the service restarts."""
+    status = status_of(await _own_job(request, state, id), state.settings.root_path)
     if status.poll_after_s is not None:
         response.headers["Retry-After"] = str(status.poll_after_s)
     return status
@@ -63,7 +64,7 @@ async def job(request: Request, response: Response, state: State, id: str) -> Jo
             "content": {"text/event-stream": {"schema": {"type": "string"}}},
         },
         204: {"description": "`Last-Event-ID` is that of the last event; no more events follow."},
-        **documented("not-found", "internal", "busy"),
+        **documented("not-found", "internal", "busy", *STORE),
     },
 )
 async def job_events(
@@ -75,7 +76,7 @@ async def job_events(
     ] = None,
 ) -> Response:
     """Stream of the job's states: as GET /jobs/{id}, after each change."""
-    found = _own_job(request, state, id)
+    found = await _own_job(request, state, id)
     if found.is_over and last_event_id == str(found.revision):
         return Response(status_code=204)  # a browser would reconnect without end
     return _EventStream(state.jobs, found, state.settings.root_path)
@@ -115,31 +116,34 @@ async def job_events(
 )
 async def job_result(request: Request, state: State, id: str) -> Response:
     """The response of the job, as if the request had waited for it."""
-    return await state.jobs.answer(_own_job(request, state, id))
+    return await state.jobs.answer(await _own_job(request, state, id))
 
 
-@router.delete("", operation_id="cancel_job", status_code=204, responses=documented("not-found", "internal"))
+@router.delete(
+    "", operation_id="cancel_job", status_code=204, responses=documented("not-found", "internal", *STORE)
+)
 async def cancel_job(request: Request, state: State, id: str) -> None:
     """Cancel the job: its work is stopped. A finished job is deleted, with its result.
 
     Anything that the work has already written (a version of a model) remains.
     """
-    found = _own_job(request, state, id)
+    found = await _own_job(request, state, id)
     if found.is_over:
-        state.jobs.delete(found)
+        await state.jobs.delete(found)
     else:
-        await state.jobs.cancel(found)
+        problem = problem_response(JobCancelled("The job was cancelled."), request.scope)
+        await state.jobs.cancel(found, problem)
 
 
-def _own_job(request: Request, state: State, id: str) -> Job:
+async def _own_job(request: Request, state: State, id: str) -> StoredJob:
     caller = caller_of(request)
-    return state.jobs.find(id, caller.name, sees_all=caller.sees_all)
+    return await state.jobs.find(id, caller.name, sees_all=caller.sees_all)
 
 
 class _EventStream(StreamingResponse):
     """Server-sent events of one job; the number of such streams is limited."""
 
-    def __init__(self, jobs: Jobs, job: Job, root_path: str) -> None:
+    def __init__(self, jobs: Jobs, job: StoredJob, root_path: str) -> None:
         super().__init__(
             _events(jobs, job, root_path),
             # Proxies must not buffer events.
@@ -156,9 +160,9 @@ class _EventStream(StreamingResponse):
             self._jobs.leave_listener()
 
 
-async def _events(jobs: Jobs, job: Job, root_path: str) -> AsyncIterator[str]:
-    async for has_changed in jobs.follow(job):
-        if has_changed:
-            yield f"id: {job.revision}\ndata: {status_of(job, root_path).model_dump_json()}\n\n"
+async def _events(jobs: Jobs, job: StoredJob, root_path: str) -> AsyncIterator[str]:
+    async for changed in jobs.follow(job):
+        if changed is not None:
+            yield f"id: {changed.revision}\ndata: {status_of(changed, root_path).model_dump_json()}\n\n"
         else:
             yield ": still there\n\n"

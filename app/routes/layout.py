@@ -1,6 +1,6 @@
 """POST /layout: a page or its zones -> document class and labels; GET of stored results."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
@@ -20,7 +20,7 @@ from app.routes.known_options import known_parts, with_format
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.routes.state import State
+from app.routes.state import AppState, State
 from app.schemas.layout import (
     DocumentResult,
     LayoutForm,
@@ -29,9 +29,9 @@ from app.schemas.layout import (
     parse_names,
     result_of,
 )
-from app.schemas.options import FORMAT, Absent
+from app.schemas.options import FORMAT, Absent, CallbackUrl
 from app.settings import Settings
-from services.contract.layout import DocumentReply, LayoutFormat, LayoutOptions, LayoutSettings
+from services.contract.layout import DocumentReply, LayoutFormat, LayoutOptions, LayoutReply, LayoutSettings
 from services.errors import InvalidOption, TooLarge
 from services.progress import ProgressSink
 
@@ -98,6 +98,7 @@ async def layout(
     state: State,
     form: Annotated[LayoutForm, Form(media_type="multipart/form-data")],
     format: Annotated[LayoutFormat | Absent, FORMAT, Query(description="As the field of the form.")] = None,
+    callback_url: Annotated[CallbackUrl, Query()] = None,
 ) -> Response:
     """Recognize the class of a document and the logical label of each of its zones.
 
@@ -146,6 +147,7 @@ async def layout(
             progress=progress,
         )
         request.state.seat.release()
+        reply = await _with_decisions(state, reply)
         if isinstance(reply, DocumentReply):
             return await _answer_document(state, reply, chosen, _image_name(images[:1]), caller.name)
         result_of(reply.document, "validated before it is stored")
@@ -224,6 +226,22 @@ async def _answer_document(
         return Response(reply.body, media_type=reply.media_type, headers=headers)
     body = document_of(reply.document, result_id, pages).model_dump_json(by_alias=True)
     return Response(body, media_type="application/json", headers=headers)
+
+
+async def _with_decisions(state: AppState, reply: LayoutReply | DocumentReply) -> LayoutReply | DocumentReply:
+    """The reply; every page that was compared with models also has the decision on it."""
+    if isinstance(reply, DocumentReply):
+        pages = [replace(page, document=await _with_decision(state, page.document)) for page in reply.pages]
+        return replace(reply, pages=pages)
+    return replace(reply, document=await _with_decision(state, reply.document))
+
+
+async def _with_decision(state: AppState, result: dict[str, Any]) -> dict[str, Any]:
+    if not result["classes"]:
+        return result
+    name = result["class"]["name"] if result["class"] else "*"
+    decision = await state.store.decision(result, state.settings.tolerated_errors_of(name))
+    return {**result, "decision": asdict(decision)}
 
 
 def _limits(settings: Settings) -> LayoutSettings:

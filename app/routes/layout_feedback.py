@@ -62,8 +62,9 @@ async def give_layout_feedback(
     limit = state.settings.max_zones_bytes
     body = await read_json(request, FeedbackBody, most_bytes=limit, setting="MAX_ZONES_BYTES")
     feedback = await while_connected(
-        request, learn_from_feedback(state, id, idempotency_key, body, caller.name)
+        request, learn_from_feedback(state, id, caller.scoped(idempotency_key), body, caller.name)
     )
+    request.state.changed_models = sorted(feedback.versions)
     request.state.seat.release()
     warnings = [] if feedback.created else await _without_effect(state, feedback)
     return Response(_answer(feedback, warnings).model_dump_json(by_alias=True), media_type="application/json")
@@ -84,6 +85,7 @@ async def undo_layout_feedback(request: Request, state: State, id: str) -> Undon
     """
     await require_own_result(request, state, id)
     undone = await while_connected(request, undo_feedback(state, id))
+    request.state.changed_models = sorted(undone.versions)
     return UndoneFeedback(
         result=id,
         feedback=list(undone.feedback_ids),

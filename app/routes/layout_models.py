@@ -27,7 +27,7 @@ from app.schemas.layout_models import (
     ModelName,
     ModelSummary,
 )
-from app.schemas.options import Absent
+from app.schemas.options import Absent, CallbackUrl
 from models.errors import ModelNotFound
 from models.records import StoredModel, StoredSample
 from models.repository import Store
@@ -189,7 +189,11 @@ async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch =
     dependencies=[Depends(check_key)],
 )
 async def initialize_layout_model(
-    request: Request, state: State, name: ModelName, if_match: IfMatch = None
+    request: Request,
+    state: State,
+    name: ModelName,
+    if_match: IfMatch = None,
+    callback_url: Annotated[CallbackUrl, Query()] = None,
 ) -> Response:
     """Create a new version of the model from its samples. What it learned in other ways remains in earlier versions.
 

@@ -1,9 +1,9 @@
 """/layout/unknown-pages and /layout/proposals: pages that fit no class, and proposed changes of the classes."""
 
 from itertools import islice
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 
 from app.callers import Caller, caller_of
 from app.engine.base import TimeLimit
@@ -15,6 +15,7 @@ from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
 from app.routes.state import State
 from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
+from app.schemas.options import CallbackUrl
 from models.errors import UnknownPageNotFound
 from models.records import UnknownPage as StoredUnknownPage
 from models.repository import Store
@@ -99,7 +100,9 @@ async def forget_unknown_layout_page(request: Request, state: State, id: str) ->
     },
     openapi_extra=PREFER,
 )
-async def propose_layout_classes(request: Request, state: State) -> Response:
+async def propose_layout_classes(
+    request: Request, state: State, callback_url: Annotated[CallbackUrl, Query()] = None
+) -> Response:
     """Find new classes among the unknown pages, models to merge, and models to split.
 
     A new class is at least three similar unknown pages. Models with at least three samples are compared with each

@@ -2,6 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
+from app.callers import caller_of
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
@@ -51,7 +52,7 @@ async def add_layout_sample(
         lambda store: store.add_sample(
             name,
             document,
-            key=idempotency_key,
+            key=caller_of(request).scoped(idempotency_key),
             max_samples=state.settings.max_samples_per_model,
             max_models=state.settings.max_models,
         )

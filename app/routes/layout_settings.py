@@ -1,6 +1,7 @@
 """/layout/models/{name}/settings and /health: settings of a model, and its error rates."""
 
 from dataclasses import asdict
+from typing import Any
 
 from fastapi import APIRouter, Request
 
@@ -41,11 +42,7 @@ async def layout_model_settings(state: State, name: ModelName) -> Settings:
 async def change_layout_model_settings(request: Request, state: State, name: ModelName) -> Settings:
     """Change the given settings and keep the others; null restores a default (RFC 7396)."""
     body = await read_json(request, SettingsBody)
-    changes = body.model_dump(include=body.model_fields_set)
-    if body.fields is not None:
-        changes["fields"] = {
-            label: None if each is None else each.setting() for label, each in body.fields.items()
-        }
+    changes = settings_changes(body)
 
     def write(store: Store) -> ModelSettings:
         if store.model_summary(name).name == body.continues:
@@ -56,6 +53,16 @@ async def change_layout_model_settings(request: Request, state: State, name: Mod
             raise Conflict(f"{error.detail}.", "continues") from error
 
     return settings_answer(await state.store.call(write))
+
+
+def settings_changes(body: SettingsBody) -> dict[str, Any]:
+    """The settings that a request gives, as `Store.change_settings` takes them."""
+    changes = body.model_dump(include=body.model_fields_set)
+    if body.fields is not None:
+        changes["fields"] = {
+            label: None if each is None else each.setting() for label, each in body.fields.items()
+        }
+    return changes
 
 
 def settings_answer(settings: ModelSettings) -> Settings:

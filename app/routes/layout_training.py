@@ -1,8 +1,9 @@
 """POST /layout/models/{name}/train: training of a model on its samples."""
 
 import json
+from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 
 from app.engine.base import TimeLimit
 from app.layout_store import document_of
@@ -11,12 +12,14 @@ from app.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
 from app.routes.json_bodies import json_request, read_json
 from app.routes.labelled_pages import layout_settings
+from app.routes.lessons import training_note
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
 from app.routes.model_answers import ETAG, IfMatch
 from app.routes.model_samples import samples_to_learn_from
 from app.routes.state import AppState, State
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_training import Round, TrainBody, TrainedModel
+from app.schemas.options import CallbackUrl
 from models.errors import ModelNotFound, VersionConflict
 from models.records import StoredModel, StoredSample
 from models.repository import Store
@@ -42,7 +45,11 @@ router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
     dependencies=[Depends(check_key)],
 )
 async def train_layout_model(
-    request: Request, state: State, name: ModelName, if_match: IfMatch = None
+    request: Request,
+    state: State,
+    name: ModelName,
+    if_match: IfMatch = None,
+    callback_url: Annotated[CallbackUrl, Query()] = None,
 ) -> Response:
     """Train the model on its samples in rounds; it learns from every error (5.5, 5.6).
 
@@ -109,7 +116,7 @@ async def _train_newest_version(
     def write(store: Store) -> int | None:
         if json.loads(json.dumps(trained.document)) == model.document:
             return model.version
-        note = f"{report.kept_round} rounds, {len(samples)} samples"
+        note = training_note(report.kept_round, len(samples), model.settings.learner)
         return store.add_version(
             name, trained.document, "train", expected_version=model.version, note=note
         ).version

@@ -1,15 +1,16 @@
 """One lesson: models learn from one verified page in a worker, and the documents that come back."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from app.engine.base import TimeLimit
 from app.routes.labelled_pages import layout_settings
 from app.routes.state import AppState
 from models.records import StoredSample
 from services.contract.layout import ModelDocument
-from services.contract.layout_learning import Adaptation, VerifiedPage
+from services.contract.layout_learning import Adaptation, Learner, VerifiedPage
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,3 +72,15 @@ def lesson_page(lesson: Mapping[str, Any]) -> VerifiedPage[dict[str, Any]]:
         lesson["verified_class"],
         dict(lesson["labels"]),
     )
+
+
+def training_note(rounds: int, samples: int, learner: Learner) -> str:
+    """The note of a version that a training made: all that is needed to do it again."""
+    return f"{rounds} rounds, {samples} samples, {learner}"
+
+
+def rounds_and_learner(note: str) -> tuple[int, Learner | None]:
+    """Rounds and learner of a training, from the note of its version; older notes do not have the learner."""
+    rounds = re.match(r"\d+", note)
+    learner = next((name for name in get_args(Learner) if note.endswith(f", {name}")), None)
+    return int(rounds[0]) if rounds else 1, learner

@@ -1,25 +1,32 @@
 """`Prefer: respond-async` (RFC 7240): the response is sent after the work, or the work becomes a job."""
 
-from functools import partial
+from collections.abc import Callable, Coroutine
+from dataclasses import asdict
 from typing import Any
 
 from fastapi import Request, Response
 from starlette.datastructures import Headers
-from starlette.types import Receive, Scope, Send
 
 from app.callers import caller_of
-from app.jobs import MOST_KEY_CHARACTERS, Job, Repeatable, Work
-from app.problems import problem_response
+from app.jobs.callback_request import parse_callback_url
+from app.jobs.registry import MOST_KEY_CHARACTERS, Repeatable
+from app.jobs.stored_request import RUN, JobRun
 from app.routes.connection import while_connected
 from app.routes.sent_request import digest_of
 from app.routes.state import AppState
-from app.schemas.jobs import JobLinks, JobStatus
+from app.schemas.jobs import JobDelivery, JobLinks, JobStatus
 from app.schemas.problem import Problem
+from app.wishes import RESPOND_ASYNC, prefers_async
+from models.job_records import StoredJob
 from services.errors import InvalidOption
+from services.progress import ProgressSink
 
-RESPOND_ASYNC = "respond-async"
+Work = Callable[[ProgressSink | None], Coroutine[Any, Any, Response]]
+"""Coroutine that answers a request. It passes the sink to `Engine.submit`; None: progress is not reported."""
+
 ACCEPTED_STATUS = 202
 KEY_HEADER = "Idempotency-Key"
+CALLBACK = "callback_url"
 POLL_AFTER_S = 1
 """Advice for clients that poll: the shortest work takes about this long."""
 ACCEPTED: dict[int | str, dict[str, Any]] = {
@@ -58,8 +65,8 @@ PREFER: dict[str, Any] = {
 async def answer_now_or_later(request: Request, state: AppState, work: Work) -> Response:
     """Response of `work`; if the client prefers a job, 202 and a job whose result will be this response.
 
-    The uploaded files and the seat remain available until the work has ended, in both cases. Checks that need no work
-    should come before this call, so that no job starts that cannot succeed.
+    A job is the stored request. It comes here again, without the preference, when it is its turn. Checks that need no
+    work should come before this call, so that no job starts that cannot succeed.
 
     Parameters
     ----------
@@ -74,21 +81,24 @@ async def answer_now_or_later(request: Request, state: AppState, work: Work) -> 
     ClientGone
         When the client disconnected before the response.
     Busy
-        When the number of unfinished jobs is at its limit.
+        When the queue of jobs is full.
     KeyReused
         When the Idempotency-Key came with a different request before.
     """
-    key = _key_of(request.headers)
+    run: JobRun | None = getattr(request.state, RUN, None)
+    if run is not None:
+        return await work(run.report)
+    key, callback_url = _key_of(request.headers), await _callback_url(request, state)
     if not prefers_async(request.headers):
         return await while_connected(request, work(None))
+    request.state.seat.release()
     owner, root_path = caller_of(request).name, state.settings.root_path
     repeated: Repeatable | None = None
     if key is not None:
         repeated = Repeatable(key, await digest_of(request))
-        if (earlier := state.jobs.repeated(repeated, owner)) is not None:
+        if (earlier := await state.jobs.repeated(repeated, owner)) is not None:
             return _accepted(earlier, root_path)
-    tell = partial(problem_response, scope=request.scope)
-    return _Accepted(state.jobs.start(work, owner, tell, repeated), root_path)
+    return _accepted(await state.jobs.accept(request, owner, repeated, callback_url), root_path)
 
 
 async def check_key(request: Request) -> None:
@@ -115,16 +125,30 @@ def _key_of(headers: Headers) -> str | None:
     return key
 
 
-def prefers_async(headers: Headers) -> bool:
-    """Whether the client prefers a job (`respond-async`)."""
-    preferences = ",".join(headers.getlist("prefer")).split(",")
-    return any(
-        preference.partition(";")[0].partition("=")[0].strip().lower() == RESPOND_ASYNC
-        for preference in preferences
-    )
+async def _callback_url(request: Request, state: AppState) -> str | None:
+    """The `callback_url` of the request, in the query or in the form.
+
+    Raises
+    ------
+    InvalidOption
+        When it is not allowed, or comes without the preference for a job.
+    """
+    sent = {request.query_params[CALLBACK]} if CALLBACK in request.query_params else set()
+    if request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
+        sent |= {str(value) for value in (await request.form()).getlist(CALLBACK)}
+    urls = sent - {""}
+    if not urls:
+        return None
+    if len(urls) > 1:
+        raise InvalidOption(f"{CALLBACK}: the query and the form have different ones; send one.", CALLBACK)
+    if not prefers_async(request.headers):
+        raise InvalidOption(f"{CALLBACK}: send it with `Prefer: {RESPOND_ASYNC}`.", CALLBACK)
+    url = urls.pop()
+    parse_callback_url(url, state.settings.callback_hosts)
+    return url
 
 
-def status_of(job: Job, root_path: str) -> JobStatus:
+def status_of(job: StoredJob, root_path: str) -> JobStatus:
     """State of the job as a part of responses; `root_path` is the prefix of all paths as clients see them."""
     path = f"{root_path}/jobs/{job.id}"
     return JobStatus(
@@ -132,36 +156,19 @@ def status_of(job: Job, root_path: str) -> JobStatus:
         state=job.state,
         stage=job.stage,
         progress=round(job.progress, 3),
-        created=job.created,
-        started=job.started,
-        ended=job.ended,
+        attempts=job.attempts,
+        created=job.created_at,
+        started=job.started_at,
+        ended=job.ended_at,
         problem=None if job.problem is None else Problem.model_validate(job.problem),
         links=JobLinks(result=f"{path}/result", events=f"{path}/events"),
         poll_after_s=None if job.is_over else POLL_AFTER_S,
+        callback_url=job.callback_url,
+        deliveries=[JobDelivery(**asdict(each)) for each in job.deliveries],
     )
 
 
-def _accepted(job: Job, root_path: str) -> Response:
+def _accepted(job: StoredJob, root_path: str) -> Response:
     """202 for a job that exists."""
     headers = {"Location": f"/jobs/{job.id}", "Preference-Applied": RESPOND_ASYNC}
     return Response(status_of(job, root_path).model_dump_json(), ACCEPTED_STATUS, headers, "application/json")
-
-
-class _Accepted(Response):
-    """202 at once. The request itself ends with its job, and then releases its files and its seat.
-
-    Therefore the server waits for the job at shutdown, as for any request in progress.
-    """
-
-    def __init__(self, job: Job, root_path: str) -> None:
-        accepted = _accepted(job, root_path)
-        super().__init__(accepted.body, accepted.status_code)
-        self.raw_headers = accepted.raw_headers
-        self._job = job
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        try:
-            await super().__call__(scope, receive, send)
-            await self._job.wait()
-        finally:
-            self._job.abandon()

@@ -13,7 +13,7 @@ from app.routes.ocr_languages import chosen_language
 from app.routes.page_answers import answer_page, choose_encoding, documented_page
 from app.routes.state import State
 from app.schemas.mosaic import MosaicForm, MosaicResult
-from app.schemas.options import AskedFormat
+from app.schemas.options import AskedFormat, CallbackUrl
 from services.contract.mosaic import MosaicLimits
 from services.progress import ProgressSink
 
@@ -42,6 +42,7 @@ async def mosaic(
     state: State,
     form: Annotated[MosaicForm, Form(media_type="multipart/form-data")],
     format: Annotated[AskedFormat, Query()] = None,
+    callback_url: Annotated[CallbackUrl, Query()] = None,
 ) -> Response:
     """Join overlapping photos of one page, in any order and from any positions, into the whole flat page.
 

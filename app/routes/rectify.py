@@ -12,7 +12,7 @@ from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.ocr_languages import chosen_language
 from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
 from app.routes.state import State
-from app.schemas.options import AskedPagesFormat
+from app.schemas.options import AskedPagesFormat, CallbackUrl
 from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult
 from services.progress import ProgressSink
 
@@ -41,6 +41,7 @@ async def rectify(
     state: State,
     form: Annotated[RectifyForm, Form(media_type="multipart/form-data")],
     format: Annotated[AskedPagesFormat, Query()] = None,
+    callback_url: Annotated[CallbackUrl, Query()] = None,
 ) -> Response:
     """Flatten photos of pages, taken from any position.
 

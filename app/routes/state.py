@@ -8,7 +8,8 @@ from fastapi import Depends, Request
 from app.blobs import BlobAccess
 from app.disk_space import DiskSpace
 from app.engine.base import Engine
-from app.jobs import Jobs
+from app.jobs.registry import Jobs
+from app.jobs.service import JobService
 from app.kept_images import KeptImages
 from app.layout_store import LayoutStore
 from app.metrics import Metrics
@@ -31,6 +32,7 @@ class AppState:
     disk: DiskSpace
     blobs: BlobAccess
     images: KeptImages
+    job_service: JobService
 
 
 def app_state(request: Request) -> AppState:

@@ -15,10 +15,10 @@ class Ready(BaseModel):
     """The server can process work."""
 
     status: Literal["ready"] = "ready"
-    live_workers: int = Field(ge=1, description="Worker processes that are ready.")
-    workers: int = Field(ge=1, description="Configured number of worker processes.")
+    live_workers: int = Field(ge=0, description="Worker processes that are ready.")
+    workers: int = Field(ge=0, description="Configured number of worker processes.")
     admitted: int = Field(ge=0, description="Requests that have a seat in the engine.")
-    capacity: int = Field(ge=1, description="Seats: workers and places in the queue.")
+    capacity: int = Field(ge=0, description="Seats: workers and places in the queue.")
     ocr: str | None = Field(description="The OCR engine that workers use; null: none is installed.")
     languages: list[str] = Field(description="Languages that it reads, by Tesseract's names.")
     disk: Literal["ready", "full"] = Field(
@@ -26,4 +26,11 @@ class Ready(BaseModel):
     )
     store: Literal["ready", "unavailable"] = Field(
         description="Whether the store can be read; if not, only /layout fails."
+    )
+    blobs: Literal["ready", "unavailable"] = Field(
+        description="Whether the folder or the bucket for uploads and results of jobs can be written."
+    )
+    queue: Literal["ready", "unavailable"] = Field(description="Whether the queue of jobs can be read.")
+    job_runners: int | None = Field(
+        description="Processes that run jobs of this queue; null: the queue is unavailable."
     )

@@ -6,8 +6,9 @@ from typing import Annotated, Any, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.schemas.options import FORMAT, Absent, Switch
+from app.schemas.options import FORMAT, Absent, CallbackUrl, Switch
 from app.schemas.page import Answer, FlatPage, Warning
+from app.schemas.review import Decision
 from services.contract.fields import FieldType, ValueProblem
 from services.contract.layout import LayoutFormat
 
@@ -15,7 +16,7 @@ MODEL_NAME_PATTERN = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,59}$"
 MOST_NAMES = 200
 MOST_PAGE = 10_000
 """Largest page number that can be selected from a file, independent of the limit on a document's pages."""
-_NAMES_PATTERN = (
+NAMES_PATTERN = (
     f"^{MODEL_NAME_PATTERN.strip('^$')}(, ?{MODEL_NAME_PATTERN.strip('^$')}){{0,{MOST_NAMES - 1}}}$"
 )
 
@@ -37,7 +38,8 @@ def parse_names(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def _checked_names(text: str) -> str:
+def checked_names(text: str) -> str:
+    """The unchanged `text`; ValueError if it is not a list of model names."""
     parse_names(text)
     return text
 
@@ -75,10 +77,10 @@ class LayoutForm(BaseModel):
     ocr: Literal["auto", "off"] = Field(
         default="auto", description="auto: read the page if an OCR engine is installed."
     )
-    models: Annotated[str, AfterValidator(_checked_names)] | Absent = Field(
+    models: Annotated[str, AfterValidator(checked_names)] | Absent = Field(
         default=None,
         description="The models to compare, separated by commas; default: all.",
-        json_schema_extra={"pattern": _NAMES_PATTERN},
+        json_schema_extra={"pattern": NAMES_PATTERN},
     )
     format: Annotated[LayoutFormat | Absent, FORMAT] = Field(
         default=None,
@@ -101,6 +103,7 @@ class LayoutForm(BaseModel):
         default=False,
         description="Add the words of every zone, each with its box and OCR confidence, to JSON, PAGE-XML and ALTO.",
     )
+    callback_url: CallbackUrl = None
 
 
 class ReadWord(Answer):
@@ -256,6 +259,10 @@ class LayoutResult(Answer):
     )
     image: KeptImage | None = Field(
         default=None, description="The kept picture of the page; null: none is kept."
+    )
+    decision: Decision | None = Field(
+        default=None,
+        description="Whether the labels may be used without a person; null: no model was compared.",
     )
     warnings: list[Warning]
     timings_ms: dict[str, float]

@@ -5,6 +5,9 @@ from typing import Literal
 from fastapi import UploadFile
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.schemas.layout import MOST_NAMES
+from app.schemas.layout_models import NameInBody
+from app.schemas.layout_settings import SettingsBody
 from app.schemas.page import Answer
 
 
@@ -43,3 +46,41 @@ class SamplesReport(Answer):
     failed: int = Field(ge=0)
     ignored: int = Field(ge=0)
     pages: list[FileReport] = Field(description="In the order of the archive.")
+
+
+class ImportProblem(FileProblem):
+    """Why a file of the archive was not used."""
+
+    file: str
+
+
+class ImportedClass(Answer):
+    """What became of one class of the archive."""
+
+    name: str
+    version: int | None = Field(description="Its newest version now; null: it has no model yet.")
+    changed: bool = Field(description="Whether the archive's model became a new version.")
+    samples_added: int = Field(ge=0)
+    samples_known: int = Field(ge=0)
+    problems: list[ImportProblem] = Field(description="Files that were not used.")
+
+
+class ImportReport(Answer):
+    """What became of the classes of an archive."""
+
+    models: list[ImportedClass]
+
+
+class ArchivedClass(BaseModel):
+    """A class in the manifest of an archive."""
+
+    name: NameInBody
+    settings: SettingsBody
+
+
+class Manifest(BaseModel):
+    """The file `manifest.json` of an archive of classes."""
+
+    format: Literal["layout-models"]
+    format_version: Literal[1]
+    models: list[ArchivedClass] = Field(max_length=MOST_NAMES)

@@ -11,6 +11,7 @@ from app.schemas.options import (
     WRONG_NUMBER_OF_FILES,
     AskedFormat,
     AskedPdfVersion,
+    CallbackUrl,
     Embed,
     EmbedFormat,
     Illumination,
@@ -95,6 +96,7 @@ class MosaicForm(BaseModel):
     max_height: MaxPixels = None
     pdf_version: AskedPdfVersion = "1.7"
     title: Title = None
+    callback_url: CallbackUrl = None
 
     def parameters(self) -> MosaicParameters:
         """The options of the mosaic, without those of the response format.

@@ -114,3 +114,11 @@ MaxPixels = Annotated[
         "proportions. Sizes and meshes in the response are those of the smaller picture."
     ),
 ]
+CallbackUrl = Annotated[
+    Annotated[str, Field(max_length=2000)] | Absent,
+    Field(
+        description="With `Prefer: respond-async`: where the service sends the job's state at its end, signed as "
+        "Standard Webhooks says. The host must be one of CALLBACK_HOSTS.",
+        examples=["https://hooks.example.org/documents"],
+    ),
+]

@@ -5,7 +5,7 @@ from pydantic import Field
 from app.schemas.page import Answer, Point
 
 
-class ReadWord(Answer):
+class PageWord(Answer):
     """One word that was read."""
 
     text: str
@@ -25,4 +25,4 @@ class ReadText(Answer):
     confidence: float | None = Field(
         ge=0, le=1, description="Mean confidence of the words by their length; null: no word was read."
     )
-    words: list[ReadWord]
+    words: list[PageWord]

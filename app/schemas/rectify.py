@@ -13,6 +13,7 @@ from app.schemas.options import (
     Absent,
     AskedPagesFormat,
     AskedPdfVersion,
+    CallbackUrl,
     Embed,
     EmbedFormat,
     Illumination,
@@ -141,6 +142,7 @@ class RectifyForm(BaseModel):
     max_height: MaxPixels = None
     pdf_version: AskedPdfVersion = "1.7"
     title: Title = None
+    callback_url: CallbackUrl = None
 
     def parameters(self) -> RectifyParameters:
         """The options of the rectification, without those of the response format."""

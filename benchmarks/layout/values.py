@@ -190,14 +190,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             }
     for size in options.sizes.split(","):
         each = [figure for case, figure in figures.items() if f", {size} samples" in case]
-        right, known = (sum(int(figure[key]) for figure in each) for key in ("right", "readable"))  # type: ignore[arg-type]
+        right, known = (sum(int(figure[key]) for figure in each) for key in ("right", "readable"))
         figures[f"all, {size} samples"] = {
             "right_percent": share(right, known),
             "right": right,
             "readable": known,
         }
     columns = ("right_percent", "right", "readable")
-    rows = [[case, *(float(figure[key]) for key in columns)] for case, figure in figures.items()]  # type: ignore[arg-type]
+    rows = [[case, *(float(figure[key]) for key in columns)] for case, figure in figures.items()]
     print(table("Values right from images", ("class, samples, label", *columns), rows))
     print("Readable where zones are known: " + ", ".join(f"{k} {a}/{b}" for k, (a, b) in unreadable.items()))
     write_json(OUTPUT / f"{NAME}.json", plain_values(figures))

@@ -16,6 +16,7 @@ from services.layout.grouping.joining import find_groups
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
 from services.layout.page import Page
+from services.layout.recognition.label_calibration import with_believable_labels
 from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel, recognize_page
 from services.layout.recognition.results import Recognition
 from services.layout.segmentation import (
@@ -40,6 +41,7 @@ __all__ = [
     "recognize",
     "recognize_fine",
     "segment_read_page",
+    "with_believable_labels",
 ]
 
 LIGHT_GROUND = 96
@@ -127,7 +129,8 @@ def recognize_fine(
     features: ContentFeatures | None = None,
 ) -> Recognition:
     """Class and labels of a page in the zones of segmentation, pieces of one zone put together."""
-    return put_together(fine, recognize(compose_page(fine), models, parameters, features), models, features)
+    seen = recognize(compose_page(fine), models, parameters, features)
+    return with_believable_labels(put_together(fine, seen, models, features), models)
 
 
 def put_together(

@@ -32,6 +32,7 @@ from services.layout.pipeline import (
     put_together,
     read_fine_page,
     recognize,
+    with_believable_labels,
 )
 from services.layout.recognition.documents import PageInDocument, place_page
 from services.layout.recognition.page_recognition import RecognitionParameters
@@ -119,6 +120,7 @@ def recognize_picture(
     recognition = recognize(measured.page, versions, parameters, features)
     if measured.fine is not None:
         recognition = put_together(measured.fine, recognition, versions, features)
+    recognition = with_believable_labels(recognition, versions)
     timings_ms |= recognition.timings_ms
     with timed("encode", timings_ms, ENCODING_BEGINS):
         body = _encode(recognition, measured.image, options, settings)

@@ -17,7 +17,7 @@ from services.errors import DocumentError, InvalidOption, NotAcceptable
 from services.imaging.page_images import PageLimits, PageSource, open_pages
 from services.layout.content.content_features import ContentFeatures
 from services.layout.exchange.page_json import page_to_document
-from services.layout.pipeline import VersionedModel, content_features, put_together
+from services.layout.pipeline import VersionedModel, content_features, put_together, with_believable_labels
 from services.layout.recognition.documents import (
     DocumentParameters,
     DocumentRecognition,
@@ -165,9 +165,10 @@ def _put_together(
     versions: Sequence[VersionedModel],
     features: ContentFeatures,
 ) -> PageInDocument:
-    if measured.fine is None:
-        return placed
-    return replace(placed, recognition=put_together(measured.fine, placed.recognition, versions, features))
+    recognition = placed.recognition
+    if measured.fine is not None:
+        recognition = put_together(measured.fine, recognition, versions, features)
+    return replace(placed, recognition=with_believable_labels(recognition, versions))
 
 
 def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from services.contract.layout import LayoutSettings
 from services.contract.layout_models import ModelDraft
-from services.errors import InvalidModel, InvalidOption
+from services.errors import DocumentError, InvalidModel, InvalidOption
 from services.imaging.codec import decode_image
 from services.layout.exchange.page_json import page_from_document, page_to_document
 from services.layout.model.layout_model import MOST_LABELS, LayoutModel
@@ -62,6 +62,31 @@ def sample_document(page: Page) -> dict[str, object]:
     kept = tuple(replace(zone, content={}) if zone.text else zone for zone in page.zones)
     document: dict[str, object] = to_json_ready(page_to_document(replace(page, zones=kept)))
     return document
+
+
+def import_sample(document: bytes, settings: LayoutSettings) -> dict[str, object]:
+    """A sample that another service has exported, checked and in its stored form.
+
+    Raises
+    ------
+    InvalidOption
+        When it is no valid page under the present limits, or has no label.
+    """
+    try:
+        sample = json.loads(document)
+        if not isinstance(sample, dict):
+            raise InvalidOption("archive: a sample must be a JSON object.", "archive")
+        [page], [found] = read_samples([sample], settings)
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, DocumentError):
+            raise
+        raise InvalidOption("archive: a sample is not JSON.", "archive") from error
+    if all(zone.label is None for zone in page.zones):
+        raise InvalidOption("archive: a sample has no labels; it teaches nothing.", "archive")
+    stored = sample_document(page)
+    if found is not None:
+        stored[FOUND] = sample_document(found)
+    return stored
 
 
 def initialize_from_samples(

@@ -221,6 +221,12 @@ def measure_sample(
     return page if image is None else {**page, "found": page}
 
 
+def import_sample(document: bytes, settings: LayoutSettings) -> dict[str, object]:
+    """The sample as it was exported."""
+    page = _page(document)
+    return page
+
+
 def _page(zones: bytes) -> dict[str, Any]:
     """The page, if it has the documented form; of numbers the strict check tells 1.0 from 1, which JSON does not."""
     try:

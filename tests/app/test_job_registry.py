@@ -1,268 +1,236 @@
-"""The registry of jobs: its bounds in number, bytes and time, and who is told of changes."""
+"""Jobs, as routes see them: who is told of changes, and what becomes of blobs without a job."""
 
 import asyncio
+import os
 from collections.abc import Awaitable, Callable
+from contextlib import AsyncExitStack
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import pytest
 from starlette.responses import Response
 
+from app.blobs import FOLDER, BlobAccess
 from app.engine.base import Busy
-from app.jobs import Job, JobLimits, JobNotFinished, JobNotFound, Jobs, Work
-from app.kept_answer import SMALL_BYTES, KeptAnswer
+from app.jobs.registry import JobLimits, Jobs
+from app.jobs.running import JobRunner, RunLimits
+from app.jobs.stored_request import JobRun
+from app.layout_store import LayoutStore, ResultLimits
 from app.problems import refusal_of, response_for
-from services.errors import NoText
-from services.progress import ProgressSink
+from models.errors import StoreUnavailable
+from models.job_records import JobBounds, JobDraft, StoredJob, blob_key
+
+ROOM = JobBounds(9, 9, 1 << 30)
+Do = Callable[[JobRun], Awaitable[Response]]
 
 
-class Clock:
-    """Time that passes when a test says so."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
+def tell(error: Exception, request_id: str) -> Response:
+    return response_for(refusal_of(error), request_id)
 
 
-class Gate:
-    """Work that waits until it is let through, then answers with a body of `size` bytes."""
+class Service:
+    """Jobs of a store and a runner, without HTTP; `do` answers every job."""
 
-    def __init__(self, size: int = 3) -> None:
-        self.open = asyncio.Event()
-        self.size = size
-        self.was_cancelled = False
+    def __init__(self, folder: Path, do: Do, limits: JobLimits | None = None, **run: float) -> None:
+        self.store = LayoutStore(folder, ResultLimits(100, 100, 100, 100))
+        self.blobs = BlobAccess("", folder)
+        self.jobs = Jobs(self.store, self.blobs, limits or JobLimits())
 
-    async def work(self, progress: ProgressSink | None) -> Response:
-        assert progress is not None
-        progress("text", 0.5)
-        try:
-            await self.open.wait()
-        except asyncio.CancelledError:
-            self.was_cancelled = True
-            raise
-        return Response(b"x" * self.size, 201, {"Document-Kind": "planar"}, "image/jpeg")
+        async def answer(request: dict[str, object], body: object, run: JobRun) -> Response:
+            return await do(run)
 
+        self.runner = JobRunner(self.store, self.blobs, answer, tell, RunLimits(100, 1000, **run))  # type: ignore[arg-type]
+        self.jobs.abandon = self.runner.abandon
 
-def tell(error: Exception) -> Response:
-    return response_for(refusal_of(error), "the request")
+    async def add(self, id: str = "a") -> StoredJob:
+        draft = JobDraft(id, None, "rectify", {"request_id": "the request", "headers": {}}, None, 0)
+        job, _ = await self.store.call(lambda store: store.add_job(draft, ROOM))
+        return job
 
-
-def answering(size: int = 3) -> Work:
-    async def work(progress: ProgressSink | None) -> Response:
-        return Response(b"x" * size)
-
-    return work
+    async def job(self, id: str = "a") -> StoredJob:
+        return await self.store.call(lambda store: store.job(id))
 
 
-async def finished(jobs: Jobs, work: Work, owner: str | None = None) -> Job:
-    job = jobs.start(work, owner, tell)
-    await job.wait()
-    return job
-
-
-async def is_closed(answer: KeptAnswer) -> bool:
-    try:
-        await answer.response()
-    except ValueError:
-        return True
-    return False
-
-
-def run(check: Callable[[], Awaitable[None]]) -> None:
+def run(service: Service, check: Callable[[], Awaitable[None]]) -> None:
     async def bounded() -> None:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(30), AsyncExitStack() as stack:
+            await stack.enter_async_context(service.store.opened())
+            await service.blobs.open()
+            stack.push_async_callback(service.blobs.close)
+            service.runner.start()
+            stack.push_async_callback(service.runner.stop)
             await check()
 
     asyncio.run(bounded())
 
 
-@pytest.mark.parametrize("size", [3, SMALL_BYTES + 1])
-def test_an_answer_comes_back_as_it_was(size: int) -> None:
+async def done(run: JobRun) -> Response:
+    return Response(b"x" * 10, 201, {"Document-Kind": "planar"}, "image/jpeg")
+
+
+class Gate:
+    """Work that waits until it is let through."""
+
+    def __init__(self) -> None:
+        self.open = asyncio.Event()
+        self.begun = asyncio.Event()
+        self.was_cancelled = False
+
+    async def do(self, run: JobRun) -> Response:
+        run.report("text", 0.5)
+        self.begun.set()
+        try:
+            await self.open.wait()
+        except asyncio.CancelledError:
+            self.was_cancelled = True
+            raise
+        return await done(run)
+
+
+def test_an_answer_comes_back_as_it_was(tmp_path: Path) -> None:
+    service = Service(tmp_path, done)
+
     async def check() -> None:
-        jobs, gate = Jobs(JobLimits()), Gate(size)
-        job = jobs.start(gate.work, None, tell)
-        assert (job.state, job.started) == ("queued", None)
-        with pytest.raises(JobNotFinished, match="queued"):
-            await jobs.answer(job)
-        await asyncio.sleep(0)
-        assert (job.state, job.stage, job.progress) == ("running", "text", 0.5)
-        assert job.started is not None
+        await service.add()
+        assert await service.runner.run_one()
+        assert not await service.runner.run_one()
+        answer = await service.jobs.answer(await service.job())
+        assert (answer.status_code, answer.body, answer.headers["document-kind"]) == (
+            201,
+            b"x" * 10,
+            "planar",
+        )
+
+    run(service, check)
+
+
+def test_followers_hear_of_the_end(tmp_path: Path) -> None:
+    gate = Gate()
+    service = Service(tmp_path, gate.do, JobLimits(heartbeat_s=0.3))
+
+    async def check() -> None:
+        job = await service.add()
+        heard: list[StoredJob | None] = []
+
+        async def listen() -> None:
+            async for each in service.jobs.follow(job):
+                heard.append(each)
+
+        listeners = [asyncio.create_task(listen()) for _ in range(2)]
+        working = asyncio.create_task(service.runner.run_one())
+        while None not in heard:
+            await asyncio.sleep(0.01)
         gate.open.set()
-        await job.wait()
-        assert jobs.find(job.id, None) is job
-        assert (job.state, job.progress, job.problem) == ("succeeded", 1.0, None)
-        answers = await asyncio.gather(jobs.answer(job), jobs.answer(job))
-        for answer in answers:
-            assert (answer.status_code, answer.body) == (201, b"x" * size)
-            assert answer.headers["document-kind"] == "planar"
-            assert answer.headers["content-type"] == "image/jpeg"
-            assert answer.headers["content-length"] == str(size)
-        await jobs.close()
+        await asyncio.gather(working, *listeners)
+        states = [each.state for each in heard if each is not None]
+        assert (states.count("queued"), states.count("succeeded")) == (2, 2)
+        assert "text" in {each.stage for each in heard if each is not None}
 
-    run(check)
+    run(service, check)
 
 
-def test_a_failure_is_told_as_the_problem_that_it_is() -> None:
-    async def fail(progress: ProgressSink | None) -> Response:
-        raise NoText("nothing to read")
+def test_a_cancelled_job_stops_where_it_runs(tmp_path: Path) -> None:
+    """The first one in this process; the second one elsewhere, where nobody but the lease says so."""
+    gates = [Gate(), Gate()]
+    service = Service(tmp_path, gates[0].do, renew_every_s=0.1)
+    elsewhere = Service(tmp_path, gates[1].do, renew_every_s=0.1)
+    elsewhere.store, elsewhere.jobs = service.store, service.jobs
 
     async def check() -> None:
-        jobs = Jobs(JobLimits())
-        job = await finished(jobs, fail)
-        assert (job.state, job.progress) == ("failed", 0.0)
-        assert job.problem is not None
-        assert (job.problem["code"], job.problem["request_id"]) == ("no-text", "the request")
-        assert (await jobs.answer(job)).status_code == job.problem["status"]
+        for gate, runner in zip(gates, (service.runner, elsewhere.runner), strict=True):
+            runner._store = service.store
+            job = await service.add(str(gates.index(gate)))
+            working = asyncio.create_task(runner.run_one())
+            await gate.begun.wait()
+            if runner is elsewhere.runner:
+                runner.start()
+            await service.jobs.cancel(job, tell(Busy("cancelled"), "the request"))
+            await working
+            assert gate.was_cancelled
+            assert (await service.job(job.id)).state == "cancelled"
+        await elsewhere.runner.stop()
+        assert elsewhere.runner.leases_lost == 1
 
-    run(check)
+    run(service, check)
 
 
-def test_jobs_expire() -> None:
+def test_what_the_service_could_not_run_is_handed_back(tmp_path: Path) -> None:
+    errors = [Busy("no worker"), StoreUnavailable("away")]
+
+    async def do(run: JobRun) -> Response:
+        if errors:
+            raise errors.pop()
+        return await done(run)
+
+    service = Service(tmp_path, do, hand_back_s=0.0)
+
     async def check() -> None:
-        clock = Clock()
-        jobs = Jobs(JobLimits(ttl_s=60.0), clock)
-        running = jobs.start(Gate().work, None, tell)
-        job = await finished(jobs, answering())
-        clock.now_s += 59
-        assert jobs.find(job.id, None) is job
-        clock.now_s += 1
-        with pytest.raises(JobNotFound, match="JOB_TTL_S"):
-            jobs.find(job.id, None)
-        assert jobs.find(running.id, None) is running
-        await jobs.close()
-        assert running.state == "failed"
-        assert running.problem is not None
-        assert running.problem["code"] == "shutting-down"
+        await service.add()
+        states = []
+        for _ in range(3):
+            assert await service.runner.run_one()
+            states.append((await service.job()).state)
+        assert states == ["queued", "queued", "succeeded"]
+        assert (await service.job()).attempts == 1
 
-    run(check)
+    run(service, check)
 
 
-def test_what_expires_is_dropped_though_nobody_asks() -> None:
+def test_an_upload_that_is_gone_ends_its_job(tmp_path: Path) -> None:
+    service = Service(tmp_path, done)
+
     async def check() -> None:
-        jobs = Jobs(JobLimits(ttl_s=0.02))
-        job = await finished(jobs, answering(SMALL_BYTES + 1))
-        assert job.answer is not None
-        while not await is_closed(job.answer):
-            await asyncio.sleep(0.005)
-        await jobs.close()
+        async def read(request: dict[str, object], body: object, run: JobRun) -> Response:
+            async for _ in body:  # type: ignore[attr-defined]
+                pass
+            return await done(run)
 
-    run(check)
+        service.runner._do = read  # type: ignore[assignment]
+        draft = JobDraft("a", None, "rectify", {"request_id": "r", "headers": {}}, "jobs/a/input", 3)
+        await service.store.call(lambda store: store.add_job(draft, ROOM))
+        await service.runner.run_one()
+        job = await service.job()
+        assert (job.state, (job.problem or {})["code"]) == ("failed", "store-unavailable")
+
+    run(service, check)
 
 
-def test_the_oldest_that_are_over_leave_first() -> None:
+def test_a_job_that_a_stop_interrupts_is_handed_back(tmp_path: Path) -> None:
+    gate = Gate()
+    service = Service(tmp_path, gate.do)
+
     async def check() -> None:
-        jobs, gate = Jobs(JobLimits(max_jobs=3)), Gate()
-        running = jobs.start(gate.work, None, tell)
-        first, second = await finished(jobs, answering()), await finished(jobs, answering())
-        third = await finished(jobs, answering())
-        with pytest.raises(JobNotFound):
-            jobs.find(first.id, None)
-        assert all(jobs.find(job.id, None) is job for job in (running, second, third))
-        await jobs.close()
+        await service.add()
+        working = asyncio.create_task(service.runner.run_one())
+        await gate.begun.wait()
+        working.cancel()
+        await asyncio.gather(working, return_exceptions=True)
+        job = await service.job()
+        assert (job.state, job.attempts) == ("queued", 0)
 
-    run(check)
+    run(service, check)
 
 
-def test_unfinished_jobs_make_no_room() -> None:
+def test_blobs_without_a_job_are_swept(tmp_path: Path) -> None:
+    service = Service(tmp_path, done)
+
     async def check() -> None:
-        jobs, gate = Jobs(JobLimits(max_jobs=2)), Gate()
-        held = [jobs.start(gate.work, None, tell) for _ in range(2)]
-        with pytest.raises(Busy, match="MAX_JOBS"):
-            jobs.start(gate.work, None, tell)
-        gate.open.set()
-        for job in held:
-            await job.wait()
-        await finished(jobs, answering())
-        await jobs.close()
+        await service.add("kept")
+        old_s = (datetime.now(UTC) - timedelta(hours=2)).timestamp()
+        for id in ("kept", "lost", "new"):
+            await service.blobs.put(blob_key(id, "input"), b"x", 1)
+            if id != "new":
+                os.utime(tmp_path / FOLDER / blob_key(id, "input"), (old_s, old_s))
+        assert await service.jobs.sweep_blobs() == 1
+        assert sorted(path.name for path in (tmp_path / FOLDER / "jobs").iterdir()) == ["kept", "new"]
 
-    run(check)
-
-
-def test_results_are_bounded_together_and_each() -> None:
-    async def check() -> None:
-        jobs = Jobs(JobLimits(max_result_bytes=100_000))
-        first, second = await finished(jobs, answering(70_000)), await finished(jobs, answering(30_000))
-        assert jobs.find(first.id, None) is first
-        third = await finished(jobs, answering(1))
-        with pytest.raises(JobNotFound):
-            jobs.find(first.id, None)
-        assert len((await jobs.answer(second)).body) == 30_000
-        large = await finished(jobs, answering(100_001))
-        assert large.problem is not None
-        assert large.problem["code"] == "too-large"
-        assert "MAX_JOB_RESULT_BYTES" in large.problem["detail"]
-        assert jobs.find(third.id, None) is third
-        await jobs.close()
-
-    run(check)
+    run(service, check)
 
 
-def test_cancelling_stops_the_work_and_may_be_repeated() -> None:
-    async def check() -> None:
-        jobs, gate = Jobs(JobLimits()), Gate()
-        job = jobs.start(gate.work, None, tell)
-        await asyncio.sleep(0)
-        await asyncio.gather(jobs.cancel(job), jobs.cancel(job))
-        await jobs.cancel(job)
-        assert gate.was_cancelled
-        assert (job.state, (await jobs.answer(job)).status_code) == ("cancelled", 410)
-        done = await finished(jobs, answering())
-        await jobs.cancel(done)
-        assert done.state == "succeeded"
-        await jobs.close()
-
-    run(check)
-
-
-def test_a_job_is_nobody_elses() -> None:
-    async def check() -> None:
-        jobs = Jobs(JobLimits())
-        job = await finished(jobs, answering(), "key")
-        for stranger in (None, "other"):
-            with pytest.raises(JobNotFound):
-                jobs.find(job.id, stranger)
-        assert jobs.find(job.id, "key") is job
-        assert len({Job(None).id for _ in range(100)}) == 100
-        await jobs.close()
-
-    run(check)
-
-
-def test_progress_never_goes_back_and_ends_with_the_job() -> None:
-    job = Job(None)
-    job.report("text", 0.5)
-    job.report("text again", 0.25)
-    assert (job.stage, job.progress) == ("text again", 0.5)
-    job.end("succeeded")
-    job.report("late", 0.75)
-    assert (job.stage, job.progress, job.state) == ("text again", 1.0, "succeeded")
-
-
-def test_who_follows_hears_changes_and_the_end() -> None:
-    async def check() -> None:
-        jobs, gate = Jobs(JobLimits(heartbeat_s=0.01)), Gate()
-        job = jobs.start(gate.work, None, tell)
-        heard: list[tuple[bool, str, float]] = []
-        async for has_changed in jobs.follow(job):
-            heard.append((has_changed, job.state, job.progress))
-            if not has_changed:
-                gate.open.set()
-        assert [report for report in heard if report[0]] == [
-            (True, "queued", 0.0),
-            (True, "running", 0.5),
-            (True, "succeeded", 1.0),
-        ]
-        assert (False, "running", 0.5) in heard
-        assert [has_changed async for has_changed in jobs.follow(job)] == [True]
-        await jobs.close()
-
-    run(check)
-
-
-def test_listeners_are_bounded() -> None:
-    jobs = Jobs(JobLimits(max_listeners=1))
+def test_listeners_are_bounded(tmp_path: Path) -> None:
+    jobs = Service(tmp_path, done, JobLimits(max_listeners=1)).jobs
     jobs.enter_listener()
-    with pytest.raises(Busy, match="MAX_JOB_LISTENERS"):
+    with pytest.raises(Busy):
         jobs.enter_listener()
     jobs.leave_listener()
     jobs.enter_listener()

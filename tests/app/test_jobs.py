@@ -13,7 +13,7 @@ import psutil
 import pytest
 from starlette.datastructures import Headers
 
-from app.routes.long_work import prefers_async
+from app.wishes import prefers_async
 from tests.app.scripted import upload
 from tests.app.serving import serving
 from tests.app.test_health import sample
@@ -181,28 +181,42 @@ def assert_problem_of(response: httpx.Response, status: int, code: str) -> None:
     assert (response.status_code, response.json()["code"]) == (status, code)
 
 
-def test_jobs_hold_seats(tmp_path: Path) -> None:
-    with serving(queue_length=1) as client:
+def test_the_queue_of_jobs_is_bounded_apart_from_seats(tmp_path: Path) -> None:
+    with serving(max_jobs=2, queue_length=0) as client:
         paths = [start(client, f"wait {tmp_path}") for _ in range(2)]
-        assert sample(client.get("/metrics").text, "engine_admitted") == 2
         refused = client.post("/rectify", files={"image": upload("")}, headers=LATER)
         assert_problem(refused, 503, "busy")
-        assert "QUEUE_LENGTH" in refused.json()["detail"]
+        assert "MAX_JOBS" in refused.json()["detail"]
         (tmp_path / "go").touch()
         for path in paths:
             assert until(client, path)["state"] == "succeeded"
         until(client, start(client, ""))
 
 
-def test_a_job_that_finds_no_worker_in_time_is_busy(tmp_path: Path) -> None:
-    with serving(queue_timeout_s=0.05) as client:
-        first = start(client, f"wait {tmp_path}")
+def test_metrics_tell_the_queue(tmp_path: Path) -> None:
+    with serving() as client:
+        first, second = (start(client, f"wait {tmp_path}") for _ in range(2))
         until(client, first, "running")
-        job = until(client, start(client, ""))
-        assert (job["problem"]["code"], job["started"]) == ("busy", None)
-        result = client.get(f"/jobs/{job['id']}/result")
-        assert (result.status_code, result.headers["retry-after"] >= "1") == (503, True)
-        client.delete(first)
+        text = client.get("/metrics").text
+        names = ("job_queue_depth", "job_queue_running", "job_attempts_total")
+        assert [sample(text, name) for name in names] == [1, 1, 1]
+        assert sample(text, "job_queue_oldest_seconds") > 0
+        assert sample(text, "job_blob_bytes") > 0
+        ready = client.get("/health/ready").json()
+        assert (ready["blobs"], ready["queue"], ready["job_runners"]) == ("ready", "ready", 1)
+        for path in (first, second):
+            client.delete(path)
+
+
+def test_the_oldest_finished_job_gives_way_to_a_new_one() -> None:
+    with serving(max_jobs=2) as client:
+        paths = []
+        for _ in range(3):
+            paths.append(start(client, ""))
+            until(client, paths[-1])
+        deadline = time.monotonic() + 20
+        while client.get(paths[0]).status_code != 404:
+            assert time.monotonic() < deadline
 
 
 def test_a_listener_that_leaves_makes_room(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from app.routes import model_samples
 from models.errors import VersionConflict
 from models.repository import Store
-from tests.app.scripted import model_document
+from tests.app.scripted import model_document, upload
 from tests.app.serving import serving
 from tests.app.test_layout_feedback import answer, give, recognize, version
 from tests.app.test_layout_models import add_samples, labelled
@@ -59,7 +59,10 @@ def test_training_makes_a_version(client: httpx.Client) -> None:
     client.patch(f"{PATH}/settings", json={"learner": "error-correction"})
     assert client.post(f"{PATH}/train", json={"rounds": 1.0}).json()["learner"] == "error-correction"
     assert client.get(PATH).json() == {**LETTER, "trained": [1, "error-correction"]}
-    assert origins(client)[:2] == [("train", "1 rounds, 1 samples"), ("train", "3 rounds, 1 samples")]
+    assert origins(client)[:2] == [
+        ("train", "1 rounds, 1 samples, error-correction"),
+        ("train", "3 rounds, 1 samples, passive-aggressive"),
+    ]
 
 
 def test_training_that_changes_nothing_makes_no_version(client: httpx.Client) -> None:
@@ -314,3 +317,15 @@ def test_no_such_model_and_no_such_name(shared: httpx.Client) -> None:
             shared.post(f"{path}/rollback", json={"version": 1}),
         ):
             assert_problem(response, status, code)
+
+
+def test_an_undo_trains_by_the_learner_of_that_time(client: httpx.Client) -> None:
+    result = client.post("/layout", files={"image": upload("")}).json()["id"]
+    client.post(f"/layout/results/{result}/feedback", json={"class": "letter"}).raise_for_status()
+    client.patch(f"{PATH}/settings", json={"learner": "counting"}).raise_for_status()
+    client.post(f"{PATH}/train", json={"rounds": 2}).raise_for_status()
+    client.patch(f"{PATH}/settings", json={"learner": "error-correction"}).raise_for_status()
+    client.delete(f"/layout/results/{result}/feedback").raise_for_status()
+    document = client.get(PATH).json()
+    assert "taught" not in document
+    assert document["trained"] == [2, "counting"]

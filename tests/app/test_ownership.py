@@ -41,6 +41,13 @@ def recognize(client: httpx.Client, key: dict[str, str]) -> str:
     return str(response.json()["id"])
 
 
+def recognize_image(client: httpx.Client, key: dict[str, str]) -> str:
+    files = {"image": ("page.png", upload(""))}
+    response = client.post("/layout", files=files, data={"keep_image": "true"}, headers=key)
+    assert response.status_code == 200, response.text
+    return str(response.json()["id"])
+
+
 def start(client: httpx.Client, key: dict[str, str]) -> str:
     headers = {**key, "Prefer": "respond-async"}
     path = client.post("/rectify", files={"image": upload("")}, headers=headers).headers["Location"]
@@ -81,20 +88,50 @@ def test_each_key_sees_its_own_and_admin_sees_all(client: httpx.Client) -> None:
         assert client.delete(gone, headers=ADMIN).status_code in (200, 204)
 
 
+def test_an_idempotency_key_is_that_of_one_api_key(client: httpx.Client) -> None:
+    path = "/layout/models/scoped/samples"
+
+    def send(key: dict[str, str], text: str) -> httpx.Response:
+        page = {**PAGE, "zones": [{**PAGE["zones"][0], "label": "date", "text": text}]}
+        return client.post(path, json=page, headers={**key, "Idempotency-Key": "1"})
+
+    assert [send(ALICE, "a").status_code, send(BOB, "b").status_code] == [201, 201]
+    assert [send(ALICE, "a").status_code, send(BOB, "b").status_code] == [200, 200]
+    assert_problem(send(ALICE, "b"), 409, "conflict")
+    client.put("/layout/models/letter", json=model_document("letter", "sender", "date"), headers=ADMIN)
+    for key in (ALICE, BOB):
+        answer = client.post(
+            f"/layout/results/{recognize(client, key)}/feedback",
+            json={"class": "letter"},
+            headers={**key, "Idempotency-Key": "1"},
+        )
+        assert (answer.status_code, answer.json()["created"]) == (200, True)
+    for name in ("scoped", "letter"):
+        client.delete(f"/layout/models/{name}", headers=ADMIN).raise_for_status()
+
+
 def test_after_deletion_nothing_is_left(
     client: httpx.Client, folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """The retention table of docs/operations.md, row by row."""
     client.put("/layout/models/letter", json=model_document("letter", "sender", "date"), headers=ADMIN)
-    shared = ("layout_models", "layout_model_versions", "store_state", "alembic_version")
+    # The list of changes stays, as its purpose is; it has no content of pages.
+    shared = ("layout_models", "layout_model_versions", "store_state", "alembic_version", "layout_audit")
 
     def rows() -> dict[str, int]:
         with Store.open(folder / DATABASE) as store:
             return {name: len(kept) for name, kept in everything(store).items() if name not in shared}
 
+    def files() -> list[Path]:
+        """All files but those of the database: pictures, and uploads and answers of jobs."""
+        kept = (path for path in folder.rglob("*") if path.is_file())
+        return [path for path in kept if not path.name.startswith(DATABASE) and path.suffix != ".lock"]
+
     before = rows()
     with caplog.at_level(logging.INFO):
         results = [recognize(client, ALICE) for _ in range(3)]
+        kept = recognize_image(client, ALICE)
+        assert files() != []
         bodies = [{"class": "letter", "labels": {"z1": "date"}}, {"class": None}, {"labels": {}}]
         for result, body in zip(results, bodies, strict=True):
             response = client.post(f"/layout/results/{result}/feedback", json=body, headers=ALICE)
@@ -105,18 +142,20 @@ def test_after_deletion_nothing_is_left(
         grown = rows()
         assert all(grown[name] > before[name] for name in before), grown
         paths = [f"/layout/results/{result}/feedback" for result in results[:2]]
-        paths += [f"/layout/results/{result}" for result in results]
+        paths += [f"/layout/results/{result}" for result in (*results, kept)]
         paths += [f"/layout/results/{results[2]}/feedback"]  # also without its result
         paths += [job, f"/layout/models/letter/samples/{sample}"]
         for path in paths:
             response = client.delete(path, headers=ALICE)
             assert response.status_code in (200, 204), (path, response.text)
     assert rows() == before
+    assert files() == []
     for path in {*paths, *(path.removesuffix("/feedback") for path in paths)}:
         assert client.get(path, headers=ALICE).status_code in (404, 405)
     assert SECRET not in caplog.text
     assert "alice-secret" not in caplog.text
     with Store.open(folder / DATABASE) as store:
+        assert SECRET not in repr(store.changes(1000, model=None, before=None))
         assert store.model("letter").version is not None
         for version in store.model_versions("letter"):
             assert SECRET not in json.dumps(store.model("letter", version.version).document)

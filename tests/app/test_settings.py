@@ -38,7 +38,7 @@ def test_the_environment_sets_them(monkeypatch: pytest.MonkeyPatch) -> None:
     ("name", "value"),
     [
         ("PORT", "70000"),
-        ("WORKERS", "0"),
+        ("WORKERS", "-1"),
         ("QUEUE_LENGTH", "-1"),
         ("JOB_TIMEOUT_S", "0"),
         ("MAX_UPLOAD_BYTES", "many"),

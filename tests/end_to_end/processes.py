@@ -50,6 +50,8 @@ class Service:
             assert self.process.poll() is None, self.other_output
             assert time.monotonic() < deadline
             for line in self.lines:
+                if line["message"] == "the worker takes jobs":
+                    return
                 if "running on http" in line["message"]:
                     self.port = int(line["message"].split("127.0.0.1:")[1].split()[0])
             time.sleep(0.02)
@@ -64,20 +66,23 @@ class Service:
 
 
 @contextmanager
-def running(module: str = SCRIPTED, **settings: object) -> Iterator[Service]:
-    """The service in a process of its own, on a free port of the loopback.
+def running(module: str = SCRIPTED, *arguments: str, **settings: object) -> Iterator[Service]:
+    """The service in a process of its own, on a free port of the loopback; with the argument `worker`, a worker.
 
     What it remembers is gone with the block, unless `data_dir` is given.
     """
-    with TemporaryDirectory() as folder, _running(module, {"data_dir": folder, **settings}) as service:
+    with (
+        TemporaryDirectory() as folder,
+        _running([module, *arguments], {"data_dir": folder, **settings}) as service,
+    ):
         yield service
 
 
 @contextmanager
-def _running(module: str, settings: dict[str, object]) -> Iterator[Service]:
+def _running(module: list[str], settings: dict[str, object]) -> Iterator[Service]:
     environment = {name.upper(): str(value) for name, value in settings.items()}
     process = subprocess.Popen(
-        [sys.executable, "-m", module],
+        [sys.executable, "-m", *module],
         cwd=ROOT,
         env={**os.environ, "HOST": "127.0.0.1", "PORT": "0", **environment},
         stdout=subprocess.PIPE,

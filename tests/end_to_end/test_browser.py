@@ -131,6 +131,6 @@ def test_the_documentation_has_file_pickers_and_needs_no_network(
     picture = tmp_path / "docs.png"
     html = rendered(f"{service.base_url}".rstrip("/") + "/docs#/rectify/rectify", picture)
     assert 'type="file"' in html
-    assert "Flatten one photo of a page" in html
+    assert "Flatten photos of pages" in html
     with Image.open(picture) as shown:
         assert np.asarray(shown.convert("L")).std() > 5

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -53,9 +53,10 @@ KINDS = ("sqlite",) if BINARIES is None or USER is None else ("sqlite", "postgre
 class Cluster:
     """A running server of PostgreSQL that listens on a socket in its own folder only."""
 
-    def __init__(self, folder: Path, server: "subprocess.Popen[bytes]") -> None:
+    def __init__(self, folder: Path, start: Callable[[], "subprocess.Popen[bytes]"]) -> None:
         self.folder = folder
-        self._server = server
+        self._start = start
+        self._server = start()
         self._made = 0
 
     def make_database(self) -> str:
@@ -78,6 +79,30 @@ class Cluster:
         finally:
             for process in processes:
                 process.resume()
+
+    def restart(self) -> None:
+        """As a machine that crashes and comes back: connections break, and the log is replayed."""
+        self.stop()
+        self._server = self._start()
+        self.wait()
+
+    def stop(self) -> None:
+        """At once."""
+        self._server.send_signal(signal.SIGQUIT)
+        self._server.wait(_START_S)
+
+    def wait(self) -> None:
+        """Return when it can be connected to."""
+        deadline = time.monotonic() + _START_S
+        while True:
+            try:
+                self.connect("postgres").close()
+                return
+            except psycopg.OperationalError:
+                said = (self.folder / "log").read_text()
+                assert self._server.poll() is None, said
+                assert time.monotonic() < deadline, said
+            time.sleep(0.02)
 
     def connect(self, database: str) -> psycopg.Connection[Any]:
         """A connection beside the store's, which commits every statement."""
@@ -116,30 +141,19 @@ def running_cluster(*, durable: bool = False) -> Iterator[Cluster]:
             **identity,
         )
         assert made.returncode == 0, made.stderr
-        with (folder / "log").open("wb") as log:
-            server = subprocess.Popen(start, stdout=log, stderr=log, **identity)
+
+        def start_server() -> "subprocess.Popen[bytes]":
+            with (folder / "log").open("ab") as log:
+                return subprocess.Popen(start, stdout=log, stderr=log, **identity)
+
+        cluster = Cluster(folder, start_server)
         try:
-            cluster = Cluster(folder, server)
-            _wait_for(cluster, server)
+            cluster.wait()
             yield cluster
         finally:
-            server.send_signal(signal.SIGQUIT)  # at once: nothing of it is needed any more
-            server.wait(_START_S)
+            cluster.stop()  # nothing of it is needed any more
     finally:
         shutil.rmtree(folder)
-
-
-def _wait_for(cluster: Cluster, server: "subprocess.Popen[bytes]") -> None:
-    deadline = time.monotonic() + _START_S
-    while True:
-        try:
-            cluster.connect("postgres").close()
-            return
-        except psycopg.OperationalError:
-            said = (cluster.folder / "log").read_text()
-            assert server.poll() is None, said
-            assert time.monotonic() < deadline, said
-        time.sleep(0.02)
 
 
 def empty_tables(cluster: Cluster, url: str) -> None:

@@ -21,9 +21,10 @@ def files(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-@pytest.fixture
-def blobs(tmp_path: Path) -> Blobs:
-    return Blobs("", tmp_path)
+@pytest.fixture(params=["", "memory:///"], ids=["folder", "bucket"])
+def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> Blobs:
+    """Files; and a bucket of the library's that needs no network."""
+    return Blobs(request.param, tmp_path)
 
 
 @pytest.mark.parametrize("size", [0, 1, PART_BYTES, 2 * PART_BYTES + 7])
@@ -33,7 +34,6 @@ def test_what_is_put_comes_back(blobs: Blobs, tmp_path: Path, size: int) -> None
     pieces = [content[at : at + 65_536] for at in range(0, size, 65_536)]
     assert blobs.put("a/parts", parts_of(*pieces), size) == size
     assert blobs.get("a/whole") == blobs.get("a/parts") == content
-    assert all(len(part) <= 2 * PART_BYTES for part in blobs.read("a/parts"))
     blobs.delete("a/whole", "a/parts", "a/never")
     for key in ("a/whole", "a/parts"):
         with pytest.raises(BlobNotFound):
@@ -55,7 +55,24 @@ def test_a_blob_that_fails_leaves_nothing(blobs: Blobs, tmp_path: Path, count: i
     assert files(tmp_path) == []
 
 
-def test_old_blobs_without_a_use_are_swept(blobs: Blobs, tmp_path: Path) -> None:
+def test_blobs_of_a_bucket_are_swept_by_age_and_use(blobs: Blobs) -> None:
+    for key in ("jobs/a/input", "jobs/used/input", "pages/a"):
+        blobs.put(key, b"x", 1)
+    now = datetime.now(UTC)
+    assert blobs.sweep("jobs", now - timedelta(hours=1), lambda key: False) == 0
+    assert blobs.sweep("jobs", now + timedelta(hours=1), lambda key: "used" in key) == 1
+    assert blobs.get("jobs/used/input") == blobs.get("pages/a") == b"x"
+    blobs.check()
+
+
+def test_a_file_is_read_in_parts(tmp_path: Path) -> None:
+    blobs = Blobs("", tmp_path)
+    blobs.put("a", bytes(2 * PART_BYTES + 7), 1 << 30)
+    assert [len(part) for part in blobs.read("a")] == [PART_BYTES, PART_BYTES, 7]
+
+
+def test_old_files_without_a_use_are_swept(tmp_path: Path) -> None:
+    blobs = Blobs("", tmp_path)
     for key in ("jobs/old/input", "jobs/used/input", "jobs/new/input", "pages/old"):
         blobs.put(key, b"x", 1)
     old_s = (datetime.now(UTC) - timedelta(hours=1)).timestamp()

@@ -180,8 +180,9 @@ def test_a_deleted_class_goes_on_counting_when_it_comes_back(store: Store) -> No
     assert store.model("letter").version is None
     assert store.model("letter").created_at == again.created_at
     assert store.add_version("letter", {"n": 2}, "initialize", expected_version=None).version == 2
-    assert [version.version for version in store.model_versions("letter")] == [1, 2]
-    assert store.model("letter", 1).document == {"n": 1}
+    assert [version.version for version in store.model_versions("letter")] == [2]
+    with pytest.raises(ModelNotFound, match="no version 1"):
+        store.model("letter", 1)
 
 
 def test_ready_models(store: Store) -> None:

@@ -91,7 +91,7 @@ import sqlalchemy as sa
 from alembic import op
 
 revision = "0099"
-down_revision = "0004"
+down_revision = "{newest}"
 
 def upgrade():
     with op.batch_alter_table("layout_models", recreate="always") as table:
@@ -174,7 +174,8 @@ def test_a_later_migration_may_make_tables_anew(tmp_path: Path, monkeypatch: pyt
     folder = tmp_path / "migrations"
     (ours,) = migrations.__path__
     shutil.copytree(ours, folder, ignore=shutil.ignore_patterns("__pycache__"))
-    (folder / "versions" / "v0099_colour.py").write_text(NEXT_RELEASE)
+    newest = max((folder / "versions").glob("v*.py")).name[1:5]
+    (folder / "versions" / "v0099_colour.py").write_text(NEXT_RELEASE.replace("{newest}", newest))
     with monkeypatch.context() as patch:
         patch.setattr(migrations, "__path__", [str(folder)])
         with Store.open(path) as store:

@@ -41,7 +41,7 @@ export async function learnedNote(feedback) {
     if (model.old_version !== null) parts.push(await changeList(model));
   }
   for (const { detail } of feedback.warnings ?? []) parts.push(make("p", { class: "warnings" }, detail));
-  return make("div", { class: "learned" }, make("h3", {}, "What the models learned"), parts);
+  return make("div", { class: "learned" }, make("h2", {}, "What the models learned"), parts);
 }
 
 async function changeList({ name, new_version: version, old_version: against }) {

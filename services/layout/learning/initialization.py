@@ -11,6 +11,7 @@ from services.layout.content.content_features import ContentFeatures, content_fe
 from services.layout.graph.layout_graph import build_graph
 from services.layout.learning.learned_joining import learn_joining
 from services.layout.learning.over_segmentation import over_segment
+from services.layout.matching import conditional_costs
 from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
 from services.layout.model.layout_model import Calibration, LayoutModel
@@ -19,6 +20,7 @@ from services.layout.model.scale_fitting import fit_scales
 from services.layout.model.statistics import LabelledGraph, sample_statistics, total_statistics
 from services.layout.page import Page
 from services.layout.recognition.classification import calibrate
+from services.layout.recognition.label_calibration import calibrate_labels, judge_labels
 from services.layout.recognition.page_recognition import RecognitionParameters, comparable_cost, match_graph
 
 MOST_HELD_OUT = 40
@@ -126,14 +128,20 @@ def calibrate_model(begun: LearningModel, seen: Sequence[Views]) -> Calibration:
     labels = begun.labels
     work = [sum(len(view.labelled.graph.pairs) for view in views) * len(labels) ** 2 for views in seen]
     costs = []
+    judged = []
+    with_images = any(view.is_found for views in seen for view in views)
     for index in choose_evenly(work, MOST_HELD_OUT, MOST_MATCHED):
         others = begun.statistics - sample_statistics([view.labelled for view in seen[index]], labels)
         model = estimate_model(others, labels, begun.model.scales)
         for view in seen[index]:
             graph = view.labelled.graph
-            _, matching, _ = match_graph(graph, view.page, model, RecognitionParameters())
+            tables, matching, _ = match_graph(graph, view.page, model, RecognitionParameters())
             costs.append(comparable_cost(graph, model, matching.labels) / graph.zones)
-    return calibrate(costs)
+            # Confidences are most wrong, and most used, on the zones of segmentation.
+            if view.is_found or not with_images:
+                true = np.array([labels.index(label) for label in view.labelled.labels])
+                judged.append(judge_labels(conditional_costs(tables, matching.labels), matching.labels, true))
+    return calibrate_labels(calibrate(costs), judged)
 
 
 def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:

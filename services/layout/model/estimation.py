@@ -1,7 +1,7 @@
 """From the statistics of a class to its model (5.6.1): means, weights, look-up tables, expectations."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,7 +168,8 @@ def name_parts(
             if has_costs[row][column]
         ),
         scales=dict(zip(scale_names(content_names), scales.tolist(), strict=True)),
-        calibration=Calibration(
+        calibration=replace(
+            calibration,
             mean=min(max(calibration.mean, -LARGEST), LARGEST),
             deviation=min(calibration.deviation, LARGEST),
             pages=min(calibration.pages, int(LARGEST)),

@@ -71,18 +71,29 @@ class ModelEdge:
     costs: Mapping[str, tuple[float, ...]]
 
 
+USUAL_SLOPE, USUAL_INTERCEPT = 0.6, -0.8
+"""Log odds of right labels, as a line of those of the confidence: all of five sets of pages by models of five samples.
+Attributes say the same thing several times over, so that confidences are too high."""
+
+
 @dataclass(frozen=True, slots=True)
 class Calibration:
     """Cost a zone that pages of the class have when they are matched: its mean and standard deviation.
 
     `pages` says from how many pages, each view of a sample being one, that had no part in the model it was measured;
     0: both are assumed. `bias` is added to the cost of every page: what wrong decisions on classes have taught.
+
+    `label_slope` and `label_intercept` make log odds of a label's confidence those of being right; they were measured
+    on `label_zones` zones of such pages (`recognition.label_calibration`).
     """
 
     mean: float
     deviation: float
     pages: int
     bias: float = 0.0
+    label_slope: float = USUAL_SLOPE
+    label_intercept: float = USUAL_INTERCEPT
+    label_zones: int = 0
 
 
 @dataclass(frozen=True, slots=True)

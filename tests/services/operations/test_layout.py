@@ -21,7 +21,12 @@ from services.layout.page import Page, ReadWord, Zone
 from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
 from services.operations import layout
 from services.operations.layout import recognize_upload
-from services.operations.layout_models import import_model, initialize_from_samples, measure_sample
+from services.operations.layout_models import (
+    import_model,
+    import_sample,
+    initialize_from_samples,
+    measure_sample,
+)
 from services.operations.layout_result import describe_recognition
 from services.progress import progress_to
 from simulation.labelled_pages import letter_page
@@ -308,3 +313,12 @@ def test_a_sample_may_be_a_file_of_another_program(model: ModelDocument, image_f
     }
     with pytest.raises(InvalidOption, match="JSON"):
         measure_sample(None, labelled.body, SETTINGS)
+
+
+def test_an_exported_sample_is_imported_as_it_was() -> None:
+    sample: Any = measure_sample(None, as_json(LETTERS[0]), SETTINGS)
+    sample["found"] = measure_sample(None, as_json(LETTERS[1]), SETTINGS)
+    assert import_sample(as_json(sample), SETTINGS) == sample
+    for wrong in (b"no JSON", b"[]", b"{}", as_json({**LETTERS[0], "zones": []})):
+        with pytest.raises(InvalidOption):
+            import_sample(wrong, SETTINGS)

@@ -215,6 +215,7 @@ DAMAGES: list[tuple[Path, Any, str]] = [
     (("calibration", "deviation"), 0.0, "calibration.deviation"),
     (("calibration", "pages"), -1, "calibration.pages"),
     (("calibration", "bias"), 1e9, "calibration.bias"),
+    (("calibration", "label_slope"), 1e9, "calibration.label_slope"),
     ((*NODE, "numeric", "left", "weight"), -0.1, "nodes[1].numeric.left.weight"),
     ((*NODE, "joining"), 1e9, "nodes[1].joining"),
     ((*NODE, "content_weights", "date"), "much", "nodes[1].content_weights.date"),
@@ -257,7 +258,16 @@ def test_a_version_of_more_digits_than_are_told_is_refused() -> None:
 PATHS = sorted(paths(document()), key=str)
 
 
-LEARNED = ("weight", "content_weights", "bias", "joining", "memory")
+LEARNED = (
+    "weight",
+    "content_weights",
+    "bias",
+    "joining",
+    "memory",
+    "label_slope",
+    "label_intercept",
+    "label_zones",
+)
 """What models of earlier releases have not."""
 NEEDED_OF_MEMORY = (
     *("pages", "nodes", "edges", "certainty"),

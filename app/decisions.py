@@ -1,0 +1,163 @@
+"""Which pages may go through without a person: a threshold of confidence for each class, from feedback so far.
+
+The operator states a tolerated error: the share of accepted zones whose label or class may be wrong. The threshold of a
+class is the lowest of `CANDIDATES` at which the upper confidence bound of that error (Clopper and Pearson, 1934) is at
+most the tolerated one. The bounds of all candidates hold together with probability `CERTAINTY` (Bonferroni). They
+presuppose that the verified zones of a class are like those to come, and that zones err independently of each other;
+where errors of one page belong together the true certainty is lower. A class without a threshold is reviewed.
+"""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from models.records import ReviewDraft
+
+CERTAINTY = 0.95
+CANDIDATES = (0.999, 0.99, 0.97, 0.9, 0.8, 0.5, 0.0)
+"""Confidences among which a threshold is chosen; each one more costs evidence, ln(number) / error zones."""
+EVIDENCE = 300
+"""Newest feedbacks of a class from which its threshold is computed: older ones are of older models."""
+_STEPS = 60  # of a bisection: more than the bits of a float
+
+Verdict = tuple[str | None, float, bool]
+"""Found label of a zone, its confidence, and whether a person found it right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """`action` is accept or review; each reason has a code, a sentence and the zones that it is about."""
+
+    action: str
+    tolerated_error: float
+    reasons: tuple[dict[str, Any], ...] = ()
+
+
+def upper_bound(wrong: int, total: int, certainty: float) -> float:
+    """Largest error rate under which `wrong` errors or fewer among `total` have the probability 1 - certainty."""
+    if total == 0 or wrong >= total:
+        return 1.0
+    low, high = wrong / total, 1.0
+    for _ in range(_STEPS):
+        middle = (low + high) / 2
+        if _at_most(wrong, total, middle) > 1.0 - certainty:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _at_most(wrong: int, total: int, rate: float) -> float:
+    """Probability of `wrong` or fewer successes of a binomial distribution."""
+    if rate <= 0.0 or rate >= 1.0:
+        return float(rate <= 0.0)
+    log_rate, log_rest = math.log(rate), math.log1p(-rate)
+    terms = (
+        math.lgamma(total + 1)
+        - math.lgamma(k + 1)
+        - math.lgamma(total - k + 1)
+        + k * log_rate
+        + (total - k) * log_rest
+        for k in range(wrong + 1)
+    )
+    return min(1.0, math.fsum(math.exp(term) for term in terms))
+
+
+def threshold_of(verdicts: Sequence[Verdict], tolerated: float) -> float | None:
+    """Least confidence of accepted zones; None: the evidence does not allow to accept any."""
+    certainty = 1.0 - (1.0 - CERTAINTY) / len(CANDIDATES)
+    allowed = [
+        candidate for candidate in CANDIDATES if _error_above(verdicts, candidate, certainty) <= tolerated
+    ]
+    return min(allowed, default=None)
+
+
+def _error_above(verdicts: Sequence[Verdict], candidate: float, certainty: float) -> float:
+    chosen = [right for _, confidence, right in verdicts if confidence >= candidate]
+    return upper_bound(chosen.count(False), len(chosen), certainty)
+
+
+def joint_confidences(result: Mapping[str, Any]) -> dict[str, float]:
+    """Probability that class and label of each zone are right, by the zone's id; 0 without a class."""
+    sure = result["class"]["probability"] if result.get("class") else 0.0
+    return {zone["id"]: sure * zone["confidence"] for zone in result["zones"]}
+
+
+def verdicts_of(
+    result: Mapping[str, Any], wrong: Collection[str], kept: Collection[str], *, class_is_right: bool
+) -> list[list[Any]]:
+    """What a feedback says of the zones of a result, for later decisions.
+
+    `wrong` are ids of zones with a wrong label, `kept` those of the zones that the person did not delete.
+    """
+    if not result.get("class"):
+        return []
+    confidences = joint_confidences(result)
+    return [
+        [
+            zone["label"],
+            round(confidences[zone["id"]], 5),
+            class_is_right and zone["id"] in kept and zone["id"] not in wrong,
+        ]
+        for zone in result["zones"]
+    ]
+
+
+def decide(
+    result: Mapping[str, Any], verdicts: Sequence[Verdict], tolerated: Mapping[str | None, float]
+) -> Decision:
+    """Whether a page may go through.
+
+    Parameters
+    ----------
+    result
+        The result of the recognition.
+    verdicts
+        Of the class that was found.
+    tolerated
+        Tolerated error of the class, under None, and of labels that have one of their own.
+    """
+    stated = tolerated[None]
+    if not result.get("class"):
+        detail = "No class fits this page. Give it its class."
+        return Decision("review", stated, ({"code": "no-class", "detail": detail, "zones": []},))
+    thresholds = {
+        label: threshold_of(
+            verdicts if label is None else [one for one in verdicts if one[0] == label], error
+        )
+        for label, error in tolerated.items()
+    }
+    confidences = joint_confidences(result)
+    unknown, unsure = [], []
+    for zone in result["zones"]:
+        threshold = thresholds.get(zone["label"], thresholds[None])
+        if threshold is None:
+            unknown.append(zone["id"])
+        elif confidences[zone["id"]] < threshold:
+            unsure.append(zone["id"])
+    name = result["class"]["name"]
+    reasons = []
+    if unknown:
+        detail = f"There is too little feedback on {name} to show an error of at most {stated:g}. Confirm pages of it."
+        reasons.append({"code": "no-evidence", "detail": detail, "zones": unknown})
+    if unsure:
+        detail = f"Of zones as unsure as these, more than {stated:g} may be wrong."
+        reasons.append({"code": "unsure", "detail": detail, "zones": unsure})
+    return Decision("review" if reasons else "accept", stated, tuple(reasons))
+
+
+def place_in_queue(result: Mapping[str, Any]) -> ReviewDraft:
+    """What the queue is ordered by, for a result with its decision.
+
+    The gain is the expected number of zones with a wrong label.
+    """
+    confidences = joint_confidences(result).values()
+    return ReviewDraft(
+        gain=math.fsum(1.0 - confidence for confidence in confidences),
+        confidence=min(confidences, default=0.0),
+        class_name=result["class"]["name"] if result.get("class") else None,
+        zones=len(result["zones"]),
+        decision=result["decision"]["action"],
+        has_image=result.get("image") is not None,
+    )

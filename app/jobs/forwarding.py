@@ -1,0 +1,157 @@
+"""Admission of requests to the queue of jobs, and requests that wait for workers elsewhere."""
+
+import asyncio
+import tempfile
+from collections.abc import Collection, Iterator
+from typing import IO
+
+from anyio import to_thread
+from fastapi import Request
+from starlette.datastructures import Headers
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.engine.base import Busy
+from app.jobs.registry import JobCancelled, Jobs
+from app.jobs.stored_request import describe_request
+from app.paths import PathTemplates
+from app.problems import problem_response
+from app.upload_places import UploadPlaces
+from app.uploads import IS_JOB, ClientGone
+from app.wishes import prefers_async
+from models.job_records import StoredJob
+
+_IN_MEMORY_BYTES = 256 * 1024
+_READ_BYTES = 1 << 20
+BEFORE_JOBS = 1
+"""Priority of requests whose clients wait for the answer."""
+
+
+class JobAdmission:
+    """Middleware: a full queue of jobs refuses before the body is read.
+
+    Without workers of its own (`forwards`), the service stores every request for work as a job that is first in the
+    queue, waits for its end, and deletes it. Where the client prefers a job, the route stores it.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        jobs: Jobs,
+        work: Collection[tuple[str, str]],
+        later: Collection[tuple[str, str]],
+        places: UploadPlaces,
+        queue_timeout_s: float,
+        *,
+        forwards: bool,
+    ) -> None:
+        """`work` and `later` are pairs of method and path template: requests for work, and those that may be jobs."""
+        self.app = app
+        self.jobs = jobs
+        self.work = frozenset(work)
+        self.later = frozenset(later)
+        self.templates = PathTemplates(template for _, template in work)
+        self.places = places
+        self.queue_timeout_s = queue_timeout_s
+        self.forwards = forwards
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or (scope["method"], self.templates.match(scope["path"])) not in self.work:
+            await self.app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        is_job = (scope["method"], self.templates.match(scope["path"])) in self.later and prefers_async(
+            headers
+        )
+        scope["state"][IS_JOB] = is_job
+        if is_job or self.forwards:
+            length = headers.get("content-length", "")
+            await self.jobs.require_room(
+                scope["state"]["caller"], int(length) if length.isascii() and length.isdigit() else 0
+            )
+        if is_job or not self.forwards:
+            await self.app(scope, receive, send)
+            return
+        await (await self._answer(scope, receive))(scope, receive, send)
+
+    async def _answer(self, scope: Scope, receive: Receive) -> Response:
+        request = Request(scope)
+        with tempfile.SpooledTemporaryFile(_IN_MEMORY_BYTES) as file:
+            size = await self._spool(receive, file)
+            file.seek(0)
+            description = describe_request(request, request.headers.get("content-type"))
+            job = await self.jobs.store_job(
+                description, _parts(file), size, description["caller"], "request", priority=BEFORE_JOBS
+            )
+        try:
+            return await self._end(request, receive, job)
+        finally:
+            await asyncio.shield(self._forget(request, job))
+
+    async def _spool(self, receive: Receive, file: IO[bytes]) -> int:
+        place, size = self.places.enter(), 0
+        try:
+            while True:
+                message: Message = await place.receive(receive)
+                if message["type"] == "http.disconnect":
+                    raise ClientGone("The client closed the connection before the body was there.")
+                if body := message.get("body", b""):
+                    size += len(body)
+                    await to_thread.run_sync(file.write, body)
+                if not message.get("more_body", False):
+                    return size
+        finally:
+            place.leave()
+
+    async def _end(self, request: Request, receive: Receive, job: StoredJob) -> Response:
+        """The answer of the job.
+
+        Raises
+        ------
+        Busy
+            When no worker takes it in time.
+        ClientGone
+        """
+        leaving = asyncio.ensure_future(_until_disconnected(receive))
+        ending = asyncio.ensure_future(self._wait(job))
+        try:
+            await asyncio.wait((leaving, ending), return_when=asyncio.FIRST_COMPLETED)
+            if not ending.done():
+                raise ClientGone("The client closed the connection before the work was done.")
+            return await self.jobs.answer(ending.result())
+        finally:
+            for task in (leaving, ending):
+                task.cancel()
+            await asyncio.gather(leaving, ending, return_exceptions=True)
+
+    async def _wait(self, job: StoredJob) -> StoredJob:
+        async with asyncio.timeout(self.queue_timeout_s) as waiting:
+            try:
+                async for changed in self.jobs.follow(job):
+                    if changed is None:
+                        continue
+                    if changed.state != "queued":
+                        waiting.reschedule(None)  # the worker's own limits hold from here on
+                    if changed.is_over:
+                        return changed
+            except TimeoutError:
+                raise Busy(
+                    f"No worker was free within {self.queue_timeout_s:g} s (QUEUE_TIMEOUT_S). "
+                    "Send the request again later."
+                ) from None
+        raise Busy("The service is stopping. Send the request again.")
+
+    async def _forget(self, request: Request, job: StoredJob) -> None:
+        problem = problem_response(JobCancelled("The client no longer waits."), request.scope)
+        await self.jobs.cancel(job, problem)
+        await self.jobs.delete(job)
+
+
+async def _until_disconnected(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass
+
+
+def _parts(file: IO[bytes]) -> Iterator[bytes]:
+    while part := file.read(_READ_BYTES):
+        yield part

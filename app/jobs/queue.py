@@ -1,0 +1,173 @@
+"""The queue in PostgreSQL, by which API processes and workers on several machines share jobs (Procrastinate).
+
+An entry of the queue is a ticket: it says that a job waits, and wakes one free slot of one worker. Which job that slot
+takes is decided by the rows of the jobs, so that owners take turns. Tickets may be lost or too many: what counts is in
+the rows. `QueueDispatch.settle` adds missing tickets and deletes those of dead workers.
+"""
+
+import asyncio
+import logging
+import re
+from contextlib import suppress
+
+import procrastinate
+import psycopg
+from procrastinate.exceptions import ProcrastinateException
+from procrastinate.jobs import Status
+from procrastinate.schema import SchemaManager
+
+from app.jobs.running import JobRunner
+from models.errors import StoreError, StoreUnavailable
+
+log = logging.getLogger(__name__)
+
+QUEUE = "document_jobs"
+ASK_EVERY_S = 2.0
+"""Pause after which a worker asks for tickets; usually the database notifies it."""
+RESTART_PAUSE_S = 1.0
+STALLED_AFTER_S = 60.0
+"""Silence after which a worker counts as dead and its tickets are deleted; well above the time of a graceful stop,
+during which a worker does not report to the queue."""
+MOST_TICKETS = 1000
+"""Tickets that are added at once."""
+_ANSWER_S = 5.0
+_SCHEMA_LOCK = 0x6A6F6273  # key of PostgreSQL's advisory lock: any number that no other program uses
+_CONNECT = {"connect_timeout": 5, "keepalives_idle": 30, "tcp_user_timeout": 15000}
+_MISSING = """
+SELECT (SELECT count(*) FROM jobs WHERE state = 'queued' AND ready_at <= now())
+     - (SELECT count(*) FROM procrastinate_jobs WHERE status = 'todo' AND queue_name = %(queue)s) AS missing
+"""
+_ALIVE = """
+SELECT count(*) AS alive FROM procrastinate_workers WHERE last_heartbeat > now() - interval '30 seconds'
+"""
+Failure = (ProcrastinateException, psycopg.Error, OSError, TimeoutError)
+"""What the library raises when the database cannot be used."""
+
+
+class QueueDispatch:
+    """Runs up to `slots` jobs at once in this process, as tickets arrive; 0: it only adds tickets."""
+
+    def __init__(self, database_url: str, runner: JobRunner, slots: int) -> None:
+        self._url = re.sub(r"^postgres(ql)?(\+\w+)?://", "postgresql://", database_url)
+        self._runner = runner
+        self._slots = slots
+        self._free = asyncio.Semaphore(max(1, slots))
+        self._running: set[asyncio.Task[None]] = set()
+        self._worker: asyncio.Task[None] | None = None
+        connector = procrastinate.PsycopgConnector(
+            conninfo=self._url, kwargs=_CONNECT, min_size=1, max_size=6, timeout=_ANSWER_S
+        )
+        self._app = procrastinate.App(connector=connector)
+        self._ticket = self._app.task(name="run_job", queue=QUEUE)(self._use_ticket)
+
+    async def start(self) -> None:
+        """Begin to run jobs.
+
+        Raises
+        ------
+        StoreUnavailable
+            When the queue's tables cannot be made.
+        """
+        try:
+            await asyncio.to_thread(_make_tables, self._url)
+            await self._app.open_async()
+        except Failure as error:
+            raise StoreUnavailable(f"the queue of jobs cannot be opened: {error}") from error
+        if self._slots:
+            self._runner.start()
+            self._worker = asyncio.create_task(self._keep_working())
+
+    async def announce(self, job_id: str) -> None:
+        """Add a ticket. A failure is logged only: `settle` adds it later."""
+        try:
+            async with asyncio.timeout(_ANSWER_S):
+                await self._ticket.defer_async(job_id=job_id)
+        except Failure as error:
+            log.warning("a job could not be announced: %s", error)
+
+    async def settle(self) -> None:
+        """Add missing tickets, and delete those of dead workers.
+
+        Raises
+        ------
+        StoreUnavailable
+        """
+        try:
+            async with asyncio.timeout(2 * _ANSWER_S):
+                stalled = await self._app.job_manager.get_stalled_jobs(
+                    queue=QUEUE, seconds_since_heartbeat=STALLED_AFTER_S
+                )
+                for job in stalled:
+                    await self._app.job_manager.finish_job(job, Status.FAILED, delete_job=True)
+                row = await self._app.connector.execute_query_one_async(_MISSING, queue=QUEUE)
+                for _ in range(min(int(row["missing"]), MOST_TICKETS)):
+                    await self._ticket.defer_async(job_id="")
+        except Failure as error:
+            raise StoreUnavailable(f"the queue of jobs cannot be used: {error}") from error
+
+    async def live_workers(self) -> int | None:
+        """Number of processes that run jobs; None: the queue does not answer."""
+        try:
+            async with asyncio.timeout(0.7):
+                row = await self._app.connector.execute_query_one_async(_ALIVE)
+        except Failure:
+            return None
+        return int(row["alive"])
+
+    async def stop(self, grace_s: float) -> None:
+        """Take no more jobs; those that still run after `grace_s` seconds are handed back."""
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.cancel()
+        if self._running:
+            await asyncio.wait(self._running, timeout=grace_s)
+        for task in tuple(self._running):
+            task.cancel()
+        await asyncio.gather(*self._running, return_exceptions=True)
+        if worker is not None:
+            await asyncio.wait((worker,), timeout=_ANSWER_S)
+            await self._runner.stop()
+        with suppress(*Failure):
+            async with asyncio.timeout(_ANSWER_S):
+                await self._app.close_async()
+
+    async def _keep_working(self) -> None:
+        """Run the library's worker, and start it again when the database was away."""
+        while True:
+            try:
+                await self._app.run_worker_async(
+                    queues=[QUEUE],
+                    concurrency=self._slots,
+                    fetch_job_polling_interval=ASK_EVERY_S,
+                    delete_jobs="always",
+                    install_signal_handlers=False,
+                    shutdown_graceful_timeout=1.0,
+                    update_heartbeat_interval=5.0,
+                    stalled_worker_timeout=STALLED_AFTER_S,
+                )
+            except Exception as error:
+                log.warning("the queue of jobs cannot be read: %s", error)
+            await asyncio.sleep(RESTART_PAUSE_S)
+
+    async def _use_ticket(self, job_id: str) -> None:
+        """Run one job. It goes on when the library's worker ends, for example because the database is away."""
+        task = asyncio.create_task(self._run_one())
+        self._running.add(task)
+        task.add_done_callback(self._running.discard)
+        await asyncio.shield(task)
+
+    async def _run_one(self) -> None:
+        async with self._free:
+            try:
+                await self._runner.run_one()
+            except StoreError as error:
+                log.warning("no job could be taken: %s", error.detail)
+
+
+def _make_tables(url: str) -> None:
+    """Make the queue's tables if they are not there. Of several processes one does it."""
+    with psycopg.connect(url, **_CONNECT) as connection:  # type: ignore[arg-type]
+        connection.execute("SELECT pg_advisory_xact_lock(%s)", (_SCHEMA_LOCK,))
+        found = connection.execute("SELECT to_regclass('procrastinate_jobs')").fetchone()
+        if found is None or found[0] is None:
+            connection.execute(SchemaManager.get_schema())

@@ -1,0 +1,56 @@
+"""GET /audit: who changed what, and when."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+
+from app.problems import documented
+from app.routes.common_responses import STORE
+from app.routes.paging import LINK, link_next
+from app.routes.state import State
+from app.schemas.layout import MODEL_NAME_PATTERN
+from app.schemas.options import Absent
+from app.schemas.review import Change, ChangeList
+
+router = APIRouter(tags=["review"])
+
+MOST_LISTED = 200
+
+
+@router.get(
+    "/audit",
+    operation_id="audit",
+    response_class=Response,
+    responses={
+        200: {"description": "Changes, newest first.", "model": ChangeList, "headers": LINK},
+        **documented("forbidden", "invalid-option", *STORE),
+    },
+)
+async def audit(
+    request: Request,
+    state: State,
+    model: Annotated[
+        str | Absent, Query(pattern=MODEL_NAME_PATTERN, description="Only changes of this model.")
+    ] = None,
+    limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50,
+    cursor: Annotated[
+        str | Absent, Query(pattern="^[0-9A-HJKMNP-TV-Z]{26}$", description="From the header `Link`.")
+    ] = None,
+) -> Response:
+    """List who changed models or deleted data, newest first. The newest 100 000 entries are kept."""
+    found = await state.store.call(lambda store: store.changes(limit + 1, model=model, before=cursor))
+    entries = [
+        Change(
+            id=entry.id,
+            time=entry.created_at,
+            who=entry.who,
+            action=entry.action,
+            model=entry.model,
+            detail=entry.detail,
+        )
+        for entry in found[:limit]
+    ]
+    response = Response(ChangeList(entries=entries).model_dump_json(), media_type="application/json")
+    if len(found) > limit:
+        link_next(request, state, response, found[limit - 1].id)
+    return response

@@ -1,0 +1,91 @@
+"""Requests and responses of the review queue and of the list of changes; the decision of a result."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.schemas.page import Answer
+
+LONGEST_CLAIM = 64
+
+
+class DecisionReason(Answer):
+    """Why a page should be reviewed."""
+
+    code: Literal["no-class", "no-evidence", "unsure"]
+    detail: str
+    zones: list[str] = Field(description="Ids of the zones that it is about; empty: the whole page.")
+
+
+class Decision(Answer):
+    """Whether the labels may be used without a person, by the feedback so far when the page was recognized."""
+
+    action: Literal["accept", "review"]
+    tolerated_error: float = Field(
+        description="Largest share of wrong zones among accepted ones, as the operator states it (TOLERATED_ERRORS)."
+    )
+    reasons: list[DecisionReason]
+
+
+class QueueEntry(Answer):
+    """A recognized page in the review queue."""
+
+    model_config = ConfigDict(extra="forbid", serialize_by_alias=True, validate_by_name=True)
+
+    id: str = Field(description="Id of the result.")
+    state: Literal["open", "confirmed", "corrected", "skipped"]
+    class_: str | None = Field(alias="class")
+    zones: int
+    confidence: float = Field(
+        description="Least probability of a zone that its class and its label are right."
+    )
+    gain: float = Field(
+        description="Expected number of zones with a wrong label: what a correction can teach."
+    )
+    decision: Literal["accept", "review"]
+    has_image: bool = Field(description="GET /layout/results/{id}/image has its picture.")
+    created: datetime
+    claimed_by: str | None = Field(description="Name of the API key that works on it; null without keys.")
+    claimed_until: datetime | None = Field(description="null: nobody works on it.")
+
+
+class Queue(Answer):
+    """A part of the review queue; the header `Link` has the address of the next one."""
+
+    results: list[QueueEntry]
+
+
+class ClaimBody(BaseModel):
+    """The claim that the caller has on the page."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    claim: str | None = Field(
+        default=None, max_length=LONGEST_CLAIM, description="`claim` of the response to POST .../claim."
+    )
+
+
+class Claim(Answer):
+    """A page that the caller may work on until the claim expires."""
+
+    result: str
+    claim: str = Field(description="Send it to renew or release the claim, or to skip the page.")
+    until: datetime
+
+
+class Change(Answer):
+    """Who changed what, and when."""
+
+    id: str
+    time: datetime
+    who: str | None = Field(description="Name of the API key; null: the service has no keys.")
+    action: str
+    model: str | None
+    detail: str
+
+
+class ChangeList(Answer):
+    """Changes, newest first; the header `Link` has the address of the next ones."""
+
+    entries: list[Change]

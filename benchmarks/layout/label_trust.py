@@ -1,0 +1,165 @@
+"""Calibration of the confidences of labels, from images: expected error, and zones that can be accepted.
+
+python -m benchmarks layout_calibration [--sets letters/real,memos] [--sizes 3,5,all] [--limit N]
+
+Models of N samples label other pages from their images. The expected calibration error is the mean distance of
+confidence and share of right labels over 15 bins of confidence. Zones are accepted from the most confident on, as long
+as at most 1 % of them are wrong; a curve shows the error of every share.
+"""
+
+import sys
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.common.baseline import Figures, Metric, judge
+from benchmarks.common.figures import plain_values, write_json
+from benchmarks.common.memory import Memory
+from benchmarks.common.options import make_parser
+from benchmarks.common.places import BASELINE, MEMORY, OUTPUT
+from benchmarks.common.workers import Progress, run_in_workers
+from benchmarks.layout.part import table
+from benchmarks.layout.protocols import draws, folds, make_model
+from benchmarks.layout.truth import LabelledPage, layout_folder
+from benchmarks.layout.word_labels import SETS, Photo, load_pages, read_photo
+from services.layout.learning.label_transfer import transfer_labels
+from services.layout.pipeline import VersionedModel, recognize_fine
+from services.ocr.engine import OcrEngine
+from services.ocr.tesseract import open_engine
+
+NAME = "layout_calibration"
+SIZES = ("3", "5", "all")
+DRAWS = 2
+FOLDS = 4
+BINS = 15
+TOLERATED = 0.01
+METRICS = {"expected_error_percent": Metric(1.0, False), "accepted_percent": Metric(3.0, True)}
+
+Judged = tuple[NDArray[np.float64], NDArray[np.bool_]]
+"""Confidences (N,) of zones, and which of their labels are right."""
+
+
+def judge_zones(photos: Sequence[Photo], size: str) -> Judged:
+    """Zones of pages that models of `size` samples have labelled, over draws or folds."""
+    if size == "all":
+        splits = list(folds(len(photos), FOLDS))
+    else:
+        drawn = draws(len(photos), int(size), DRAWS, seed=7)
+        splits = [(each, [at for at in range(len(photos)) if at not in each]) for each in drawn]
+    confidence: list[float] = []
+    is_right: list[bool] = []
+    for learned, tested in splits:
+        model = make_model("class", [(photos[at].true, photos[at].own) for at in learned])
+        for at in tested:
+            seen = recognize_fine(photos[at].fine, [VersionedModel(model, 1)])
+            true = transfer_labels(photos[at].true, seen.page)
+            confidence += [each.confidence for each in seen.zones]
+            is_right += [each.label == zone.label for each, zone in zip(seen.zones, true.zones, strict=True)]
+    return np.array(confidence), np.array(is_right, bool)
+
+
+def expected_error(judged: Judged) -> float:
+    """Expected calibration error, 0-1."""
+    confidence, is_right = judged
+    bins = np.minimum((confidence * BINS).astype(int), BINS - 1)
+    total = sum(abs(float(np.sum(confidence[bins == each] - is_right[bins == each]))) for each in range(BINS))
+    return total / len(confidence)
+
+
+def error_of_shares(judged: Judged) -> NDArray[np.float64]:
+    """Share of wrong labels among the 1, 2, ... most confident zones."""
+    order = np.argsort(-judged[0], kind="stable")
+    return np.asarray(np.cumsum(~judged[1][order]) / np.arange(1, len(order) + 1))
+
+
+def accepted_share(judged: Judged, tolerated: float = TOLERATED) -> float:
+    """Largest share of zones, the most confident ones, with at most `tolerated` wrong labels."""
+    good = np.flatnonzero(error_of_shares(judged) <= tolerated)
+    return float(good[-1] + 1) / len(judged[0]) if len(good) else 0.0
+
+
+def plot(judged: Sequence[tuple[str, Judged]]) -> None:
+    """The error of every accepted share, one curve for each case."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(8, 5))
+    for case, each in judged:
+        errors = error_of_shares(each)
+        axes.plot(100 * np.arange(1, len(errors) + 1) / len(errors), 100 * errors, label=case, linewidth=1)
+    axes.axhline(100 * TOLERATED, color="black", linewidth=0.5)
+    axes.set(xlabel="accepted zones, percent", ylabel="wrong labels among them, percent", ylim=(0, 20))
+    axes.legend(fontsize="x-small")
+    figure.savefig(OUTPUT / f"{NAME}.png", dpi=120, bbox_inches="tight")
+    pyplot.close(figure)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run, print, save, compare; 1 when something got worse than the baseline."""
+    parser = make_parser(NAME, __doc__)
+    parser.add_argument("--sets", default=",".join(SETS), help="which sets, by commas (default: all)")
+    parser.add_argument("--sizes", default=",".join(SIZES), help="numbers of samples, by commas")
+    parser.add_argument("--limit", type=int, default=None, help="only the first N pages of each set")
+    options = parser.parse_args(arguments)
+    names, sizes = options.sets.split(","), options.sizes.split(",")
+    if unknown := [name for name in names if name not in SETS]:
+        parser.error(f"no such set: {', '.join(unknown)} (there are {', '.join(SETS)})")
+    pages = [(name, page) for name in names for page in load_pages(name, options.data, options.limit)]
+    if not pages:
+        print(f"no pages in {layout_folder(options.data)}: nothing is measured", file=sys.stderr)
+        return 0
+    kept = None if options.fresh else "kept"
+    photos: dict[str, list[Photo]] = {}
+    progress = Progress(len(pages))
+    for name, photo in run_in_workers(_read, pages, _start, kept, options.workers):
+        photos.setdefault(name, []).append(photo)
+        progress.tell(photo.name)
+    tasks = [
+        (name, size, sorted(each, key=lambda photo: photo.name))
+        for name, each in photos.items()
+        for size in sizes
+        if size == "all" or int(size) < len(each)
+    ]
+    judged = list(run_in_workers(_judge, tasks, _start, kept, options.workers))
+    figures: Figures = {
+        case: {
+            "expected_error_percent": 100 * expected_error(each),
+            "accepted_percent": 100 * accepted_share(each),
+            "right_percent": 100 * float(each[1].mean()),
+            "zones": len(each[0]),
+        }
+        for case, each in judged
+    }
+    columns = ("expected_error_percent", "accepted_percent", "right_percent", "zones")
+    rows = [[case, *(float(row[each]) for each in columns)] for case, row in figures.items()]
+    print(table("Confidences of labels from images", ("set, samples", *columns), rows))
+    write_json(OUTPUT / f"{NAME}.json", plain_values(figures))
+    plot(judged)
+    if options.limit or len(names) < len(SETS) or sizes != list(SIZES):
+        return 0
+    verdict, good = judge(
+        BASELINE / f"{NAME}.json", plain_values(figures), METRICS, update=options.update_baseline
+    )
+    print(verdict, flush=True)
+    return 0 if good else 1
+
+
+_started: list[tuple[OcrEngine | None, Memory]] = []
+
+
+def _start(memory: str | None) -> None:
+    cv2.setNumThreads(1)
+    _started[:] = [(open_engine(), Memory(MEMORY if memory else None))]
+
+
+def _read(task: tuple[str, LabelledPage]) -> tuple[str, Photo]:
+    return task[0], read_photo(task[1], *_started[0])
+
+
+def _judge(task: tuple[str, str, Sequence[Photo]]) -> tuple[str, Judged]:
+    name, size, photos = task
+    return f"{name}, {size} samples", judge_zones(photos, size)

@@ -1,0 +1,133 @@
+"""Records of jobs, as the store returns them. Times are aware and in UTC."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Final, Literal
+
+JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+FINAL_STATES: Final = ("succeeded", "failed", "cancelled")
+JOB_BLOBS: Final = "jobs"
+"""First part of the keys of all blobs of jobs."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobDraft:
+    """A job to be stored. Its input is in the blobs already.
+
+    `request` is what the job is to do, as JSON. `repeat_key` is equal for requests that ask for the same job, and
+    `digest` tells whether they ask for the same work; None: the job is never repeated. Jobs of a higher `priority` run
+    first.
+    """
+
+    id: str
+    owner: str | None
+    operation: str
+    request: dict[str, Any]
+    input_key: str | None
+    input_bytes: int
+    repeat_key: str | None = None
+    digest: str | None = None
+    priority: int = 0
+    callback_url: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class JobBounds:
+    """Most unfinished jobs, of one owner and of all, and most bytes of their inputs."""
+
+    most_jobs: int
+    most_jobs_of_owner: int
+    most_input_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """One attempt to call a job's `callback_url`: the status of the answer (None: there was none), and what failed."""
+
+    at: datetime
+    status: int | None
+    failure: str | None
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredJob:
+    """A job. `attempts` counts its starts; `revision` counts its changes.
+
+    `answer` is the head of the response (status and headers), `answer_key` the blob of its body; `problem` is the body
+    of a job that failed or was cancelled.
+    """
+
+    id: str
+    owner: str | None
+    operation: str
+    request: dict[str, Any]
+    input_key: str | None
+    state: JobState
+    stage: str | None
+    progress: float
+    revision: int
+    attempts: int
+    created_at: datetime
+    started_at: datetime | None
+    ended_at: datetime | None
+    answer: dict[str, Any] | None
+    answer_key: str | None
+    answer_bytes: int
+    problem: dict[str, Any] | None
+    callback_url: str | None
+    deliveries: tuple[Delivery, ...] = ()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether its state is final."""
+        return self.state in FINAL_STATES
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lease:
+    """A job that a worker may run until the lease ends. Only who knows the `token` can change the job."""
+
+    job: StoredJob
+    token: str
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What a worker reports of a job that it runs."""
+
+    job_id: str
+    token: str
+    stage: str | None
+    progress: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JobEnd:
+    """The end of a job. See `StoredJob`."""
+
+    state: JobState
+    answer: dict[str, Any] | None = None
+    answer_key: str | None = None
+    answer_bytes: int = 0
+    problem: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class QueueStatus:
+    """Unfinished jobs: how many wait and run, bytes of their inputs, and seconds since the oldest one was accepted."""
+
+    queued: int
+    running: int
+    input_bytes: int
+    oldest_s: float
+
+
+def blob_key(job_id: str, part: str) -> str:
+    """Key of a blob of a job."""
+    return f"{JOB_BLOBS}/{job_id}/{part}"
+
+
+def job_of_blob(key: str) -> str:
+    """Id of the job that a blob belongs to."""
+    return key.split("/")[1] if key.count("/") else ""

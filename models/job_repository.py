@@ -1,0 +1,397 @@
+"""The store's calls for jobs: accepted work that outlives every process.
+
+A worker that takes a job gets a lease with a token. It renews the lease while it works. When the lease has ended, the
+job is given to another worker with another token, so that a late writer cannot change the job any more. The end of a
+job is written once.
+"""
+
+import secrets
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from datetime import datetime, timedelta
+from typing import cast
+
+from sqlalchemy import ColumnElement, case, func, select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from models.documents import decode_document, encode_document
+from models.errors import JobKeyReused, JobNotFound, QueueFull
+from models.job_records import (
+    FINAL_STATES,
+    Delivery,
+    JobBounds,
+    JobDraft,
+    JobEnd,
+    JobState,
+    Lease,
+    Progress,
+    QueueStatus,
+    StoredJob,
+)
+from models.tables import JobRow
+from models.transactions import Transactions
+
+MOST_RETURNS = 60
+"""Largest number of times that a job is handed back because the service could not run it."""
+_UNFINISHED = ("queued", "running")
+
+
+class JobRepository(Transactions):
+    """Jobs by id."""
+
+    def add_job(self, draft: JobDraft, bounds: JobBounds) -> tuple[StoredJob, bool]:
+        """Store a job; False as the second value if it is an earlier one with the same `repeat_key`.
+
+        Raises
+        ------
+        QueueFull
+            When there are too many unfinished jobs, or too many bytes of their inputs.
+        JobKeyReused
+            When the earlier job had another digest.
+        """
+        row = JobRow(
+            id=draft.id,
+            owner=draft.owner,
+            operation=draft.operation,
+            request=encode_document(draft.request),
+            input_key=draft.input_key,
+            input_bytes=draft.input_bytes,
+            repeat_key=draft.repeat_key,
+            digest=draft.digest,
+            priority=draft.priority,
+            state="queued",
+            progress=0.0,
+            revision=0,
+            attempts=0,
+            returns=0,
+            answer_bytes=0,
+            created_at=self._clock(),
+            callback_url=draft.callback_url,
+        )
+        row.ready_at = row.created_at
+        with self._writing() as session:
+            if (earlier := self._repeated(session, draft.repeat_key, draft.digest)) is not None:
+                return earlier, False
+            _require_room(session, draft, bounds)
+            try:
+                with session.begin_nested():
+                    session.add(row)
+            except IntegrityError:  # another process stored the same key at the same moment
+                earlier = self._repeated(session, draft.repeat_key, draft.digest)
+                if earlier is None:
+                    raise
+                return earlier, False
+            return _stored(row), True
+
+    def repeated_job(self, repeat_key: str, digest: str) -> StoredJob | None:
+        """The job with this key; None: there is none. Raises `JobKeyReused` when it had another digest."""
+        with self._writing() as session:
+            return self._repeated(session, repeat_key, digest)
+
+    def _repeated(self, session: Session, repeat_key: str | None, digest: str | None) -> StoredJob | None:
+        if repeat_key is None:
+            return None
+        row = session.execute(select(JobRow).where(JobRow.repeat_key == repeat_key)).scalar_one_or_none()
+        if row is None:
+            return None
+        if self._has_expired(row):
+            row.repeat_key = None  # a new job may have the key
+            session.flush()
+            return None
+        if row.digest != digest:
+            raise JobKeyReused("This key came with a different request before")
+        return _stored(row)
+
+    def job(self, job_id: str) -> StoredJob:
+        """A job that has not expired. Raises `JobNotFound`."""
+        with self._reading() as session:
+            row = session.get(JobRow, job_id)
+            if row is None or self._has_expired(row):
+                raise JobNotFound(f"there is no job {job_id[:64]!r}, or no longer", job_id)
+            return _stored(row)
+
+    def job_revisions(self, job_ids: Sequence[str]) -> dict[str, int]:
+        """The revisions of jobs that exist."""
+        with self._reading() as session:
+            wanted = select(JobRow.id, JobRow.revision).where(JobRow.id.in_(job_ids))
+            return {id: revision for id, revision in session.execute(wanted)}
+
+    def require_queue_room(self, bounds: JobBounds, owner: str | None, input_bytes: int) -> None:
+        """Raise `QueueFull` when a job of this owner would not be accepted now."""
+        draft = JobDraft("", owner, "", {}, None, input_bytes)
+        with self._reading() as session:
+            _require_room(session, draft, bounds)
+
+    def claim_job(self, lease_s: float) -> Lease | None:
+        """Take the queued job that is next; None: there is none that may start now.
+
+        Of the jobs with the highest priority, next is the oldest one of the owner with the fewest running jobs, and
+        of several such owners that of the one who has waited longest since a job of his was started.
+        """
+        now, token = self._clock(), secrets.token_hex(16)
+        with self._writing() as session:
+            for priority, owner in _owners_in_turn(session, now):
+                next_one = (
+                    select(JobRow)
+                    .where(_may_start(now), JobRow.priority == priority, _is_of(owner))
+                    .order_by(JobRow.created_at, JobRow.id)
+                    .limit(1)
+                    .with_for_update(skip_locked=True)
+                )
+                row = session.execute(next_one).scalar_one_or_none()
+                if row is not None:
+                    row.state, row.token = "running", token
+                    row.attempts += 1
+                    row.revision += 1
+                    row.started_at = now
+                    row.lease_until = now + timedelta(seconds=lease_s)
+                    return Lease(_stored(row), token)
+        return None
+
+    def renew_leases(self, reports: Sequence[Progress], lease_s: float) -> set[str]:
+        """Renew the leases of running jobs and note their progress; the ids of those whose lease is lost."""
+        until = self._clock() + timedelta(seconds=lease_s)
+        lost = set()
+        with self._writing() as session:
+            for report in reports:
+                row = session.get(JobRow, report.job_id, with_for_update=True)
+                if row is None or row.token != report.token:
+                    lost.add(report.job_id)
+                    continue
+                row.lease_until = until
+                stage, progress = report.stage or row.stage, max(row.progress, report.progress)
+                if (stage, progress) != (row.stage, row.progress):
+                    row.stage, row.progress = stage, progress
+                    row.revision += 1
+        return lost
+
+    def end_job(self, job_id: str, token: str | None, end: JobEnd, ttl_s: float) -> bool:
+        """Write the end of a job, and keep the job for `ttl_s` seconds; False if it has ended already.
+
+        `token` is that of the lease. False also means that the lease is lost. None: the job is cancelled, whoever
+        runs it.
+        """
+        now = self._clock()
+        with self._writing() as session:
+            row = session.get(JobRow, job_id, with_for_update=True)
+            if row is None or row.state in FINAL_STATES or (token is not None and row.token != token):
+                return False
+            _end(row, end, now, ttl_s)
+            return True
+
+    def return_job(self, job_id: str, token: str, wait_s: float, *, is_attempt: bool) -> bool:
+        """Hand a running job back; it may start again after `wait_s` seconds. False: the lease is lost.
+
+        `is_attempt` is False where the job could not run through no fault of its own. That happens `MOST_RETURNS` times
+        at most; then every return counts as an attempt.
+        """
+        with self._writing() as session:
+            row = session.get(JobRow, job_id, with_for_update=True)
+            if row is None or row.token != token:
+                return False
+            if not is_attempt and row.returns < MOST_RETURNS:
+                row.attempts -= 1
+                row.returns += 1
+            _queue_again(row, self._clock() + timedelta(seconds=wait_s))
+            return True
+
+    def settle_stalled_jobs(
+        self, most_attempts: int, failure: Callable[[StoredJob], JobEnd], ttl_s: float
+    ) -> tuple[int, int]:
+        """Queue running jobs again whose lease has ended, or end them after `most_attempts` attempts.
+
+        `failure` is their end. The numbers of both.
+        """
+        now, again, failed = self._clock(), 0, 0
+        with self._writing() as session:
+            stalled = (
+                select(JobRow)
+                .where(JobRow.state == "running", JobRow.lease_until < now)
+                .with_for_update(skip_locked=True)
+            )
+            for row in session.execute(stalled).scalars():
+                if row.attempts < most_attempts:
+                    _queue_again(row, now)
+                    again += 1
+                else:
+                    _end(row, failure(_stored(row)), now, ttl_s)
+                    failed += 1
+        return again, failed
+
+    def delete_job(self, job_id: str) -> list[str]:
+        """Delete a finished job; the keys of its blobs. An unfinished one remains."""
+        with self._writing() as session:
+            row = session.get(JobRow, job_id)
+            if row is None or row.state not in FINAL_STATES:
+                return []
+            session.delete(row)
+            return _blob_keys(row)
+
+    def purge_jobs(self, most_jobs: int, most_answer_bytes: int) -> list[str]:
+        """Delete finished jobs that have expired, and the oldest ones over a limit; the keys of their blobs.
+
+        A job whose callback is not delivered yet remains until it expires.
+        """
+        keys: list[str] = []
+        with self._writing() as session:
+            total = select(func.count(), func.coalesce(func.sum(JobRow.answer_bytes), 0)).select_from(JobRow)
+            jobs, answer_bytes = session.execute(total).one()
+            finished = select(JobRow).where(JobRow.state.in_(FINAL_STATES)).order_by(JobRow.ended_at)
+            for row in session.execute(finished.execution_options(yield_per=100)).scalars():
+                is_over_limit = jobs > most_jobs or answer_bytes > most_answer_bytes
+                if (is_over_limit and row.callback_at is None) or self._has_expired(row):
+                    keys += _blob_keys(row)
+                    session.delete(row)
+                    jobs -= 1
+                    answer_bytes -= row.answer_bytes
+        return keys
+
+    def claim_callback(self, claim_s: float) -> StoredJob | None:
+        """A job whose callback is due; None: there is none. Nobody else gets it for `claim_s` seconds."""
+        now = self._clock()
+        due = select(JobRow).where(JobRow.callback_at <= now).order_by(JobRow.callback_at).limit(1)
+        with self._reading() as session:
+            if session.execute(due).first() is None:
+                return None
+        with self._writing() as session:
+            row = session.execute(due.with_for_update(skip_locked=True)).scalar_one_or_none()
+            if row is None:
+                return None
+            row.callback_at = now + timedelta(seconds=claim_s)
+            return _stored(row)
+
+    def note_delivery(self, job_id: str, delivery: Delivery, next_s: float | None) -> None:
+        """Add to a job's log of deliveries; the next one is due in `next_s` seconds, None: it was the last."""
+        with self._writing() as session:
+            row = session.get(JobRow, job_id, with_for_update=True)
+            if row is None:
+                return
+            noted = [*_deliveries(row), delivery]
+            row.deliveries = encode_document({"log": [_delivery_document(each) for each in noted]})
+            row.callback_at = None if next_s is None else self._clock() + timedelta(seconds=next_s)
+
+    def queue_status(self) -> QueueStatus:
+        """Numbers of unfinished jobs."""
+        with self._reading() as session:
+            counted = select(
+                JobRow.state, func.count(), func.sum(JobRow.input_bytes), func.min(JobRow.created_at)
+            )
+            rows = session.execute(counted.where(JobRow.state.in_(_UNFINISHED)).group_by(JobRow.state)).all()
+        counts = {state: count for state, count, _, _ in rows}
+        oldest = min((created for *_, created in rows), default=None)
+        return QueueStatus(
+            counts.get("queued", 0),
+            counts.get("running", 0),
+            sum(size for _, _, size, _ in rows),
+            0.0 if oldest is None else max(0.0, (self._clock() - oldest).total_seconds()),
+        )
+
+    def has_job(self, job_id: str) -> bool:
+        """Whether there is such a job, also if it has expired."""
+        with self._reading() as session:
+            return session.get(JobRow, job_id) is not None
+
+    def _has_expired(self, row: JobRow) -> bool:
+        return row.expires_at is not None and row.expires_at <= self._clock()
+
+
+def _require_room(session: Session, draft: JobDraft, bounds: JobBounds) -> None:
+    counted = select(
+        func.count(),
+        func.coalesce(func.sum(JobRow.input_bytes), 0),
+        func.coalesce(func.sum(case((_is_of(draft.owner), 1), else_=0)), 0),
+    ).where(JobRow.state.in_(_UNFINISHED))
+    jobs, input_bytes, own = session.execute(counted).one()
+    if jobs >= bounds.most_jobs:
+        raise QueueFull(f"{jobs} jobs are unfinished (MAX_JOBS)")
+    if own >= bounds.most_jobs_of_owner:
+        raise QueueFull(f"{own} jobs of this API key are unfinished (MAX_JOBS_PER_KEY)")
+    if input_bytes + draft.input_bytes > bounds.most_input_bytes:
+        raise QueueFull(f"the uploads of unfinished jobs have {input_bytes} bytes (MAX_JOB_INPUT_BYTES)")
+
+
+def _owners_in_turn(session: Session, now: datetime) -> list[tuple[int, str | None]]:
+    """Pairs of priority and owner of the jobs that may start, in the order in which they are to be served."""
+    waiting = session.execute(
+        select(JobRow.priority, JobRow.owner, func.min(JobRow.created_at))
+        .where(_may_start(now))
+        .group_by(JobRow.priority, JobRow.owner)
+    ).all()
+    if len(waiting) < 2:
+        return [(priority, owner) for priority, owner, _ in waiting]
+    owned = select(
+        JobRow.owner, func.sum(case((JobRow.state == "running", 1), else_=0)), func.max(JobRow.started_at)
+    ).group_by(JobRow.owner)
+    served = {owner: (running, last) for owner, running, last in session.execute(owned)}
+
+    def turn(entry: tuple[int, str | None, datetime]) -> tuple[int, int, float, datetime]:
+        priority, owner, oldest = entry
+        running, last = served[owner]
+        return -priority, running, 0.0 if last is None else last.timestamp(), oldest
+
+    ordered = sorted(((priority, owner, oldest) for priority, owner, oldest in waiting), key=turn)
+    return [(priority, owner) for priority, owner, _ in ordered]
+
+
+def _may_start(now: datetime) -> ColumnElement[bool]:
+    return (JobRow.state == "queued") & (JobRow.ready_at <= now)
+
+
+def _is_of(owner: str | None) -> ColumnElement[bool]:
+    return JobRow.owner.is_(None) if owner is None else JobRow.owner == owner
+
+
+def _queue_again(row: JobRow, ready_at: datetime) -> None:
+    row.state, row.token, row.lease_until = "queued", None, None
+    row.ready_at = ready_at
+    row.revision += 1
+
+
+def _end(row: JobRow, end: JobEnd, now: datetime, ttl_s: float) -> None:
+    row.state, row.token, row.lease_until, row.ended_at = end.state, None, None, now
+    row.expires_at = now + timedelta(seconds=ttl_s)
+    row.answer = None if end.answer is None else encode_document(end.answer)
+    row.problem = None if end.problem is None else encode_document(end.problem)
+    row.answer_key, row.answer_bytes = end.answer_key, end.answer_bytes
+    row.callback_at = None if row.callback_url is None else now
+    if end.state == "succeeded":
+        row.progress = 1.0
+    row.revision += 1
+
+
+def _blob_keys(row: JobRow) -> list[str]:
+    return [key for key in (row.input_key, row.answer_key) if key is not None]
+
+
+def _stored(row: JobRow) -> StoredJob:
+    return StoredJob(
+        id=row.id,
+        owner=row.owner,
+        operation=row.operation,
+        request=decode_document(row.request),
+        input_key=row.input_key,
+        state=cast(JobState, row.state),
+        stage=row.stage,
+        progress=row.progress,
+        revision=row.revision,
+        attempts=row.attempts,
+        created_at=row.created_at,
+        started_at=row.started_at,
+        ended_at=row.ended_at,
+        answer=None if row.answer is None else decode_document(row.answer),
+        answer_key=row.answer_key,
+        answer_bytes=row.answer_bytes,
+        problem=None if row.problem is None else decode_document(row.problem),
+        callback_url=row.callback_url,
+        deliveries=tuple(_deliveries(row)),
+    )
+
+
+def _deliveries(row: JobRow) -> list[Delivery]:
+    noted = [] if row.deliveries is None else decode_document(row.deliveries)["log"]
+    return [Delivery(**{**each, "at": datetime.fromisoformat(each["at"])}) for each in noted]
+
+
+def _delivery_document(delivery: Delivery) -> dict[str, object]:
+    return {**asdict(delivery), "at": delivery.at.isoformat()}

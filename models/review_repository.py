@@ -1,0 +1,208 @@
+"""The store's calls for the review queue (which pages a person should look at) and for the list of changes."""
+
+import json
+import secrets
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from typing import cast
+
+from sqlalchemy import ColumnElement, Select, and_, case, delete, or_, select
+from sqlalchemy.orm import Session
+
+from models.documents import decode_document
+from models.errors import Claimed, ResultNotFound
+from models.records import AuditEntry, Review, ReviewOrder, ReviewState
+from models.tables import AuditRow, FeedbackRow, ResultRow, ReviewRow
+from models.transactions import Transactions
+
+MOST_AUDIT = 100_000
+"""Entries of the list of changes; the oldest are deleted first."""
+Verdict = tuple[str | None, float, bool]
+"""Found label of a zone, its confidence, and whether a person found it right."""
+
+
+class ReviewRepository(Transactions):
+    """Places in the review queue, claims on them, evidence for decisions, and the list of changes."""
+
+    def reviews(
+        self,
+        limit: int,
+        *,
+        state: ReviewState | None = None,
+        order: ReviewOrder = "newest",
+        after: str | None = None,
+        owner: str | None = None,
+    ) -> list[Review]:
+        """Pages of the queue in the given order, `limit` at most, those after the cursor `after` (of `cursor_of`).
+
+        Claimed pages keep their place. `owner` selects the results of one key; None: all.
+
+        Raises
+        ------
+        ValueError
+            When `after` is not a cursor of this order.
+        """
+        is_verified = select(FeedbackRow.id).where(FeedbackRow.result_id == ReviewRow.result_id).exists()
+        is_wrong = (
+            select(FeedbackRow.id)
+            .where(
+                FeedbackRow.result_id == ReviewRow.result_id,
+                FeedbackRow.class_wrong | (FeedbackRow.wrong_zones > 0) | (FeedbackRow.wrong_letters > 0),
+            )
+            .exists()
+        )
+        state_of_row = case(
+            (is_wrong, "corrected"),
+            (is_verified, "confirmed"),
+            (ReviewRow.is_skipped, "skipped"),
+            else_="open",
+        )
+        wanted: Select[ReviewRow, datetime, str] = (
+            select(ReviewRow, ResultRow.created_at, state_of_row)
+            .join(ResultRow, ResultRow.id == ReviewRow.result_id)
+            .where(ResultRow.expires_at > self._clock())
+        )
+        if owner is not None:
+            wanted = wanted.where(ResultRow.owner == owner)
+        conditions: dict[ReviewState, ColumnElement[bool]] = {
+            "open": ~is_verified & ~ReviewRow.is_skipped,
+            "skipped": ~is_verified & ReviewRow.is_skipped,
+            "corrected": is_wrong,
+            "confirmed": is_verified & ~is_wrong,
+        }
+        if state is not None:
+            wanted = wanted.where(conditions[state])
+        wanted = _ordered(wanted, order, after).limit(limit)
+        now = self._clock()
+        with self._reading() as session:
+            rows = session.execute(wanted).all()
+        return [
+            Review(
+                id=row.result_id,
+                state=cast(ReviewState, found),
+                gain=row.gain,
+                confidence=row.confidence,
+                class_name=row.class_name,
+                zones=row.zones,
+                decision=row.decision,
+                has_image=row.has_image,
+                created_at=created_at,
+                claimed_by=row.claimed_by if _is_claimed(row, now) else None,
+                claimed_until=row.claimed_until if _is_claimed(row, now) else None,
+            )
+            for row, created_at, found in rows
+        ]
+
+    def claim_review(
+        self, result_id: str, who: str | None, ttl_s: float, claim: str | None
+    ) -> tuple[str, datetime]:
+        """Give a page to one person for `ttl_s` seconds: the secret of the claim, and its end. `claim` renews a claim.
+
+        Raises `Claimed` when somebody else has the page, and `ResultNotFound`.
+        """
+        now = self._clock()
+        with self._writing() as session:
+            row = self._own_review(session, result_id, claim)
+            row.claim = row.claim if claim is not None and claim == row.claim else secrets.token_urlsafe(16)
+            row.claimed_by, row.claimed_until = who, now + timedelta(seconds=ttl_s)
+            return row.claim, row.claimed_until
+
+    def release_review(self, result_id: str, claim: str | None, *, skip: bool = False) -> None:
+        """End a claim; `skip` also takes the page out of the open ones.
+
+        Raises `Claimed` when somebody else has the page, and `ResultNotFound`.
+        """
+        with self._writing() as session:
+            row = self._own_review(session, result_id, claim)
+            row.claim = row.claimed_by = row.claimed_until = None
+            row.is_skipped |= skip
+
+    def _own_review(self, session: Session, result_id: str, claim: str | None) -> ReviewRow:
+        """The place of a page in the queue, if nobody else has claimed it."""
+        row = session.get(ReviewRow, result_id)
+        result = session.get(ResultRow, result_id)
+        if row is None or result is None or result.expires_at <= self._clock():
+            raise ResultNotFound(f"there is no result {result_id!r} in the queue", result_id)
+        if _is_claimed(row, self._clock()) and row.claim != claim:
+            raise Claimed(
+                "another person works on this page; take the next one, or send `claim` of your claim"
+            )
+        return row
+
+    def verdicts(self, class_name: str, newest: int) -> list[Verdict]:
+        """What people said of zones of pages that were recognized as this class: of the newest feedbacks, newest first.
+
+        Feedback that was taken back has none.
+        """
+        wanted = (
+            select(FeedbackRow.result_id, FeedbackRow.report)
+            .where(FeedbackRow.found_class == class_name)
+            .order_by(FeedbackRow.id.desc())
+            .limit(newest)
+        )
+        with self._reading() as session:
+            rows = session.execute(wanted).all()
+        verdicts: dict[str, list[Verdict]] = {}  # of each result those of the newest feedback
+        for result_id, report in rows:
+            of_result = decode_document(report).get("verdicts", [])
+            if of_result and result_id not in verdicts:
+                verdicts[result_id] = [(label, confidence, right) for label, confidence, right in of_result]
+        return [verdict for of_result in verdicts.values() for verdict in of_result]
+
+    def note_change(self, who: str | None, action: str, model: str | None, detail: str) -> None:
+        """Add an entry to the list of changes."""
+        now = self._clock()
+        with self._writing() as session:
+            entry_id = self._ulids.make(now)
+            session.add(
+                AuditRow(id=entry_id, created_at=now, who=who, action=action, model=model, detail=detail)
+            )
+            session.flush()
+            oldest = select(AuditRow.id).order_by(AuditRow.id.desc()).offset(MOST_AUDIT).limit(1)
+            last = session.execute(oldest).scalar_one_or_none()
+            if last is not None:
+                session.execute(delete(AuditRow).where(AuditRow.id <= last))
+
+    def changes(
+        self, limit: int, *, model: str | None = None, before: str | None = None
+    ) -> Sequence[AuditEntry]:
+        """Entries of the list of changes, newest first; of one model, and older than the entry `before`."""
+        wanted = select(AuditRow).order_by(AuditRow.id.desc()).limit(limit)
+        if model is not None:
+            wanted = wanted.where(AuditRow.model == model)
+        if before is not None:
+            wanted = wanted.where(AuditRow.id < before)
+        with self._reading() as session:
+            return [
+                AuditEntry(row.id, row.created_at, row.who, row.action, row.model, row.detail)
+                for row in session.execute(wanted).scalars()
+            ]
+
+
+def _is_claimed(row: ReviewRow, now: datetime) -> bool:
+    return row.claimed_until is not None and row.claimed_until > now
+
+
+def cursor_of(review: Review, order: ReviewOrder) -> str:
+    """Place of a page in the list, from which the list goes on."""
+    key = {"gain": review.gain, "confidence": review.confidence, "newest": 0.0}[order]
+    return f"{json.dumps(key)}_{review.id}"
+
+
+def _ordered(
+    wanted: Select[ReviewRow, datetime, str], order: ReviewOrder, after: str | None
+) -> Select[ReviewRow, datetime, str]:
+    """Sorted by the order and then by id, newest first, beginning after the cursor."""
+    key_text, _, id = (after or "").partition("_")
+    key = float(key_text) if after is not None else 0.0
+    older = ReviewRow.result_id < id
+    if order == "newest":
+        wanted = wanted.order_by(ReviewRow.result_id.desc())
+        return wanted if after is None else wanted.where(older)
+    if order == "gain":
+        wanted = wanted.order_by(ReviewRow.gain.desc(), ReviewRow.result_id.desc())
+        following = or_(ReviewRow.gain < key, and_(ReviewRow.gain == key, older))
+    else:
+        wanted = wanted.order_by(ReviewRow.confidence, ReviewRow.result_id.desc())
+        following = or_(ReviewRow.confidence > key, and_(ReviewRow.confidence == key, older))
+    return wanted if after is None else wanted.where(following)

@@ -1,0 +1,97 @@
+"""Decisions: bounds against exact binomial sums, thresholds that keep their promise, reasons."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.decisions import CERTAINTY, decide, place_in_queue, threshold_of, upper_bound, verdicts_of
+from app.settings import Settings
+
+RESULT = {
+    "class": {"name": "letter", "probability": 0.99},
+    "zones": [
+        {"id": "z1", "label": "date", "confidence": 0.999},
+        {"id": "z2", "label": "body", "confidence": 0.6},
+    ],
+}
+
+
+def at_most(wrong: int, total: int, rate: float) -> float:
+    return sum(math.comb(total, k) * rate**k * (1 - rate) ** (total - k) for k in range(wrong + 1))
+
+
+@given(st.integers(0, 20), st.integers(1, 200), st.floats(0.5, 0.999))
+def test_the_bound_is_that_of_clopper_and_pearson(wrong: int, total: int, certainty: float) -> None:
+    """Under the bound the seen number of errors, or fewer, have just the probability 1 - certainty."""
+    bound = upper_bound(wrong, total, certainty)
+    if wrong >= total:
+        assert bound == 1.0
+    else:
+        assert at_most(wrong, total, bound) == pytest.approx(1 - certainty, rel=1e-6)
+
+
+def test_without_evidence_nothing_is_accepted() -> None:
+    assert threshold_of([], 0.01) is None
+    assert threshold_of([("date", 1.0, True)] * 100, 0.01) is None  # 100 right zones show an error of 5 %
+    assert threshold_of([("date", 1.0, True)] * 600, 0.01) == 0.0
+
+
+def test_the_error_of_accepted_zones_is_as_stated() -> None:
+    """Over 100 sets of feedback, the true error above the threshold exceeds the tolerated one at most as often as
+    stated; thresholds are found, and they let most zones through."""
+    rng, tolerated, broken, shares = np.random.default_rng(5), 0.03, 0, []
+    for _ in range(100):
+        confidences = rng.beta(6, 0.5, 2000)
+        rights = rng.random(2000) < confidences
+        verdicts = [(None, float(c), bool(r)) for c, r in zip(confidences, rights, strict=True)]
+        threshold = threshold_of(verdicts, tolerated)
+        if threshold is None:
+            continue
+        new = rng.beta(6, 0.5, 20_000)
+        accepted = new[new >= threshold]
+        shares.append(len(accepted) / len(new))
+        broken += (1 - accepted).mean() > tolerated
+    assert len(shares) > 90
+    assert np.mean(shares) > 0.4
+    assert broken <= (1 - CERTAINTY) * 100
+
+
+def test_reasons_name_the_zones() -> None:
+    decision = decide(RESULT, [("date", 0.99, True)] * 600 + [("body", 0.6, False)] * 30, {None: 0.01})
+    assert decision.action == "review"
+    assert [(reason["code"], reason["zones"]) for reason in decision.reasons] == [("unsure", ["z2"])]
+    assert decide(RESULT, [], {None: 0.01}).reasons[0]["code"] == "no-evidence"
+    assert decide({**RESULT, "class": None}, [], {None: 0.01}).reasons[0]["code"] == "no-class"
+    assert decide(RESULT, [("date", 0.5, True)] * 600, {None: 0.01}).action == "accept"
+
+
+def test_a_label_may_have_a_stricter_error() -> None:
+    verdicts = [("body", 0.5, True)] * 600 + [("date", 0.5, True)] * 50
+    decision = decide(RESULT, verdicts, {None: 0.01, "date": 0.01})
+    assert [(reason["code"], reason["zones"]) for reason in decision.reasons] == [("no-evidence", ["z1"])]
+
+
+def test_a_wrong_class_makes_every_zone_wrong() -> None:
+    rights = [right for _, _, right in verdicts_of(RESULT, ["z2"], ["z1", "z2"], class_is_right=True)]
+    assert rights == [True, False]
+    assert not any(right for *_, right in verdicts_of(RESULT, [], ["z1", "z2"], class_is_right=False))
+    assert [right for *_, right in verdicts_of(RESULT, [], ["z2"], class_is_right=True)] == [False, True]
+
+
+def test_the_gain_is_the_expected_number_of_wrong_zones() -> None:
+    place = place_in_queue({**RESULT, "decision": {"action": "review"}})
+    assert place.gain == pytest.approx(2 - 0.99 * 1.599)
+    assert place.confidence == pytest.approx(0.99 * 0.6)
+
+
+def test_tolerated_errors_are_read_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOLERATED_ERRORS", "0.02, letter=0.005, letter/date=0.001")
+    settings = Settings()
+    assert settings.tolerated_errors_of("memo") == {None: 0.02}
+    assert settings.tolerated_errors_of("letter") == {None: 0.005, "date": 0.001}
+    monkeypatch.setenv("TOLERATED_ERRORS", "letter=2")
+    with pytest.raises(ValueError, match="letter"):
+        Settings()

@@ -1,0 +1,109 @@
+"""The review queue over HTTP: what is listed, claimed and skipped, and how feedback changes it."""
+
+import re
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.app.scripted import model_document
+from tests.app.serving import serving
+from tests.app.test_layout_feedback import give, recognize
+from tests.app.test_problems import assert_problem
+
+LETTER = model_document("letter", "sender", "date")
+
+
+@pytest.fixture
+def client(empty_service: httpx.Client) -> httpx.Client:
+    """A service that knows letters."""
+    assert empty_service.put("/layout/models/letter", json=LETTER).status_code == 201
+    return empty_service
+
+
+def queue(client: httpx.Client, **options: Any) -> list[dict[str, Any]]:
+    response = client.get("/layout/queue", params=options)
+    assert response.status_code == 200, response.text
+    entries: list[dict[str, Any]] = response.json()["results"]
+    return entries
+
+
+def test_a_page_is_open_until_somebody_gives_feedback(client: httpx.Client) -> None:
+    right, wrong, left = recognize(client), recognize(client), recognize(client)
+    give(client, right, {"class": "letter"})
+    give(client, wrong, {"labels": {"z2": "date"}})
+    assert client.post(f"/layout/results/{left}/skip").status_code == 204
+    states = {entry["id"]: entry["state"] for entry in queue(client, state="all")}
+    assert states == {right: "confirmed", wrong: "corrected", left: "skipped"}
+    assert queue(client) == []
+    client.delete(f"/layout/results/{wrong}/feedback")
+    assert [entry["id"] for entry in queue(client)] == [wrong]
+    entry = queue(client)[0]
+    assert (entry["class"], entry["zones"], entry["decision"]) == ("letter", 2, "review")
+    assert entry["gain"] == pytest.approx(2 - 2 * 0.75 * 0.9)
+
+
+def test_a_list_goes_on_at_its_link(client: httpx.Client) -> None:
+    added = {recognize(client) for _ in range(5)}
+    path, seen = "/layout/queue?order=newest&limit=2", []
+    for _ in range(3):
+        response = client.get(path)
+        seen += [entry["id"] for entry in response.json()["results"]]
+        following = re.fullmatch(r'<([^>]+)>; rel="next"', response.headers.get("link", ""))
+        path = following[1].removeprefix("/documents") if following else ""
+    assert path == ""
+    assert set(seen) == added
+    assert len(seen) == 5
+    assert_problem(client.get("/layout/queue", params={"cursor": "1"}), 422, "invalid-option")
+    assert_problem(client.get("/layout/queue", params={"cursor": f"e_{seen[0]}"}), 422, "invalid-option")
+
+
+def test_a_claimed_page_is_for_one_person(client: httpx.Client) -> None:
+    result = recognize(client)
+    mine = client.post(f"/layout/results/{result}/claim").json()
+    assert queue(client)[0]["claimed_until"] == mine["until"]
+    assert_problem(client.post(f"/layout/results/{result}/claim"), 409, "conflict")
+    assert_problem(client.post(f"/layout/results/{result}/skip", json={"claim": "guess"}), 409, "conflict")
+    again = client.post(f"/layout/results/{result}/claim", json={"claim": mine["claim"]}).json()
+    assert again["claim"] == mine["claim"]
+    assert client.post(f"/layout/results/{result}/release", json={"claim": mine["claim"]}).status_code == 204
+    assert client.post(f"/layout/results/{result}/claim").json()["claim"] != mine["claim"]
+    assert_problem(client.post("/layout/results/01M7ZZQ4ZN38G37138FEXHE2T7/claim"), 404, "not-found")
+
+
+def test_decisions_follow_the_feedback(client: httpx.Client) -> None:
+    """After 700 zones that were right, pages as sure as those go through; a wrong one more and they do not."""
+    first = client.get(f"/layout/results/{recognize(client)}").json()["decision"]
+    assert (first["action"], first["reasons"][0]["code"]) == ("review", "no-evidence")
+    assert first["tolerated_error"] == 0.01
+    page = {
+        "width": 20,
+        "height": 400,
+        "zones": [{"id": f"z{n}", "box": [1, n, 9, n + 1]} for n in range(350)],
+    }
+    for _ in range(2):
+        result = client.post("/layout", json=None, data={"zones": httpx.Response(200, json=page).text}).json()
+        assert give(client, result["id"], {"class": "letter"}).status_code == 200
+    sure = client.get(f"/layout/results/{recognize(client)}").json()["decision"]
+    assert (sure["action"], sure["reasons"]) == ("accept", [])
+    bad = recognize(client)
+    give(client, bad, {"labels": {"z1": "date", "z2": "sender"}})
+    assert client.get(f"/layout/results/{recognize(client)}").json()["decision"]["action"] == "review"
+    client.delete(f"/layout/results/{bad}/feedback")
+    assert client.get(f"/layout/results/{recognize(client)}").json()["decision"]["action"] == "accept"
+
+
+def test_a_key_sees_its_own_pages() -> None:
+    with serving(api_keys="anna:a, ben:b, admin:c") as client:
+        client.put("/layout/models/letter", json=LETTER, headers={"X-API-Key": "c"}).raise_for_status()
+        client.headers["X-API-Key"] = "a"
+        result = recognize(client)
+        claim = client.post(f"/layout/results/{result}/claim").json()
+        assert queue(client)[0]["claimed_by"] == "anna"
+        client.headers["X-API-Key"] = "b"
+        assert queue(client) == []
+        assert_problem(
+            client.post(f"/layout/results/{result}/claim", json={"claim": claim["claim"]}), 404, "not-found"
+        )
+        client.headers["X-API-Key"] = "c"
+        assert [entry["id"] for entry in queue(client)] == [result]

@@ -1,0 +1,140 @@
+"""Keys with names and roles from a file, what each may do, and the list of who changed what."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from app.main import create_app
+from app.roles import (
+    NOT_FOR_READERS,
+    READERS_WRITE,
+    VERIFIERS_WRITE,
+    InvalidKeysFile,
+    digest_of_key,
+    read_keys_file,
+)
+from app.settings import Settings
+from tests.app.scripted import OPERATIONS, model_document, upload
+from tests.app.serving import serving
+from tests.app.test_layout_feedback import give, recognize
+from tests.app.test_problems import assert_problem
+
+KEYS = {
+    "rita": ("reader", "key-of-rita"),
+    "vera": ("verifier", "key-of-vera"),
+    "anna": ("admin", "key-of-anna"),
+}
+LETTER = model_document("letter", "sender", "date")
+
+
+def line(name: str, role: str, key: str) -> str:
+    return f"{name} {role} {digest_of_key(key.encode())}"
+
+
+@pytest.fixture(scope="module")
+def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """A service with a key of every role, in a file, and one of API_KEYS."""
+    path = tmp_path_factory.mktemp("keys") / "keys.txt"
+    path.write_text("# office\n\n" + "\n".join(line(name, *of) for name, of in KEYS.items()))
+    with serving(api_keys_file=path, api_keys="old:key-of-old") as client:
+        yield client
+
+
+@pytest.fixture
+def client(office: httpx.Client) -> Iterator[httpx.Client]:
+    """The service as `anna`; a test changes the key."""
+    use(office, "anna")
+    office.put("/layout/models/letter", json=LETTER).raise_for_status()
+    yield office
+    use(office, "anna")
+    office.delete("/layout/models/letter")
+
+
+def use(client: httpx.Client, name: str) -> None:
+    client.headers["X-API-Key"] = KEYS[name][1]
+
+
+def test_readers_work_on_photos_and_change_nothing(client: httpx.Client) -> None:
+    use(client, "rita")
+    assert client.post("/rectify", files={"image": upload("")}).status_code == 200
+    result = recognize(client)
+    assert client.get("/layout/models/letter").status_code == 200
+    token = client.post("/tokens").json()["token"]
+    assert client.get("/layout/models", params={"token": token}, headers={"X-API-Key": ""}).status_code == 200
+    for response in (
+        give(client, result, {"class": "letter"}),
+        client.post(f"/layout/results/{result}/claim"),
+        client.delete("/layout/models/letter"),
+        client.get("/audit"),
+    ):
+        assert_problem(response, 403, "forbidden")
+        assert "role reader" in response.json()["detail"]
+
+
+def test_verifiers_teach_and_admins_do_the_rest(client: httpx.Client) -> None:
+    use(client, "vera")
+    result = recognize(client)
+    assert give(client, result, {"labels": {"z2": "date"}}).status_code == 200
+    assert_problem(client.post("/layout/models/letter/rollback", json={"version": 1}), 403, "forbidden")
+    use(client, "anna")
+    assert client.post("/layout/models/letter/rollback", json={"version": 1}).status_code == 200
+    assert client.get(f"/layout/results/{result}").status_code == 200  # admins see what all keys have made
+
+
+def test_who_changed_what_is_listed(client: httpx.Client) -> None:
+    use(client, "vera")
+    give(client, recognize(client), {"labels": {"z2": "date"}})
+    refused = client.post("/layout/models/letter/rollback", json={"version": 1})
+    use(client, "anna")
+    client.post("/layout/models/letter/rollback", json={"version": 1}).raise_for_status()
+    entries = client.get("/audit", params={"model": "letter", "limit": 3}).json()["entries"]
+    assert [(entry["who"], entry["action"]) for entry in entries] == [
+        ("anna", "rollback"),
+        ("vera", "feedback"),
+        ("anna", "import"),
+    ]
+    assert refused.status_code == 403
+    assert re.fullmatch(r"version \d+", entries[0]["detail"])
+    first = client.get("/audit", params={"limit": 1})
+    path = re.match("<([^>]+)>", first.headers["link"])
+    assert path is not None
+    assert client.get(path[1]).json()["entries"][0]["action"] == "feedback"
+
+
+def test_the_digest_is_no_key(client: httpx.Client) -> None:
+    digest = digest_of_key(KEYS["anna"][1].encode())
+    for key in (digest, f"anna:sha256:{digest}", f"sha256:{digest}"):
+        assert_problem(client.get("/layout/models", headers={"X-API-Key": key}), 403, "forbidden")
+    assert client.get("/layout/models", headers={"X-API-Key": "key-of-old"}).status_code == 200
+
+
+def test_every_request_of_a_role_exists() -> None:
+    paths = create_app(Settings(data_dir=Path("unused")), OPERATIONS).openapi()["paths"]
+    for method, template in (*READERS_WRITE, *VERIFIERS_WRITE):
+        assert method.lower() in paths[template]
+    assert set(paths) >= NOT_FOR_READERS
+
+
+@pytest.mark.parametrize("text", ["anna admin", "anna boss " + "0" * 64, "anna admin " + "0" * 63])
+def test_a_file_with_a_wrong_line_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "keys.txt"
+    path.write_text(f"# fine\n{text}\n")
+    with pytest.raises(InvalidKeysFile, match="line 2"):
+        read_keys_file(path)
+
+
+def test_a_key_is_made_with_its_line(tmp_path: Path) -> None:
+    run = [sys.executable, "-m", "app.roles", "anna", "admin"]
+    told = subprocess.run(
+        run, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
+    ).stdout
+    key, made = (part.split(": ", 1)[1] for part in told.splitlines())
+    path = tmp_path / "keys.txt"
+    path.write_text(made)
+    assert [one.name for one in read_keys_file(path).values()] == ["anna"]
+    assert digest_of_key(key.encode()) in read_keys_file(path)

@@ -1,0 +1,167 @@
+"""Jobs of processes that share PostgreSQL: accepted by one, run by another one, never lost or answered twice."""
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+
+import httpx
+import psycopg
+import pytest
+
+from app.jobs.queue import QUEUE
+from tests.app.scripted import upload
+from tests.end_to_end.processes import SCRIPTED, Service, running
+from tests.end_to_end.test_durable_jobs import accept, until
+from tests.models.databases import KINDS, Cluster, running_cluster
+
+pytestmark = pytest.mark.skipif("postgresql" not in KINDS, reason="PostgreSQL is not installed")
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    with running_cluster() as cluster:
+        yield cluster
+
+
+class Shared:
+    """Services on one database and one folder of blobs."""
+
+    def __init__(self, stack: ExitStack, cluster: Cluster, folder: Path) -> None:
+        self.stack = stack
+        self.url = cluster.make_database()
+        self.settings: dict[str, object] = {
+            "database_url": self.url,
+            "data_dir": folder,
+            "job_lease_s": 2,
+            "shutdown_grace_s": 5,
+        }
+
+    def start(self, *arguments: str, workers: int = 1, **settings: object) -> Service:
+        made = running(SCRIPTED, *arguments, workers=workers, **{**self.settings, **settings})
+        return self.stack.enter_context(made)
+
+    def tickets(self) -> int:
+        with psycopg.connect(self.url) as connection:
+            sql = "SELECT count(*) FROM procrastinate_jobs WHERE queue_name = %s"
+            (count,) = connection.execute(sql, (QUEUE,)).fetchone() or (0,)
+            return int(count)
+
+
+@pytest.fixture
+def shared(cluster: Cluster, tmp_path: Path) -> Iterator[Shared]:
+    with ExitStack() as stack:
+        yield Shared(stack, cluster, tmp_path / "data")
+
+
+def kill(service: Service) -> None:
+    for process in service.descendants():
+        process.kill()
+    os.kill(service.process.pid, signal.SIGKILL)
+    service.process.wait(10)
+
+
+def test_an_api_without_workers_answers_by_those_of_others(shared: Shared, tmp_path: Path) -> None:
+    api = shared.start(workers=0)
+    ready = httpx.get(f"{api.url}/health/ready")
+    assert (ready.status_code, ready.json()["code"]) == (503, "not-ready")
+    worker, other = shared.start("worker"), shared.start(workers=0)
+    ready = httpx.get(f"{api.url}/health/ready")
+    assert (ready.status_code, ready.json()["queue"], ready.json()["job_runners"]) == (200, "ready", 1)
+
+    later = accept(api, "")
+    assert until(other, later)["state"] == "succeeded"
+    for service in (api, other):  # the request waits for its answer, or asks for it
+        now = httpx.post(f"{service.url}/rectify", files={"image": upload("")})
+        answer = httpx.get(service.url + later + "/result")
+        assert (
+            (now.status_code, now.content) == (answer.status_code, answer.content) == (200, b"flat as jpeg")
+        )
+    refused = httpx.post(f"{api.url}/rectify", files={"image": upload("no-text")})
+    assert (refused.status_code, refused.json()["code"]) == (422, "no-text")
+    assert httpx.post(f"{api.url}/rectify").status_code == 400
+
+    # Cancelled at one service, stopped at another one.
+    gate = tmp_path / "gate"
+    gate.mkdir()
+    path = accept(api, f"wait {gate}")
+    until(other, path, "running")
+    begin_s = time.monotonic()
+    assert httpx.delete(other.url + path).status_code == 204
+    assert httpx.get(api.url + path).json()["state"] == "cancelled"
+    assert until(api, accept(api, ""))["state"] == "succeeded"  # the only worker is free again
+    assert time.monotonic() - begin_s < 10
+    assert worker.process.poll() is None
+
+    deadline = time.monotonic() + 10
+    while shared.tickets():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def test_jobs_of_a_killed_worker_and_a_killed_api_are_done(shared: Shared, tmp_path: Path) -> None:
+    gate = tmp_path / "gate"
+    gate.mkdir()
+    api, worker = shared.start(workers=0), shared.start("worker")
+    running_job = accept(api, f"wait {gate}")
+    until(api, running_job, "running")
+    queued = accept(api, "")
+    kill(worker)
+    kill(api)
+    (gate / "go").touch()
+    begin_s = time.monotonic()
+    shared.start("worker")
+    api = shared.start(workers=0)
+    jobs = [until(api, path) for path in (running_job, queued)]
+    assert [(job["state"], job["attempts"]) for job in jobs] == [("succeeded", 2), ("succeeded", 1)]
+    assert time.monotonic() - begin_s < 40  # both processes start in this time too
+
+
+def test_work_goes_on_when_the_database_was_away(shared: Shared, cluster: Cluster) -> None:
+    api = shared.start(workers=1, store_timeout_s=1)
+    paths = [accept(api, "sleep 0.2") for _ in range(3)]
+    with cluster.hung():
+        refused = httpx.post(
+            f"{api.url}/rectify", files={"image": upload("")}, headers={"Prefer": "respond-async"}, timeout=30
+        )
+        assert (refused.status_code, refused.json()["code"]) == (503, "store-unavailable")
+        assert httpx.get(f"{api.url}/health/live").status_code == 200
+        assert httpx.get(f"{api.url}/health/ready", timeout=3).json()["store"] == "unavailable"
+    for path in paths:
+        assert until(api, path)["state"] == "succeeded"
+
+
+def test_a_request_is_not_starved_by_jobs_and_keys_take_turns(shared: Shared, tmp_path: Path) -> None:
+    api = shared.start(workers=0, api_keys="many:a,few:b", max_jobs=100, max_jobs_per_key=8)
+    shared.start("worker", api_keys="many:a,few:b")
+    url, many, few = api.url + "/rectify", {"X-API-Key": "a"}, {"X-API-Key": "b"}
+    later = {"Prefer": "respond-async"}
+
+    def send(headers: dict[str, str], script: str) -> httpx.Response:
+        return httpx.post(url, files={"image": upload(script)}, headers=headers, timeout=60)
+
+    def end(headers: dict[str, str], path: str) -> str:
+        deadline = time.monotonic() + 60
+        while (job := httpx.get(api.url + path, headers=headers).json())["state"] != "succeeded":
+            assert time.monotonic() < deadline, job
+            time.sleep(0.1)
+        return str(job["ended"])
+
+    # The only worker is busy while the queue fills.
+    paths = [send({**many, **later}, f"wait {tmp_path}").headers["location"]]
+    paths += [send({**many, **later}, "").headers["location"] for _ in range(7)]
+    full = send({**many, **later}, "")
+    assert (full.status_code, full.json()["code"]) == (503, "busy")
+    assert "MAX_JOBS_PER_KEY" in full.json()["detail"]
+    assert int(full.headers["retry-after"]) > 0
+    own = send({**few, **later}, "").headers["location"]
+    with ThreadPoolExecutor(1) as threads:
+        waiting = threads.submit(send, few, "")
+        (tmp_path / "go").touch()
+        assert waiting.result().status_code == 200
+    ends = [end(many, path) for path in paths]
+    own_end = end(few, own)
+    assert sum(each < own_end for each in ends) <= 3
