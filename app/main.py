@@ -5,7 +5,7 @@ import logging
 import signal
 import sys
 import time
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -16,32 +16,25 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartParser
-from starlette.middleware.cors import CORSMiddleware
-from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from app import __version__
-from app.audit import Audit
-from app.authentication import ApiKeys
 from app.blobs import BlobAccess
-from app.body_limits import body_limits_of
-from app.browser_rules import OwnSite, SecurityHeaders
 from app.disk_space import DiskSpace
 from app.engine.absent import AbsentEngine
 from app.engine.base import Engine
 from app.engine.local import LocalEngine, PoolLimits
 from app.expiry import deleting_expired
 from app.interprocess_lock import InterprocessLock
-from app.jobs.forwarding import JobAdmission
 from app.jobs.registry import Jobs
 from app.jobs.service import JobService, job_limits
 from app.kept_images import KeptImages
 from app.layout_store import LayoutStore, ResultLimits
-from app.logs import RequestLog, configure_logs
+from app.logs import configure_logs
 from app.metrics import Metrics
+from app.middleware import OPENAPI_PATH, add_middleware, methods_of
 from app.model_locks import ModelLocks
 from app.openapi import describe
-from app.problems import FrameworkErrors, ProblemBoundary
-from app.roles import RoleRules, read_keys_file
+from app.problems import FrameworkErrors
 from app.routes import (
     audit,
     health,
@@ -68,9 +61,6 @@ from app.routes.known_options import KnownQueryOptions
 from app.routes.state import AppState
 from app.run_folder import run_folder
 from app.settings import Settings
-from app.transfer import ConditionalGet, HeadAndOptions, RootPath
-from app.upload_places import UploadPlaces
-from app.uploads import Admission, BodyGuard
 from services.contract.operations import Operations
 from services.layout.content.content_settings import InvalidContentSettings, read_settings
 
@@ -111,53 +101,10 @@ TAGS = {
     "tokens": "Short-lived tokens for links that cannot have an API key.",
     "health": "Whether the service is up, and its metrics.",
 }
-WORK = frozenset(
-    {
-        ("POST", "/rectify"),
-        ("POST", "/mosaic"),
-        ("POST", "/layout"),
-        ("PUT", "/layout/models/{name}"),
-        ("POST", "/layout/models/{name}/samples"),
-        ("POST", "/layout/models/{name}/samples/archive"),
-        ("POST", "/layout/import"),
-        ("POST", "/layout/models/{name}/initialize"),
-        ("POST", "/layout/models/{name}/train"),
-        ("GET", "/layout/models/{name}/versions/{version}/diff"),
-        ("POST", "/layout/results/{id}/feedback"),
-        ("DELETE", "/layout/results/{id}/feedback"),
-        ("POST", "/layout/proposals"),
-    }
-)
-"""Requests that need a seat in the engine."""
-LATER = frozenset(
-    {
-        ("POST", "/rectify"),
-        ("POST", "/mosaic"),
-        ("POST", "/layout"),
-        ("POST", "/layout/models/{name}/initialize"),
-        ("POST", "/layout/models/{name}/train"),
-        ("POST", "/layout/proposals"),
-    }
-)
-"""Those that may be jobs."""
 MAX_FIELD_BYTES = 64 * 1024
 """Largest option field. 200 points of a region need a tenth of it. The zones of a page have their own limit."""
-
-
 MultiPartParser.spool_max_size = 256 * 1024
 """Bytes of an uploaded file that stay in memory: 64 mosaics of 16 photos may arrive at once."""
-OPENAPI_PATH = "/openapi.json"
-COMMON_HEADERS = frozenset(
-    {"ETag", "Location", "Retry-After", "X-Request-ID", "Content-Disposition", "Link", "Allow"}
-)
-"""Response headers of many routes."""
-METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
-COMPRESSED_FROM_BYTES = 4096
-"""Smaller responses are sent faster than they are compressed."""
-COMPRESSION = 5
-"""gzip's level: 9 takes three times as long for 3 % less JSON."""
-COMPACT_TYPES = (*DEFAULT_EXCLUDED_CONTENT_TYPES, "application/pdf", "image/tiff")
-"""Responses that gzip would not make smaller."""
 
 
 def create_app(settings: Settings | None = None, operations: Operations | None = None) -> FastAPI:
@@ -167,7 +114,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     routes = [
         route for router in (*ROUTERS, pages.router) for route in router.routes if isinstance(route, APIRoute)
     ]
-    methods = _methods_of(routes)
+    methods = methods_of(routes)
     metrics = Metrics(methods)
     engine = _engine(settings, operations, metrics)
     metrics.watch(engine.status)
@@ -236,7 +183,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     app.state.document_rectification = AppState(
         settings, engine, operations, store, metrics, locks, jobs, disk, blobs, images, job_service
     )
-    _add_middleware(app, settings, engine, store, jobs, metrics, routes)
+    add_middleware(app, settings, engine, store, jobs, metrics, routes)
     _describe(app, settings)
     return app
 
@@ -275,79 +222,6 @@ def _check_content_features(path: Path | None) -> None:
     except InvalidContentSettings as error:
         log.error("the content features (CONTENT_FEATURES) cannot be used: %s", error)
         raise error.with_traceback(None) from None  # the server logs the error; omit its traceback
-
-
-def _add_middleware(
-    app: FastAPI,
-    settings: Settings,
-    engine: Engine,
-    store: LayoutStore,
-    jobs: Jobs,
-    metrics: Metrics,
-    routes: list[APIRoute],
-) -> None:
-    """Add everything that every request passes before its route.
-
-    The middleware that is added last is the outermost: prefix, log, security headers, body limits, origins,
-    compression, errors, requests of other sites, API keys, roles, list of changes, methods, admission to the queue of
-    jobs and to the engine.
-    """
-    places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
-    app.add_middleware(Admission, engine=engine, work=WORK, places=places)
-    app.add_middleware(
-        JobAdmission,
-        jobs=jobs,
-        work=WORK,
-        later=LATER,
-        places=places,
-        queue_timeout_s=settings.queue_timeout_s,
-        forwards=not settings.workers,
-    )
-    app.add_middleware(ConditionalGet)
-    app.add_middleware(HeadAndOptions, methods=_methods_of(routes))
-    app.add_middleware(Audit, store=store)
-    app.add_middleware(RoleRules)
-    app.add_middleware(ApiKeys, keys=settings.api_keys, file_keys=read_keys_file(settings.api_keys_file))
-    app.add_middleware(OwnSite, origins=settings.cors_origins)
-    app.add_middleware(ProblemBoundary)
-    app.add_middleware(
-        GZipMiddleware,
-        minimum_size=COMPRESSED_FROM_BYTES,
-        compresslevel=COMPRESSION,
-        exclude_content_types=COMPACT_TYPES,
-    )
-    if settings.cors_origins:
-        app.add_middleware(
-            CORSMiddleware,
-            allow_origins=settings.cors_origins,
-            allow_methods=METHODS,
-            allow_headers=("*",),
-            expose_headers=_headers_of(routes),
-        )
-    limits, of_path = body_limits_of(settings)
-    app.add_middleware(BodyGuard, limits=limits, of_path=of_path)
-    app.add_middleware(SecurityHeaders, has_other_origins=bool(settings.cors_origins))
-    app.add_middleware(RequestLog, metrics=metrics)
-    app.add_middleware(RootPath, root_path=settings.root_path)
-
-
-def _methods_of(routes: Iterable[APIRoute]) -> dict[str, frozenset[str]]:
-    """Methods of each path template."""
-    methods: dict[str, frozenset[str]] = {OPENAPI_PATH: frozenset({"GET"})}
-    for route in routes:
-        methods[route.path] = methods.get(route.path, frozenset()) | (route.methods or set())
-    return methods
-
-
-def _headers_of(routes: Iterable[APIRoute]) -> list[str]:
-    """Response headers that browser apps of other origins may read: documented ones and common ones."""
-    documented = {
-        header
-        for route in routes
-        for response in route.responses.values()
-        for header in response.get("headers", ())
-    }
-    return sorted(documented | COMMON_HEADERS)
 
 
 def _describe(app: FastAPI, settings: Settings) -> None:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
-from app.main import ROUTERS, WORK, create_app
+from app.main import ROUTERS, create_app
+from app.middleware import WORK
 from app.openapi import operations_of
 from app.problems import STATUS_OF_CODE
 from app.schemas.layout_settings import TypedField
