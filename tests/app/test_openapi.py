@@ -188,7 +188,7 @@ def test_the_form_is_documented_field_by_field() -> None:
     assert list(fields) == [
         "image", "kind", "upright", "focal_length_px", "region", "illumination", "crop", "pages", "paper",
         "on_no_text", "text", "language", "format", "quality", "embed", "embed_format", "max_width", "max_height",
-        "pdf_version", "title",
+        "pdf_version", "title", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1
@@ -199,7 +199,7 @@ def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["MosaicForm"]["properties"]
     assert list(fields) == [
         "images", "rectify", "base", "composition", "upright", "illumination", "text", "language", "format",
-        "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title",
+        "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)
