@@ -11,7 +11,7 @@ from app.routes.paging import LINK, link_next
 from app.routes.state import State
 from app.schemas.layout import MODEL_NAME_PATTERN
 from app.schemas.options import Absent
-from app.schemas.review import Change, ChangeList
+from app.schemas.review import AuditEntry, ChangeList
 
 router = APIRouter(tags=["review"])
 
@@ -43,7 +43,7 @@ async def audit(
     """List who changed models or deleted data, newest first. The newest 100 000 entries are kept."""
     found = await state.store.call(lambda store: store.changes(limit + 1, model=model, before=cursor))
     entries = [
-        Change(
+        AuditEntry(
             id=entry.id,
             time=entry.created_at,
             who=entry.who,

@@ -62,7 +62,7 @@ class Claim(Answer):
     until: datetime
 
 
-class Change(Answer):
+class AuditEntry(Answer):
     """Who changed what, and when."""
 
     id: str
@@ -76,4 +76,4 @@ class Change(Answer):
 class ChangeList(Answer):
     """Changes, newest first; the header `Link` has the address of the next ones."""
 
-    entries: list[Change]
+    entries: list[AuditEntry]

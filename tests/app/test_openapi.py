@@ -219,6 +219,13 @@ def test_files_are_binary_and_no_form_has_a_condition_on_its_parts() -> None:
     assert [name for name, schema in schemas.items() if "properties" in schema and "anyOf" in schema] == []
 
 
+def test_no_two_schemas_have_one_name() -> None:
+    """FastAPI would name both by their modules, and generators make both the same class."""
+    titles = [schema.get("title", name) for name, schema in DOCUMENT["components"]["schemas"].items()]
+    assert sorted(titles) == sorted(set(titles))
+    assert [name for name in DOCUMENT["components"]["schemas"] if "__" in name] == []
+
+
 def test_nothing_in_the_document_has_a_misleading_default() -> None:
     quality = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]["quality"]
     assert ("default" in quality, quality["examples"]) == (False, [90])
