@@ -210,7 +210,7 @@ def test_a_page_of_100_zones_is_shown_soon(visit: Visit, learned: httpx.Client) 
     began = time.monotonic()
     visit.page.evaluate("id => { location.hash = `layout/${id}`; }", answer["id"])
     expect(visit.page.locator(".zone")).to_have_count(100)
-    assert time.monotonic() - began < 10  # 0.5 s on an idle machine
+    assert time.monotonic() - began < 10
 
 
 def test_a_phone_shows_the_whole_view(browser: Browser, learned: httpx.Client, letter: Path) -> None:

@@ -118,7 +118,7 @@ def test_a_part_of_10_000_results_is_read_soon(store: Store) -> None:
     after = cursor_of(store.reviews(5000, state="open", order="gain")[-1], "gain")
     began = time.process_time()
     assert len(store.reviews(50, state="open", order="gain", after=after)) == 50
-    assert time.process_time() - began < 0.5  # 0.02 s on an idle machine
+    assert time.process_time() - began < 0.5
 
 
 def _page(index: int, at: int):
