@@ -11,6 +11,8 @@ import re
 from contextlib import suppress
 
 import procrastinate
+from typing import Any
+
 import psycopg
 from procrastinate.exceptions import ProcrastinateException
 from procrastinate.jobs import Status
@@ -31,6 +33,7 @@ during which a worker does not report to the queue."""
 MOST_TICKETS = 1000
 """Tickets that are added at once."""
 _ANSWER_S = 5.0
+_PROBE_S = 0.7
 _SCHEMA_LOCK = 0x6A6F6273  # key of PostgreSQL's advisory lock: any number that no other program uses
 _CONNECT = {"connect_timeout": 5, "keepalives_idle": 30, "tcp_user_timeout": 15000}
 _MISSING = """
@@ -54,6 +57,7 @@ class QueueDispatch:
         self._free = asyncio.Semaphore(max(1, slots))
         self._running: set[asyncio.Task[None]] = set()
         self._worker: asyncio.Task[None] | None = None
+        self._probe: asyncio.Task[dict[str, Any]] | None = None
         connector = procrastinate.PsycopgConnector(
             conninfo=self._url, kwargs=_CONNECT, min_size=1, max_size=6, timeout=_ANSWER_S
         )
@@ -107,12 +111,14 @@ class QueueDispatch:
 
     async def live_workers(self) -> int | None:
         """Number of processes that run jobs; None: the queue does not answer."""
-        try:
-            async with asyncio.timeout(0.7):
-                row = await self._app.connector.execute_query_one_async(_ALIVE)
-        except Failure:
+        # A cancelled query waits for the server too, so a probe that hangs is left to itself and asked again.
+        if self._probe is None or self._probe.done():
+            self._probe = asyncio.create_task(self._app.connector.execute_query_one_async(_ALIVE))
+        probe = self._probe
+        await asyncio.wait((probe,), timeout=_PROBE_S)
+        if not probe.done() or probe.cancelled() or probe.exception() is not None:
             return None
-        return int(row["alive"])
+        return int(probe.result()["alive"])
 
     async def stop(self, grace_s: float) -> None:
         """Take no more jobs; those that still run after `grace_s` seconds are handed back."""

@@ -1,6 +1,6 @@
 """An invisible text layer for PDFs of page pictures, and PDF/A-2b.
 
-The layer is written with pikepdf, which `img2pdf` needs anyway. Tesseract's own renderer reads the picture again and
+The layer is written with pikepdf, which the encoder of PDFs needs anyway. Tesseract's own renderer reads the picture again and
 re-encodes it, cannot take words that were read in another order, and needs a font file beside its language data.
 """
 

@@ -101,8 +101,6 @@ def test_not_the_form_that_is_expected(client: httpx.Client, body: bytes, conten
 
 
 def test_too_many_and_too_large_parts(client: httpx.Client) -> None:
-    many = [("image", ("photo.jpg", upload("")))] * 5
-    assert assert_problem(client.post("/rectify", files=many), 422, "invalid-option")["field"] == "image"
     too_many = [("image", ("photo.jpg", upload("")))] * 65
     assert_problem(client.post("/rectify", files=too_many), 400, "bad-request")
     response = client.post("/rectify", files={"image": upload("")}, data={"region": "1" * 70_000})

@@ -22,5 +22,5 @@ def test_workers_begin_with_the_modules_of_all_operations() -> None:
     assert operations.modules.count("a.b") == 1
     assert set(Operations().modules) - set(operations.modules) == {
         "services.operations.mosaic",
-        "services.operations.rectify",
+        "services.operations.rectify_documents",
     }
