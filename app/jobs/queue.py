@@ -9,10 +9,9 @@ import asyncio
 import logging
 import re
 from contextlib import suppress
-
-import procrastinate
 from typing import Any
 
+import procrastinate
 import psycopg
 from procrastinate.exceptions import ProcrastinateException
 from procrastinate.jobs import Status

@@ -1,7 +1,8 @@
 """An invisible text layer for PDFs of page pictures, and PDF/A-2b.
 
-The layer is written with pikepdf, which the encoder of PDFs needs anyway. Tesseract's own renderer reads the picture again and
-re-encodes it, cannot take words that were read in another order, and needs a font file beside its language data.
+The layer is written with pikepdf, which the encoder of PDFs needs anyway. Tesseract's own renderer reads the picture
+again and re-encodes it, cannot take words that were read in another order, and needs a font file
+with its language data.
 """
 
 import io

@@ -140,7 +140,7 @@ def test_the_python_client_goes_the_main_way(
     call("layout_models.delete_layout_model", "client")
 
     # A job
-    form.image = file(page, "photo.png")
+    form.image = [file(page, "photo.png")]
     job = call("rectify.rectify", body=form, prefer="respond-async", idempotency_key="one")
     assert isinstance(job, models.JobStatus)
     deadline = time.monotonic() + 60
