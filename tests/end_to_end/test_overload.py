@@ -9,7 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
-import numpy as np
 import psutil
 
 from tests.app.scripted import upload
@@ -48,9 +47,7 @@ def test_a_storm_of_uploads(tmp_path: Path) -> None:
                 assert 1 <= int(answer["headers"]["retry-after"]) <= 60
             else:
                 assert answer["body"] == "flat as jpeg"
-        # On a machine that is busy with other work too, single probes wait longer for the processor.
-        assert np.quantile(latencies, 0.8) < 1.0
-        assert max(latencies) < 5.0
+        assert max(latencies) < 1.0
         calm = httpx.post(service.url + "/rectify", files={"image": upload("")})
         assert calm.status_code == 200
         logged = Counter(line["status"] for line in service.lines if line.get("path") == "/rectify")
