@@ -17,7 +17,7 @@ from models.records import ReviewDraft
 CERTAINTY = 0.95
 CANDIDATES = (0.999, 0.99, 0.97, 0.9, 0.8, 0.5, 0.0)
 """Confidences among which a threshold is chosen; each one more costs evidence, ln(number) / error zones."""
-EVIDENCE = 300
+EVIDENCE = 400
 """Newest feedbacks of a class from which its threshold is computed: older ones are of older models."""
 _STEPS = 60  # of a bisection: more than the bits of a float
 
