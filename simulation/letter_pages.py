@@ -1,5 +1,7 @@
 """Pages of the size of a letter at 300 dpi whose text never recurs: parts of them can be told apart."""
 
+import functools
+
 import cv2
 import numpy as np
 
@@ -10,6 +12,7 @@ from simulation.pages import Block, Setting, set_page
 BOOKS = (texts.MOBY_DICK, texts.TWO_CITIES, texts.ALICE, texts.WALDEN, texts.PRIDE_AND_PREJUDICE)
 
 
+@functools.lru_cache(maxsize=2)
 def letter_pages(width: int = 2550, height: int = 3300) -> tuple[Page, ...]:
     """Four pages of 11 point type: one column, ragged, two columns, and in colour with pictures."""
     return (

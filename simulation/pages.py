@@ -1,5 +1,6 @@
 """Pages of our own setting, and pages read from files: flat, with the truth of every word."""
 
+import functools
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -46,11 +47,14 @@ def set_page(blocks: tuple[Block, ...], setting: Setting, name: str = "set") -> 
     for block in blocks:
         if not composer.place(block):
             break
-    return Page(np.asarray(composer.canvas), tuple(composer.lines), name=name)
+    image = np.array(composer.canvas)
+    image.flags.writeable = False  # pages are kept and shared
+    return Page(image, tuple(composer.lines), name=name)
 
 
+@functools.lru_cache(maxsize=6)
 def own_pages(width: int = 1600, height: int = 2500) -> tuple[Page, ...]:
-    """Five pages: two of plain prose, one with a picture, one ragged, one of two columns."""
+    """Five pages: two of plain prose, one with a picture, one ragged, one of two columns. Images are read-only."""
     scale = width / 1600
     body = max(8, round(42 * scale))
 

@@ -223,3 +223,10 @@ def test_what_is_imported_is_locked(folders: list[str], lock: str) -> None:
         if not {re.sub(r"[-_.]+", "-", dist).lower() for dist in distributions.get(name, [])} & locked
     }
     assert missing == set()
+
+
+def test_one_process_runs_all_tests_of_a_module(request: pytest.FixtureRequest) -> None:
+    """Fixtures of a module are made once; pytest-xdist writes the group into the names of tests."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        assert request.node.nodeid.endswith("@test_delivery.py")
+    assert [mark.args for mark in request.node.iter_markers("xdist_group")] == [("test_delivery.py",)]

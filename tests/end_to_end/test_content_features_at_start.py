@@ -14,7 +14,6 @@ from tests.end_to_end.processes import ROOT, SCRIPTED
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("[date]\nphrases = 'one'", "date.phrases: must be a list of strings"),
         ("[date]\npatterns = ['(a*)*']", "date.patterns[0]: '(a*)*' can be tried in too many ways"),
         ("no settings", "no TOML"),
     ],

@@ -24,7 +24,7 @@ def all_reports(pipes: list[Connection]) -> list[Any]:
 
 
 def test_writers_lose_no_update(tmp_path: Path) -> None:
-    path, count, number = tmp_path / "store.sqlite3", 20, 4
+    path, count, number = tmp_path / "store.sqlite3", 12, 3
     with Store.open(path) as store:
         store.add_version("letter", {"count": 0}, "import")
     barrier = CONTEXT.Barrier(2 * number)
@@ -53,7 +53,7 @@ def test_writers_lose_no_update(tmp_path: Path) -> None:
 
 
 def test_no_feedback_is_lost(where: Path | str) -> None:
-    count, number = 15, 4
+    count, number = 10, 3
     with Store.open(where) as store:
         store.add_version("memo", {"count": 0}, "import")
         store.add_version("letter", {"count": 0}, "import")
@@ -96,7 +96,7 @@ def check_feedback(store: Store, names: tuple[str, ...], count: int) -> set[str]
 
 
 def test_processes_that_open_a_fresh_database_at_once(fresh: Callable[[], Path | str]) -> None:
-    paths, number = [fresh() for _ in range(6)], 4
+    paths, number = [fresh() for _ in range(4)], 3
     barrier = CONTEXT.Barrier(number)
     pipes = [CONTEXT.Pipe(duplex=False) for _ in range(number)]
     processes = [start(writers.open_fresh, paths, barrier, sender) for _, sender in pipes]
@@ -108,8 +108,8 @@ def test_processes_that_open_a_fresh_database_at_once(fresh: Callable[[], Path |
             assert store.model("letter").version == number
 
 
-ROUNDS = 8
-FEEDBACK_ROUNDS = 3
+ROUNDS = 4
+FEEDBACK_ROUNDS = 2
 Kept = dict[str, dict[Any, tuple[int, int]]]
 """What writers said is kept: by kind, then by version or id, which writer wrote it in which step."""
 

@@ -172,7 +172,7 @@ def test_a_frontal_page_is_left_as_it_is() -> None:
     assert abs(np.linalg.norm(x) / (width - 1) / (np.linalg.norm(y) / (height - 1)) - 1) < 0.01
 
 
-@pytest.mark.parametrize("turns", [1, 2, 3])
+@pytest.mark.parametrize("turns", [1, 2])
 def test_turning_the_photo_turns_the_view(turns: int, photo: SimulatedPhoto, result: RectifyResult) -> None:
     turned = rectify(np.ascontiguousarray(np.rot90(photo.image, turns)), AS_IT_LIES)
     assert turned.camera.focal_length_px is not None
@@ -198,11 +198,10 @@ def test_exif_that_the_page_contradicts_is_left_out_of_account(photo: SimulatedP
     assert mesh_residual(wrong, photo) < 0.003
 
 
-def test_a_region_guides(photo: SimulatedPhoto) -> None:
+def test_a_region_guides(photo: SimulatedPhoto, result: RectifyResult) -> None:
     upper = ((0.0, 0.0), (SIZE[0], 0.0), (SIZE[0], SIZE[1] / 2), (0.0, SIZE[1] / 2))
     guided = rectify(photo.image, replace(AS_IT_LIES, region=upper))
-    whole = rectify(photo.image, AS_IT_LIES)
-    assert 0.2 < guided.evidence.text_area_fraction / whole.evidence.text_area_fraction < 0.8
+    assert 0.2 < guided.evidence.text_area_fraction / result.evidence.text_area_fraction < 0.8
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def differences(
     ]
 
 
-@pytest.mark.parametrize("shift", [(1.5, 0.0), (0.0, -1.5), (1.06, 1.06)])
+@pytest.mark.parametrize("shift", [(1.5, 0.0), (-1.06, 1.06)])
 def test_a_misplaced_photo_leaves_no_ghost(page: RgbImage, shift: tuple[float, float]) -> None:
     boxes = [LEFT, RIGHT]
     placed = [cut(page, LEFT, blur_px=0.5), cut(page, RIGHT, index=1, blur_px=0.5, shift=shift)]
@@ -90,8 +90,10 @@ def test_a_misplaced_photo_leaves_no_ghost(page: RgbImage, shift: tuple[float, f
     assert np.median(average) > 5
 
 
-@pytest.mark.parametrize("blur_px", [(0.5, 0.5), (0.5, 1.6), (1.6, 0.5)])
-@pytest.mark.parametrize("gain", [(1.0, 1.0), (0.6, 1.0)])
+@pytest.mark.parametrize(
+    ("blur_px", "gain"),
+    [((0.5, 0.5), (0.6, 1.0)), ((0.5, 1.6), (1.0, 1.0)), ((1.6, 0.5), (0.6, 1.0))],
+)
 def test_no_word_is_broken(page: RgbImage, blur_px: tuple[float, float], gain: tuple[float, float]) -> None:
     """Neither by a decision's border nor by that of the overlap: it is one photo's, to the last pixel."""
     boxes = [LEFT, RIGHT]

@@ -37,7 +37,7 @@ def test_exact_without_noise(rows: int, columns: int) -> None:
 
 def test_noise_is_averaged_but_not_hidden() -> None:
     errors, deviations = [], []
-    for seed in range(4):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         views = grid_views(rng, 2, 3)
         adjusted = adjust_globally(dict.fromkeys(views, SIZE), match_all(rng, views, noise_px=0.2))
@@ -60,7 +60,7 @@ def test_a_loop_closes_better_than_its_chain() -> None:
     assert of_all < 0.5 * of_chain
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(st.integers(0, 10**6))
 def test_any_order_of_photos_and_pairs_gives_the_same(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -88,9 +88,7 @@ def test_wrong_matches_within_a_pair_do_not_pull() -> None:
     assert not any(pair.contradicted for pair in adjusted.pairs)
 
 
-@pytest.mark.parametrize(
-    ("false", "offset"), [((0, 1), (120.0, 0.0)), ((1, 2), (0.0, 45.0)), ((0, 5), (0.0, 45.0))]
-)
+@pytest.mark.parametrize(("false", "offset"), [((0, 1), (120.0, 0.0)), ((0, 5), (0.0, 45.0))])
 def test_a_pair_that_contradicts_the_rest_loses_its_say(
     false: tuple[int, int], offset: tuple[float, float]
 ) -> None:
