@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Literal
 
 from services.errors import DocumentError
+from services.heap import release_freed_memory
 from services.progress import progress_to
 
 READY, DONE, REFUSED, FAILED, OUT_OF_MEMORY = "ready", "done", "refused", "failed", "out-of-memory"
@@ -60,6 +61,8 @@ def serve(connection: Connection, memory_bytes: int, warm_up: NamedCall | None) 
     connection.send_bytes(pickle.dumps((READY, facts)))
     while (answer := _answer_next(connection)) is not None:
         connection.send_bytes(answer)
+        del answer
+        release_freed_memory()
 
 
 def run(operation: str, arguments: tuple[object, ...]) -> object:

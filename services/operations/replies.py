@@ -16,6 +16,7 @@ import numpy as np
 from services.arrays import RgbImage
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
 from services.documents.searchable_pdf import PdfFacts, finish_pdf
+from services.heap import release_freed_memory
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, UploadFormat, encode_image
 from services.imaging.page_files import SUFFIXES, archive_files
 from services.ocr.languages import language_tag
@@ -59,6 +60,7 @@ def make_reply(
     image_format = image_format_of(source, encoding.embed_format if is_json else encoding.format)
     body, embedded = b"", None
     if not is_json or encoding.embed:
+        release_freed_memory()
         with timed("encode", timings_ms, ENCODING_BEGINS):
             body = _encode_page(page, image_format, source, encoding, text)
     if is_json:

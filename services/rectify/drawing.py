@@ -19,7 +19,7 @@ TILE_NODES = 16
 """Nodes of the map's grid along the side of a tile in which the paper's edge is drawn."""
 FAR_PX = 1e6
 """From the view: its paper has no corners farther away."""
-BAND_PX = 512
+BAND_PX = 256
 """Rows drawn at a time; this bounds the memory of the dense map."""
 
 
@@ -110,13 +110,12 @@ def whiten_beyond(flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points)
     size = np.ceil((paper.max(axis=0) + 2.0 - low) * scale).astype(int) + 1
     inside = np.zeros((size[1], size[0]), np.uint8)
     cv2.fillPoly(inside, [np.round((paper - low) * scale * 16).astype(np.int32)], 1, shift=4)
-    distance = cv2.distanceTransform(inside, cv2.DIST_L2, 3) - cv2.distanceTransform(
-        1 - inside, cv2.DIST_L2, 3
-    )
+    distance = np.asarray(cv2.distanceTransform(inside, cv2.DIST_L2, 3), np.float32)
+    distance -= cv2.distanceTransform(1 - inside, cv2.DIST_L2, 3)
     grid, shape = node_grid(0, 0, frame.width, frame.height)
     at = ((frame.to_photo(grid) - low) * scale).astype(np.float32).reshape(*shape, 2)
     nodes = cv2.remap(
-        distance.astype(np.float32),
+        distance,
         np.nan_to_num(at[..., 0], nan=-1e6),
         np.nan_to_num(at[..., 1], nan=-1e6),
         cv2.INTER_LINEAR,

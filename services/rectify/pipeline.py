@@ -14,6 +14,7 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_frame import TEXT_FRAMING, mesh_of, resize_frame, turn_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
+from services.heap import release_freed_memory
 from services.imaging.illumination import normalize_illumination
 from services.imaging.paper import certain_sheet
 from services.ocr.engine import OcrEngine
@@ -173,6 +174,7 @@ def flatten_page(
                 orientation, notice = orient_page(page.analysis, frame, ocr)
         notices += [notice] if notice else []
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
+    release_freed_memory()
     with clock.stage("remap"):
         flat = draw_flat_view(photo, frame, outline)
         if parameters.crop == "sheet" and page.outline is not None:
@@ -214,6 +216,7 @@ def find_page(
     sought = False
     try:
         analysis = analyse_photo(photo, parameters.region, clock=clock)
+        release_freed_memory()
         # The outline of an opened book is not that of a single page.
         if not analysis.facing_page and parameters.region is None:
             with clock.stage("outline"):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import GrayImage, Mask, Points, Vector
+from services.imaging.row_bands import row_bands
 from services.robust import robust_scale
 
 
@@ -110,11 +111,14 @@ def binarize_niblack(gray: GrayImage, area: Mask, window_px: float, k: float, co
     the grain of empty paper.
     """
     size = max(int(window_px) | 1, 5)
-    values = gray.astype(np.float32)
-    mean = cv2.boxFilter(values, -1, (size, size), borderType=cv2.BORDER_REFLECT)
-    square = cv2.sqrBoxFilter(values, -1, (size, size), borderType=cv2.BORDER_REFLECT)
-    deviation = np.sqrt(np.maximum(square - mean * mean, 0.0))
-    return area & (deviation > contrast) & (values < mean + k * deviation)
+    ink = np.zeros(gray.shape, bool)
+    for rows, seen, inner in row_bands(len(gray), size // 2):
+        values = gray[seen].astype(np.float32)
+        mean = cv2.boxFilter(values, -1, (size, size), borderType=cv2.BORDER_REFLECT)[inner]
+        square = cv2.sqrBoxFilter(values, -1, (size, size), borderType=cv2.BORDER_REFLECT)[inner]
+        deviation = np.sqrt(np.maximum(square - mean * mean, 0.0))
+        ink[rows] = area[rows] & (deviation > contrast) & (values[inner] < mean + k * deviation)
+    return ink
 
 
 def keep_characters(text: IdentifiedText, kept: NDArray[np.bool_]) -> IdentifiedText:
@@ -223,8 +227,8 @@ def measure_strokes(ink: Mask, label_image: NDArray[np.int32], area: Vector) -> 
 
     The pixels across a stroke of width w are 1, 2, ... w/2, ... 2, 1 from the ground: (w + 2) / 4 on average.
     """
-    distance = cv2.distanceTransform(ink.astype(np.uint8), cv2.DIST_L2, 3)
-    total = np.bincount(label_image.ravel(), weights=np.asarray(distance).ravel(), minlength=len(area))
+    distance = np.asarray(cv2.distanceTransform(ink.astype(np.uint8), cv2.DIST_L2, 3))
+    total = np.bincount(label_image[ink], weights=distance[ink], minlength=len(area))
     return np.asarray(4 * total / np.maximum(area, 1) - 2)
 
 

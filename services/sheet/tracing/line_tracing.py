@@ -5,6 +5,7 @@ flat page, and what is left of the bend shows in their baselines and x-height li
 mapped back to the photo, where they are what the surface is fitted to.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.row_bands import row_bands
 from services.robust import geman_mcclure_weights
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import (
@@ -59,17 +61,21 @@ class FlatInk:
         return np.asarray((pixels + self.offset) / self.scale)
 
 
-def sampling_map(
+def sampling_maps(
     page_map: PageMap, width: int, height: int, scale: float, offset: tuple[float, float], step: int = 16
-) -> Floats:
-    """Photo points (height, width, 2) float32, centred, of all pixels of a flat view, bilinear from every `step`-th."""
+) -> Iterator[tuple[slice, Floats]]:
+    """Yield bands of a flat view: rows, and the centred photo points (rows, width, 2) float32 of their pixels.
+
+    The map is exact at every `step`-th pixel, and bilinear between them.
+    """
     columns, rows = -(-width // step) + 1, -(-height // step) + 1
     x, y = np.meshgrid(np.arange(columns) * step, np.arange(rows) * step)
     grid = (np.stack([x.ravel(), y.ravel()], axis=1) + np.array(offset)) / scale
-    seen = page_map.to_photo(grid).reshape(rows, columns, 2).astype(np.float32)
-    u = (np.arange(width, dtype=np.float32) / step)[None].repeat(height, axis=0)
-    v = (np.arange(height, dtype=np.float32) / step)[:, None].repeat(width, axis=1)
-    return np.asarray(cv2.remap(seen, u, v, cv2.INTER_LINEAR))
+    nodes = page_map.to_photo(grid).reshape(rows, columns, 2).astype(np.float32)
+    u = np.arange(width, dtype=np.float32) / step
+    for band, _, _ in row_bands(height, 0):
+        v = np.arange(band.start, band.stop, dtype=np.float32) / step
+        yield band, np.asarray(cv2.remap(nodes, *np.meshgrid(u, v), cv2.INTER_LINEAR))
 
 
 def flatten_ink(
@@ -90,10 +96,11 @@ def flatten_ink(
     scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded for every model
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)
-    seen = sampling_map(page_map, width, height, scale, offset)
-    at = seen * np.float32(H_reduced_centred[0, 0]) + H_reduced_centred[:2, 2].astype(np.float32)
-    flat = cv2.remap(ink.astype(np.uint8) * 255, at[..., 0], at[..., 1], cv2.INTER_LINEAR)
-    return FlatInk(flat > 127, scale, offset)
+    dark, flat = ink.astype(np.uint8) * 255, np.empty((height, width), bool)
+    for band, seen in sampling_maps(page_map, width, height, scale, offset):
+        at = seen * np.float32(H_reduced_centred[0, 0]) + H_reduced_centred[:2, 2].astype(np.float32)
+        flat[band] = cv2.remap(dark, at[..., 0], at[..., 1], cv2.INTER_LINEAR) > 127
+    return FlatInk(flat, scale, offset)
 
 
 def trace_by_characters(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:

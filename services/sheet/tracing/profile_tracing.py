@@ -17,7 +17,7 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
-from services.sheet.tracing.line_tracing import sampling_map
+from services.sheet.tracing.line_tracing import sampling_maps
 from services.sheet.tracing.page_text import PageText
 
 
@@ -100,18 +100,19 @@ def flatten_darkness(
     scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded for every model
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)
-    seen = sampling_map(page_map, width, height, scale, offset)
-    at = seen * np.float32(H_gray_centred[0, 0]) + H_gray_centred[:2, 2].astype(np.float32)
-    x, y = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
     # Words that were not found as text lie between others that were.
     side = max(round(p.closing * text_height * float(H_gray_centred[0, 0])), 1) | 1
     area = cv2.morphologyEx(
         text_area.astype(np.uint8) * 255, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8)
     )
     area = cv2.dilate(area, np.ones((side // 4 | 1, side // 4 | 1), np.uint8))
-    flat = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderValue=255.0).astype(np.float32)
-    inside = cv2.remap(area, x, y, cv2.INTER_LINEAR) > 127
-    darkness = np.where(inside, np.clip((235.0 - flat) / 235.0, 0.0, 1.0), 0.0).astype(np.float32)
+    darkness = np.empty((height, width), np.float32)
+    for band, seen in sampling_maps(page_map, width, height, scale, offset):
+        at = seen * np.float32(H_gray_centred[0, 0]) + H_gray_centred[:2, 2].astype(np.float32)
+        x, y = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+        flat = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderValue=255.0).astype(np.float32)
+        inside = cv2.remap(area, x, y, cv2.INTER_LINEAR) > 127
+        darkness[band] = np.where(inside, np.clip((235.0 - flat) / 235.0, 0.0, 1.0), 0.0)
     return FlatGray(darkness, scale, offset, text_height * grow * scale)
 
 

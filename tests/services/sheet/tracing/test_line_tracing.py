@@ -15,7 +15,7 @@ from services.sheet.tracing.line_tracing import (
     FlatInk,
     flatten_ink,
     measure_straightness,
-    sampling_map,
+    sampling_maps,
     trace_lines,
 )
 from tests.services.sheet.developable.sheets import Bent
@@ -255,7 +255,7 @@ def test_the_flat_view_is_bounded() -> None:
 def test_the_sampling_map_is_exact_at_its_nodes_and_near_between() -> None:
     surface = Bent().surface()
     scale, offset = 300.0, (-130.0, -160.0)
-    dense = sampling_map(surface, 250, 331, scale, offset)
+    dense = np.concatenate([seen for _, seen in sampling_maps(surface, 250, 331, scale, offset)])
     assert dense.shape == (331, 250, 2)
     rows, columns = np.mgrid[0:331, 0:250]
 

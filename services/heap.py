@@ -1,0 +1,24 @@
+"""Memory that is free, but not yet given back to the system."""
+
+import ctypes
+from collections.abc import Callable
+
+
+def _find_trim() -> Callable[[int], int]:
+    try:
+        trim: Callable[[int], int] = ctypes.CDLL(None).malloc_trim
+    except (OSError, AttributeError):  # another C library than glibc
+        return lambda pad: 0
+    return trim
+
+
+_trim = _find_trim()
+
+
+def release_freed_memory() -> None:
+    """Give freed memory back to the system; takes about 2 ms.
+
+    glibc keeps freed arrays below 32 MB for later ones, which rarely fit. Between the steps of a photo of 12 megapixels
+    that is 20 to 30 MB.
+    """
+    _trim(0)
