@@ -17,6 +17,7 @@ from pathlib import Path
 
 SHORTEST_PAUSE_S, LONGEST_PAUSE_S = 0.002, 0.02
 """Pause between two attempts to lock. A lock is held for about 50 ms."""
+_random = random.Random()
 
 
 class InterprocessLock:
@@ -61,7 +62,7 @@ class InterprocessLock:
                     return True
                 if time.monotonic() > until:
                     return False
-                await asyncio.sleep(random.uniform(SHORTEST_PAUSE_S, LONGEST_PAUSE_S))
+                await asyncio.sleep(_random.uniform(SHORTEST_PAUSE_S, LONGEST_PAUSE_S))
         except OSError:  # the file system has no locks; some network drives do not
             return False
 

@@ -12,6 +12,7 @@ from app.jobs.running import JobRunner
 from models.errors import StoreError
 
 log = logging.getLogger(__name__)
+_random = random.Random()  # its own: the generator of the process belongs to nobody
 
 ASK_EVERY_S = 1.0
 """Pause after which a free slot asks for jobs of other processes; those of its own process are announced."""
@@ -78,7 +79,7 @@ class LocalDispatch:
                 log.warning("no job could be taken: %s", error.detail)
                 await asyncio.sleep(ASK_EVERY_S)
             with suppress(TimeoutError):
-                async with asyncio.timeout(ASK_EVERY_S * random.uniform(0.8, 1.2)):
+                async with asyncio.timeout(ASK_EVERY_S * _random.uniform(0.8, 1.2)):
                     await news.wait()
 
 
@@ -112,4 +113,4 @@ class Housekeeping:
                 log.warning("jobs could not be cleaned up: %s", error.detail)
             except Exception:
                 log.exception("jobs could not be cleaned up")
-            await asyncio.sleep(every_s * random.uniform(0.8, 1.2))
+            await asyncio.sleep(every_s * _random.uniform(0.8, 1.2))

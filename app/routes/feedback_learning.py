@@ -43,6 +43,7 @@ LONGEST_PAUSE_S = 0.05
 """Longest pause between two tries: about the time of one adaptation."""
 
 _MOST_NAMED = 20
+_random = random.Random()
 
 
 async def learn_from_feedback(
@@ -79,7 +80,7 @@ async def learn_from_feedback(
                 feedback = await _learn_once(state, given)
                 break
             except VersionConflict:  # another process wrote a version first: start again from it
-                await asyncio.sleep(random.uniform(0.0, LONGEST_PAUSE_S))
+                await asyncio.sleep(_random.uniform(0.0, LONGEST_PAUSE_S))
             except ModelNotFound as error:  # the found class was deleted: skip it
                 if error.what == verified.verified_class:
                     raise

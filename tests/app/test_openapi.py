@@ -39,7 +39,7 @@ def base_url() -> Iterator[str]:
 
 
 @schema.parametrize()
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: str) -> None:
     if isinstance(case.body, dict) and case.media_type == "multipart/form-data":
         assume_a_form(case.body)
