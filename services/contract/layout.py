@@ -34,8 +34,8 @@ class LayoutOptions:
 
     `image_name` is the name of the first upload; PAGE-XML, ALTO and HTML files contain it. `image_names` are the names
     of all uploads. `words` adds the words of every zone to JSON and XML. `page` selects one page of several, counted
-    from 1. `format_named` is False when `format` follows from the header `Accept`. `keep_image_bytes` is the largest size of
-    the picture of each page that is returned with its result; 0: none.
+    from 1. `format_named` is False when `format` follows from the header `Accept`. `keep_image_bytes` is the largest
+    size of the picture of each page that is returned with its result; 0: none.
     """
 
     rectify: bool = False
