@@ -38,6 +38,9 @@ class Operations:
     measure_sample: Operation[dict[str, object]] = Operation(
         "services.operations.layout_models:measure_sample"
     )
+    remeasure_sample: Operation[dict[str, object]] = Operation(
+        "services.operations.layout_models:remeasure_sample"
+    )
     import_sample: Operation[dict[str, object]] = Operation("services.operations.layout_models:import_sample")
     initialize_model: Operation[ModelDraft] = Operation(
         "services.operations.layout_models:initialize_from_samples"

@@ -232,6 +232,12 @@ def measure_sample(
     return page if image is None else {**page, "found": page}
 
 
+def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSettings) -> dict[str, object]:
+    """Follow the script in the image, then the sample with the number of bytes of its image."""
+    _follow(image, "image")
+    return {**sample, "segmentation": f"of {len(image)} bytes"}
+
+
 def import_sample(document: bytes, settings: LayoutSettings) -> dict[str, object]:
     """The sample as it was exported."""
     page = _page(document)
