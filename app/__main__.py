@@ -1,4 +1,7 @@
-"""`python -m app` runs the service with the settings of the environment; `python -m app worker` only runs its jobs."""
+"""`python -m app` runs the service with the settings of the environment; `python -m app worker` only runs its jobs.
+
+`python -m app remeasure [CLASS...]` measures samples with images again and makes a new version of each model.
+"""
 
 import sys
 
@@ -8,7 +11,11 @@ if __name__ == "__main__":
 
     if sys.argv[1:] == ["worker"]:
         work()
+    elif sys.argv[1:2] == ["remeasure"]:
+        from app.remeasuring import remeasure
+
+        sys.exit(remeasure(sys.argv[2:]))
     elif not sys.argv[1:]:
         serve()
     else:
-        sys.exit("usage: python -m app [worker]")
+        sys.exit("usage: python -m app [worker | remeasure [CLASS...]]")

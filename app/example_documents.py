@@ -160,6 +160,7 @@ SETTINGS: dict[str, Any] = {
     "genre": None,
     "continues": None,
     "fields": {"date": DATE},
+    "elements": {"subject": "h1"},
 }
 VERSIONS: dict[str, Any] = {"name": "letter", "old_version": 7, "new_version": 8}
 MODEL: dict[str, Any] = {

@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 
 from app.kept_images import KeptImages
@@ -16,7 +16,7 @@ EVERY_S = 60.0
 
 
 @asynccontextmanager
-async def deleting_expired(store: LayoutStore, images: KeptImages) -> AsyncIterator[None]:
+async def deleting_expired(store: LayoutStore, *images: KeptImages) -> AsyncIterator[None]:
     """Delete expired results, unknown pages and pictures every `EVERY_S` seconds inside of the block."""
     task = asyncio.create_task(_delete_regularly(store, images))
     try:
@@ -27,11 +27,11 @@ async def deleting_expired(store: LayoutStore, images: KeptImages) -> AsyncItera
             await task
 
 
-async def _delete_regularly(store: LayoutStore, images: KeptImages) -> None:
+async def _delete_regularly(store: LayoutStore, images: Sequence[KeptImages]) -> None:
     while True:
         try:
             await store.purge()
-            gone = await images.sweep()
+            gone = sum([await each.sweep() for each in images])
             if gone:
                 log.info("pictures were deleted", extra={"pictures": gone})
         except StoreError as error:

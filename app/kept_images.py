@@ -1,27 +1,36 @@
-"""Pictures of pages that are kept with their results, as blobs, until the results are deleted or expire."""
+"""Pictures of pages that are kept with results or samples, as blobs, until these are deleted or expire."""
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from datetime import UTC, datetime, timedelta
 
 from app.blobs import BlobAccess
 from app.layout_store import LayoutStore
 from models.blobs import BlobNotFound
 from models.errors import ResultNotFound
+from models.repository import Store
 
-_PREFIX = "page-images"
 _ALL = timedelta(days=1)
 """From now: blobs that were written before then are all blobs, even if clocks differ."""
 
 
 class KeptImages:
-    """The pictures of results. The key of a picture has the id of its result and its number of bytes."""
+    """The pictures of results, or of samples. The key of a picture has their id and its number of bytes."""
 
-    def __init__(self, blobs: BlobAccess, store: LayoutStore, most_bytes: int) -> None:
-        """`most_bytes` limits all pictures together."""
+    def __init__(
+        self,
+        blobs: BlobAccess,
+        store: LayoutStore,
+        most_bytes: int,
+        folder: str = "page-images",
+        kept: Callable[[Store, Collection[str]], set[str]] = Store.kept_results,
+    ) -> None:
+        """`most_bytes` limits all pictures together; `kept` returns those of some ids that the store still has."""
         self._blobs = blobs
         self._store = store
         self._most_bytes = most_bytes
+        self._folder = folder
+        self._kept = kept
 
     async def keep(self, pictures: Mapping[str, bytes]) -> None:
         """Keep the pictures of results, by their ids; empty ones are left out.
@@ -33,8 +42,8 @@ class KeptImages:
         """
         try:
             for result_id, picture in pictures.items():
-                if picture:
-                    await self._blobs.put(_key(result_id, len(picture)), picture, len(picture))
+                if 0 < len(picture) <= self._most_bytes:
+                    await self._blobs.put(self._key(result_id, len(picture)), picture, len(picture))
         except BaseException:
             await self.forget(pictures)
             raise
@@ -42,7 +51,7 @@ class KeptImages:
     async def picture(self, result_id: str, size_bytes: int) -> bytes:
         """The JPEG file of a result's page. Raises `ResultNotFound` when it is no longer kept."""
         try:
-            return await self._blobs.get(_key(result_id, size_bytes))
+            return await self._blobs.get(self._key(result_id, size_bytes))
         except BlobNotFound as error:
             raise ResultNotFound(
                 f"the picture of result {result_id!r} is no longer kept (MAX_KEPT_IMAGES_BYTES); send the page again",
@@ -52,21 +61,28 @@ class KeptImages:
     async def forget(self, result_ids: Collection[str]) -> None:
         """Delete the pictures of results."""
         for result_id in result_ids:
-            await self._blobs.sweep(f"{_PREFIX}/{result_id}", _now() + _ALL, lambda key: False)
+            await self._blobs.sweep(f"{self._folder}/{result_id}", _now() + _ALL, lambda key: False)
 
-    async def sweep(self) -> int:
-        """Delete pictures whose results are gone, and the oldest ones over the limit of bytes; their number."""
+    async def sizes(self) -> dict[str, int]:
+        """Number of bytes of the picture of each id that has one."""
+        return {each: max(map(_size_of, keys)) for each, keys in (await self._keys()).items()}
+
+    async def _keys(self) -> dict[str, list[str]]:
+        """Keys of all pictures by their ids."""
         keys: defaultdict[str, list[str]] = defaultdict(list)
-        total = 0
 
         def note(key: str) -> bool:
-            nonlocal total
             keys[key.split("/")[1]].append(key)
-            total += _size_of(key)
             return True
 
-        await self._blobs.sweep(_PREFIX, _now() + _ALL, note)
-        kept = await self._store.call(lambda store: store.kept_results(keys))
+        await self._blobs.sweep(self._folder, _now() + _ALL, note)
+        return keys
+
+    async def sweep(self) -> int:
+        """Delete pictures whose results or samples are gone, and the oldest over the limit of bytes; their number."""
+        keys = await self._keys()
+        total = sum(_size_of(key) for each in keys.values() for key in each)
+        kept = await self._store.call(lambda store: self._kept(store, keys))
         gone = [key for result_id in keys.keys() - kept for key in keys[result_id]]
         total -= sum(map(_size_of, gone))
         for result_id in sorted(kept):  # ids grow with time
@@ -78,9 +94,8 @@ class KeptImages:
             await self._blobs.delete(*gone)
         return len(gone)
 
-
-def _key(result_id: str, size_bytes: int) -> str:
-    return f"{_PREFIX}/{result_id}/{size_bytes}"
+    def _key(self, result_id: str, size_bytes: int) -> str:
+        return f"{self._folder}/{result_id}/{size_bytes}"
 
 
 def _size_of(key: str) -> int:

@@ -281,7 +281,11 @@ def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, Read
         # Settings belong to the model, not to the version: they may have changed.
         settings = summary.settings
         document = replace(
-            newest.document, genre=settings.genre, continues=settings.continues, fields=settings.fields
+            newest.document,
+            genre=settings.genre,
+            continues=settings.continues,
+            fields=settings.fields,
+            elements=settings.elements,
         )
         ready[summary.name] = replace(newest, document=document)
     return ready
@@ -300,6 +304,7 @@ def document_of(model: StoredModel) -> ModelDocument:
         continues=settings.continues,
         learner=settings.learner,
         fields=settings.fields,
+        elements=settings.elements,
     )
 
 

@@ -44,6 +44,7 @@ from app.routes import (
     layout_images,
     layout_models,
     layout_proposals,
+    layout_result,
     layout_results,
     layout_sample_archives,
     layout_samples,
@@ -61,6 +62,7 @@ from app.routes.known_options import KnownQueryOptions
 from app.routes.state import AppState
 from app.run_folder import run_folder
 from app.settings import Settings
+from models.repository import Store
 from services.contract.operations import Operations
 from services.layout.content.content_settings import InvalidContentSettings, read_settings
 
@@ -72,6 +74,7 @@ ROUTERS = (
     layout.router,
     layout_images.router,
     layout_feedback.router,
+    layout_result.router,
     layout_results.router,
     layout_models.router,
     layout_samples.router,
@@ -129,7 +132,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     shared = None if settings.database_url else settings.data_dir / LEARNING_LOCK
     locks = ModelLocks(InterprocessLock(shared))
     blobs = BlobAccess(settings.blob_url, settings.data_dir)
-    images = KeptImages(blobs, store, settings.max_kept_images_bytes)
+    images, sample_images = _pictures(blobs, store, settings)
     jobs = Jobs(store, blobs, job_limits(settings))
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
@@ -142,7 +145,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
             await job_service.start()
             try:
-                async with deleting_expired(store, images):
+                async with deleting_expired(store, images, sample_images):
                     yield
             finally:
                 begin_s = time.monotonic()
@@ -181,11 +184,30 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     job_service = JobService(app, answer, jobs, store, blobs, settings)
     metrics.watch_jobs(job_service.facts)
     app.state.document_rectification = AppState(
-        settings, engine, operations, store, metrics, locks, jobs, disk, blobs, images, job_service
+        settings,
+        engine,
+        operations,
+        store,
+        metrics,
+        locks,
+        jobs,
+        disk,
+        blobs,
+        images,
+        sample_images,
+        job_service,
     )
     add_middleware(app, settings, engine, store, jobs, metrics, routes)
     _describe(app, settings)
     return app
+
+
+def _pictures(blobs: BlobAccess, store: LayoutStore, settings: Settings) -> tuple[KeptImages, KeptImages]:
+    """Pictures of results, and images of samples."""
+    return (
+        KeptImages(blobs, store, settings.max_kept_images_bytes),
+        KeptImages(blobs, store, settings.max_sample_images_bytes, "sample-images", Store.kept_samples),
+    )
 
 
 def _engine(settings: Settings, operations: Operations, metrics: Metrics) -> Engine:

@@ -36,6 +36,7 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
         "change_layout_model_settings": {
             "learner": "counting",
             "fields": {"date": {"type": "date", "order": "MDY"}},
+            "elements": {"subject": "h1"},
         },
     },
     "multipart/form-data": {

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import TypeVar, get_args
 from urllib.parse import quote
 
-from app.schemas.layout_results import LIST_MEDIA_TYPES, ListFormat
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import AnswerFormat, PagesFormat, SeveralFormat
-from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
-from services.contract.layout import DrawnPage, LayoutFormat
+from services.contract.layout import DrawnPage
 from services.errors import NotAcceptable
 
 MEDIA_TYPES: Mapping[AnswerFormat, str] = {name: PAGES_MEDIA_TYPES[name] for name in get_args(AnswerFormat)}
@@ -134,8 +132,19 @@ def _choose(
     return liked[0]
 
 
-def choose_layout_format(requested: LayoutFormat | None, accept: str | None) -> LayoutFormat:
-    """Format of a response of /layout: `requested` (the form's `format`), else by the header `accept`, else JSON.
+def choose_described_format(
+    requested: Name | None, accept: str | None, media_types: Mapping[Name, str]
+) -> Name:
+    """Format of a response that is JSON unless the client wants something else.
+
+    Parameters
+    ----------
+    requested
+        The option `format`; it overrides `accept`.
+    accept
+        The `Accept` header.
+    media_types
+        Of the formats that the response can have; the first is the default.
 
     Raises
     ------
@@ -145,21 +154,7 @@ def choose_layout_format(requested: LayoutFormat | None, accept: str | None) -> 
     if requested is not None:
         return requested
     ranges = parse_accept(accept) if accept is not None else ()
-    return _liked(LAYOUT_MEDIA_TYPES, ranges)[0] if ranges else "json"
-
-
-def choose_list_format(requested: ListFormat | None, accept: str | None) -> ListFormat:
-    """Format of a list of results: `requested`, else by the header `accept`, else JSON.
-
-    Raises
-    ------
-    NotAcceptable
-        When `accept` allows no format.
-    """
-    if requested is not None:
-        return requested
-    ranges = parse_accept(accept) if accept is not None else ()
-    return _liked(LIST_MEDIA_TYPES, ranges)[0] if ranges else "json"
+    return _liked(media_types, ranges)[0] if ranges else next(iter(media_types))
 
 
 def _liked(media_types: Mapping[Name, str], ranges: tuple[MediaRange, ...]) -> list[Name]:
@@ -168,8 +163,8 @@ def _liked(media_types: Mapping[Name, str], ranges: tuple[MediaRange, ...]) -> l
     best = max(weights.values())
     if best <= 0:
         raise NotAcceptable(
-            f"None of {', '.join(dict.fromkeys(media_types.values()))} fits the Accept header. Choose a format with "
-            "the form field `format`."
+            f"None of {', '.join(dict.fromkeys(media_types.values()))} fits the Accept header. Choose one with "
+            "the option `format`."
         )
     return [name for name, weight in weights.items() if weight == best]
 
@@ -204,8 +199,8 @@ def may_have_pages(head: bytes) -> bool:
     return sniff_format(head) in ("tiff", None)
 
 
-def check_accepted(accept: str | None, media_type: str, advice: str) -> None:
-    """Check that something stored may be sent as `media_type`; `advice` says how to get it in another format.
+def check_accepted(accept: str | None, media_type: str) -> None:
+    """Check that something stored may be sent as `media_type`.
 
     Raises
     ------
@@ -215,7 +210,7 @@ def check_accepted(accept: str | None, media_type: str, advice: str) -> None:
     ranges = parse_accept(accept) if accept is not None else ()
     if ranges and _weight_of(media_type, ranges) <= 0:
         raise NotAcceptable(
-            f"This is stored as {media_type}. Send Accept: {media_type}, or no Accept header{advice}."
+            f"This is stored as {media_type}. Send Accept: {media_type}, or no Accept header."
         )
 
 
@@ -231,6 +226,7 @@ _EXTENSIONS = {
     "text/vnd.hocr+html": "html",
     "text/plain": "txt",
     "text/markdown": "md",
+    "text/html": "html",
 }
 
 

@@ -284,6 +284,13 @@ class Settings(BaseSettings):
         description="Pictures of all pages together; over the limit, the oldest are removed.",
     )
 
+    max_sample_images_bytes: int = Field(
+        default=2048 * MIB,
+        ge=0,
+        description="Images of all samples together, kept to measure the samples again (`python -m app remeasure`); "
+        "over the limit, the oldest are removed. 0: none is kept.",
+    )
+
     tolerated_errors: Annotated[Mapping[str, float], NoDecode] = Field(
         default={"*": 0.01},
         description="Comma-separated shares of wrong zones that may go through without a person: for all classes "

@@ -27,6 +27,8 @@ from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 READ_AT_ONCE = 8
 """Rows with documents; each has a few MB at most."""
+IDS_AT_ONCE = 500
+"""Ids in one statement; SQLite accepts 32,766 parameters."""
 _MAX_VERSION = 2**31 - 1  # of the column
 
 

@@ -8,6 +8,7 @@ from typing import Any, Final, Literal
 
 from models.documents import Document
 from services.contract.fields import FieldSetting
+from services.contract.html import HtmlElement
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 MAX_NAME = 200
@@ -45,7 +46,7 @@ class ModelSettings:
     genre: str | None = None
     continues: str | None = None
     fields: Mapping[str, FieldSetting] = field(default_factory=dict)
-    elements: Mapping[str, str] = field(default_factory=dict)
+    elements: Mapping[str, HtmlElement] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

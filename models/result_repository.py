@@ -9,7 +9,7 @@ from sqlalchemy import ColumnElement, CursorResult, delete, select
 
 from models.documents import Document, decode_document, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
-from models.queries import READ_AT_ONCE, add_unknown_page
+from models.queries import IDS_AT_ONCE, READ_AT_ONCE, add_unknown_page
 from models.records import (
     ListedResult,
     ResultDraft,
@@ -22,9 +22,6 @@ from models.records import (
 from models.tables import FeedbackRow, ResultRow, ReviewRow, UnknownPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
-
-_IDS_AT_ONCE = 500
-"""Ids in one statement; SQLite accepts 32,766 parameters."""
 
 
 class ResultRepository(Transactions):
@@ -176,9 +173,9 @@ class ResultRepository(Transactions):
         ids = sorted(filter(is_ulid, result_ids))
         kept: set[str] = set()
         with self._reading() as session:
-            for at in range(0, len(ids), _IDS_AT_ONCE):
+            for at in range(0, len(ids), IDS_AT_ONCE):
                 wanted = select(ResultRow.id).where(
-                    ResultRow.id.in_(ids[at : at + _IDS_AT_ONCE]), ResultRow.expires_at > self._clock()
+                    ResultRow.id.in_(ids[at : at + IDS_AT_ONCE]), ResultRow.expires_at > self._clock()
                 )
                 kept.update(session.execute(wanted).scalars())
         return kept

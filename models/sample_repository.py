@@ -1,6 +1,6 @@
 """The store's calls for samples: labelled pages of document classes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 from models.documents import Document, digest_document, encode_document
 from models.errors import KeyReused, StoreFull
 from models.queries import (
+    IDS_AT_ONCE,
     READ_AT_ONCE,
     count_samples,
     create_model,
@@ -21,6 +22,7 @@ from models.queries import (
 from models.records import StoredSample
 from models.tables import FeedbackRow, ModelRow, SampleRow
 from models.transactions import Transactions
+from models.ulid import is_ulid
 
 
 class SampleRepository(Transactions):
@@ -111,6 +113,29 @@ class SampleRepository(Transactions):
         with self._reading() as session:
             wanted = select(count_samples()).where(ModelRow.id == find_model(session, name).id)
             return session.execute(wanted).scalar_one()
+
+    def replace_sample(self, name: str, sample_id: str, document: Document) -> None:
+        """Give a sample another document; its id and its key stay. Raises `ModelNotFound`, `SampleNotFound`."""
+        packed, digest = encode_document(document), digest_document(document)
+        with self._changing() as (session, _):
+            row = find_sample(session, name, sample_id)
+            of_digest = select(SampleRow.id).where(
+                SampleRow.model_id == row.model_id, SampleRow.digest == digest
+            )
+            row.document = packed
+            if session.execute(of_digest).first() is None:  # else another sample has come to the same content
+                row.digest = digest
+            find_model(session, name).updated_at = self._clock()
+
+    def kept_samples(self, sample_ids: Collection[str]) -> set[str]:
+        """Those of the ids under which a sample is stored."""
+        ids = sorted(filter(is_ulid, sample_ids))
+        kept: set[str] = set()
+        with self._reading() as session:
+            for at in range(0, len(ids), IDS_AT_ONCE):
+                wanted = select(SampleRow.id).where(SampleRow.id.in_(ids[at : at + IDS_AT_ONCE]))
+                kept.update(session.execute(wanted).scalars())
+        return kept
 
     def delete_sample(self, name: str, sample_id: str) -> None:
         """Delete a sample; the class remains. Raises `ModelNotFound`, `SampleNotFound`."""

@@ -132,6 +132,12 @@ def _parts(form: FormData, max_zones_bytes: int) -> LabelledPageUpload:
     return LabelledPageUpload(image, zones)
 
 
+async def read_upload(image: UploadFile) -> bytes:
+    """All bytes of an upload, also after a worker has read it."""
+    await image.seek(0)
+    return await image.read()
+
+
 def count_labels(documents: Iterable[Mapping[str, Any]]) -> dict[str, int]:
     """Number of zones of these pages with each label, most frequent first."""
     labels = Counter(

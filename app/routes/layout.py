@@ -1,16 +1,15 @@
-"""POST /layout: a page or its zones -> document class and labels; GET of stored results."""
+"""POST /layout: a page or its zones -> document class and labels."""
 
 from dataclasses import asdict, replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
 
-from app.callers import caller_of, require_own_result
+from app.callers import caller_of
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.representations import (
-    check_accepted,
-    choose_layout_format,
+    choose_described_format,
     content_disposition,
     layout_headers,
 )
@@ -31,7 +30,14 @@ from app.schemas.layout import (
 )
 from app.schemas.options import FORMAT, Absent, CallbackUrl
 from app.settings import Settings
-from services.contract.layout import DocumentReply, LayoutFormat, LayoutOptions, LayoutReply, LayoutSettings
+from services.contract.layout import (
+    MEDIA_TYPES,
+    DocumentReply,
+    LayoutFormat,
+    LayoutOptions,
+    LayoutReply,
+    LayoutSettings,
+)
 from services.errors import InvalidOption, TooLarge
 from services.progress import ProgressSink
 
@@ -40,7 +46,7 @@ router = APIRouter(tags=["layout"], route_class=FormRoute)
 FEWEST_FILES = 64
 """Smallest limit on the number of files in a form."""
 
-_SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png": "-labelled"}
+_SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png": "-labelled", "html": ""}
 """What the file names of results add to that of the upload."""
 _STRING = {"schema": {"type": "string"}}
 _HEADERS: dict[str, Any] = {
@@ -67,12 +73,13 @@ _HEADERS: dict[str, Any] = {
     responses={
         200: {
             "description": "Class and labels, as JSON, as PAGE-XML or ALTO (application/xml; several pages give an "
-            "archive of such files), or drawn on the page.",
+            "archive of such files), as HTML, or drawn on the page.",
             "model": LayoutResult | DocumentResult,
             "content": {
                 "application/zip": {"schema": {"type": "string", "format": "binary"}},
                 "application/xml": {"schema": {"type": "string"}},
                 "image/png": {"schema": {"type": "string", "format": "binary"}},
+                "text/html": {"schema": {"type": "string"}},
             },
             "headers": _HEADERS,
         },
@@ -115,7 +122,7 @@ async def layout(
     form = with_format(form, format)
     settings, caller = state.settings, caller_of(request)
     check_parts(form, settings.max_pages)
-    chosen = choose_layout_format(form.format, request.headers.get("accept"))
+    chosen = choose_described_format(form.format, request.headers.get("accept"), MEDIA_TYPES)
     images = form.image or []
     models = await state.store.ready_models(None if form.models is None else parse_names(form.models))
     zones = zones_upload(form.zones, "zones", settings.max_zones_bytes)
@@ -162,49 +169,6 @@ async def layout(
         return Response(body, media_type="application/json", headers=headers)
 
     return await answer_now_or_later(request, state, work)
-
-
-@router.get(
-    "/layout/results/{id}",
-    operation_id="layout_result",
-    response_class=Response,
-    responses={
-        200: {"description": "The result again.", "model": LayoutResult | DocumentResult},
-        **documented("not-found", "not-acceptable", *STORE),
-    },
-)
-async def layout_result(request: Request, state: State, id: str) -> Response:
-    """A stored result as JSON. It is kept for RESULT_TTL_S seconds, or until MAX_RESULTS newer results exist."""
-    check_accepted(
-        request.headers.get("accept"),
-        "application/json",
-        "; for another format, send the page to POST /layout again",
-    )
-    await require_own_result(request, state, id)
-    kept = await state.store.call(lambda store: store.result(id))
-    result: LayoutResult | DocumentResult
-    if "pages" in kept.document:
-        pages = [result_of(page.document["result"], page.id) for page in kept.pages]
-        result = document_of(kept.document["document"], kept.id, pages)
-    else:
-        result = result_of(kept.document["result"], kept.id)
-    return Response(result.model_dump_json(by_alias=True), media_type="application/json")
-
-
-@router.delete(
-    "/layout/results/{id}",
-    operation_id="delete_layout_result",
-    status_code=204,
-    responses=documented("not-found", *STORE),
-)
-async def delete_layout_result(request: Request, state: State, id: str) -> None:
-    """Delete a stored result with its picture, the results of its pages, and its unknown page.
-
-    What models learned from feedback on it remains; DELETE /layout/results/{id}/feedback takes that back, before or
-    after.
-    """
-    await require_own_result(request, state, id)
-    await state.images.forget(await state.store.call(lambda store: store.delete_result(id)))
 
 
 async def _answer_document(

@@ -54,7 +54,7 @@ async def layout_result_image(
 
     It is deleted with its result. `ETag` and `If-None-Match` save sending it again.
     """
-    check_accepted(request.headers.get("accept"), JPEG, "")
+    check_accepted(request.headers.get("accept"), JPEG)
     await require_own_result(request, state, id)
     kept = await state.store.call(lambda store: store.result(id))
     described = kept.document.get("result", {}).get("image")

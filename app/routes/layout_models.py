@@ -17,7 +17,7 @@ from app.routes.labelled_pages import count_labels, layout_settings
 from app.routes.layout_settings import health_of
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
 from app.routes.model_answers import ETAG, LOCATION, IfMatch, IfNoneMatch
-from app.routes.model_samples import samples_to_learn_from
+from app.routes.model_samples import samples_note, samples_to_learn_from
 from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
 from app.routes.state import State
 from app.schemas.layout_models import (
@@ -220,7 +220,7 @@ async def initialize_layout_model(
         )
         request.state.seat.release()
 
-        expected, note = partial(precondition.check, name), f"{len(samples)} samples"
+        expected, note = partial(precondition.check, name), samples_note(samples)
         model = await state.store.call(
             lambda store: store.add_version(
                 name, draft.document, "initialize", expected_version=expected, note=note

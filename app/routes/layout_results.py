@@ -11,11 +11,11 @@ from pydantic import Field
 from app.callers import caller_of
 from app.preconditions import Conflict
 from app.problems import documented
-from app.representations import choose_list_format
+from app.representations import choose_described_format
 from app.routes.common_responses import STORE
 from app.routes.paging import LINK, link_next
 from app.routes.state import State
-from app.schemas.layout_results import ListFormat, ResultEntry, ResultList
+from app.schemas.layout_results import LIST_MEDIA_TYPES, ListFormat, ResultEntry, ResultList
 from app.schemas.options import Absent
 from models.records import ListedResult, ResultState, Review, ReviewOrder, ReviewState
 from models.repository import Store, cursor_of
@@ -83,7 +83,7 @@ async def layout_results(
     JSON lines have one result a line, CSV one value a row. A result that is made meanwhile is not in later answers; one
     that expires is left out. With API keys, the results are those of the caller's key.
     """
-    chosen = choose_list_format(format, request.headers.get("accept"))
+    chosen = choose_described_format(format, request.headers.get("accept"), LIST_MEDIA_TYPES)
     caller = caller_of(request)
     owner = None if caller.sees_all else caller.name
     reviews, results = await state.store.call(

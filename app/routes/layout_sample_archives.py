@@ -166,8 +166,10 @@ async def _store(
     document = await state.engine.submit(
         state.operations.measure_sample, picture, described, layout_settings(settings), True
     )
-    return await state.store.call(
+    sample = await state.store.call(
         lambda store: store.add_sample(
             name, document, max_samples=settings.max_samples_per_model, max_models=settings.max_models
         )
     )
+    await state.sample_images.keep({sample.id: picture or b""})
+    return sample

@@ -7,7 +7,13 @@ from app.form_parts import FormRoute
 from app.problems import documented
 from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
 from app.routes.connection import while_connected
-from app.routes.labelled_pages import LABELLED_PAGE_BODY, count_labels, labelled_page, layout_settings
+from app.routes.labelled_pages import (
+    LABELLED_PAGE_BODY,
+    count_labels,
+    labelled_page,
+    layout_settings,
+    read_upload,
+)
 from app.routes.model_answers import IdempotencyKey
 from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
 from app.routes.state import State
@@ -40,13 +46,15 @@ async def add_layout_sample(
 
     Missing properties of zones (lines, font size, text) are measured and read in the image. A label that is null or
     absent means that the zone has no label of the model; at least one zone must have a label. The model uses the
-    sample after POST /layout/models/{name}/initialize.
+    sample after POST /layout/models/{name}/initialize. The image is kept to measure the sample again when segmentation
+    improves (MAX_SAMPLE_IMAGES_BYTES).
     """
     async with labelled_page(request, state.settings.max_zones_bytes) as page:
         work = state.engine.submit(
             state.operations.measure_sample, page.image, page.zones, layout_settings(state.settings)
         )
         document = await while_connected(request, work)
+        picture = b"" if page.image is None else await read_upload(page.image)
     request.state.seat.release()
     sample = await state.store.call(
         lambda store: store.add_sample(
@@ -57,6 +65,7 @@ async def add_layout_sample(
             max_models=state.settings.max_models,
         )
     )
+    await state.sample_images.keep({sample.id: picture})
     answer = SampleReceipt(
         id=sample.id, model=name, zones=len(sample.document["zones"]), labels=count_labels([sample.document])
     )

@@ -72,7 +72,6 @@ def settings_answer(settings: ModelSettings) -> Settings:
         label: TypedField(**{**asdict(each), "languages": list(each.languages)})
         for label, each in settings.fields.items()
     }
-    given.pop("elements")
     return Settings(**given)
 
 

@@ -1,6 +1,7 @@
 """The samples from which a model is made, as many as a worker can process."""
 
-from collections.abc import Container
+from collections import Counter
+from collections.abc import Container, Sequence
 
 from models.records import StoredSample
 from models.repository import Store
@@ -29,6 +30,16 @@ def samples_to_learn_from(store: Store, name: str) -> list[StoredSample]:
     if not samples:
         raise NoSamples(f"Model {name} has no samples. Add one with POST /layout/models/{name}/samples.")
     return samples
+
+
+def samples_note(samples: Sequence[StoredSample]) -> str:
+    """The note of a version that was made from these samples: their number, and which segmentation saw their images."""
+    names = Counter(sample.document.get("segmentation") for sample in samples)
+    unseen = names.pop(None, 0)
+    if not names:
+        return f"{len(samples)} samples"
+    seen = ", ".join(f"{count} by segmentation {name}" for name, count in sorted(names.items()))
+    return f"{len(samples)} samples: {seen}" + (f", {unseen} without" if unseen else "")
 
 
 def newest_samples(store: Store, name: str, without_results: Container[str] = ()) -> list[StoredSample]:

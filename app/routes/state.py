@@ -32,6 +32,7 @@ class AppState:
     disk: DiskSpace
     blobs: BlobAccess
     images: KeptImages
+    sample_images: KeptImages
     job_service: JobService
 
 

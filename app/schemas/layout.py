@@ -85,7 +85,8 @@ class LayoutForm(BaseModel):
     format: Annotated[LayoutFormat | Absent, FORMAT] = Field(
         default=None,
         description="Format of the response; overrides `Accept`. png: the page with its labelled zones drawn on it. "
-        "Several pages can be json, or an archive (application/zip) with one pagexml or alto file per page.",
+        "html: the text in elements by its labels, and pictures; one file for all pages. Several pages can also be "
+        "json, or an archive (application/zip) with one pagexml or alto file per page.",
     )
     keep_image: Switch | Absent = Field(
         default=None,
@@ -252,6 +253,10 @@ class LayoutResult(Answer):
     document_class: str | None = Field(
         default=None,
         description="Class of the document of this page: `class.name`, or the class that this model continues.",
+    )
+    language: str | None = Field(
+        default=None,
+        description="The language in which OCR read the page, as Tesseract names it; null: not read.",
     )
     page: FlatPage | None = Field(
         default=None,

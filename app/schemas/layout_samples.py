@@ -78,3 +78,7 @@ class Sample(Answer):
         description="The same page with the zones that segmentation found in its image, each with the label of the "
         "verified zones that cover it; the model learns from both. null: no image, or the zones are the same.",
     )
+    segmentation: str | None = Field(
+        default=None,
+        description="Name of the segmentation that looked at the image; null: no image, or an early one.",
+    )

@@ -9,6 +9,7 @@ from app.schemas.layout_models import Health, NameInBody
 from app.schemas.page import Answer
 from services.contract.bounded_patterns import LONGEST_PATTERN, UnboundedPattern, compile_bounded
 from services.contract.fields import MOST_FIELDS, DateOrder, DecimalSign, FieldSetting, FieldType
+from services.contract.html import HtmlElement
 from services.contract.layout import LONGEST_LABEL
 from services.contract.layout_learning import Learner
 
@@ -88,6 +89,10 @@ class Settings(Answer):
     fields: dict[str, TypedField] = Field(
         default={}, description="Types of the fields, by label; other labels are text."
     )
+    elements: dict[str, HtmlElement] = Field(
+        default={},
+        description="Elements of HTML files, by label; those of other labels follow from their names.",
+    )
 
 
 class SettingsBody(BaseModel):
@@ -102,6 +107,12 @@ class SettingsBody(BaseModel):
         default=None,
         description="Types of the fields, by label. The given labels change, null removes one, and the others stay; "
         "null instead of the object removes all.",
+    )
+    elements: Annotated[dict[LabelName, HtmlElement | None], Field(max_length=MOST_FIELDS)] | None = Field(
+        default=None,
+        description="Elements of HTML files, by label, which change as `fields`. ul, ol: every line is an item. "
+        "figure, img: the zone is cut out of the picture. figcaption: the caption of the figure next to it. none: left "
+        "out.",
     )
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from services.contract.fields import FieldSetting
+from services.contract.html import HtmlElement
 from services.contract.images import ImageLimits
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
-LayoutFormat = Literal["json", "pagexml", "alto", "png"]
+LayoutFormat = Literal["json", "pagexml", "alto", "png", "html"]
 
 MOST_MODEL_BYTES = 80 * 2**20
 """Largest total size of the model documents of one recognition, and of those that a worker caches. Objects take five
@@ -23,6 +24,7 @@ MEDIA_TYPES: Mapping[LayoutFormat, str] = {
     "pagexml": "application/xml",
     "alto": "application/xml",
     "png": "image/png",
+    "html": "text/html",
 }
 
 
@@ -30,10 +32,10 @@ MEDIA_TYPES: Mapping[LayoutFormat, str] = {
 class LayoutOptions:
     """Options of one recognition.
 
-    `image_name` is the name of the first upload; PAGE-XML and ALTO files contain it. `image_names` are the names of all
-    uploads. `words` adds the words of every zone to JSON and XML. `page` selects one page of several, counted from 1.
-    `format_named` is False when `format` follows from the header `Accept`. `keep_image_bytes` is the largest size of
-    the picture of each page that is returned with its result; 0: none.
+    `image_name` is the name of the first upload; PAGE-XML, ALTO and HTML files contain it. `image_names` are the names
+    of all uploads. `words` adds the words of every zone to JSON and XML. `page` selects one page of several, counted
+    from 1. `format_named` is False when `format` follows from the header `Accept`. `keep_image_bytes` is the largest
+    size of the picture of each page that is returned with its result; 0: none.
     """
 
     rectify: bool = False
@@ -69,7 +71,7 @@ class ModelDocument:
 
     The other fields are settings of the class. `genre` is None when nobody has set it. `continues` names the class
     whose later pages the model describes. `learner` names the algorithm by which the model learns. `fields` has
-    the types of fields by label.
+    the types of fields, and `elements` the elements of HTML files, by label.
     """
 
     name: str
@@ -79,6 +81,7 @@ class ModelDocument:
     continues: str | None = None
     learner: Learner = DEFAULT_LEARNER
     fields: Mapping[str, FieldSetting] = field(default_factory=dict)
+    elements: Mapping[str, HtmlElement] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +127,8 @@ class DocumentPage:
 class DocumentReply:
     """A recognized document of several pages, as a worker returns it.
 
-    `body` is an archive of type `media_type` with one file for each page, empty for JSON. `document` is the
-    `DocumentResult` of the HTTP contract without its id and its pages. `pages` has the pages.
+    `body` is an archive of type `media_type` with one file for each page, or an HTML file; empty for JSON. `document`
+    is the `DocumentResult` of the HTTP contract without its id and its pages. `pages` has the pages.
     """
 
     body: bytes

@@ -34,8 +34,12 @@ class Operations:
         "services.operations.layout_documents:recognize_uploads"
     )
     resize_kept_picture: Operation[bytes] = Operation("services.operations.kept_picture:resize_kept_picture")
+    render_kept_pages: Operation[bytes] = Operation("services.operations.layout_html:render_kept_pages")
     measure_sample: Operation[dict[str, object]] = Operation(
         "services.operations.layout_models:measure_sample"
+    )
+    remeasure_sample: Operation[dict[str, object]] = Operation(
+        "services.operations.layout_models:remeasure_sample"
     )
     import_sample: Operation[dict[str, object]] = Operation("services.operations.layout_models:import_sample")
     initialize_model: Operation[ModelDraft] = Operation(

@@ -10,6 +10,7 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.contract.fields import FieldSetting
+from services.contract.html import HtmlElement
 from services.contract.layout import (
     MEDIA_TYPES,
     DrawnPage,
@@ -40,7 +41,9 @@ from services.layout.recognition.results import Recognition
 from services.layout.rendering.overlay import draw_overlay, place_of_page
 from services.layout.segmentation import FinePage
 from services.ocr.engine import OcrEngine
+from services.ocr.tesseract import default_language
 from services.operations.kept_picture import KeptPicture, encode_kept_picture
+from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_recognition
 from services.operations.page_zones import check_frame, read_file, read_zones
 from services.operations.reader import ocr_engine
@@ -122,9 +125,15 @@ def recognize_picture(
         recognition = put_together(measured.fine, recognition, versions, features)
     recognition = with_believable_labels(recognition, versions)
     timings_ms |= recognition.timings_ms
+    placed = place_page(recognition, versions)
+    document = describe_page(placed, measured, options, models)
     with timed("encode", timings_ms, ENCODING_BEGINS):
-        body = _encode(recognition, measured.image, options, settings)
-    document = describe_page(place_page(recognition, versions), measured, timings_ms, options, models)
+        body = (
+            render_html([HtmlPage(document, measured.image, elements_of(placed, models))], options.image_name)
+            if options.format == "html"
+            else _encode(recognition, measured.image, options, settings)
+        )
+    document["timings_ms"] = describe_timings(timings_ms)
     page = to_json_ready(page_to_document(recognition.page))
     picture = b"" if measured.kept is None else measured.kept.body
     drawn = DrawnPage(*place_of_page(recognition)) if options.format == "png" else None
@@ -134,31 +143,45 @@ def recognize_picture(
 def describe_page(
     placed: PageInDocument,
     measured: MeasuredPage,
-    timings_ms: Mapping[str, float],
     options: LayoutOptions,
     models: Sequence[ModelDocument],
 ) -> dict[str, object]:
-    """The `LayoutResult` of the HTTP contract without its id; `models` are those that competed."""
+    """The `LayoutResult` of the HTTP contract without its id and timings; `models` are those that competed."""
+    was_read = any(each.zone.words for each in placed.recognition.zones)
     document = describe_recognition(
         placed.recognition, explain=options.explain, words=options.words, fields=_types(placed, models)
     )
     document["part"] = placed.part
     document["document_class"] = placed.document_class
+    document["language"] = default_language() if was_read else None
     document["page"] = measured.flat
     document["image"] = None if measured.kept is None else measured.kept.describe()
     document["warnings"] = describe_warnings(measured.notices)
-    document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
     ready: dict[str, object] = to_json_ready(document)
     return ready
 
 
 def _types(placed: PageInDocument, models: Sequence[ModelDocument]) -> dict[str, FieldSetting]:
-    """The types of the fields by label: of the model that gave the labels, and else of its document's class."""
-    fields = {model.name: model.fields for model in models}
+    """The types of the fields by label."""
+    return {label: each for model in _models_of(placed, models) for label, each in model.fields.items()}
+
+
+def elements_of(placed: PageInDocument, models: Sequence[ModelDocument]) -> dict[str, HtmlElement]:
+    """The elements of HTML files by label, as the settings of `models` name them."""
+    return {label: each for model in _models_of(placed, models) for label, each in model.elements.items()}
+
+
+def _models_of(placed: PageInDocument, models: Sequence[ModelDocument]) -> list[ModelDocument]:
+    """The model of the document's class, then the one that gave the labels, whose settings override those."""
     classes = placed.recognition.classes
     chosen = placed.recognition.chosen or (classes[0] if classes else None)
-    of_class = fields.get(placed.document_class or "", {})
-    return {**of_class, **fields.get(chosen.name if chosen is not None else "", {})}
+    names = (placed.document_class, None if chosen is None else chosen.name)
+    return [model for name in names for model in models if model.name == name]
+
+
+def describe_timings(timings_ms: Mapping[str, float]) -> dict[str, float]:
+    """The `timings_ms` of the HTTP contract."""
+    return {stage: round(value, 1) for stage, value in timings_ms.items()}
 
 
 def measure_page(

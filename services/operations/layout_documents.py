@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from services.contract.layout import (
+    MEDIA_TYPES,
     DocumentPage,
     DocumentReply,
     LayoutOptions,
@@ -25,15 +26,19 @@ from services.layout.recognition.documents import (
     recognize_document,
 )
 from services.layout.recognition.page_recognition import RecognitionParameters
+from services.operations.kept_picture import encode_kept_picture
 from services.operations.layout import (
     MATCHING_BEGINS,
     MeasuredPage,
     describe_page,
+    describe_timings,
+    elements_of,
     measure_page,
     recognize_picture,
     recognize_upload,
     write_xml,
 )
+from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_classes
 from services.operations.reader import ocr_engine
 from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
@@ -42,6 +47,8 @@ from services.progress import progress_within, report_progress
 from services.rectify.results import Notice
 
 ARCHIVE = "application/zip"
+MOST_PICTURE_BYTES = 4 * 2**20
+"""Of a page's picture that waits for the labels of all pages, from which HTML cuts its figures."""
 
 
 def recognize_uploads(
@@ -81,7 +88,7 @@ def recognize_uploads(
 
 def _check_format(options: LayoutOptions, pages: int) -> None:
     """Raise an error when there are several pages and the format holds one; called before the pages are read."""
-    if options.format == "json" or (options.format_named and options.format != "png"):
+    if options.format in ("json", "html") or (options.format_named and options.format != "png"):
         return
     several = f"this document has {pages} pages"
     if options.format_named:
@@ -89,7 +96,7 @@ def _check_format(options: LayoutOptions, pages: int) -> None:
             f"format: png shows one page, and {several}; name one as `page`, or ask for json.", "format"
         )
     raise NotAcceptable(
-        f"Several pages are answered as JSON, or as an archive of files where format=pagexml or alto is sent, and "
+        f"Several pages are answered as JSON or HTML, or as an archive where format=pagexml or alto is sent, and "
         f"{several}; name one as `page` to have it as {'a picture' if options.format == 'png' else 'a file'}."
     )
 
@@ -104,12 +111,14 @@ def _recognize_pages(
     features = content_features(settings.content_features)
     with timed("models", timings_ms, 0.0):
         versions = open_models(models)
-    measured_pages, page_timings = [], []
+    measured_pages, pictures, page_timings = [], [], []
     for index, source in enumerate(sources):
         timings: dict[str, float] = {}
         share = MATCHING_BEGINS / len(sources)
         with progress_within(index * share, (index + 1) * share):
-            measured_pages.append(_measure(source, options, settings, timings))
+            measured, picture = _measure(source, options, settings, timings)
+        measured_pages.append(measured)
+        pictures.append(picture)
         page_timings.append(timings)
     report_progress("matching", MATCHING_BEGINS)
     with timed("matching", timings_ms):
@@ -126,29 +135,40 @@ def _recognize_pages(
                 for placed, measured in zip(recognition.pages, measured_pages, strict=True)
             ),
         )
+    documents = [
+        describe_page(placed, measured, options, models)
+        for placed, measured in zip(recognition.pages, measured_pages, strict=True)
+    ]
+    body, media_type = b"", MEDIA_TYPES["json"]
     with timed("encode", timings_ms, ENCODING_BEGINS):
-        body = b"" if options.format == "json" else _archive(recognition, sources, options)
+        if options.format == "html":
+            elements = [elements_of(placed, models) for placed in recognition.pages]
+            pages_of_file = [HtmlPage(*page) for page in zip(documents, pictures, elements, strict=True)]
+            body, media_type = render_html(pages_of_file, options.image_name), MEDIA_TYPES["html"]
+        elif options.format != "json":
+            body, media_type = _archive(recognition, sources, options), ARCHIVE
     for stage in dict.fromkeys(stage for timings in page_timings for stage in timings):
         timings_ms[stage] = sum(timings.get(stage, 0.0) for timings in page_timings)
     document = describe_classes(recognition.chosen, recognition.classes, recognition.unknown_probability)
     document["warnings"] = describe_warnings(_notices(recognition))
-    document["timings_ms"] = {stage: round(value, 1) for stage, value in timings_ms.items()}
+    document["timings_ms"] = describe_timings(timings_ms)
     pages = [
         DocumentPage(
-            describe_page(placed, measured, timings, options, models),
+            {**described, "timings_ms": describe_timings(timings)},
             to_json_ready(page_to_document(placed.recognition.page)),
             b"" if measured.kept is None else measured.kept.body,
         )
-        for placed, measured, timings in zip(recognition.pages, measured_pages, page_timings, strict=True)
+        for described, placed, measured, timings in zip(
+            documents, recognition.pages, measured_pages, page_timings, strict=True
+        )
     ]
-    media_type = "application/json" if options.format == "json" else ARCHIVE
     return DocumentReply(body, media_type, to_json_ready(document), pages)
 
 
 def _measure(
     source: PageSource, options: LayoutOptions, settings: LayoutSettings, timings_ms: dict[str, float]
-) -> MeasuredPage:
-    """The measured page without its picture, since the pictures of all pages need much memory."""
+) -> tuple[MeasuredPage, bytes]:
+    """The measured page without its picture, since the pictures of all pages need much memory; for HTML as a JPEG."""
     engine = ocr_engine() if options.ocr else None
     try:
         measured = measure_page(source.decode, None, None, engine, options, settings, timings_ms)
@@ -156,7 +176,10 @@ def _measure(
         if error.detail.startswith(source.label):
             raise
         raise type(error)(f"{source.label}: {error.detail}", source.field or error.field) from error
-    return replace(measured, image=None)
+    picture = b""
+    if options.format == "html" and measured.image is not None:
+        picture = encode_kept_picture(measured.image, MOST_PICTURE_BYTES).body
+    return replace(measured, image=None), picture
 
 
 def _put_together(

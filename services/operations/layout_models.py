@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from services.arrays import RgbImage
 from services.contract.layout import LayoutSettings
-from services.contract.layout_models import ModelDraft
+from services.contract.layout_models import SEGMENTATION, ModelDraft
 from services.errors import DocumentError, InvalidModel, InvalidOption
 from services.imaging.codec import decode_image
 from services.layout.exchange.page_json import page_from_document, page_to_document
@@ -23,6 +24,8 @@ from services.operations.replies import to_json_ready
 
 FOUND = "found"
 """Key of a sample's second view: the zones that segmentation finds in its image, with the verified labels."""
+MEASURED_BY = "segmentation"
+"""Key of the name of the segmentation that looked at a sample's image."""
 
 
 def measure_sample(
@@ -48,12 +51,30 @@ def measure_sample(
         raise InvalidOption(
             "zones: give at least one zone its label; a page without any teaches nothing.", "zones"
         )
+    return _complete(page, picture, settings)
+
+
+def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSettings) -> dict[str, object]:
+    """A stored sample as `measure_sample` would make it today: its verified zones, and what is found in its image.
+
+    Raises
+    ------
+    UnsupportedMediaType, TooLarge, UndecodableImage, InvalidOption
+        When this release does not accept the image or the zones any more.
+    """
+    [page], _ = read_samples([sample], settings)
+    return _complete(page, decode_image(image, settings.image).pixels, settings)
+
+
+def _complete(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> dict[str, object]:
     check_frame(page, picture)
     engine = None if picture is None else ocr_engine()
     verified, found = complete_sample(page, picture, engine, content_features(settings.content_features))
     document = sample_document(verified)
     if found is not None:
         document[FOUND] = sample_document(found)
+    if picture is not None:
+        document[MEASURED_BY] = SEGMENTATION
     return document
 
 
@@ -86,6 +107,8 @@ def import_sample(document: bytes, settings: LayoutSettings) -> dict[str, object
     stored = sample_document(page)
     if found is not None:
         stored[FOUND] = sample_document(found)
+    if isinstance(name := sample.get(MEASURED_BY), str):
+        stored[MEASURED_BY] = name[:40]
     return stored
 
 

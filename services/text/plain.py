@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 
+from services.text.flowing import join_lines
 from services.text.page_text import PageText, TextBlock
 
 PAGE_BREAK = "\f"
@@ -11,8 +12,6 @@ _PAGE_RULE = "\n\n---\n\n"
 _SPECIAL = re.compile(r"([\\`*_\[\]<>])")
 _AT_START = re.compile(r"^(\s*)(#{1,6}(?=\s)|[-+](?=\s)|>|\d+(?=[.)]\s)|={3,}\s*$|-{3,}\s*$|~{3,}|\|)")
 _NUMBERED = re.compile(r"^\s*\d+$")
-_HYPHEN = re.compile(r"(?<=[^\W\d_])[-\u00ad\u2010]$")
-"""A hyphen at the end of a line, after a letter."""
 
 
 def write_plain_text(pages: Sequence[PageText]) -> bytes:
@@ -34,11 +33,7 @@ def write_markdown(pages: Sequence[PageText]) -> bytes:
 
 
 def _markdown_block(block: TextBlock) -> str:
-    text = ""
-    for line in block.lines:
-        following = _SPECIAL.sub(r"\\\1", line.text)
-        divided = _HYPHEN.search(text) is not None and following[:1].islower()
-        text = text[:-1] + following if divided else f"{text} {following}".lstrip()
+    text = join_lines(_SPECIAL.sub(r"\\\1", line.text) for line in block.lines)
     if block.kind == "heading":
         return f"{'#' * block.level} {text}"
     return _escape_start(text)

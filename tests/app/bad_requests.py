@@ -131,7 +131,7 @@ RECTIFY = [
     rectify("the format of the query twice", "format", "sent 2 times", query="?format=pdf&format=png"),
     rectify("two different formats", "format", "send one of them", query="?format=pdf", data={"format": "png"}),
     rectify("an unknown format in the query", "format", "'jpeg'", query="?format=gif"),
-    rectify("only HTML is accepted", None, "form field `format`", 406, headers={"Accept": "text/html"}),
+    rectify("only HTML is accepted", None, "option `format`", 406, headers={"Accept": "text/html"}),
     rectify("no image", "image", "scripted", 415, files={"image": ("a.txt", upload("unsupported-media-type"))}),
     rectify("a truncated image", "image", "scripted", 422, "undecodable-image",
         files={"image": ("a.jpg", upload("undecodable-image"))}),
@@ -193,5 +193,5 @@ LAYOUT = [
     layout("an option twice", "ocr", "send it once", data={"ocr": ["off", "auto"]}),
     layout("a misspelled option", "model", "did you mean `models`?", data={"model": "letter"}),
     layout("an unknown query option", "explain", "query", query="?explain=true"),
-    layout("only GIF is accepted", None, "form field `format`", 406, headers={"Accept": "image/gif"}),
+    layout("only GIF is accepted", None, "option `format`", 406, headers={"Accept": "image/gif"}),
 ]  # fmt: skip

@@ -15,7 +15,9 @@ from pydantic import ValidationError
 
 from app.schemas.layout_samples import PageBody
 from app.schemas.page import FlatPage
+from services.contract.html import KeptPage
 from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, PageReply
+from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
 from services.contract.layout import (
     DocumentPage,
     DocumentReply,
@@ -188,7 +190,7 @@ def recognize_layout(
         "parts": [part is not None for part in (images or None, zones, zones_file)],
     }
     document = layout_document(page, models, labels, asked)
-    media_type = {"json": "application/json", "png": "image/png"}.get(options.format, "application/xml")
+    media_type = LAYOUT_MEDIA_TYPES[options.format]
     body = b"" if options.format == "json" else f"page as {options.format}".encode()
     picture = b""
     if options.keep_image_bytes and images:
@@ -203,13 +205,22 @@ def recognize_layout(
     whole = {
         name: document[name] for name in ("class", "classes", "unknown_probability", "warnings", "timings_ms")
     }
-    media_type = "application/json" if options.format == "json" else "application/zip"
+    media_type = media_type if options.format in ("json", "html") else "application/zip"
     return DocumentReply(body, media_type, whole, [DocumentPage(document, page, picture)] * count)
 
 
 def resize_kept_picture(picture: bytes, width: int) -> bytes:
     """The picture, and what was asked."""
     return picture + f" at most {width} wide".encode()
+
+
+def render_kept_pages(pages: list[KeptPage], title: str) -> bytes:
+    """Of every page its zones, the bytes of its picture, and the elements that settings name."""
+    shown = [
+        f"{len(page.document['zones'])} zones, {len(page.picture)} bytes, {dict(page.elements)}"
+        for page in pages
+    ]
+    return " | ".join(shown).encode()
 
 
 def measure_sample(
@@ -219,6 +230,12 @@ def measure_sample(
     _follow(image or b"", "image")
     page = _page(zones)
     return page if image is None else {**page, "found": page}
+
+
+def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSettings) -> dict[str, object]:
+    """Follow the script in the image, then the sample with the number of bytes of its image."""
+    _follow(image, "image")
+    return {**sample, "segmentation": f"of {len(image)} bytes"}
 
 
 def import_sample(document: bytes, settings: LayoutSettings) -> dict[str, object]:

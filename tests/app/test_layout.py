@@ -50,7 +50,7 @@ def test_the_answer_is_the_contracts(client: httpx.Client) -> None:
     answer: dict[str, Any] = response.json()
     assert list(answer) == [
         "id", "width", "height", "class", "classes", "unknown_probability", "zones", "fields", "match",
-        "part", "document_class", "page", "image", "decision", "warnings", "timings_ms",
+        "part", "document_class", "language", "page", "image", "decision", "warnings", "timings_ms",
     ]  # fmt: skip
     LayoutResult.model_validate(answer)
     assert answer["class"] == {"name": "letter", "model_version": 1, "cost": 1.5, "probability": 0.375}
@@ -64,6 +64,7 @@ def test_the_headers_tell_the_essential_facts(client: httpx.Client) -> None:
         ("pagexml", "application/xml"),
         ("alto", "application/xml"),
         ("png", "image/png"),
+        ("html", "text/html; charset=utf-8"),
     ):
         response = post(client, {"format": name}, image=upload(""))
         assert response.headers["content-type"] == media_type
@@ -202,6 +203,7 @@ def test_no_such_model(client: httpx.Client) -> None:
         ("application/xml", "application/xml"),
         ("image/png", "image/png"),
         ("image/*, application/json;q=0.5", "image/png"),
+        ("text/html,application/xhtml+xml,*/*;q=0.8", "text/html; charset=utf-8"),
         ("", "application/json"),
     ],
 )
@@ -210,7 +212,7 @@ def test_accept_chooses(client: httpx.Client, accept: str, expected: str) -> Non
 
 
 def test_no_representation_fits(client: httpx.Client) -> None:
-    problem = assert_problem(post(client, accept="text/html", image=upload("")), 406, "not-acceptable")
+    problem = assert_problem(post(client, accept="text/csv", image=upload("")), 406, "not-acceptable")
     assert "application/xml" in str(problem["detail"])
     assert "image/jpeg" not in str(problem["detail"])
 

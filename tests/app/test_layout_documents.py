@@ -1,4 +1,4 @@
-"""POST /layout with several pages: results page by page, what is kept, limits, formats, models of later pages."""
+"""POST /layout with several pages: results page by page, what is kept, limits, formats, models of later pages; HTML."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,10 +12,13 @@ from app.schemas.layout import DocumentResult
 from models.repository import Store
 from services.contract.layout import DocumentReply, LayoutReply
 from tests.app.pools import named
-from tests.app.scripted import OPERATIONS, PAGE, model_document, upload
+from tests.app.scripted import JPEG, OPERATIONS, PAGE, model_document, upload
 from tests.app.scripted_results import layout_document
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
+
+PICTURE_BYTES = len(JPEG + b"page")
+MODEL = "/layout/models/letter"
 
 
 @pytest.fixture(scope="module")
@@ -206,3 +209,72 @@ def reply_of_nonsense(*arguments: object) -> DocumentReply:
 def test_a_document_that_breaks_the_contract_is_not_kept() -> None:
     with serving(replace(OPERATIONS, recognize_layout=named(reply_of_nonsense))) as client:
         assert_problem(post(client, upload("")), 500, "internal")
+
+
+@pytest.fixture
+def elements(client: httpx.Client) -> Iterator[dict[str, str]]:
+    changed = client.patch(f"{MODEL}/settings", json={"elements": {"sender": "address", "body": "p"}})
+    assert changed.status_code == 200, changed.text
+    yield changed.json()["elements"]
+    client.patch(f"{MODEL}/settings", json={"elements": None}).raise_for_status()
+
+
+def test_several_pages_are_one_file(client: httpx.Client) -> None:
+    answer = post(client, upload(""), upload(""), format="html")
+    assert answer.headers["content-type"] == "text/html; charset=utf-8"
+    assert answer.headers["content-disposition"] == 'inline; filename="page-0.html"'
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert answer.headers["document-class"] == "letter"
+
+
+def test_a_stored_result_with_its_picture(client: httpx.Client, elements: dict[str, str]) -> None:
+    result = post(client, upload(""), keep_image="true").json()
+    path = f"/layout/results/{result['id']}"
+    shown = f"2 zones, {PICTURE_BYTES} bytes, {elements}"
+    for answer in (
+        client.get(path, params={"format": "html"}),
+        client.get(path, headers={"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}),
+    ):
+        assert answer.text == shown
+        assert answer.headers["content-type"] == "text/html; charset=utf-8"
+        assert answer.headers["content-disposition"] == f'inline; filename="{path.rpartition("/")[2]}.html"'
+        assert answer.headers["vary"] == "Accept"
+        assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert client.get(path, headers={"Accept": "text/html"}, params={"format": "json"}).json()["zones"]
+    assert_problem(client.get(path, headers={"Accept": "image/png"}), 406, "not-acceptable")
+    assert client.get(path, params={"format": "png"}).json()["field"] == "format"
+
+
+def test_a_document_with_pictures_that_are_gone(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    document = post(client, upload(""), upload(""), keep_image="true").json()
+    path = f"/layout/results/{document['id']}"
+    shown = f"2 zones, {PICTURE_BYTES} bytes, {{}}"
+    assert client.get(path, params={"format": "html"}).text == f"{shown} | {shown}"
+    monkeypatch.setattr("app.kept_images._key", lambda *_: "nowhere")
+    gone = shown.replace(f"{PICTURE_BYTES} bytes", "0 bytes")
+    assert client.get(path, params={"format": "html"}).text == f"{gone} | {gone}"
+
+
+def test_settings_of_the_class_and_of_the_model_of_the_page(
+    client: httpx.Client, elements: dict[str, str]
+) -> None:
+    later = {"continues": "letter", "elements": {"sender": "h2", "date": "p"}}
+    changed = client.patch("/layout/models/letter-2/settings", json=later)
+    assert changed.json()["elements"] == {"sender": "h2", "date": "p"}
+    page = post(client, upload(""), models="letter-2").json()
+    text = client.get(f"/layout/results/{page['id']}?format=html").text
+    assert text.endswith(str({"sender": "h2", "date": "p"}))
+
+
+def test_settings_of_elements(client: httpx.Client, elements: dict[str, str]) -> None:
+    assert elements == {"sender": "address", "body": "p"}
+    kept = client.patch(f"{MODEL}/settings", json={"elements": {"body": None, "date": "h2"}}).json()
+    assert kept["elements"] == {"sender": "address", "date": "h2"}
+    assert client.patch(f"{MODEL}/settings", json={"genre": None}).json()["elements"] == kept["elements"]
+    for wrong in ({"sender": "script"}, {"": "p"}, {"x" * 61: "p"}, [], {"sender": 3}):
+        problem = assert_problem(
+            client.patch(f"{MODEL}/settings", json={"elements": wrong}), 422, "invalid-option"
+        )
+        assert str(problem["field"]).startswith("elements")

@@ -25,7 +25,12 @@ def source() -> Iterator[httpx.Client]:
         for name, text in (("fax", "a"), ("letter", "b"), ("letter", "c")):
             page = {**PAGE, "zones": [{**PAGE["zones"][0], "label": "sender", "text": text}]}
             client.post(f"/layout/models/{name}/samples", json=page).raise_for_status()
-        settings = {"learner": "counting", "genre": "mail", "fields": {"sender": {"type": "email"}}}
+        settings = {
+            "learner": "counting",
+            "genre": "mail",
+            "fields": {"sender": {"type": "email"}},
+            "elements": {"sender": "address"},
+        }
         client.patch("/layout/models/letter/settings", json=settings).raise_for_status()
         client.patch("/layout/models/letter-later/settings", json={"continues": "letter"}).raise_for_status()
         yield client

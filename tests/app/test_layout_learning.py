@@ -212,7 +212,7 @@ def test_what_cannot_be_compared(shared: httpx.Client) -> None:
 
 
 def test_settings(client: httpx.Client) -> None:
-    usual = {"learner": "passive-aggressive", "genre": None, "continues": None, "fields": {}}
+    usual = {"learner": "passive-aggressive", "genre": None, "continues": None, "fields": {}, "elements": {}}
     assert client.get(f"{PATH}/settings").json() == usual
     add_samples(client, labelled("body"), name="fax")
     changed = client.patch(f"{PATH}/settings", json={"genre": "business", "continues": "fax"})
