@@ -252,7 +252,7 @@ def test_a_document_with_pictures_that_are_gone(
     path = f"/layout/results/{document['id']}"
     shown = f"2 zones, {PICTURE_BYTES} bytes, {{}}"
     assert client.get(path, params={"format": "html"}).text == f"{shown} | {shown}"
-    monkeypatch.setattr("app.kept_images._key", lambda *_: "nowhere")
+    monkeypatch.setattr("app.kept_images.KeptImages._key", lambda *_: "nowhere")
     gone = shown.replace(f"{PICTURE_BYTES} bytes", "0 bytes")
     assert client.get(path, params={"format": "html"}).text == f"{gone} | {gone}"
 

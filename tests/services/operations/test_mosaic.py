@@ -107,6 +107,7 @@ def test_json_with_and_without_the_image() -> None:
 @pytest.mark.parametrize(
     ("profiles", "kept"),
     [((BLUE, BLUE), BLUE), ((BLUE, GREEN), None), ((BLUE, None), None), ((None, None), None)],
+    ids=["all", "different", "one", "none"],  # profiles hold the time at which they were made
 )
 @pytest.mark.usefixtures("mosaic_pipeline")
 def test_a_colour_profile_is_kept_where_all_photos_have_it(
