@@ -52,6 +52,12 @@ def encode_kept_picture(page: RgbImage, most_bytes: int) -> KeptPicture:
         width, height = max(1, int(width * share)), max(1, int(height * share))
 
 
+def read_kept_picture(picture: bytes) -> RgbImage:
+    """Pixels (H, W, 3) of a kept picture."""
+    with Image.open(io.BytesIO(picture), formats=("JPEG",)) as opened:
+        return np.asarray(opened.convert("RGB"))
+
+
 def resize_kept_picture(picture: bytes, width: int) -> bytes:
     """A kept picture as a JPEG file of at most `width` pixels in width; it is never enlarged."""
     with Image.open(io.BytesIO(picture), formats=("JPEG",)) as opened:

@@ -1,12 +1,10 @@
 """HTML of recognized pages: of a page that was just recognized, of a document, of stored results."""
 
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from services.arrays import RgbImage
 from services.contract.html import HtmlElement, KeptPage
@@ -15,6 +13,7 @@ from services.layout.page import Box
 from services.layout.rendering.html_elements import choose_element
 from services.layout.rendering.html_file import HtmlPicture, HtmlZone, write_html
 from services.ocr.languages import language_tag
+from services.operations.kept_picture import read_kept_picture
 from services.operations.reduced_views import reduce_picture, reduced_size
 
 _LONGEST_SIDE_PX = 1600
@@ -52,10 +51,7 @@ def render_kept_pages(pages: Sequence[KeptPage], title: str) -> bytes:
 
 
 def _pixels(picture: RgbImage | bytes | None) -> RgbImage | None:
-    if not isinstance(picture, bytes):
-        return picture
-    with Image.open(io.BytesIO(picture), formats=("JPEG",)) as opened:
-        return np.asarray(opened.convert("RGB"))
+    return read_kept_picture(picture) if isinstance(picture, bytes) else picture
 
 
 def _zones(page: HtmlPage) -> Iterator[HtmlZone]:
