@@ -97,6 +97,7 @@ ONLY_IN = [
 ]
 
 
+@functools.cache
 def sources(folder: str) -> list[Path]:
     return sorted(path for path in (ROOT / folder).rglob("*.py") if "__pycache__" not in path.parts)
 

@@ -5,6 +5,7 @@ what `make serve` and `make test` themselves run.
 """
 
 import ast
+import functools
 import json
 import os
 import re
@@ -22,6 +23,9 @@ ROOT = Path(__file__).parents[1]
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
 MAKEFILE = (ROOT / "Makefile").read_text()
 LOCKS = sorted(ROOT.glob("requirements*.lock"))
+
+
+installed_packages = functools.cache(packages_distributions)
 
 
 def make_targets() -> set[str]:
@@ -215,7 +219,7 @@ def imported_by(folders: list[str]) -> Iterator[str]:
 def test_what_is_imported_is_locked(folders: list[str], lock: str) -> None:
     ours = {path.name for path in ROOT.iterdir() if path.is_dir()}
     foreign = set(imported_by(folders)) - set(sys.stdlib_module_names) - ours
-    distributions = packages_distributions()
+    distributions = installed_packages()
     locked = {re.sub(r"[-_.]+", "-", name).lower() for name in pins(ROOT / lock)}
     missing = {
         name
