@@ -42,7 +42,7 @@ _PAGE = {
 _DOCUMENTATION_POLICY = "; ".join(
     (
         "default-src 'self'",
-        "script-src 'self' 'unsafe-inline'",  # Swagger UI is started by an inline script
+        "script-src 'self'",
         "style-src 'self' 'unsafe-inline'",
         "img-src 'self' data:",
         "base-uri 'none'",

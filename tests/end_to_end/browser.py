@@ -4,7 +4,6 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
@@ -35,11 +34,3 @@ def browsing(url: str, *options: str) -> Iterator["subprocess.Popen[str]"]:
         finally:
             process.kill()
             process.communicate()
-
-
-def rendered(url: str, screenshot: Path) -> str:
-    """The page as HTML after its scripts have run; its picture is in `screenshot`."""
-    options = ("--virtual-time-budget=15000", "--window-size=1200,2400", f"--screenshot={screenshot}")
-    with browsing(url, *options, "--dump-dom") as process:
-        html, _ = process.communicate(timeout=SECONDS)
-    return html
