@@ -9,6 +9,7 @@ MODULES = {
     "rectify_photos": "rectify.photos",
     "rectify_speed": "rectify.speed",
     "advice": "rectify.advice",
+    "preview": "rectify.preview",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

@@ -14,6 +14,8 @@ from app.routes.page_answers import answer_page, choose_pages_encoding, document
 from app.routes.state import State
 from app.schemas.options import AskedPagesFormat, CallbackUrl
 from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult
+from services.contract.images import Encoding
+from services.errors import InvalidOption
 from services.progress import ProgressSink
 
 router = APIRouter(tags=["rectify"], route_class=FormRoute)
@@ -58,11 +60,15 @@ async def rectify(
 
     With text=true the page is read: JSON lists the words with their boxes in the flat page and their corners in the
     photo, and a PDF can be searched. The formats hocr, alto, txt and markdown are the text itself.
+
+    With preview=true and format=json, an app gets mesh, outline and advice while the camera is still on the page.
     """
     form = with_format(form, format)
     settings = state.settings
     await check_photos(form.image, settings)
     encoding = await choose_pages_encoding(request, form, form.image[0])
+    if form.preview:
+        check_preview(form, encoding)
     parameters = replace(
         form.parameters(),
         text=form.text or encoding.needs_text,
@@ -85,3 +91,20 @@ async def rectify(
         return answer_page(request, reply, RectifyResult, form.image[0], "-flat", PagesResult)
 
     return await answer_now_or_later(request, state, work)
+
+
+def check_preview(form: RectifyForm, encoding: Encoding) -> None:
+    """Check that a preview is asked for in JSON, and for nothing that only the whole work gives.
+
+    Raises
+    ------
+    InvalidOption
+    """
+    if encoding.format != "json":
+        raise InvalidOption("preview: a preview is JSON; send format=json as well.", "preview")
+    for name, asked in (("text", form.text), ("embed", encoding.embed), ("pages", form.pages == "both")):
+        if asked:
+            raise InvalidOption(
+                f"{name}: a preview does not have it; send the request without {name}, or without preview.",
+                name,
+            )

@@ -21,6 +21,7 @@ from app.schemas.options import (
     MaxPixels,
     Quality,
     ReadText,
+    Switch,
     Title,
     Upright,
 )
@@ -132,6 +133,11 @@ class RectifyForm(BaseModel):
         description="keep: pass a photo through as it is when neither text nor an outline shows its page's shape; "
         "refuse: answer `no-text`.",
     )
+    preview: Switch = Field(
+        default=False,
+        description="With format=json, for live use: mesh, outline, quality and advice from a reduced photo. Nothing "
+        "is drawn, read or turned upright.",
+    )
     text: ReadText = False
     language: Language = None
     format: AskedPagesFormat = None
@@ -148,7 +154,7 @@ class RectifyForm(BaseModel):
         """The options of the rectification, without those of the response format."""
         return RectifyParameters(
             kind=self.kind,
-            upright=self.upright,
+            upright=self.upright and not self.preview,
             focal_length_px=self.focal_length_px,
             region=None if self.region is None else parse_region(self.region),
             illumination=self.illumination,
@@ -158,6 +164,7 @@ class RectifyForm(BaseModel):
             on_no_text=self.on_no_text,
             text=self.text,
             language=self.language or None,
+            preview=self.preview,
         )
 
 

@@ -18,7 +18,7 @@ class RectifyParameters:
     the visible area: the sheet cut at its edges, the text with margins, or the photo around the page. `pages` "both"
     selects both pages of an open book. `paper` is `auto`, `none`, a paper format, or `210x297` in millimetres. `text`
     reads the page in `language` (`eng+fra`; None: the default). `on_no_text` "keep" passes a photo through as it is
-    when nothing shows the shape of its page.
+    when nothing shows the shape of its page. `preview` describes the page from a reduced photo and draws nothing.
     """
 
     kind: PageKind = "auto"
@@ -32,3 +32,4 @@ class RectifyParameters:
     on_no_text: OnNoText = "refuse"
     text: bool = False
     language: str | None = None
+    preview: bool = False

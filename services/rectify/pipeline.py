@@ -133,7 +133,7 @@ def rectify(
     InvalidOption
         When `parameters` cannot be met (a region or focal length that the photo cannot have).
     """
-    check_parameters(photo, parameters)
+    check_parameters(photo.shape[1], photo.shape[0], parameters)
     clock = StageClock(STAGE_BEGINS)
     page = find_page(photo, parameters, exif_focal_length_px, clock)
     return flatten_page(photo, page, parameters, ocr, clock)

@@ -70,7 +70,7 @@ def rectify_spread(
     InvalidOption
         When `parameters` cannot be met (a region or focal length that the photo cannot have).
     """
-    check_parameters(photo, parameters)
+    check_parameters(photo.shape[1], photo.shape[0], parameters)
     clock = StageClock(STAGE_BEGINS)
     with progress_within(0.0, 0.5):
         pages = _shape_pages(photo, parameters, exif_focal_length_px, clock)
