@@ -10,6 +10,7 @@ MODULES = {
     "rectify_speed": "rectify.speed",
     "advice": "rectify.advice",
     "preview": "rectify.preview",
+    "searchable": "rectify.searchable",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",
