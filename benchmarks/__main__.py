@@ -11,6 +11,7 @@ MODULES = {
     "advice": "rectify.advice",
     "preview": "rectify.preview",
     "searchable": "rectify.searchable",
+    "camera_memory": "rectify.camera_memory",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

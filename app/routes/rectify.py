@@ -5,6 +5,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response
 
+from app.callers import caller_of
+from app.camera_memory import keep_cameras, known_cameras
 from app.form_parts import FormRoute
 from app.routes.document_uploads import check_photos, document_limits, document_time_limit
 from app.routes.known_options import known_parts, with_format
@@ -74,20 +76,24 @@ async def rectify(
         text=form.text or encoding.needs_text,
         language=chosen_language(form.language, settings),
     )
+    caller = caller_of(request)
 
     time_limit = await document_time_limit(form.image, settings)
 
     async def work(progress: ProgressSink | None) -> Response:
+        cameras = await known_cameras(state.store, caller) if settings.camera_memory else ()
         reply = await state.engine.submit(
             state.operations.rectify,
             form.image,
-            parameters,
+            replace(parameters, cameras=cameras),
             encoding,
             document_limits(settings),
             time_limit=time_limit,
             progress=progress,
         )
         request.state.seat.release()
+        if settings.camera_memory:
+            await keep_cameras(state.store, caller, reply.document)
         return answer_page(request, reply, RectifyResult, form.image[0], "-flat", PagesResult)
 
     return await answer_now_or_later(request, state, work)

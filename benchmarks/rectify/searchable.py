@@ -97,13 +97,29 @@ def clean_pdf(page: Page) -> bytes:
     return add_text_layer(encode_image(image, "pdf"), [text], Encoding("pdf"), [300.0])
 
 
+def ink_boxes(page: Page) -> np.ndarray:
+    """Boxes (N, 4) of the ink of the page's words: the layer has these, and a typeface's boxes are higher."""
+    gray = page.image if page.image.ndim == 2 else page.image.min(axis=2)
+    boxes = []
+    for word in (word for line in page.lines for word in line):
+        x0, y0, x1, y1 = (round(edge) for edge in word.box)
+        rows, columns = np.nonzero(gray[y0:y1, x0:x1] < 128)
+        found = len(rows) > 0
+        boxes.append(
+            (x0 + columns.min(), y0 + rows.min(), x0 + columns.max() + 1, y0 + rows.max() + 1)
+            if found
+            else word.box
+        )
+    return np.array(boxes, np.float64)
+
+
 def box_errors(boxes: np.ndarray, words: Sequence[str], page: Page) -> list[float]:
     """Largest distance of an edge of each box (N, 4), page pixels, from that of its word, in pixels at `_BOX_DPI`.
 
     A word of the PDF belongs to the nearest printed word of the same text.
     """
     printed = [word for line in page.lines for word in line]
-    truth = np.array([word.box for word in printed])
+    truth = ink_boxes(page)
     tree = cKDTree((truth[:, :2] + truth[:, 2:]) / 2)
     scale = _WIDTH_IN * _BOX_DPI / page.width
     errors = []
@@ -124,7 +140,7 @@ def on_page(shares: np.ndarray, document: dict[str, object], photo: SimulatedPho
     width, height = int(str(document["width"])), int(str(document["height"]))
     corners: Points = shares[:, [0, 1, 2, 1, 2, 3, 0, 3]].reshape(-1, 2) * [width, height] - 0.5
     places = locate_points(np.array(mesh["source"]), width, height, corners)
-    flat = photo.truth.photo_to_page(places).reshape(-1, 4, 2)
+    flat = photo.truth.photo_to_page(places).reshape(-1, 4, 2) + 0.5  # edges, not centres, of pixels
     return np.column_stack([flat.min(axis=1), flat.max(axis=1)])
 
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from services.contract.cameras import CameraMemory
+
 PageKind = Literal["auto", "planar", "curved"]
 Illumination = Literal["keep", "normalize"]
 Crop = Literal["sheet", "text", "photo"]
@@ -19,6 +21,7 @@ class RectifyParameters:
     selects both pages of an open book. `paper` is `auto`, `none`, a paper format, or `210x297` in millimetres. `text`
     reads the page in `language` (`eng+fra`; None: the default). `on_no_text` "keep" passes a photo through as it is
     when nothing shows the shape of its page. `preview` describes the page from a reduced photo and draws nothing.
+    `camera` names the camera, None: as EXIF names it; `cameras` are those that are remembered.
     """
 
     kind: PageKind = "auto"
@@ -33,3 +36,5 @@ class RectifyParameters:
     text: bool = False
     language: str | None = None
     preview: bool = False
+    camera: str | None = None
+    cameras: tuple[CameraMemory, ...] = ()

@@ -92,6 +92,7 @@ class DecodedImage:
     """Pixels of the photo per pixel of `pixels`, along each side; `focal_length_px` is in pixels of `pixels`."""
     size: tuple[int, int] = (0, 0)
     """Width and height of the photo, with EXIF orientation applied."""
+    camera: str | None = None
 
 
 def decode_image(
@@ -149,6 +150,7 @@ def decode_image(
         profile,
         reduction,
         (size[1], size[0]) if orientation > 4 else size,
+        facts.camera,
     )
 
 

@@ -51,6 +51,8 @@ class PagePicture(NamedTuple):
     """Pixels of the page per pixel of `pixels`; `focal_length_px` is in pixels of `pixels`."""
     full_size: tuple[int, int] | None = None
     """Width and height of the page; None: those of `pixels`."""
+    camera: str | None = None
+    """Name of the camera by EXIF."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -157,6 +159,7 @@ def page_picture(image: DecodedImage) -> PagePicture:
         image.icc_profile,
         image.reduction,
         image.size,
+        image.camera,
     )
 
 

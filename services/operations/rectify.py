@@ -12,6 +12,7 @@ from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.documents.paper_size import measure_size
 from services.errors import NoText
+from services.geometry.photo_frame import PhotoFrame
 from services.imaging.codec import decode_image
 from services.imaging.page_images import PagePicture, page_picture
 from services.operations.capture_reply import describe_quality
@@ -29,6 +30,7 @@ from services.operations.replies import (
     timed,
 )
 from services.progress import progress_within
+from services.rectify.focal_length import seen_focal_length
 from services.rectify.kept_photo import keep_photo
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import rectify
@@ -74,6 +76,7 @@ def rectify_picture(
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
         photo = decode(PREVIEW_PX if parameters.preview else None)
+    parameters = name_camera(parameters, photo)
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
     if parameters.pages == "both":
         with progress_within(0.03, end):
@@ -100,11 +103,17 @@ def flatten_picture(
     ------
     NoText, InvalidOption
     """
+    parameters = name_camera(parameters, photo)
     if parameters.preview:
         return [describe_preview(photo, parameters)[0]]
     both = parameters.pages == "both"
     results = _flatten_spread(photo, parameters).pages if both else (_flatten(photo, parameters),)
     return [describe_page(result, parameters, encoding, photo) for result in results]
+
+
+def name_camera(parameters: RectifyParameters, photo: PagePicture) -> RectifyParameters:
+    """`parameters` with the name of the photo's camera, if it has one: that of the request, else that of EXIF."""
+    return parameters if parameters.camera is not None else replace(parameters, camera=photo.camera)
 
 
 def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult:
@@ -181,8 +190,18 @@ def _document(
     )
     dpi = None if page.dpi is None else page.dpi * scale
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
+    described = describe_rectification(view, photo.size)
+    camera = described["camera"]
+    assert isinstance(camera, dict)
+    exif_px = (
+        photo.focal_length_px if photo.focal_length_px is None else photo.focal_length_px * photo.reduction
+    )
+    seen = seen_focal_length(PhotoFrame(*photo.size), result.camera, parameters, exif_px)
+    camera["name"] = parameters.camera
+    camera["page_focal_length_px"] = rounded(seen and seen[0], 2)
+    camera["page_focal_deviation"] = rounded(seen and seen[1])
     document = {
-        **describe_rectification(view, photo.size),
+        **described,
         "page": {**asdict(page), "dpi": rounded(dpi, 1)},
         "quality": quality,
         "timings_ms": timings_ms,

@@ -17,7 +17,7 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_frame import mesh_of
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import AnalysisParameters, FoundText, analyse_text, find_text
-from services.rectify.focal_length import focal_prior
+from services.rectify.focal_length import focal_prior, remembered
 from services.rectify.outline_plane import OutlinePlane, read_sides
 from services.rectify.pipeline import (
     FlatPage,
@@ -103,7 +103,7 @@ def preview_page(
     p = settings or PreviewParameters()
     clock = StageClock()
     view = PhotoFrame(photo.shape[1], photo.shape[0])
-    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
     with clock.stage("text"):
         text, refusal = _find_text(photo, parameters, p)
     outline: SheetOutline | None = None
