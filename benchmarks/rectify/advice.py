@@ -60,7 +60,8 @@ def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> Err
 
     bounds = [(None, None), *[(0.0, None)] * 2]
     found = minimize(loss, np.array([-6.0, 20.0, 1.0]), bounds=bounds).x
-    return ErrorModel(*(round(float(weight), 2) for weight in found), _UNEVEN_LIGHT)
+    constant, blur, faint_print = (round(float(weight), 2) for weight in found)
+    return ErrorModel(constant, blur, faint_print, _UNEVEN_LIGHT)
 
 
 def left_out(
