@@ -113,7 +113,9 @@ def flatten_picture(
 
 def name_camera(parameters: RectifyParameters, photo: PagePicture) -> RectifyParameters:
     """`parameters` with the name of the photo's camera, if it has one: that of the request, else that of EXIF."""
-    return parameters if parameters.camera is not None else replace(parameters, camera=photo.camera)
+    if parameters.camera is not None or photo.camera is None:
+        return parameters
+    return replace(parameters, camera=photo.camera)
 
 
 def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult:
