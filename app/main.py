@@ -37,6 +37,7 @@ from app.openapi import describe
 from app.problems import FrameworkErrors
 from app.routes import (
     audit,
+    cameras,
     health,
     layout,
     layout_exchange,
@@ -70,6 +71,7 @@ log = logging.getLogger(__name__)
 
 ROUTERS = (
     rectify.router,
+    cameras.router,
     mosaic.router,
     layout.router,
     layout_images.router,

@@ -91,6 +91,18 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "models": [{"name": "letter", "old_version": 8, "new_version": 9}],
         "samples": 1,
     },
+    ("200", "list_cameras"): {
+        "cameras": [
+            {
+                "name": "tablet-3",
+                "field_of_view_deg": 68.2,
+                "deviation": 0.011,
+                "photos": 12,
+                "decides": True,
+                "used_at": WHEN,
+            }
+        ]
+    },
     ("200", "audit"): {
         "entries": [
             {

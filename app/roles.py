@@ -29,6 +29,7 @@ READERS_WRITE = (
     ("POST", "/layout"),
     ("POST", "/tokens"),
     ("DELETE", "/jobs/{id}"),
+    ("DELETE", "/cameras/{name}"),
 )
 """Requests of every role beside reading: work on photos, which changes nothing that others see."""
 VERIFIERS_WRITE = (

@@ -269,6 +269,10 @@ class Settings(BaseSettings):
         description="Most results that are kept; over the limit, the oldest are removed.",
     )
 
+    camera_memory: bool = Field(
+        default=True,
+        description="Remember the focal lengths that pages show, by camera; false: neither keep nor use them.",
+    )
     keep_images: bool = Field(
         default=False,
         description="Keep the pictures of pages with results of /layout; `keep_image` of a request overrides it.",

@@ -50,6 +50,10 @@ class UnknownPageNotFound(NotFound):
     """There is no unknown page with this id, or it has expired."""
 
 
+class CameraNotFound(NotFound):
+    """No camera of this name is remembered."""
+
+
 class JobNotFound(NotFound):
     """There is no job with this id, or it has expired."""
 

@@ -11,6 +11,7 @@ callers may cache it.
 **Feedback** is written in one transaction with the versions and the sample that follow from it.
 """
 
+from models.camera_repository import CameraRepository
 from models.feedback_repository import FeedbackRepository
 from models.job_repository import JobRepository
 from models.lesson_repository import LessonRepository
@@ -31,5 +32,6 @@ class Store(
     ResultRepository,
     ReviewRepository,
     JobRepository,
+    CameraRepository,
 ):
-    """Models, samples, feedback, results and jobs in one database. `with Store.open(...)` closes it."""
+    """Models, samples, feedback, results, jobs and cameras in one database. `with Store.open(...)` closes it."""

@@ -243,6 +243,18 @@ class ReviewRow(Table):
     claimed_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
 
 
+class CameraRow(Table):
+    """What pages have shown of a camera's focal length. `owner` is the name of an API key; empty: no key."""
+
+    __tablename__ = "cameras"
+
+    owner: Mapped[str] = mapped_column(String(MAX_NAME), primary_key=True)
+    name: Mapped[str] = mapped_column(String(100), primary_key=True)
+    seen: Mapped[str] = mapped_column(Text)
+    """JSON: pairs (log focal length, its standard deviation), the newest last."""
+    used_at: Mapped[datetime] = mapped_column(UtcDateTime, index=True)
+
+
 class AuditRow(Table):
     """One entry of the list of who changed what, and when. `who` is the name of an API key; NULL: no key."""
 

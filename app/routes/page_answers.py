@@ -168,22 +168,6 @@ def _encoding_of(
     )
 
 
-def _encoding(
-    asked: AskedEncoding | AskedPagesEncoding,
-    photo: UploadFile,
-    chosen: PagesFormat | None,
-    several: SeveralFormat | None,
-) -> Encoding:
-    return Encoding(
-        format=chosen,
-        quality=asked.quality,
-        embed=asked.embed,
-        pages_format=several,
-        pdf_version=asked.pdf_version,
-        title=asked.title or file_stem(photo.filename),
-    )
-
-
 def answer_page(
     request: Request,
     reply: PageReply,

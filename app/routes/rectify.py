@@ -5,6 +5,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response
 
+from app.callers import caller_of
+from app.camera_memory import keep_cameras, known_cameras
 from app.form_parts import FormRoute
 from app.routes.document_uploads import check_photos, document_limits, document_time_limit
 from app.routes.known_options import known_parts, with_format
@@ -14,6 +16,8 @@ from app.routes.page_answers import answer_page, choose_pages_encoding, document
 from app.routes.state import State
 from app.schemas.options import AskedPagesFormat, CallbackUrl
 from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult
+from services.contract.images import Encoding
+from services.errors import InvalidOption
 from services.progress import ProgressSink
 
 router = APIRouter(tags=["rectify"], route_class=FormRoute)
@@ -58,30 +62,55 @@ async def rectify(
 
     With text=true the page is read: JSON lists the words with their boxes in the flat page and their corners in the
     photo, and a PDF can be searched. The formats hocr, alto, txt and markdown are the text itself.
+
+    With preview=true and format=json, an app gets mesh, outline and advice while the camera is still on the page.
     """
     form = with_format(form, format)
     settings = state.settings
     await check_photos(form.image, settings)
     encoding = await choose_pages_encoding(request, form, form.image[0])
+    if form.preview:
+        check_preview(form, encoding)
     parameters = replace(
         form.parameters(),
         text=form.text or encoding.needs_text,
         language=chosen_language(form.language, settings),
     )
+    caller = caller_of(request)
 
     time_limit = await document_time_limit(form.image, settings)
 
     async def work(progress: ProgressSink | None) -> Response:
+        cameras = await known_cameras(state.store, caller) if settings.camera_memory else ()
         reply = await state.engine.submit(
             state.operations.rectify,
             form.image,
-            parameters,
+            replace(parameters, cameras=cameras),
             encoding,
             document_limits(settings),
             time_limit=time_limit,
             progress=progress,
         )
         request.state.seat.release()
+        if settings.camera_memory:
+            await keep_cameras(state.store, caller, reply.document)
         return answer_page(request, reply, RectifyResult, form.image[0], "-flat", PagesResult)
 
     return await answer_now_or_later(request, state, work)
+
+
+def check_preview(form: RectifyForm, encoding: Encoding) -> None:
+    """Check that a preview is asked for in JSON, and for nothing that only the whole work gives.
+
+    Raises
+    ------
+    InvalidOption
+    """
+    if encoding.format != "json":
+        raise InvalidOption("preview: a preview is JSON; send format=json as well.", "preview")
+    for name, asked in (("text", form.text), ("embed", encoding.embed), ("pages", form.pages == "both")):
+        if asked:
+            raise InvalidOption(
+                f"{name}: a preview does not have it; send the request without {name}, or without preview.",
+                name,
+            )

@@ -6,7 +6,7 @@ import re
 from typing import Annotated, Literal
 
 from fastapi import UploadFile
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 from app.schemas.capture import Quality as PhotoQuality
 from app.schemas.options import (
@@ -21,12 +21,14 @@ from app.schemas.options import (
     MaxPixels,
     Quality,
     ReadText,
+    Switch,
     Title,
     Upright,
 )
 from app.schemas.page import Answer, Embedded, EmbeddedMediaType, FlatPage, Point, Warning
 from app.schemas.page_text import ReadText as PageText
 from app.schemas.problem import Problem
+from services.contract.cameras import CAMERA_PATTERN
 from services.contract.rectify import Crop, OnNoText, PageKind, Pages, RectifyParameters
 
 REGION_POINTS = (3, 200)
@@ -132,6 +134,16 @@ class RectifyForm(BaseModel):
         description="keep: pass a photo through as it is when neither text nor an outline shows its page's shape; "
         "refuse: answer `no-text`.",
     )
+    preview: Switch = Field(
+        default=False,
+        description="With format=json, for live use: mesh, outline, quality and advice from a reduced photo. Nothing "
+        "is drawn, read or turned upright.",
+    )
+    camera: Annotated[str, StringConstraints(pattern=CAMERA_PATTERN)] | Absent = Field(
+        default=None,
+        description="Name of the camera, any token: the focal length that its pages show is remembered, and used where "
+        "a page does not show it. Default: make, model and size of the photo by EXIF.",
+    )
     text: ReadText = False
     language: Language = None
     format: AskedPagesFormat = None
@@ -148,7 +160,7 @@ class RectifyForm(BaseModel):
         """The options of the rectification, without those of the response format."""
         return RectifyParameters(
             kind=self.kind,
-            upright=self.upright,
+            upright=self.upright and not self.preview,
             focal_length_px=self.focal_length_px,
             region=None if self.region is None else parse_region(self.region),
             illumination=self.illumination,
@@ -158,6 +170,8 @@ class RectifyForm(BaseModel):
             on_no_text=self.on_no_text,
             text=self.text,
             language=self.language or None,
+            preview=self.preview,
+            camera=self.camera or None,
         )
 
 
@@ -186,7 +200,21 @@ class Camera(Answer):
 
     focal_length_px: float | None
     field_of_view_deg: float | None = Field(description="Along the diagonal.")
-    source: Literal["estimated", "exif", "given", "assumed"]
+    source: Literal["estimated", "exif", "given", "assumed", "remembered"] = Field(
+        description="Seen in this page, from EXIF, from the request, of a typical camera, or as earlier photos of this "
+        "camera showed it."
+    )
+    name: str | None = Field(
+        default=None,
+        description="Name of the camera by the request or by EXIF; its focal length is remembered.",
+    )
+    page_focal_length_px: float | None = Field(
+        default=None,
+        description="Focal length that this page alone shows; null: it does not show it clearly.",
+    )
+    page_focal_deviation: float | None = Field(
+        default=None, ge=0, description="Standard deviation of the logarithm of `page_focal_length_px`."
+    )
     principal_point: Point | None = Field(description="Photo pixels.")
     principal_point_source: Literal["centre", "estimated"] = Field(
         description="The photo's centre, or, for a cropped photo, estimated from the page."

@@ -1,12 +1,13 @@
 """Predicted and measured character error of photos: rank correlation, and the coefficients of the model.
 
-python -m benchmarks advice [--photos N] [--fit]
+python -m benchmarks advice [--photos N] [--seed S] [--fit] [--development]
 """
 
 import argparse
+import json
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import astuple
+from collections.abc import Sequence
+from dataclasses import asdict, astuple
 
 import cv2
 import numpy as np
@@ -14,59 +15,71 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import spearmanr
 
-from benchmarks.common.places import data_folder
+from benchmarks.common.places import OUTPUT, data_folder
 from benchmarks.common.reading import character_score
+from benchmarks.rectify.advice_photos import Measured, measure_photos, usual_focus_measures
 from services.capture.quality import CaptureQuality, measure_quality
 from services.capture.readability import ErrorModel, features_of, predict_character_error
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
 from services.operations.page_reading import read_flat_page, reading_engine
 from services.rectify.pipeline import rectify
-from simulation.degradation import Degradation, Exposure, expose
-from simulation.pages import own_pages
-from simulation.scenes import View, photograph
 
-_SIZES = (600, 750, 900, 1100, 1400, 1700)
-"""Long sides of the photos; print of 10 points is 7 to 23 pixels high in them."""
 _RIDGE = 0.02
+_PARTS = 10
+"""Each part of the photos is predicted by a model of the others."""
+_UNEVEN_LIGHT = 4.0
+"""Set by hand: the photos have no glare."""
 
 
-def make_photos(count: int, seed: int = 19) -> Iterator[tuple[NDArray[np.uint8], list[str]]]:
-    """Photos of known text at several distances, blurred, noisy, faint, cut off; with the lines of the page."""
-    rng = np.random.default_rng(seed)
-    pages = own_pages(800, 1250)
-    for index in range(count):
-        page = pages[index % len(pages)]
-        long_side = int(rng.choice(_SIZES))
-        size = (round(long_side * 0.72), long_side)
-        view = View("advice", 1.2 * long_side, rng.uniform(0, 35), rng.uniform(0, 360), rng.uniform(-8, 8))
-        height = 21 * long_side / 1800
-        dirt = Degradation(
-            shadow=rng.uniform(0, 0.5),
-            blur_sigma_px=float(rng.choice([0.3, 0.6, 0.6, 1.0, 1.5])) * height / 12,
-            motion_px=float(rng.choice([0, 0, 0, 0.3, 0.6])) * height,
-            noise_sigma=rng.uniform(1, 12),
-            jpeg_quality=int(rng.integers(50, 95)),
+def simulated(count: int, seed: int) -> list[Measured]:
+    """Measured photos, from the cache if they were measured before."""
+    path = OUTPUT / f"advice_{seed}_{count}.json"
+    if path.is_file():
+        return [
+            Measured(CaptureQuality(**row["quality"]), row["error"], tuple(row["focus"]), row["group"])
+            for row in json.loads(path.read_text(encoding="utf-8"))
+        ]
+    rows = list(measure_photos(count, seed))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps([asdict(row) for row in rows], default=float), encoding="utf-8")
+    return rows
+
+
+def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> ErrorModel:
+    """Coefficients of least squared logit distance, weights not below 0, drawn to 0 by a ridge."""
+    cut = np.array([quality.cut_off_fraction for quality in qualities])
+    misread = np.clip(1 - (1 - errors) / np.maximum(1 - cut, 0.05), 0.003, 0.997)
+    features = np.column_stack([np.ones(len(errors)), [features_of(q)[:2] for q in qualities]])
+    spread = np.maximum(features[:, 1:].std(axis=0), 1e-9)
+    logits = np.log(misread / (1 - misread))
+
+    def loss(weights: NDArray[np.float64]) -> float:
+        ridge = _RIDGE * np.sum((weights[1:] * spread) ** 2)
+        return float(np.mean((features @ weights - logits) ** 2) + ridge)
+
+    bounds = [(None, None), *[(0.0, None)] * 2]
+    found = minimize(loss, np.array([-6.0, 20.0, 1.0]), bounds=bounds).x
+    constant, blur, faint_print = (round(float(weight), 2) for weight in found)
+    return ErrorModel(constant, blur, faint_print, _UNEVEN_LIGHT)
+
+
+def left_out(
+    qualities: Sequence[CaptureQuality], errors: NDArray[np.float64], parts: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Errors (N,) that models predict which were fitted to the photos of the other `parts` (N,)."""
+    predicted = np.zeros(len(errors))
+    for part in np.unique(parts):
+        model = fit(
+            [q for q, own in zip(qualities, parts, strict=True) if own != part], errors[parts != part]
         )
-        photo = photograph(page, view, 0.0, dirt=dirt, rng=rng, size=size).image
-        faint = float(rng.choice([1, 1, 1, 0.5, 0.2]))
-        photo = np.asarray(255 - (255 - photo.astype(np.float32)) * faint, np.uint8)
-        photo = expose(photo, Exposure(gain=rng.uniform(0.5, 1.05)))
-        if index % 6 == 5:  # a part of the page is out of view
-            photo = np.ascontiguousarray(photo[:, round(size[0] * rng.uniform(0.1, 0.3)) :])
-        yield photo, [" ".join(word.text for word in line) for line in page.lines]
-
-
-def usual_focus_measures(gray: NDArray[np.uint8]) -> tuple[float, float, float]:
-    """Variance of the Laplacian, Tenengrad, and Brenner's measure (larger is sharper)."""
-    across, down = cv2.Sobel(gray, cv2.CV_32F, 1, 0), cv2.Sobel(gray, cv2.CV_32F, 0, 1)
-    values = gray.astype(np.float32)
-    brenner = float(np.mean((values[:, 2:] - values[:, :-2]) ** 2))
-    return float(cv2.Laplacian(gray, cv2.CV_32F).var()), float(np.mean(across**2 + down**2)), brenner
+        for index in np.flatnonzero(parts == part):
+            predicted[index] = predict_character_error(qualities[index], model)
+    return predicted
 
 
 def measure(photo: NDArray[np.uint8], lines: Sequence[str]) -> tuple[CaptureQuality, float] | None:
-    """Figures and the measured character error of a photo; None if its page was not found."""
+    """Figures and the measured character error of a whole photo; None if its page was not found."""
     engine, language = reading_engine(None)
     try:
         result = rectify(photo, RectifyParameters(), None, engine)
@@ -78,47 +91,30 @@ def measure(photo: NDArray[np.uint8], lines: Sequence[str]) -> tuple[CaptureQual
     quality = measure_quality(gray, result.print.characters, result.print.heights_px, result.mesh)
     text = read_flat_page(result.image, engine, language)
     error = 1.0 - character_score(lines, "\n".join(line.text for line in text.lines))
-    if quality is None:
-        return None
-    print(
-        f"{error:.3f} measured, {predict_character_error(quality):.3f} predicted, {astuple(quality)}",
-        flush=True,
-    )
-    return quality, error
-
-
-def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> ErrorModel:
-    """Coefficients of least squared logit distance, weights not below 0, drawn to 0 by a ridge."""
-    cut = np.array([quality.cut_off_fraction for quality in qualities])
-    misread = np.clip(1 - (1 - errors) / np.maximum(1 - cut, 0.05), 0.002, 0.998)
-    features = np.column_stack([np.ones(len(errors)), [features_of(quality) for quality in qualities]])
-    logits = np.log(misread / (1 - misread))
-
-    def loss(weights: NDArray[np.float64]) -> float:
-        return float(np.mean((features @ weights - logits) ** 2) + _RIDGE * np.sum(weights[1:] ** 2) / 10)
-
-    bounds = [(None, None), *[(0.0, None)] * 4]
-    found = minimize(loss, np.array([-4.0, 1.0, 5.0, 1.0, 2.0]), bounds=bounds).x
-    return ErrorModel(*(round(float(weight), 3) for weight in found))
+    return None if quality is None else (quality, error)
 
 
 def main(arguments: Sequence[str]) -> int:
     """Print rank correlations, and the fitted coefficients with `--fit`."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks advice", description=__doc__)
-    parser.add_argument("--photos", type=int, default=24, help="simulated photos")
-    parser.add_argument("--fit", action="store_true", help="fit the coefficients to half of the photos")
+    parser.add_argument("--photos", type=int, default=215, help="simulated photos, about 1 CPU s each")
+    parser.add_argument("--seed", type=int, default=19)
+    parser.add_argument(
+        "--fit", action="store_true", help="print coefficients that are fitted to all of them"
+    )
     parser.add_argument("--development", action="store_true", help="also the development photos with text")
     asked = parser.parse_args(arguments)
-    qualities, errors, focus = [], [], []
-    for photo, lines in make_photos(asked.photos):
-        found = measure(photo, lines)
-        if found is not None:
-            qualities.append(found[0])
-            errors.append(found[1])
-            focus.append(usual_focus_measures(np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)))
-    _report("simulated", qualities, np.array(errors), np.array(focus), asked.fit)
+    rows = simulated(asked.photos, asked.seed)
+    qualities, errors = [row.quality for row in rows], np.array([row.error for row in rows])
+    _report("simulated", qualities, errors, np.array([row.focus for row in rows]))
+    groups = np.unique([row.group for row in rows], return_inverse=True)[1]
+    for name, parts in (("tenths", np.arange(len(rows)) % _PARTS), ("kinds of damage", groups)):
+        found = spearmanr(left_out(qualities, errors, parts), errors).statistic
+        print(f"  of models without the photo's part, {name}: {found:.3f}")
+    if asked.fit:
+        print(f"  coefficients of all: {astuple(fit(qualities, errors))}")
     if asked.development:
-        _report("development", *_development(), False)
+        _report("development", *_development())
     return 0
 
 
@@ -142,32 +138,16 @@ def _development() -> tuple[list[CaptureQuality], NDArray[np.float64], NDArray[n
 
 
 def _report(
-    name: str,
-    qualities: list[CaptureQuality],
-    errors: NDArray[np.float64],
-    focus: NDArray[np.float64],
-    fits: bool,
+    name: str, qualities: Sequence[CaptureQuality], errors: NDArray[np.float64], focus: NDArray[np.float64]
 ) -> None:
     predicted = [predict_character_error(quality) for quality in qualities]
-    print(f"{name}: {len(errors)} photos, character error {np.median(errors):.3f} (median)")
+    middle = np.percentile(errors, [25, 50, 75])
+    print(
+        f"{name}: {len(errors)} photos, character error {middle[0]:.3f}, {middle[1]:.3f}, {middle[2]:.3f} (quartiles)"
+    )
     print(f"  rank correlation of predicted and measured error {spearmanr(predicted, errors).statistic:.3f}")
     ranks = [spearmanr(-focus[:, column], errors).statistic for column in range(focus.shape[1])]
-    print(f"  of the best usual focus measure {max(ranks):.3f}")
-    if not fits:
-        return
-    even = np.arange(len(errors)) % 2 == 0
-    halves = [
-        fit([q for q, own in zip(qualities, part, strict=True) if own], errors[part])
-        for part in (even, ~even)
-    ]
-    held_out = np.array(
-        [
-            predict_character_error(quality, halves[int(own)])
-            for quality, own in zip(qualities, even, strict=True)
-        ]
-    )
-    print(f"  held out (two halves) {spearmanr(held_out, errors).statistic:.3f}")
-    print(f"  coefficients of all: {astuple(fit(qualities, errors))}")
+    print(f"  of variance of the Laplacian, Tenengrad, Brenner {', '.join(f'{rank:.3f}' for rank in ranks)}")
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ def advise(quality: CaptureQuality, parameters: AdviceParameters | None = None) 
                 f"Come closer: letters are {height} pixels high, {p.good_height_px:g} read well.",
             )
         )
-    if quality.blur_px > p.blur_heights * quality.text_height_median_px:
+    if max(quality.blur_px, quality.worst_blur_px) > p.blur_heights * quality.text_height_median_px:
         where = f"The {quality.blurred_side} third" if quality.blurred_side else "The text"
         found.append(
             Advice("hold-still", f"{where} is out of focus or blurred: hold still and focus on the text.")

@@ -1,6 +1,6 @@
 """Figures of a photo that decide whether its text can be read: size of print, blur, contrast, missing text, light."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
+from services.capture.print_patches import PatchParameters, measure_patches
 
 FEWEST_EDGES = 5
 SHARP_PX = 0.7
@@ -20,13 +21,9 @@ UNEVEN = 1.6
 class QualityParameters:
     """Where the figures are measured."""
 
-    patches: int = 250
+    patches: int = 150
     """Characters that are looked at; more do not change the medians."""
-    patch_heights: float = 0.8
-    """Half the side of a patch in text heights: a character and the paper round it."""
-    most_patch_px: int = 48
-    smoothing_px: float = 0.8
-    """Blur before the gradient is taken, so that noise is no edge; it is subtracted from the result."""
+    patch: PatchParameters = field(default_factory=PatchParameters)
     cells: int = 6
     """Of the grid on which the least text height is found, along each side."""
     cell_characters: int = 8
@@ -49,9 +46,10 @@ class CaptureQuality:
     """Figures of one photo of a page; lengths are in pixels of the photo, shares 0-1.
 
     `text_height_min_px` is that of the smallest or farthest print on the page. `blur_px` is the standard deviation of
-    the blur of edges, `contrast` that of ink against the paper next to it. `cut_off_fraction` is the share of the
-    characters at the photo's border or seen at more than 75 degrees. `blurred_side` names the part of the photo that
-    is less sharp than the rest, if there is one.
+    the blur of edges, `worst_blur_px` that in the direction of the worst: motion blurs one direction only. `contrast`
+    is that of ink against the paper next to it, `noise` the standard deviation of the paper as a share of that step.
+    `cut_off_fraction` is the share of the characters at the photo's border or seen at more than 75 degrees.
+    `blurred_side` names the part of the photo that is less sharp than the rest, if there is one.
     """
 
     text_height_min_px: float
@@ -62,6 +60,21 @@ class CaptureQuality:
     glare_fraction: float
     shadow_fraction: float
     blurred_side: str | None = None
+    worst_blur_px: float = 0.0
+    noise: float = 0.0
+
+    def enlarged(self, factor: int) -> "CaptureQuality":
+        """Figures of the photo that is `factor` times as large as the one that was measured, by area averages."""
+        # An average over n pixels blurs as much as a Gaussian of variance (n^2 - 1) / 12.
+        blur = factor**2 * self.blur_px**2 - (factor**2 - 1) / 12
+        return replace(
+            self,
+            text_height_min_px=factor * self.text_height_min_px,
+            text_height_median_px=factor * self.text_height_median_px,
+            blur_px=float(np.sqrt(max(blur, 0.0))),
+            worst_blur_px=float(np.sqrt(max(factor**2 * self.worst_blur_px**2 - (factor**2 - 1) / 12, 0.0))),
+            noise=factor * self.noise,
+        )
 
 
 def measure_quality(
@@ -84,42 +97,22 @@ def measure_quality(
     height = float(np.median(sizes))
     chosen = np.unique(np.linspace(0, len(characters) - 1, min(p.patches, len(characters))).astype(int))
     at = characters[chosen]
-    blurs, contrasts = _measure_patches(gray, at, height, p)
+    print_ = measure_patches(gray, at, height, p.patch)
+    blurs = print_.blurs
     seen = np.isfinite(blurs)
     glare, shadow = _measure_light(gray, characters, height, p)
     return CaptureQuality(
         text_height_min_px=_least_height(characters, sizes, p),
         text_height_median_px=height,
         blur_px=float(np.median(blurs[seen])) if seen.any() else 0.0,
-        contrast=float(np.median(contrasts)),
+        contrast=float(np.median(print_.contrasts)),
         cut_off_fraction=_cut_off(gray.shape, characters, sizes, mesh, p),
         glare_fraction=glare,
         shadow_fraction=shadow,
         blurred_side=_blurred_side(gray.shape, at[seen], blurs[seen]),
+        worst_blur_px=print_.worst_blur_px if seen.any() else 0.0,
+        noise=print_.noise,
     )
-
-
-def _measure_patches(
-    gray: GrayImage, at: Points, height_px: float, p: QualityParameters
-) -> tuple[Vector, Vector]:
-    """Blur in pixels (NaN: no edge) and contrast round each of the points."""
-    half = int(np.clip(round(p.patch_heights * height_px), 3, p.most_patch_px))
-    blurs, contrasts = np.full(len(at), np.nan), np.zeros(len(at))
-    for index, (x, y) in enumerate(np.round(at).astype(int)):
-        patch = gray[max(0, y - half) : y + half + 1, max(0, x - half) : x + half + 1]
-        if min(patch.shape) < 5:
-            continue
-        smooth = cv2.GaussianBlur(patch, (0, 0), p.smoothing_px).astype(np.float32)
-        dark, light = np.percentile(smooth, [3, 97])
-        contrasts[index] = (light - dark) / max(float(light), 1.0)
-        across = np.diff(smooth, axis=1)[:-1]
-        down = np.diff(smooth, axis=0)[:, :-1]
-        steepest = float(np.percentile(np.hypot(across, down), 99.0))
-        if light - dark > 8 and steepest > 0:
-            # The derivative of a step that a Gaussian blurs is the Gaussian: its peak is step / (sqrt(2 pi) sigma).
-            sigma = (light - dark) / (np.sqrt(2 * np.pi) * steepest)
-            blurs[index] = np.sqrt(max(sigma**2 - p.smoothing_px**2, 0.0))
-    return blurs, contrasts
 
 
 def _least_height(characters: Points, sizes: Vector, p: QualityParameters) -> float:

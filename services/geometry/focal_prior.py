@@ -7,7 +7,7 @@ import numpy as np
 
 from services.geometry.camera import TYPICAL_FOCAL_LENGTH
 
-FocalLengthSource = Literal["estimated", "exif", "given", "assumed"]
+FocalLengthSource = Literal["estimated", "exif", "given", "assumed", "remembered"]
 
 MAX_FOCAL, MIN_FOCAL = 12.0, 0.35
 """Bounds of a believable focal length over half the diagonal: 9 to 160 degrees of view (diagonal)."""
@@ -32,6 +32,10 @@ class FocalParameters:
 
 
 FOCAL = FocalParameters()
+
+
+MEASURED = ("exif", "remembered")
+"""Sources of a prior that a page may contradict: the photo was cropped or zoomed."""
 
 
 @dataclass(frozen=True, slots=True)

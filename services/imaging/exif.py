@@ -1,6 +1,7 @@
 """Camera data from EXIF: orientation, focal length, resolution. Invalid data is ignored, never an error."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -38,6 +39,8 @@ class CameraFacts:
     orientation: int
     focal_length_px: float | None
     dpi: float | None
+    camera: str | None = None
+    """Make, model and size of the photos, as a name of the camera; None if EXIF does not say."""
 
 
 def read_camera_facts(picture: Image.Image) -> CameraFacts:
@@ -46,14 +49,24 @@ def read_camera_facts(picture: Image.Image) -> CameraFacts:
         exif = picture.getexif()
         orientation = exif.get(ExifTags.Base.Orientation, 1)
         camera = exif.get_ifd(ExifTags.IFD.Exif)
+        make, model = str(exif.get(ExifTags.Base.Make, "")), str(exif.get(ExifTags.Base.Model, ""))
     except Exception:  # Pillow raises various exceptions on a damaged block, which is not needed
-        orientation, camera = 1, {}
+        orientation, camera, make, model = 1, {}, "", ""
     is_photo = any(tag in camera for tag in (ExifTags.Base.FocalLength, ExifTags.Base.ExposureTime))
     return CameraFacts(
         orientation if isinstance(orientation, int) and orientation in range(1, 9) else 1,
         focal_length_px(camera, *picture.size),
         None if is_photo else _believable_dpi(picture.info.get("dpi")),
+        _camera_name(make, model, picture.size),
     )
+
+
+def _camera_name(make: str, model: str, size: tuple[int, int]) -> str | None:
+    """Name of a camera and its mode: make and model without what a name may not contain, and the photo's size."""
+    words = re.sub(r"[^A-Za-z0-9 ._-]", " ", f"{make} {model}").split()
+    if not model.strip() or not words or not words[0][0].isalnum():
+        return None
+    return f"{' '.join(words)[:80]} {max(size)}x{min(size)}"
 
 
 def focal_length_px(camera: Mapping[int, Any], width: int, height: int) -> float | None:

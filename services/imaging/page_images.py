@@ -47,6 +47,17 @@ class PagePicture(NamedTuple):
     format: UploadFormat = "jpeg"
     dpi: float | None = None
     icc_profile: bytes | None = None
+    reduction: int = 1
+    """Pixels of the page per pixel of `pixels`; `focal_length_px` is in pixels of `pixels`."""
+    full_size: tuple[int, int] | None = None
+    """Width and height of the page; None: those of `pixels`."""
+    camera: str | None = None
+    """Name of the camera by EXIF."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the page in pixels, not reduced."""
+        return self.full_size or (self.pixels.shape[1], self.pixels.shape[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,10 +75,13 @@ class PageSource:
     field: str | None
     file: "_File"
 
-    def decode(self) -> PagePicture:
-        """The page's picture; raises what `decode_image` raises, naming the page."""
+    def decode(self, enough_px: int | None = None) -> PagePicture:
+        """The page's picture; raises what `decode_image` raises, naming the page.
+
+        An image may be reduced to a long side of `enough_px`.
+        """
         with _naming(self.label, self.field):
-            return self.file.decode(self.page)
+            return self.file.decode(self.page, enough_px)
 
 
 @contextmanager
@@ -137,7 +151,16 @@ def is_pdf(upload: bytes) -> bool:
 
 def page_picture(image: DecodedImage) -> PagePicture:
     """The picture of a page that is an image."""
-    return PagePicture(image.pixels, image.focal_length_px, image.format, image.dpi, image.icc_profile)
+    return PagePicture(
+        image.pixels,
+        image.focal_length_px,
+        image.format,
+        image.dpi,
+        image.icc_profile,
+        image.reduction,
+        image.size,
+        image.camera,
+    )
 
 
 class _File(Protocol):
@@ -147,7 +170,7 @@ class _File(Protocol):
         """Pixels of every page."""
         ...
 
-    def decode(self, page: int) -> PagePicture:
+    def decode(self, page: int, enough_px: int | None) -> PagePicture:
         """The picture of a page, counted from 0."""
         ...
 
@@ -162,8 +185,8 @@ class _Image:
     def sizes(self) -> list[int]:
         return [count_pixels(self.data, self.limits)]
 
-    def decode(self, page: int) -> PagePicture:
-        return page_picture(decode_image(self.data, self.limits, page))
+    def decode(self, page: int, enough_px: int | None) -> PagePicture:
+        return page_picture(decode_image(self.data, self.limits, page, enough_px))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,8 +200,8 @@ class _Tiff:
     def sizes(self) -> list[int]:
         return [page.width * page.height for page in self.pages]
 
-    def decode(self, page: int) -> PagePicture:
-        return page_picture(decode_image(self.data, self.limits, self.pages[page].directory))
+    def decode(self, page: int, enough_px: int | None) -> PagePicture:
+        return page_picture(decode_image(self.data, self.limits, self.pages[page].directory, enough_px))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,7 +215,7 @@ class _Pdf:
     def sizes(self) -> list[int]:
         return [width * height for width, height, _ in map(self._plan, range(len(self.sizes_pt)))]
 
-    def decode(self, page: int) -> PagePicture:
+    def decode(self, page: int, enough_px: int | None) -> PagePicture:
         width, height, scale = self._plan(page)
         picture = np.ascontiguousarray(self.pages.draw(page, scale)[:height, :width])
         return PagePicture(picture, None, dpi=scale * _POINTS_PER_INCH)
@@ -217,7 +240,7 @@ class _Unreadable:
     def sizes(self) -> list[int]:
         return [0]
 
-    def decode(self, page: int) -> PagePicture:
+    def decode(self, page: int, enough_px: int | None) -> PagePicture:
         raise self.error
 
 

@@ -11,14 +11,18 @@ from services.operations.replies import rounded
 from services.rectify.results import RectifyResult
 
 
-def describe_quality(photo: RgbImage, result: RectifyResult) -> dict[str, object] | None:
-    """Quality of the photo (H, W, 3) whose flat page is `result`; None for a page without text."""
+def describe_quality(photo: RgbImage, result: RectifyResult, reduction: int = 1) -> dict[str, object] | None:
+    """Quality of a photo whose flat page is `result`; None for a page without text.
+
+    `photo` (H, W, 3) and `result` may be those of the photo reduced by `reduction`; the figures are those of the whole.
+    """
     if result.print is None:
         return None
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     quality = measure_quality(gray, result.print.characters, result.print.heights_px, result.mesh)
     if quality is None:
         return None
+    quality = quality.enlarged(reduction)
     return {
         "text_height_px": {
             "min": rounded(quality.text_height_min_px, 1),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,7 @@ from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.documents.paper_size import measure_size
 from services.errors import NoText
+from services.geometry.photo_frame import PhotoFrame
 from services.imaging.codec import decode_image
 from services.imaging.page_images import PagePicture, page_picture
 from services.operations.capture_reply import describe_quality
@@ -29,8 +30,11 @@ from services.operations.replies import (
     timed,
 )
 from services.progress import progress_within
+from services.rectify.focal_length import seen_focal_length
 from services.rectify.kept_photo import keep_photo
+from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import rectify
+from services.rectify.preview import PREVIEW_PX, enlarge, preview_page, reduce_parameters
 from services.rectify.results import PlaneSurface, RectifyResult
 from services.rectify.spread import RectifiedPages, page_timings, rectify_spread
 from services.sheet.surfaces import MeshSurface, StripsSurface
@@ -55,20 +59,24 @@ def rectify_upload(
     return rectify_picture(partial(_decode, upload, limits), parameters, encoding)
 
 
-def _decode(upload: bytes, limits: ImageLimits) -> PagePicture:
-    return page_picture(decode_image(upload, limits))
+def _decode(upload: bytes, limits: ImageLimits, enough_px: int | None) -> PagePicture:
+    return page_picture(decode_image(upload, limits, enough_px=enough_px))
 
 
 def rectify_picture(
-    decode: Callable[[], PagePicture], parameters: RectifyParameters, encoding: Encoding
+    decode: Callable[[int | None], PagePicture], parameters: RectifyParameters, encoding: Encoding
 ) -> PageReply:
-    """The reply to one photo; `decode` returns it. Raises what `rectify_upload` raises."""
+    """The reply to one photo; raises what `rectify_upload` raises.
+
+    `decode` returns it, reduced to the given long side if that is not None.
+    """
     if parameters.text or parameters.language is not None:
         reading_engine(parameters.language)  # an error must come before the work
     end = READING_BEGINS if parameters.text else ENCODING_BEGINS
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
-        photo = decode()
+        photo = decode(PREVIEW_PX if parameters.preview else None)
+    parameters = name_camera(parameters, photo)
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
     if parameters.pages == "both":
         with progress_within(0.03, end):
@@ -76,6 +84,9 @@ def rectify_picture(
         pages = [describe_page(result, parameters, encoding, photo) for result in found.pages]
         timings_ms |= page_timings(found)
         return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
+    if parameters.preview:
+        page, spent_ms = describe_preview(photo, parameters)
+        return make_reply(page.image, dict(page.document), source, encoding, timings_ms | spent_ms)
     with progress_within(0.03, end):
         result = _flatten(photo, parameters)
     page = describe_page(result, parameters, encoding, photo)
@@ -92,9 +103,19 @@ def flatten_picture(
     ------
     NoText, InvalidOption
     """
+    parameters = name_camera(parameters, photo)
+    if parameters.preview:
+        return [describe_preview(photo, parameters)[0]]
     both = parameters.pages == "both"
     results = _flatten_spread(photo, parameters).pages if both else (_flatten(photo, parameters),)
     return [describe_page(result, parameters, encoding, photo) for result in results]
+
+
+def name_camera(parameters: RectifyParameters, photo: PagePicture) -> RectifyParameters:
+    """`parameters` with the name of the photo's camera, if it has one: that of the request, else that of EXIF."""
+    if parameters.camera is not None or photo.camera is None:
+        return parameters
+    return replace(parameters, camera=photo.camera)
 
 
 def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult:
@@ -128,31 +149,66 @@ def describe_page(
     with timed("quality", result.timings_ms):
         quality = describe_quality(photo.pixels, result)
     view = reduce_view(result, encoding)
+    page = _document(result, view, parameters, photo, quality)
     height, width = view.image.shape[:2]
-    size = photo.pixels.shape[1], photo.pixels.shape[0]
-    scale = width / result.image.shape[1]
+    return page if text is None else replace(page, text=text.resized(width, height))
+
+
+def describe_preview(
+    photo: PagePicture, parameters: RectifyParameters
+) -> tuple[DescribedPage, dict[str, float]]:
+    """The page in a reduced photo, in pixels of the photo that was sent, not drawn; and its timings."""
+    check_parameters(*photo.size, parameters)
+    reduced = reduce_parameters(parameters, photo.reduction)
+    try:
+        found = preview_page(photo.pixels, reduced, photo.focal_length_px)
+    except NoText as refusal:
+        if parameters.on_no_text == "refuse":
+            raise
+        found = keep_photo(photo.pixels, refusal)
+    with timed("quality", found.timings_ms):
+        quality = describe_quality(photo.pixels, found, photo.reduction)
+    result = enlarge(found, photo.reduction)
+    return _document(result, result, parameters, photo, quality), result.timings_ms
+
+
+def _document(
+    result: RectifyResult,
+    view: RectifyResult,
+    parameters: RectifyParameters,
+    photo: PagePicture,
+    quality: dict[str, object] | None,
+) -> DescribedPage:
+    """The description of `result`, with the picture and the sizes of `view`, which may be a reduced one."""
+    height, width = result.image.shape[:2]
+    scale = view.image.shape[1] / width
     page = measure_size(
         parameters.paper,
         result.corners,
         result.mesh,
-        result.image.shape[1],
-        result.image.shape[0],
+        width,
+        height,
         camera_assumed=result.camera.source == "assumed",
     )
     dpi = None if page.dpi is None else page.dpi * scale
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
-    return DescribedPage(
-        view.image,
-        {
-            **describe_rectification(view, size),
-            "page": {**asdict(page), "dpi": rounded(dpi, 1)},
-            "quality": quality,
-            "timings_ms": timings_ms,
-        },
-        None if text is None else text.resized(width, height),
-        scale,
-        dpi,
+    described = describe_rectification(view, photo.size)
+    camera = described["camera"]
+    assert isinstance(camera, dict)
+    exif_px = (
+        photo.focal_length_px if photo.focal_length_px is None else photo.focal_length_px * photo.reduction
     )
+    seen = seen_focal_length(PhotoFrame(*photo.size), result.camera, parameters, exif_px)
+    camera["name"] = parameters.camera
+    camera["page_focal_length_px"] = rounded(seen and seen[0], 2)
+    camera["page_focal_deviation"] = rounded(seen and seen[1])
+    document = {
+        **described,
+        "page": {**asdict(page), "dpi": rounded(dpi, 1)},
+        "quality": quality,
+        "timings_ms": timings_ms,
+    }
+    return DescribedPage(view.image, document, None, scale, dpi)
 
 
 def describe_flat_page(result: RectifyResult, photo_size: tuple[int, int]) -> dict[str, object]:

@@ -19,6 +19,7 @@ from services.operations.pages_reply import (
 from services.operations.rectify import flatten_picture, rectify_picture
 from services.operations.replies import ENCODING_BEGINS, SourceFacts, timed
 from services.progress import progress_within
+from services.rectify.preview import PREVIEW_PX
 from services.rectify.results import Notice
 
 
@@ -66,7 +67,7 @@ def _rectify_pages(
         share = ENCODING_BEGINS / len(sources)
         with progress_within(index * share, (index + 1) * share):
             try:
-                picture = _decode(source, timings_ms)
+                picture = _decode(source, timings_ms, PREVIEW_PX if parameters.preview else None)
                 facts = SourceFacts(picture.format, picture.dpi, picture.icc_profile)
                 target = target or choose_target(encoding, facts, len(sources))
                 pages = flatten_picture(picture, parameters, encoding)
@@ -84,10 +85,10 @@ def _rectify_pages(
     return bind_pages(encoded, target, encoding, timings_ms, _notices(failures), failures)
 
 
-def _decode(source: PageSource, timings_ms: dict[str, float]) -> PagePicture:
+def _decode(source: PageSource, timings_ms: dict[str, float], enough_px: int | None) -> PagePicture:
     spent: dict[str, float] = {}
     with timed("decode", spent, 0.0):
-        picture = source.decode()
+        picture = source.decode(enough_px)
     timings_ms["decode"] = timings_ms.get("decode", 0.0) + spent["decode"]
     return picture
 

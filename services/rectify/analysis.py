@@ -25,6 +25,7 @@ PICTURE_SHARE = 0.8
 """On a page of dark print a smaller share of the ink is rejected as no text. On pictures, and on light print in a dark
 photo, a larger share is."""
 
+NO_DIRECTION = "the characters that were found do not form text lines of a common direction."
 FEW_STROKES = 4
 """With fewer samples the minor flow is assumed to be at right angles to the major flow,"""
 UNSEEN_WEIGHT = 0.05
@@ -195,13 +196,24 @@ def _analyse(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _SeenPhoto:
-    """The gray photo, its flat-fielded copy reduced by `factor`, and the paper that the text is on."""
+class FoundText:
+    """The gray photo, its flat-fielded copy reduced by `factor`, its `text` in that frame, the paper under the text."""
 
     gray: GrayImage
     factor: float
     reduced: GrayImage
+    text: IdentifiedText
     paper: Paper
+
+    @property
+    def characters(self) -> Points:
+        """Centres of the characters (N, 2) in photo pixels."""
+        return characters_in_photo(self.text, self.factor)
+
+    @property
+    def text_height_px(self) -> float:
+        """Typical character size in photo pixels."""
+        return self.text.text_height_px / self.factor
 
 
 def _analyse_dark_print(
@@ -214,8 +226,8 @@ def _analyse_dark_print(
 ) -> tuple[PageAnalysis, ...]:
     """`analyse_photo` or `analyse_spread` for dark print on light paper."""
     with clock.stage("text"):
-        gray, factor, reduced, text, paper = _find_text(photo, region, p)
-    seen = _SeenPhoto(gray, factor, reduced, paper)
+        seen = find_text(photo, region, p)
+    gray, factor, text = seen.gray, seen.factor, seen.text
     with clock.stage("texture_flow"):
         major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
     facing, found = None, None
@@ -224,11 +236,11 @@ def _analyse_dark_print(
             strokes = None if minor is None else _to_photo(minor.samples, strokes_factor)
             found = choose_page(
                 photo,
-                characters_in_photo(text, factor),
-                text.text_height_px / factor,
+                seen.characters,
+                seen.text_height_px,
                 _to_photo(major.samples, factor),
                 strokes,
-                paper,
+                seen.paper,
                 is_spread=is_spread,
             )
             left_out = 1 - found.kept.mean()
@@ -242,7 +254,7 @@ def _analyse_dark_print(
             with clock.stage("texture_flow"):
                 major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
     if len(major.samples) < p.min_flow_samples:
-        raise NoText("the characters that were found do not form text lines of a common direction.")
+        raise NoText(NO_DIRECTION)
     flows = (major, minor, strokes_image, strokes_factor)
     pages = [_analysis_of(seen, text, flows, found)]
     if facing is not None:
@@ -253,8 +265,23 @@ def _analyse_dark_print(
     return tuple(pages)
 
 
+def analyse_text(found: FoundText, parameters: AnalysisParameters | None = None) -> PageAnalysis:
+    """Both texture flows of all the text that was found, without a choice of the page.
+
+    Raises
+    ------
+    NoText
+        When its lines show no common direction.
+    """
+    p = parameters or AnalysisParameters()
+    flows = _measure_flows(found.gray, found.factor, found.text, p)
+    if len(flows[0].samples) < p.min_flow_samples:
+        raise NoText(NO_DIRECTION)
+    return _analysis_of(found, found.text, flows, None)
+
+
 def _analysis_of(
-    seen: _SeenPhoto,
+    seen: FoundText,
     text: IdentifiedText,
     flows: tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float],
     choice: PageChoice | None,
@@ -278,10 +305,19 @@ def _analysis_of(
     )
 
 
-def _find_text(
-    photo: RgbImage, region: tuple[tuple[float, float], ...] | None, p: AnalysisParameters
-) -> tuple[GrayImage, float, GrayImage, IdentifiedText, Paper]:
-    """Gray photo, the factor of its reduction, the reduced flat-fielded one, its text, and the paper under it."""
+def find_text(
+    photo: RgbImage,
+    region: tuple[tuple[float, float], ...] | None = None,
+    parameters: AnalysisParameters | None = None,
+) -> FoundText:
+    """The dark print in `photo` (H, W, 3), within `region` if there is one.
+
+    Raises
+    ------
+    NoText
+        When there are too few characters.
+    """
+    p = parameters or AnalysisParameters()
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     factor = min(1.0, p.long_side_px / max(gray.shape))
     reduced = flatten_illumination(resize_gray(gray, factor))
@@ -299,7 +335,7 @@ def _find_text(
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )
-    return gray, factor, reduced, text, paper
+    return FoundText(gray, factor, reduced, text, paper)
 
 
 def _measure_flows(

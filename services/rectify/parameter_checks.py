@@ -2,20 +2,18 @@
 
 import numpy as np
 
-from services.arrays import RgbImage
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption
 
 
-def check_parameters(photo: RgbImage, parameters: RectifyParameters) -> None:
-    """Check the focal length and the region against the size of the photo (H, W, 3).
+def check_parameters(width: int, height: int, parameters: RectifyParameters) -> None:
+    """Check the focal length and the region against the size of the photo.
 
     Raises
     ------
     InvalidOption
         When the focal length is not plausible, or the region lies outside of the photo.
     """
-    height, width = photo.shape[:2]
     diagonal = float(np.hypot(width, height))
     if parameters.focal_length_px is not None and not 0.15 < parameters.focal_length_px / diagonal < 15.0:
         raise InvalidOption(

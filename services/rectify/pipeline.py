@@ -21,7 +21,7 @@ from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
 from services.rectify.drawing import draw_flat_view, draw_gray_view, whiten_beyond
 from services.rectify.edge_cropping import crop_to_gutter, within_gutter
-from services.rectify.focal_length import focal_prior
+from services.rectify.focal_length import focal_prior, remembered
 from services.rectify.framing import FlatFrame, frame_page
 from services.rectify.orientation import estimate_orientation
 from services.rectify.outline_plane import read_sides
@@ -133,7 +133,7 @@ def rectify(
     InvalidOption
         When `parameters` cannot be met (a region or focal length that the photo cannot have).
     """
-    check_parameters(photo, parameters)
+    check_parameters(photo.shape[1], photo.shape[0], parameters)
     clock = StageClock(STAGE_BEGINS)
     page = find_page(photo, parameters, exif_focal_length_px, clock)
     return flatten_page(photo, page, parameters, ocr, clock)
@@ -211,7 +211,7 @@ def find_page(
         When neither text nor a sheet's edges nor straight print shows the page's shape.
     """
     view = PhotoFrame(photo.shape[1], photo.shape[0])
-    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
     outline: SheetOutline | None = None
     sought = False
     try:
@@ -242,7 +242,7 @@ def estimate_page(
     """
     analysis = analyse_photo(photo, parameters.region, clock=clock)
     view = PhotoFrame(photo.shape[1], photo.shape[0])
-    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
     return shape_page(analysis, view, prior, parameters, clock)
 
 
@@ -386,7 +386,8 @@ def describe_camera(page: FlatPage | TextlessPage) -> CameraEstimate:
         focal_px, source = shape.focal_length_px, shape.focal_source
     moved: Literal["centre", "estimated"] = "centre" if view.principal_point_px is None else "estimated"
     angle = field_of_view(focal_px, view.width, view.height)
-    return CameraEstimate(focal_px, angle, source, view.centre, moved)
+    deviation = shape.log_focal_deviation if np.isfinite(shape.log_focal_deviation) else None
+    return CameraEstimate(focal_px, angle, source, view.centre, moved, deviation)
 
 
 def describe_surface(page: FlatPage | TextlessPage) -> PlaneSurface | StripsSurface | MeshSurface:

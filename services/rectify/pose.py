@@ -8,7 +8,7 @@ import numpy as np
 
 from services.arrays import Homography, Mask, Points
 from services.geometry.camera import rotation_from_vector
-from services.geometry.focal_prior import FOCAL, FocalLengthSource, FocalPrior, typical_focal_prior
+from services.geometry.focal_prior import FOCAL, MEASURED, FocalLengthSource, FocalPrior, typical_focal_prior
 from services.geometry.homographies import (
     denominators,
     jacobians,
@@ -278,10 +278,10 @@ def choose_pose(
     notices: list[Notice] = []
     tension = focal_tension(refined, prior)
     drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
-    if prior.source == "exif" and drawn > FOCAL.exif_contradiction * prior.deviation:
+    if prior.source in MEASURED and drawn > FOCAL.exif_contradiction * prior.deviation:
+        notices += [EXIF_CONTRADICTED] if prior.source == "exif" else []
         prior = typical_focal_prior()
         refined, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
-        notices.append(EXIF_CONTRADICTED)
     plane = refined.plane
     gain = p.curved_gain if kind == "curved" else p.gain
     gentle = flow_deviation(level, major, minor, p.minor_share)

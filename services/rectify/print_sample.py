@@ -1,8 +1,14 @@
 """Characters of a page in the photo, for figures of the photo's quality."""
 
-from services.arrays import Points
+import numpy as np
+
+from services.arrays import Points, Vector
 from services.rectify.analysis import PageAnalysis
 from services.rectify.results import PrintSample
+from services.texture_flow.text_identification import IdentifiedText
+
+WORD = 2.0
+"""Length over height of a box, from which it is that of a word whose letters touch."""
 
 
 def sample_print(analysis: PageAnalysis, characters: Points) -> PrintSample | None:
@@ -12,4 +18,14 @@ def sample_print(analysis: PageAnalysis, characters: Points) -> PrintSample | No
     """
     if len(characters) == 0 or len(characters) != len(analysis.characters):
         return None
-    return PrintSample(analysis.characters, analysis.text.components.sizes / analysis.factor)
+    return PrintSample(analysis.characters, print_heights(analysis.text) / analysis.factor)
+
+
+def print_heights(text: IdentifiedText) -> Vector:
+    """Heights (N,) of the characters in pixels of the analysed image.
+
+    In a blurred photo the letters of a word are one component, whose extent is not that of a letter.
+    """
+    shortest = text.components.boxes[:, 2:].min(axis=1).astype(np.float64)
+    longest = text.components.boxes[:, 2:].max(axis=1)
+    return np.asarray(np.where(longest > WORD * shortest, shortest, text.components.sizes))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Points, RgbImage, Vector
+from services.geometry.focal_prior import FocalLengthSource
 from services.sheet.surfaces import MeshSurface, StripsSurface
 
 
@@ -49,9 +50,11 @@ class CameraEstimate:
 
     focal_length_px: float | None
     field_of_view_rad: float | None
-    source: Literal["estimated", "exif", "given", "assumed"]
+    source: FocalLengthSource
     principal_point: tuple[float, float] | None = None
     principal_point_source: Literal["centre", "estimated"] = "centre"
+    log_focal_deviation: float | None = None
+    """Standard deviation of the focal length's logarithm as this page alone shows it; None: it does not."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.ocr.engine import OcrEngine
 from services.progress import progress_within
 from services.rectify.analysis import analyse_spread
-from services.rectify.focal_length import focal_prior
+from services.rectify.focal_length import focal_prior, remembered
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import (
     FACING_PAGE,
@@ -70,7 +70,7 @@ def rectify_spread(
     InvalidOption
         When `parameters` cannot be met (a region or focal length that the photo cannot have).
     """
-    check_parameters(photo, parameters)
+    check_parameters(photo.shape[1], photo.shape[0], parameters)
     clock = StageClock(STAGE_BEGINS)
     with progress_within(0.0, 0.5):
         pages = _shape_pages(photo, parameters, exif_focal_length_px, clock)
@@ -92,7 +92,7 @@ def _shape_pages(
 ) -> list[FlatPage]:
     """The main page and the facing one, or one of them if text does not show both."""
     view = PhotoFrame(photo.shape[1], photo.shape[0])
-    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px)
+    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
     try:
         analyses = analyse_spread(photo, parameters.region, clock=clock)
         if len(analyses) < 2:

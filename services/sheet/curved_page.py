@@ -7,6 +7,7 @@ import numpy as np
 from services.arrays import Points, Vector
 from services.geometry.focal_prior import (
     FOCAL,
+    MEASURED,
     FocalLengthSource,
     FocalPrior,
     typical_focal_prior,
@@ -196,8 +197,8 @@ def estimate_curved_page(
     if reason is None:
         fitted, lines = _fit_lines(e, prior, fitted, p)
         drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
-        if prior.source == "exif" and drawn > FOCAL.exif_contradiction * prior.deviation:
-            prior, contradicted = typical_focal_prior(), True
+        if prior.source in MEASURED and drawn > FOCAL.exif_contradiction * prior.deviation:
+            prior, contradicted = typical_focal_prior(), prior.source == "exif"
             fitted, lines = _fit_lines(e, prior, fitted, p)
             drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
         if prior.source == "assumed" and drawn > FOCAL.believable * prior.deviation:

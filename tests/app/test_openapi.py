@@ -47,6 +47,7 @@ def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: st
         assume(not (asked and case.body.get("format")) or asked == case.body.get("format"))
         if case.operation.path == "/rectify":
             assume_one_document(case.body, asked)
+            assume_a_possible_preview(case.body, asked)
         if case.operation.path.startswith("/layout"):
             assume_parts_that_go_together(case.body)
     if case.operation.path.endswith("/settings") and isinstance(case.body, dict):
@@ -106,6 +107,14 @@ def assume_one_document(body: dict[str, Any], asked: str | None) -> None:
     assume(len(images) <= Settings().max_pages)
     one_page = str(asked or body.get("format")).lower() in ("jpeg", "jpg", "png", "webp")
     assume(len(images) < 2 or not (one_page or body.get("region")))
+
+
+def assume_a_possible_preview(body: dict[str, Any], asked: str | None) -> None:
+    """A preview is JSON, and has neither text nor pictures."""
+    if str(body.get("preview")).lower() == "true":
+        others = [str(body.get(name)).lower() for name in ("text", "embed", "pages")]
+        assume(str(asked or body.get("format")).lower() == "json")
+        assume(not {"true", "both"} & set(others) and not body.get("embed_format"))
 
 
 def as_list(value: Any) -> list[Any]:
@@ -187,8 +196,8 @@ def test_the_form_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]
     assert list(fields) == [
         "image", "kind", "upright", "focal_length_px", "region", "illumination", "crop", "pages", "paper",
-        "on_no_text", "text", "language", "format", "quality", "embed", "embed_format", "max_width", "max_height",
-        "pdf_version", "title", "callback_url",
+        "on_no_text", "preview", "camera", "text", "language", "format", "quality", "embed", "embed_format",
+        "max_width", "max_height", "pdf_version", "title", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1

@@ -137,6 +137,8 @@ def test_after_deletion_nothing_is_left(
             response = client.post(f"/layout/results/{result}/feedback", json=body, headers=ALICE)
             assert response.status_code == 200, response.text
         job = start(client, ALICE)
+        data = {"camera": "alice-s"}
+        client.post("/rectify", files={"image": upload("")}, data=data, headers=ALICE).raise_for_status()
         posted = {**PAGE, "zones": [{**zone, "label": "date", "text": SECRET} for zone in PAGE["zones"]]}
         sample = client.post("/layout/models/letter/samples", json=posted, headers=ALICE).json()["id"]
         grown = rows()
@@ -144,7 +146,7 @@ def test_after_deletion_nothing_is_left(
         paths = [f"/layout/results/{result}/feedback" for result in results[:2]]
         paths += [f"/layout/results/{result}" for result in (*results, kept)]
         paths += [f"/layout/results/{results[2]}/feedback"]  # also without its result
-        paths += [job, f"/layout/models/letter/samples/{sample}"]
+        paths += [job, f"/layout/models/letter/samples/{sample}", "/cameras/alice-s"]
         for path in paths:
             response = client.delete(path, headers=ALICE)
             assert response.status_code in (200, 204), (path, response.text)

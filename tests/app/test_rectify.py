@@ -99,6 +99,12 @@ def test_size_and_format_of_an_embedded_picture_reach_the_operation(client: http
     assert "embed=True, pages_format='json', embed_format='webp', max_width=800, max_height=30000," in detail
 
 
+def test_a_preview_is_not_turned_upright(client: httpx.Client) -> None:
+    detail = notices(post(client, {"format": "json", "preview": "true"}))["options"]
+    assert "upright=False" in detail
+    assert "preview=True" in detail
+
+
 def test_an_app_can_draw_on_the_photo(client: httpx.Client) -> None:
     result = post(client, {"format": "json"}).json()
     assert result["photo"] == {"width": 40, "height": 30}

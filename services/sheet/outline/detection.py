@@ -45,6 +45,8 @@ class OutlineParameters:
     edges: EdgeParameters = field(default_factory=EdgeParameters)
     corners: CornerParameters = field(default_factory=CornerParameters)
     scoring: ScoringParameters = field(default_factory=ScoringParameters)
+    improved: bool = True
+    """Whether curves near the best candidate are searched too: a fifth of the time, for sheets whose parts differ."""
     tried: int = 7
     """Candidates that are measured in the photo, until one is certain: they are better evidence than ratings."""
     alike: float = 1e-3
@@ -86,7 +88,8 @@ def find_outline(
         # Texture of a desk may have been found as print; then the middle of the photo is the better start.
         if candidates[0].rating >= p.well_rated or characters is None:
             break
-    candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
+    if p.improved:
+        candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
     candidates.sort(key=lambda c: c.rating, reverse=True)
     distinct = [
         c for k, c in enumerate(candidates) if k == 0 or candidates[k - 1].rating - c.rating > p.alike

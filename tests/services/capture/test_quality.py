@@ -127,3 +127,36 @@ def test_every_fault_has_its_advice_and_costs(worse: dict[str, object], code: st
 def test_the_sentence_says_the_figure() -> None:
     (advice,) = advise(CaptureQuality(7.2, 18.0, 0.8, 0.8, 0.0, 0.0, 0.0))
     assert advice.detail == "Come closer: letters are 7 pixels high, 14 read well."
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 90.0])
+def test_motion_blurs_one_direction_which_is_the_worst(angle_deg: float) -> None:
+    image = np.full((600, 600), 230, np.uint8)
+    centres = characters_on(image)
+    kernel = np.full((1, 9), 1 / 9) if angle_deg == 0.0 else np.full((9, 1), 1 / 9)
+    quality = measured(np.asarray(cv2.filter2D(image, -1, kernel), np.uint8), centres)
+    assert quality.blur_px < 1.0, "other edges are sharp"
+    assert quality.worst_blur_px > 2.0, "a box of 9 pixels has a standard deviation of 2.6"
+    assert predict_character_error(quality) > 2 * predict_character_error(measured(image, centres))
+
+
+@pytest.mark.parametrize("sigma", [4.0, 12.0])
+def test_noise_is_that_of_the_paper(sigma: float) -> None:
+    image = np.full((600, 600), 210, np.uint8)
+    centres = characters_on(image, ink=60)
+    noisy = image + np.random.default_rng(2).normal(0, sigma, image.shape)
+    quality = measured(np.clip(noisy, 0, 255).astype(np.uint8), centres)
+    assert quality.noise == pytest.approx(sigma / 150, rel=0.35)
+
+
+def test_figures_of_a_reduced_photo_are_those_of_the_whole() -> None:
+    image = np.full((600, 600), 230, np.uint8)
+    centres = characters_on(image)
+    blurred = np.asarray(cv2.GaussianBlur(image, (0, 0), 4.0), np.uint8)
+    half = np.asarray(cv2.resize(blurred, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
+    reduced = measure_quality(half, (centres + 0.5) / 2 - 0.5, np.full(len(centres), HEIGHT_PX / 2))
+    assert reduced is not None
+    whole, enlarged = measured(blurred, centres), reduced.enlarged(2)
+    assert enlarged.text_height_median_px == whole.text_height_median_px
+    assert enlarged.blur_px == pytest.approx(whole.blur_px, rel=0.1)
+    assert enlarged.contrast == pytest.approx(whole.contrast, abs=0.05)

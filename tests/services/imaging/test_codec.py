@@ -308,3 +308,19 @@ def test_the_codec_is_the_only_door() -> None:
     assert [
         str(path) for path in sources if outward.search(path.read_text()) and path not in (door, binder)
     ] == []
+
+
+@pytest.mark.parametrize("plugin", ["JPEG", "PNG"])
+def test_an_image_is_reduced_as_far_as_it_stays_large_enough(plugin: str) -> None:
+    row, column = np.mgrid[0:301, 0:402]
+    data = make_file(np.stack([column // 2, row // 2, row // 4], axis=-1).astype(np.uint8), plugin)
+    whole = decode_image(data, LIMITS)
+    assert (whole.reduction, whole.size) == (1, (402, 301))
+    for enough_px, reduction in ((202, 1), (201, 2), (100, 4), (1, 8)):
+        reduced = decode_image(data, LIMITS, enough_px=enough_px)
+        assert (reduced.reduction, reduced.size) == (reduction, (402, 301))
+        assert max(reduced.pixels.shape) >= enough_px
+        # The pixel (x, y) is the mean of the photo's pixels from (x r, y r) on.
+        at = np.arange(10, 30)
+        expected = (reduction * (at + 0.5) - 0.5) / 2
+        assert np.abs(reduced.pixels[5, at, 0] - expected).mean() < 1.2

@@ -38,6 +38,9 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "source": "exif",
         "principal_point": [29.5, 19.25],
         "principal_point_source": "estimated",
+        "name": None,
+        "page_focal_length_px": None,
+        "page_focal_deviation": None,
     }
     assert document == {
         "kind": "planar",

@@ -1,0 +1,226 @@
+"""Small photos of known text with a wide spread of quality: crops of pages, seen aslant, spoilt in one way or more.
+
+The photos are crops, so that 150 of them take minutes. The true homography flattens them: what OCR then misreads is due
+to the photo's quality, not to the geometry.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from rapidfuzz.distance import Levenshtein
+
+from services.arrays import Homography, Points, RgbImage
+from services.capture.quality import CaptureQuality, measure_quality
+from services.errors import NoText
+from services.geometry.homographies import transform_points
+from services.imaging.illumination import flatten_illumination
+from services.ocr.engine import Word
+from services.operations.page_reading import reading_engine
+from services.rectify.analysis import find_text
+from services.rectify.print_sample import print_heights
+from simulation.degradation import Degradation, Exposure, degrade, expose
+from simulation.flat_page import Page
+from simulation.pages import own_pages
+
+PHOTO = (600, 420)
+"""Width and height of a photo of small print; more pixels of large print, up to three times as many."""
+PAGE_LETTER_PX = 42 * 0.5
+"""Height of small letters on a page of `own_pages()`, whose print has 42 pixels an em."""
+_LETTERS = {"distance": (3.5, 12.0), "noise": (6.0, 16.0), "contrast": (7.0, 26.0)}
+"""Heights of small letters in the photo, where they are not 6 to 26 pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A photo's figures, its measured character error, and usual focus measures (larger is sharper)."""
+
+    quality: CaptureQuality
+    error: float
+    focus: tuple[float, float, float]
+    group: str
+    """What the photo suffers from most."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CropPhoto:
+    """A photo, the page's homography, and the words (text, box on the page) that are whole in it."""
+
+    image: RgbImage
+    H_photo_page: Homography
+    words: tuple[tuple[str, tuple[float, float, float, float]], ...]
+    group: str
+
+
+def make_photos(count: int, seed: int = 19) -> Iterator[CropPhoto]:
+    """Photos with letters of 6 to 40 pixels; a fifth each is only small, blurred, moved, noisy or faint, or all."""
+    rng = np.random.default_rng(seed)
+    pages = [readable(page) for page in own_pages()]
+    groups = ("distance", "blur", "motion", "noise", "contrast", "all")
+    for index in range(count):
+        yield _crop(pages[index % len(pages)], groups[index % len(groups)], rng)
+
+
+def readable(page: Page) -> Page:
+    """`page` with those of its words that OCR reads right on the page itself: others say nothing about a photo."""
+    engine, _ = reading_engine(None)
+    gray = page.image if page.image.ndim == 2 else cv2.cvtColor(page.image, cv2.COLOR_RGB2GRAY)
+    read = engine.read_page(np.asarray(gray, np.uint8))
+    lines = tuple(
+        tuple(
+            word for word in line if not misread_share([(word.text, word.box)], read, lambda points: points)
+        )
+        for line in page.lines
+    )
+    return replace(page, lines=lines)
+
+
+def _crop(page: Page, group: str, rng: np.random.Generator) -> CropPhoto:
+    """One photo of a part of `page`."""
+    every = group == "all"
+    low, high = _LETTERS.get(group, (6.0, 26.0))
+    letter = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    enlarged = float(np.clip(letter / 10, 1.0, 1.8))
+    width, height = round(PHOTO[0] * enlarged), round(PHOTO[1] * enlarged)
+    scale = letter / PAGE_LETTER_PX
+    tilt, azimuth, roll = rng.uniform(0, 0.6), rng.uniform(0, 2 * np.pi), rng.uniform(-0.1, 0.1)
+    across, down = width / scale, height / scale
+    x = rng.uniform(0.1 * page.width, max(0.9 * page.width - across, 0.1 * page.width + 1))
+    y = rng.uniform(0.1 * page.height, max(0.9 * page.height - down, 0.1 * page.height + 1))
+    H = _view(x + across / 2, y + down / 2, scale, tilt, azimuth, roll, (width, height))
+    ink = page.image if page.image.ndim == 3 else cv2.cvtColor(page.image, cv2.COLOR_GRAY2RGB)
+    # Area averages by a photo of twice the size, or small print would be aliased.
+    fine = cv2.warpPerspective(
+        _reduced(ink, scale),
+        np.diag([2.0, 2.0, 1.0]) @ H @ np.diag([_step(scale), _step(scale), 1.0]),
+        (2 * width, 2 * height),
+        flags=cv2.INTER_LINEAR,
+        borderValue=(255, 255, 255),
+    )
+    photo = cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32)
+    faint = 0.9
+    if group == "contrast":
+        faint = float(np.exp(rng.uniform(np.log(0.02), np.log(0.3))))
+    elif every:
+        faint = rng.uniform(0.25, 1.0)
+    photo = 235 - (255 - photo) * faint * 0.9
+    blur = {"blur": rng.uniform(0.08, 0.5), "all": rng.uniform(0.02, 0.25)}.get(group, 0.04)
+    moved = {"motion": rng.uniform(0.1, 1.1), "all": float(rng.choice([0, 0, 0.5]))}.get(group, 0.0)
+    noise = {"noise": rng.uniform(15, 90), "contrast": rng.uniform(2, 8), "all": rng.uniform(1, 25)}
+    dirt = Degradation(
+        shadow=rng.uniform(0, 0.6) if every or group == "contrast" else 0.0,
+        blur_sigma_px=blur * letter,
+        motion_px=moved * letter,
+        noise_sigma=noise.get(group, rng.uniform(1, 4)),
+        jpeg_quality=int(rng.integers(15, 60)) if every or group == "noise" else 85,
+    )
+    spoilt = degrade(np.clip(photo, 0, 255).astype(np.uint8), dirt, rng)
+    spoilt = expose(spoilt, Exposure(gain=float(rng.uniform(0.6, 1.02))))
+    words = tuple(
+        (word.text, word.box) for line in page.lines for word in line if _whole(H, word.box, width, height)
+    )
+    return CropPhoto(spoilt, H, words, group)
+
+
+def _step(scale: float) -> float:
+    """Page pixels per pixel of the reduced page from which a photo is drawn."""
+    return max(1.0, 0.5 / scale)
+
+
+def _reduced(page: RgbImage, scale: float) -> RgbImage:
+    step = _step(scale)
+    size = (round(page.shape[1] / step), round(page.shape[0] / step))
+    return np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA) if step > 1 else page, np.uint8)
+
+
+def _view(
+    x: float, y: float, scale: float, tilt: float, azimuth: float, roll: float, size: tuple[int, int]
+) -> Homography:
+    """H_photo_page of a camera above (x, y) of the page, tilted by `tilt` towards `azimuth` (rad)."""
+    focal = 1.2 * max(size)
+    axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    R = cv2.Rodrigues(axis * tilt)[0] @ cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0]
+    distance = focal / scale
+    K = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]])
+    plane = np.column_stack([R[:, 0], R[:, 1], [0, 0, distance] - x * R[:, 0] - y * R[:, 1]])
+    H = K @ plane
+    return np.asarray(H / H[2, 2], np.float64)
+
+
+def _corners(box: Sequence[float]) -> Points:
+    x0, y0, x1, y1 = box
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], np.float64)
+
+
+def _whole(H: Homography, box: Sequence[float], width: int, height: int) -> bool:
+    at = transform_points(H, _corners(box))
+    return bool((at > 2).all() and (at < [width - 3, height - 3]).all())
+
+
+def measure_error(photo: CropPhoto) -> float | None:
+    """Share of the characters that OCR misreads at the places of their words; None where the photo shows few words."""
+    if len(photo.words) < 8:
+        return None
+    height, width = photo.image.shape[:2]
+    low = np.min([box[:2] for _, box in photo.words], axis=0) - 30.0
+    high = np.max([box[2:] for _, box in photo.words], axis=0) + 30.0
+    middle = np.array([[width / 2, height / 2]])
+    ahead = transform_points(np.linalg.inv(photo.H_photo_page), middle) + np.array([[1.0, 0.0]])
+    ahead = transform_points(photo.H_photo_page, ahead) - middle
+    scale = max(
+        float(np.linalg.norm(ahead)), 18.0 / PAGE_LETTER_PX
+    )  # small print is drawn larger, as a page is
+    H_page_flat = np.array([[1 / scale, 0, low[0]], [0, 1 / scale, low[1]], [0, 0, 1.0]])
+    size = (int((high[0] - low[0]) * scale), int((high[1] - low[1]) * scale))
+    flat = cv2.warpPerspective(
+        photo.image,
+        photo.H_photo_page @ H_page_flat,
+        size,
+        flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    gray = np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2GRAY), np.uint8)
+    engine, _ = reading_engine(None)
+    read = engine.read_page(flatten_illumination(gray))
+    return misread_share(photo.words, read, lambda points: transform_points(H_page_flat, points))
+
+
+def misread_share(
+    words: Sequence[tuple[str, tuple[float, float, float, float]]],
+    read: Sequence[Word],
+    to_page: Callable[[Points], Points],
+) -> float:
+    """Edit distance between each word and what was read at its place, over all characters; at most 1 a character."""
+    centres = np.array([[(w.box[0] + w.box[2]) / 2, (w.box[1] + w.box[3]) / 2] for w in read]).reshape(-1, 2)
+    at = to_page(centres) if len(centres) else centres
+    wrong = total = 0
+    for text, (x0, y0, x1, y1) in words:
+        rim = 0.3 * (y1 - y0)
+        inside = (at > [x0 - rim, y0 - rim]).all(axis=1) & (at < [x1 + rim, y1 + rim]).all(axis=1)
+        found = "".join(read[k].text for k in np.flatnonzero(inside))
+        total += len(text)
+        wrong += min(Levenshtein.distance(text, found), len(text))
+    return wrong / max(total, 1)
+
+
+def usual_focus_measures(gray: np.ndarray) -> tuple[float, float, float]:
+    """Variance of the Laplacian, Tenengrad, and Brenner's measure (larger is sharper)."""
+    across, down = cv2.Sobel(gray, cv2.CV_32F, 1, 0), cv2.Sobel(gray, cv2.CV_32F, 0, 1)
+    values = gray.astype(np.float32)
+    brenner = float(np.mean((values[:, 2:] - values[:, :-2]) ** 2))
+    return float(cv2.Laplacian(gray, cv2.CV_32F).var()), float(np.mean(across**2 + down**2)), brenner
+
+
+def measure_photos(count: int, seed: int = 19) -> Iterator[Measured]:
+    """Figures and errors of simulated photos; those without text that is found are left out."""
+    for photo in make_photos(count, seed):
+        gray = np.asarray(cv2.cvtColor(photo.image, cv2.COLOR_RGB2GRAY), np.uint8)
+        try:
+            text = find_text(photo.image)
+        except NoText:
+            continue
+        quality = measure_quality(gray, text.characters, print_heights(text.text) / text.factor)
+        error = measure_error(photo)
+        if quality is not None and error is not None:
+            yield Measured(quality, error, usual_focus_measures(gray), photo.group)

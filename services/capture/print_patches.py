@@ -1,0 +1,127 @@
+"""Edges and paper round single characters: their blur, the contrast of ink to paper, the paper's noise."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import GrayImage, Points, Vector
+
+Patches = NDArray[np.float32]
+"""(N, S, S) gray values, a character in the middle of each."""
+
+
+@dataclass(frozen=True, slots=True)
+class PatchParameters:
+    """How patches are taken and measured."""
+
+    heights: float = 0.8
+    """Half the side of a patch in text heights: a character and the paper round it."""
+    most_px: int = 40
+    smoothing_px: float = 0.8
+    """Blur before the gradient is taken, so that noise is no edge; it is subtracted from the result."""
+    levels: tuple[float, float] = (3.0, 97.0)
+    """Percentiles that are ink and paper."""
+    least_step: float = 8.0
+    """Gray levels between ink and paper; with less there is no edge."""
+    steepest_percentile: float = 99.0
+    directions: int = 4
+    """Of edges, over a half turn: motion blurs one direction and leaves another sharp."""
+    edge: float = 0.5
+    """Of the steepest gradient of all patches in a direction, what counts as the middle of an edge."""
+    direction_percentile: float = 98.0
+    least_share: float = 0.05
+    """Of all edge pixels; a direction with fewer shows nothing."""
+    paper: float = 0.8
+    """Between ink (0) and paper (1): lighter pixels are paper, on which noise is measured."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PatchFigures:
+    """Of each patch: `blurs` (N,) px by its steepest edge (NaN: no edge), `contrasts` (N,), and figures of all of them.
+
+    `worst_blur_px` is the blur in the direction in which edges are least steep (NaN: no edges). `noise` is the standard
+    deviation of the paper's pixels, as a share of the step from ink to paper.
+    """
+
+    blurs: Vector
+    contrasts: Vector
+    worst_blur_px: float
+    noise: float
+
+
+def measure_patches(
+    gray: GrayImage, at: Points, height_px: float, parameters: PatchParameters | None = None
+) -> PatchFigures:
+    """Figures of the patches of `gray` (H, W) round the points `at` (N, 2), on text of the height `height_px`."""
+    p = parameters or PatchParameters()
+    half = int(np.clip(round(p.heights * height_px), 3, p.most_px))
+    margin = 4
+    raw = cut_patches(gray, at, half + margin)
+    count, side = raw.shape[:2]
+    # All patches lie under each other in one image; the margin keeps the blur of one out of the next.
+    stacked = cv2.GaussianBlur(raw.reshape(count * side, side), (0, 0), p.smoothing_px)
+    inner = slice(margin, side - margin)
+    smooth = np.asarray(stacked, np.float32).reshape(count, side, side)[:, inner, inner]
+    dark, light = np.percentile(smooth.reshape(count, -1), p.levels, axis=1)
+    step = light - dark
+    contrasts = step / np.maximum(light, 1.0)
+    across = np.diff(smooth, axis=2)[:, :-1]
+    down = np.diff(smooth, axis=1)[:, :, :-1]
+    slope = np.hypot(across, down).reshape(count, -1)
+    steepest = np.percentile(slope, p.steepest_percentile, axis=1)
+    seen = (step > p.least_step) & (steepest > 0)
+    blurs = np.full(count, np.nan)
+    blurs[seen] = _blur_of(steepest[seen] / step[seen], p)
+    if not seen.any():
+        return PatchFigures(blurs, contrasts, float("nan"), 0.0)
+    angle = np.arctan2(down[seen], across[seen]).reshape(int(seen.sum()), -1) % np.pi
+    worst = _worst_blur(slope[seen] / step[seen, None], angle, p)
+    rest = (raw[:, inner, inner] - smooth)[seen]
+    lightness = (smooth[seen] - dark[seen, None, None]) / step[seen, None, None]
+    paper = np.abs(rest[lightness > p.paper])
+    # The blur takes this share of white noise out of a pixel; the rest is what remains in the difference.
+    kept = np.sqrt(1 - 2 * _centre(p.smoothing_px) + 1 / (4 * np.pi * p.smoothing_px**2))
+    noise = 1.4826 * float(np.median(paper)) / kept if paper.size else 0.0
+    return PatchFigures(blurs, contrasts, worst, noise / float(np.median(step[seen])))
+
+
+def cut_patches(gray: GrayImage, at: Points, half: int) -> Patches:
+    """Squares of 2 `half` + 1 pixels of `gray` (H, W) round the points `at` (N, 2); the border is repeated outside."""
+    reach = np.arange(-half, half + 1)
+    middle = np.round(at).astype(int)
+    x = np.clip(middle[:, :1] + reach, 0, gray.shape[1] - 1)
+    y = np.clip(middle[:, 1:] + reach, 0, gray.shape[0] - 1)
+    return gray[y[:, :, None], x[:, None, :]].astype(np.float32)
+
+
+def _centre(sigma_px: float) -> float:
+    """Weight of the middle pixel of a Gaussian."""
+    taps = np.exp(-0.5 * (np.arange(-6, 7) / sigma_px) ** 2)
+    return float((1 / taps.sum()) ** 2)
+
+
+def _blur_of(steepness: Vector, p: PatchParameters) -> Vector:
+    """Standard deviation of the blur (px) of edges of this gradient, as a share of their step a pixel.
+
+    The derivative of a step that a Gaussian blurs is the Gaussian: its peak is step / (sqrt(2 pi) sigma).
+    """
+    sigma = 1 / (np.sqrt(2 * np.pi) * steepness)
+    return np.asarray(np.sqrt(np.maximum(sigma**2 - p.smoothing_px**2, 0.0)))
+
+
+def _worst_blur(slope: Vector, angle: Vector, p: PatchParameters) -> float:
+    """Blur (px) in the direction of the least steep edges, from gradients (N, K) with directions (N, K)."""
+    strong = slope > p.edge * float(np.percentile(slope, p.direction_percentile))
+    bins = np.floor(angle / np.pi * p.directions + 0.5).astype(int) % p.directions
+    # A direction in which all edges are blurred has no strong gradients, so each has a scale of its own.
+    steepest = []
+    for number in range(p.directions):
+        own = slope[bins == number]
+        if own.size == 0:
+            continue
+        top = float(np.percentile(own, p.direction_percentile))
+        if (own > p.edge * top).sum() > p.least_share * strong.sum():
+            steepest.append(float(np.percentile(own[own > p.edge * top], p.steepest_percentile - 9)))
+    return float(_blur_of(np.array([min(steepest)]), p)[0]) if steepest else float("nan")

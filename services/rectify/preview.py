@@ -1,0 +1,294 @@
+"""A quick look at a photo: where its page is, from a reduced photo and without drawing.
+
+The sides of the sheet decide where all four are certain, because they are found in less time than the directions of the
+text; a bent sheet is then a mesh between its sides. Else the text decides, and the page is taken for a plane.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from services.arrays import Floats, Points, RgbImage
+from services.contract.rectify import RectifyParameters
+from services.errors import NoText
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.page_frame import mesh_of
+from services.geometry.photo_frame import PhotoFrame
+from services.rectify.analysis import AnalysisParameters, FoundText, analyse_text, find_text
+from services.rectify.focal_length import focal_prior, remembered
+from services.rectify.outline_plane import OutlinePlane, read_sides
+from services.rectify.pipeline import (
+    FlatPage,
+    describe_camera,
+    describe_evidence,
+    describe_surface,
+    find_border,
+    frame_photo,
+)
+from services.rectify.planarity import discriminate_surface
+from services.rectify.pose import choose_pose
+from services.rectify.print_sample import print_heights
+from services.rectify.results import Notice, Orientation, PrintSample, RectifyResult
+from services.rectify.sheet_corners import corners_by_view
+from services.rectify.sheet_cut import cut_to_outline, within_polygon
+from services.rectify.stage_clock import StageClock
+from services.rectify.textless import TextlessPage, TextlessParameters, frame_textless, pose_of
+from services.sheet.outline.candidates import CandidateParameters
+from services.sheet.outline.detection import OutlineParameters, find_outline
+from services.sheet.outline.rays import RayParameters
+from services.sheet.outline.results import SheetOutline
+from services.sheet.ridged.start import mesh_between_sides
+from services.sheet.ridged_page import (
+    RidgedPage,
+    RidgedPageParameters,
+    complete_corners,
+    sides_bend,
+    turn_outline,
+)
+from services.sheet.surfaces import MeshSurface
+
+SEEMS_CURVED = Notice(
+    "curved-page",
+    "the page seems curved; a preview shows its best planar view, and the whole work may flatten it better.",
+)
+PREVIEW_PX = 1200
+"""Least long side of the reduced photo: letters must be large enough that their blur can be measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class PreviewParameters:
+    """What is left out, compared with the full work."""
+
+    analysis: AnalysisParameters = field(default_factory=lambda: AnalysisParameters(long_side_px=800))
+    """Print of 10 points on a full page is 5 px high then, enough to be found."""
+    outline: OutlineParameters = field(
+        default_factory=lambda: OutlineParameters(
+            candidates=CandidateParameters(rays=RayParameters(rays=120, samples=96, max_shift=6)),
+            improved=False,
+            tried=1,
+        )
+    )
+    certain_outline: float = 0.9
+    """Confidence of an outline that decides without the text."""
+    min_text_share: float = 0.8
+    """Least share of the characters inside of it."""
+    straight_side: float = 0.004
+    """RMS bend of a side, as a share of the sheet's size, above which the sheet counts as bent."""
+    min_seen: float = 0.6
+    """Least share of each side that is seen."""
+    cells: int = 16
+    """Columns of the mesh of a bent sheet."""
+    neighbours: int = 3
+    """Of a character, whose directions vote for that of the text lines."""
+    direction_bins: int = 36
+
+
+def preview_page(
+    photo: RgbImage,
+    parameters: RectifyParameters,
+    exif_focal_length_px: float | None = None,
+    settings: PreviewParameters | None = None,
+) -> RectifyResult:
+    """Where the page lies in a reduced `photo` (H, W, 3): the result of `rectify` with a blank image.
+
+    All lengths, also those of `parameters`, are in pixels of this photo; `enlarge` gives those of the larger one.
+
+    Raises
+    ------
+    NoText
+        When neither text nor the sides of a sheet show the page's shape.
+    """
+    p = settings or PreviewParameters()
+    clock = StageClock()
+    view = PhotoFrame(photo.shape[1], photo.shape[0])
+    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
+    with clock.stage("text"):
+        text, refusal = _find_text(photo, parameters, p)
+    outline: SheetOutline | None = None
+    if parameters.region is None:
+        with clock.stage("outline"):
+            characters = None if text is None else text.characters
+            height_px = None if text is None else text.text_height_px
+            outline = find_outline(photo, characters, height_px, p.outline)
+    page: FlatPage | TextlessPage | None
+    with clock.stage("shape"):
+        page = _sheet_between_sides(outline, view, prior, text, parameters, p)
+    if page is None:
+        if text is None:
+            raise refusal or NoText("neither text nor a sheet's edges are seen.")
+        page = _plane_of_text(text, view, prior, outline, clock, p)
+    with clock.stage("framing"):
+        if isinstance(page, TextlessPage):
+            frame = frame_textless(page)
+        else:
+            frame = frame_photo(photo, page, find_border(page, parameters.crop), parameters.crop)
+        if parameters.crop == "sheet" and page.outline is not None:
+            frame, _ = cut_to_outline(frame, page.outline, page.characters)
+    mesh = np.asarray(mesh_of(frame), np.float64)
+    # Nothing is drawn: one white pixel has the size of the view.
+    blank = np.broadcast_to(np.full((1, 1, 3), 255, np.uint8), (frame.height, frame.width, 3))
+    return RectifyResult(
+        blank,
+        page.kind,
+        describe_evidence(page),
+        describe_camera(page),
+        describe_surface(page),
+        Orientation(0, False, None),
+        mesh,
+        page.notices,
+        clock.timings_ms,
+        corners_by_view(page.outline, mesh, mirrored=False),
+        None if text is None else PrintSample(text.characters, print_heights(text.text) / text.factor),
+    )
+
+
+def _find_text(
+    photo: RgbImage, parameters: RectifyParameters, p: PreviewParameters
+) -> tuple[FoundText | None, NoText | None]:
+    try:
+        return find_text(photo, parameters.region, p.analysis), None
+    except NoText as refusal:
+        return None, refusal
+
+
+def _sheet_between_sides(
+    outline: SheetOutline | None,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    text: FoundText | None,
+    parameters: RectifyParameters,
+    p: PreviewParameters,
+) -> TextlessPage | None:
+    """The sheet by its four sides; None where they are not certain."""
+    if outline is None or outline.confidence < p.certain_outline:
+        return None
+    if min(side.seen for side in outline.sides) < p.min_seen:
+        return None
+    if text is not None and within_polygon(outline.polygon, text.characters).mean() < p.min_text_share:
+        return None
+    direction = 0.0 if text is None else line_direction(text.characters, p)
+    bent = sides_bend(outline) > p.straight_side if parameters.kind == "auto" else parameters.kind == "curved"
+    if bent:
+        mesh = _bent_sheet(outline, view, prior, direction, p)
+        return None if mesh is None else TextlessPage(view, mesh, outline.polygon, outline, None)
+    sheet = read_sides(outline, view, prior)
+    if sheet is None or not isinstance(sheet.plane, OutlinePlane):
+        return None
+    plane = sheet.plane
+    if _runs_down(plane, sheet.view, direction):
+        # Lines of text run along the sides that the photo shows as left and right.
+        turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        plane = replace(plane, plane=replace(plane.plane, rotation=plane.plane.rotation @ turn))
+    shape = pose_of(plane, sheet.view, prior, "outline", TextlessParameters())
+    return TextlessPage(sheet.view, shape, outline.polygon, outline, plane.aspect)
+
+
+def _runs_down(plane: OutlinePlane, view: PhotoFrame, direction_rad: float) -> bool:
+    """Whether a line of this direction, in the middle of the photo, is nearer to the plane's y axis than to x."""
+    H = plane.plane.H_centred_plane
+    middle = np.linalg.inv(H) @ np.array([0.0, 0.0, 1.0])
+    middle = middle / middle[2]
+    axes = []
+    for step in np.eye(3)[:2]:
+        ahead = H @ (middle + 1e-3 * step)
+        axes.append(np.arctan2(ahead[1], ahead[0]))
+    off = [abs(np.sin(axis - direction_rad)) for axis in axes]
+    return bool(off[1] < off[0])
+
+
+def _bent_sheet(
+    outline: SheetOutline, view: PhotoFrame, prior: FocalPrior, direction_rad: float, p: PreviewParameters
+) -> RidgedPage | None:
+    """The mesh between the sides as it is, which the whole work only starts from."""
+    whole = complete_corners(outline, RidgedPageParameters())
+    if whole is None:
+        return None
+    corners, order = turn_outline(whole, direction_rad)
+    focal = float(np.exp(prior.log_focal))
+    mesh = mesh_between_sides(
+        np.asarray((corners - view.centre) / view.unit_px),
+        tuple(np.asarray((outline.sides[k].points - view.centre) / view.unit_px) for k in order),
+        focal,
+        p.cells,
+    )
+    return None if mesh is None else RidgedPage(mesh, focal, prior.source, 0, 0.0, 0.0, 0.0)
+
+
+def _plane_of_text(
+    text: FoundText,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    outline: SheetOutline | None,
+    clock: StageClock,
+    p: PreviewParameters,
+) -> FlatPage:
+    with clock.stage("texture_flow"):
+        analysis = analyse_text(text, p.analysis)
+    with clock.stage("shape"):
+        evidence = analysis.evidence(view)
+        seems = discriminate_surface(evidence.vanishing_points, evidence.text.height_px)
+        pose = choose_pose(evidence, prior, seems)
+    notices = pose.notices if seems == "planar" or pose.sides_believed else (SEEMS_CURVED, *pose.notices)
+    return FlatPage(analysis, view, evidence.vanishing_points, pose, notices, outline)
+
+
+def line_direction(characters: Points, parameters: PreviewParameters | None = None) -> float:
+    """Most frequent direction (rad, up to a half turn) from a character (N, 2) to its nearest neighbours.
+
+    Characters of a line are nearer to each other than lines, so this is the direction of the lines, to some degrees.
+    """
+    p = parameters or PreviewParameters()
+    _, index = cKDTree(characters).query(characters, k=min(p.neighbours + 1, len(characters)))
+    way = (characters[index[:, 1:]] - characters[:, None]).reshape(-1, 2)
+    angles = np.arctan2(way[:, 1], way[:, 0]) % np.pi
+    width = np.pi / p.direction_bins
+    counts = np.bincount((angles / width).astype(int) % p.direction_bins, minlength=p.direction_bins)
+    counts = counts + np.roll(counts, 1) + np.roll(counts, -1)
+    return float((np.argmax(counts) + 0.5) * width)
+
+
+def reduce_parameters(parameters: RectifyParameters, reduction: int) -> RectifyParameters:
+    """`parameters` in pixels of a photo reduced by `reduction`."""
+    focal, region = parameters.focal_length_px, parameters.region
+    return replace(
+        parameters,
+        focal_length_px=None if focal is None else focal / reduction,
+        region=None
+        if region is None
+        else tuple(((x + 0.5) / reduction - 0.5, (y + 0.5) / reduction - 0.5) for x, y in region),
+    )
+
+
+def enlarge(result: RectifyResult, factor: float) -> RectifyResult:
+    """`result` of a reduced photo in pixels of the photo that is `factor` times as large."""
+
+    def moved(points: Floats) -> NDArray[np.float64]:
+        return np.asarray((points + 0.5) * factor - 0.5, np.float64)
+
+    height, width = result.image.shape[:2]
+    size = max(round(height * factor), 1), max(round(width * factor), 1)
+    camera = result.camera
+    point = camera.principal_point
+    surface = result.surface
+    if isinstance(surface, MeshSurface):
+        surface = replace(surface, points=moved(surface.points))
+    printed = result.print
+    if printed is not None:
+        printed = PrintSample(moved(printed.characters), printed.heights_px * factor)
+    return replace(
+        result,
+        image=np.broadcast_to(result.image[:1, :1], (*size, 3)),
+        camera=replace(
+            camera,
+            focal_length_px=None if camera.focal_length_px is None else camera.focal_length_px * factor,
+            principal_point=None
+            if point is None
+            else (float(moved(np.array(point[0]))), float(moved(np.array(point[1])))),
+        ),
+        surface=surface,
+        mesh=moved(result.mesh),
+        corners=None if result.corners is None else moved(result.corners),
+        print=printed,
+    )

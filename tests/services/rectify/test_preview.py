@@ -1,0 +1,91 @@
+"""A preview agrees with the true page, from its sides or from its text, and speaks of the whole photo's pixels."""
+
+import cv2
+import numpy as np
+import pytest
+
+from services.contract.rectify import RectifyParameters
+from services.errors import NoText
+from services.rectify.preview import enlarge, line_direction, preview_page, reduce_parameters
+from services.rectify.results import RectifyResult
+from simulation.degradation import Degradation
+from simulation.pages import own_pages
+from simulation.photo import SimulatedPhoto
+from simulation.scenes import BOOK, PLANE, POSES, photograph
+from simulation.surfaces import Shape
+from tests.services.rectify.test_pipeline import mesh_residual
+
+SIZE = (630, 810)
+AS_IT_LIES = RectifyParameters(upright=False)
+
+
+def shot(shape: Shape, *, desk: bool) -> SimulatedPhoto:
+    dirt = Degradation(noise_sigma=2.0) if desk else None
+    page = own_pages(800, 1250)[1]
+    return photograph(page, POSES[3], 0.0, shape, size=SIZE, dirt=dirt, rng=np.random.default_rng(1))
+
+
+@pytest.fixture(scope="module")
+def planar() -> tuple[SimulatedPhoto, RectifyResult]:
+    photo = shot(PLANE, desk=True)
+    return photo, preview_page(photo.image, AS_IT_LIES)
+
+
+def test_the_sides_of_a_sheet_show_where_it_lies(planar: tuple[SimulatedPhoto, RectifyResult]) -> None:
+    photo, result = planar
+    assert result.evidence.source == ("outline",)
+    assert mesh_residual(result, photo) < 0.005
+    assert result.corners is not None
+    assert not result.image.strides[0], "nothing is drawn"
+
+
+def test_text_alone_shows_where_a_plane_lies(planar: tuple[SimulatedPhoto, RectifyResult]) -> None:
+    photo = planar[0]
+    corners = photo.truth.page_to_photo(
+        np.array([[150.0, 150.0], [650.0, 150.0], [650.0, 1100.0], [150.0, 1100.0]])
+    )
+    region = tuple((float(x), float(y)) for x, y in corners)
+    result = preview_page(photo.image, RectifyParameters(upright=False, region=region))
+    assert result.evidence.source == ("text",)
+    assert mesh_residual(result, photo) < 0.02
+
+
+def test_a_bent_sheet_is_a_mesh_between_its_sides() -> None:
+    photo = shot(BOOK, desk=True)
+    result = preview_page(photo.image, AS_IT_LIES)
+    assert result.kind == "curved"
+    assert mesh_residual(result, photo) < 0.05, "the whole work leaves 0.002; a plane leaves 0.1"
+
+
+def test_all_lengths_grow_with_the_photo(planar: tuple[SimulatedPhoto, RectifyResult]) -> None:
+    result = planar[1]
+    large = enlarge(result, 2)
+    assert large.image.shape == (2 * result.image.shape[0], 2 * result.image.shape[1], 3)
+    np.testing.assert_allclose(large.mesh + 0.5, 2 * (result.mesh + 0.5))
+    assert large.corners is not None
+    assert result.corners is not None
+    np.testing.assert_allclose(large.corners + 0.5, 2 * (result.corners + 0.5))
+    assert large.camera.focal_length_px == pytest.approx(2 * (result.camera.focal_length_px or 0))
+    assert large.print is not None
+    assert result.print is not None
+    np.testing.assert_allclose(large.print.heights_px, 2 * result.print.heights_px)
+    asked = RectifyParameters(focal_length_px=3000.0, region=((9.5, 19.5), (99.5, 19.5), (9.5, 99.5)))
+    small = reduce_parameters(asked, 2)
+    assert small.focal_length_px == 1500.0
+    assert small.region == ((4.5, 9.5), (49.5, 9.5), (4.5, 49.5))
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.5, 1.6, 2.8])
+def test_neighbours_lie_along_the_lines(turn_rad: float) -> None:
+    rng = np.random.default_rng(3)
+    x, y = np.meshgrid(np.arange(30) * 6.0, np.arange(20) * 16.0)
+    grid = np.column_stack([x.ravel(), y.ravel()]) + rng.normal(0, 0.4, (600, 2))
+    c, s = np.cos(turn_rad), np.sin(turn_rad)
+    found = line_direction(grid @ np.array([[c, s], [-s, c]]))
+    assert abs(np.sin(found - turn_rad)) < np.sin(np.radians(6))
+
+
+def test_a_photo_of_nothing_is_refused() -> None:
+    blank = cv2.GaussianBlur(np.random.default_rng(2).integers(90, 110, (400, 300, 3), np.uint8), (0, 0), 5)
+    with pytest.raises(NoText):
+        preview_page(np.asarray(blank, np.uint8), AS_IT_LIES)
