@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from models.documents import decode_document
 from models.errors import Claimed, ResultNotFound
 from models.records import AuditEntry, Review, ReviewOrder, ReviewState
-from models.tables import AuditRow, FeedbackRow, ResultRow, ReviewRow
+from models.tables import AuditRow, FeedbackRow, ReviewRow
 from models.transactions import Transactions
 
 MOST_AUDIT = 100_000
@@ -58,13 +58,11 @@ class ReviewRepository(Transactions):
             (ReviewRow.is_skipped, "skipped"),
             else_="open",
         )
-        wanted: Select[ReviewRow, datetime, str] = (
-            select(ReviewRow, ResultRow.created_at, state_of_row)
-            .join(ResultRow, ResultRow.id == ReviewRow.result_id)
-            .where(ResultRow.expires_at > self._clock())
+        wanted: Select[ReviewRow, str] = select(ReviewRow, state_of_row).where(
+            ReviewRow.expires_at > self._clock()
         )
         if owner is not None:
-            wanted = wanted.where(ResultRow.owner == owner)
+            wanted = wanted.where(ReviewRow.owner == owner)
         conditions: dict[ReviewState, ColumnElement[bool]] = {
             "open": ~is_verified & ~ReviewRow.is_skipped,
             "skipped": ~is_verified & ReviewRow.is_skipped,
@@ -89,11 +87,11 @@ class ReviewRepository(Transactions):
                 zones=row.zones,
                 decision=row.decision,
                 has_image=row.has_image,
-                created_at=created_at,
+                created_at=row.created_at,
                 claimed_by=row.claimed_by if _is_claimed(row, now) else None,
                 claimed_until=row.claimed_until if _is_claimed(row, now) else None,
             )
-            for row, created_at, found in rows
+            for row, found in rows
         ]
 
     def claim_review(
@@ -123,8 +121,7 @@ class ReviewRepository(Transactions):
     def _own_review(self, session: Session, result_id: str, claim: str | None) -> ReviewRow:
         """The place of a page in the queue, if nobody else has claimed it."""
         row = session.get(ReviewRow, result_id)
-        result = session.get(ResultRow, result_id)
-        if row is None or result is None or result.expires_at <= self._clock():
+        if row is None or row.expires_at <= self._clock():
             raise ResultNotFound(f"there is no result {result_id!r} in the queue", result_id)
         if _is_claimed(row, self._clock()) and row.claim != claim:
             raise Claimed(
@@ -193,9 +190,7 @@ def cursor_of(review: Review, order: ReviewOrder) -> str:
     return f"{json.dumps(review.gain if order == 'gain' else review.confidence)}_{review.id}"
 
 
-def _ordered(
-    wanted: Select[ReviewRow, datetime, str], order: ReviewOrder, after: str | None
-) -> Select[ReviewRow, datetime, str]:
+def _ordered(wanted: Select[ReviewRow, str], order: ReviewOrder, after: str | None) -> Select[ReviewRow, str]:
     """Sorted by the order and then by id, newest first, beginning after the cursor."""
     key_text, _, id = (after or "").rpartition("_")
     key = float(key_text or 0.0)
