@@ -235,6 +235,7 @@ class ReviewRow(Table):
     """Place of a page's result in the review queue. Whether it is open follows from its feedback.
 
     `gain` and `confidence` are computed when the page is recognized. `claim` is a secret of the person who works on it.
+    `model_version` is the version of the class's model that `gain` and `confidence` are from.
     `owner`, `created_at` and `expires_at` are those of the result, so that the queue is read without the large rows of
     results.
     """
@@ -261,6 +262,7 @@ class ReviewRow(Table):
     owner: Mapped[str | None] = mapped_column(String(MAX_NAME))
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
     expires_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    model_version: Mapped[int | None]
 
 
 class AuditRow(Table):

@@ -20,8 +20,8 @@ from typing import Any
 import httpx
 
 from benchmarks.common.places import REPOSITORY
+from benchmarks.common.postgresql import Cluster, running_cluster
 from benchmarks.jobs.processes import Deployment, Process
-from tests.models.databases import Cluster, running_cluster
 
 LONGEST_S = 1800.0
 KEYS = ("first", "second", "third")

@@ -1,4 +1,4 @@
-"""The review queue has the owner and the times of its results, and is indexed in its orders."""
+"""The review queue has owner and times of its results, the version of their model, and an index for each order."""
 
 from typing import Literal
 
@@ -23,6 +23,7 @@ def upgrade() -> None:
         reviews.add_column(sa.Column("owner", sa.String(200), nullable=True))
         for time in ("created_at", "expires_at"):
             reviews.add_column(sa.Column(time, sa.DateTime(timezone=True), nullable=True))
+        reviews.add_column(sa.Column("model_version", sa.Integer(), nullable=True))
     for column in COPIED:
         op.execute(
             f"UPDATE layout_reviews SET {column} = (SELECT result.{column} FROM layout_results AS result "
