@@ -40,5 +40,5 @@ def recognize_again(
     recognition = recognize(read_kept_page(page, settings), versions, None, features)
     placed = place_page(with_believable_labels(recognition, versions), versions)
     measured = MeasuredPage(recognition.page, None)
-    described = describe_page(placed, measured, {}, LayoutOptions(words=words), models)
+    described = describe_page(placed, measured, LayoutOptions(words=words), models)
     return {name: described[name] for name in FOUND_AGAIN}

@@ -214,7 +214,7 @@ def recognize_again(
 ) -> dict[str, Any]:
     """As if the first model fitted; it is surer by a hundredth for each lesson that it has learned."""
     labels = [label for model in models[:1] for label in _labels(model.document)]
-    document = layout_document(page, models, labels, {})
+    document: dict[str, Any] = layout_document(page, models, labels, {})
     lessons = len(json.loads(models[0].document).get("taught", []))
     zones = [{**zone, "confidence": zone["confidence"] + 0.01 * lessons} for zone in document["zones"]]
     kept = ("class", "classes", "unknown_probability", "match")
