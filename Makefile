@@ -44,7 +44,7 @@ BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
 BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
-.PHONY: help serve worker test test-fast lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning \
+.PHONY: help serve worker test test-fast lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review \
 	system-packages postgresql chromium typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
@@ -66,6 +66,7 @@ help:
 	@echo 'make bench-mosaic     mosaics of simulated photos, peers on the same photos; then the checks (BENCH_OPTIONS=...)'
 	@echo 'make bench-layout     labels and classes of pages with labelled zones, a random forest beside; zones; matching'
 	@echo 'make bench-learning   models that learn: rounds, feedback page by page, wrong classes, servers that are killed; documents, many models, discovery'
+	@echo 'make bench-review     the order of the review queue, and what goes through without a person'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
 	@echo 'make clean            remove what these targets made'
@@ -129,6 +130,9 @@ bench-learning: venv-dev
 	@$(BIN)/python -m benchmarks layout_documents
 	@$(BIN)/python -m benchmarks layout_hierarchy
 	@$(BIN)/python -m benchmarks layout_discovery
+
+bench-review: venv-dev
+	@$(BIN)/python -m benchmarks review $(BENCH_OPTIONS)
 
 # `$(call install_packages,NAMES,CONSEQUENCE)` installs Debian's packages, as root or by sudo without a password. Where
 # it may not, it says so with the consequence, and succeeds.

@@ -147,16 +147,19 @@ def decide(
     return Decision("review" if reasons else "accept", stated, tuple(reasons))
 
 
-def place_in_queue(result: Mapping[str, Any]) -> ReviewDraft:
-    """What the queue is ordered by, for a result with its decision; a page without one is reviewed.
+def expected_wrong_zones(confidences: Collection[float]) -> float:
+    """Expected number of zones whose class or label is wrong, from their joint confidences: the gain of a page."""
+    return math.fsum(1.0 - confidence for confidence in confidences)
 
-    The gain is the expected number of zones with a wrong label.
-    """
+
+def place_in_queue(result: Mapping[str, Any]) -> ReviewDraft:
+    """What the queue is ordered by, for a result with its decision; a page without one is reviewed."""
     confidences = joint_confidences(result).values()
     return ReviewDraft(
-        gain=math.fsum(1.0 - confidence for confidence in confidences),
+        gain=expected_wrong_zones(confidences),
         confidence=min(confidences, default=0.0),
         class_name=result["class"]["name"] if result.get("class") else None,
+        model_version=result["class"]["model_version"] if result.get("class") else None,
         zones=len(result["zones"]),
         decision=(result.get("decision") or {"action": "review"})["action"],
         has_image=result.get("image") is not None,

@@ -35,6 +35,7 @@ from app.middleware import OPENAPI_PATH, add_middleware, methods_of
 from app.model_locks import ModelLocks
 from app.openapi import describe
 from app.problems import FrameworkErrors
+from app.review_order import ReviewOrder
 from app.routes import (
     audit,
     cameras,
@@ -131,10 +132,10 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         database_url=settings.database_url,
         timeout_s=settings.store_timeout_s,
     )
-    shared = None if settings.database_url else settings.data_dir / LEARNING_LOCK
-    locks = ModelLocks(InterprocessLock(shared))
+    locks = ModelLocks(InterprocessLock(None if settings.database_url else settings.data_dir / LEARNING_LOCK))
     blobs = BlobAccess(settings.blob_url, settings.data_dir)
     images, sample_images = _pictures(blobs, store, settings)
+    review_order = ReviewOrder(store, engine, operations, settings)
     jobs = Jobs(store, blobs, job_limits(settings))
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
@@ -147,7 +148,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
             await job_service.start()
             try:
-                async with deleting_expired(store, images, sample_images):
+                async with deleting_expired(store, images, sample_images), review_order.kept():
                     yield
             finally:
                 begin_s = time.monotonic()
@@ -198,6 +199,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         images,
         sample_images,
         job_service,
+        review_order,
     )
     add_middleware(app, settings, engine, store, jobs, metrics, routes)
     _describe(app, settings)

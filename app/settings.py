@@ -303,6 +303,12 @@ class Settings(BaseSettings):
     claim_ttl_s: int = Field(
         default=600, ge=1, description="A page of the review queue stays claimed for this long."
     )
+    review_ahead: int = Field(
+        default=50,
+        ge=0,
+        description="So many pages of each class, the first of the review queue, are recognized again after the class "
+        "has learned, to put them in order; 0: none.",
+    )
     max_unknown_pages: int = Field(
         default=200,
         ge=1,

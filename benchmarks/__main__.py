@@ -26,6 +26,7 @@ MODULES = {
     "layout_schemas": "layout.schemas",
     "learning": "learning.adaptation",
     "learning_store": "learning.store",
+    "review": "review.report",
     "sensitivity": "sensitivity.study",
     "attack": "attack.service",
     "jobs": "jobs.chaos",

@@ -124,8 +124,7 @@ class _Folder:
 
     def write(self, key: str, parts: Iterator[bytes]) -> None:
         path = self._folder / key
-        if not self._folder.is_dir():
-            raise OSError(f"the folder {self._folder} is gone")
+        self._require_folder()
         while True:
             path.parent.mkdir(parents=True, exist_ok=True)
             with suppress(FileNotFoundError):  # `delete` removed the folder at this moment
@@ -144,14 +143,21 @@ class _Folder:
         _sync_folder(path.parent)
 
     def read(self, key: str) -> Iterator[bytes]:
+        self._require_folder()
         with (self._folder / key).open("rb", buffering=0) as file:
             while part := file.read(PART_BYTES):
                 yield part
 
     def delete(self, key: str) -> None:
+        self._require_folder()
         path = self._folder / key
         path.unlink()
         self._remove_empty(path.parent)
+
+    def _require_folder(self) -> None:
+        """Without the folder nothing is known of a blob; without its file there is none."""
+        if not self._folder.is_dir():
+            raise OSError(f"the folder {self._folder} is gone")
 
     def _remove_empty(self, folder: Path) -> None:
         if folder != self._folder:

@@ -150,7 +150,10 @@ ReviewOrder = Literal["gain", "confidence", "newest"]
 
 @dataclass(frozen=True, slots=True)
 class ReviewDraft:
-    """What the review queue knows of a page: expected number of wrong zones, least confidence, class, decision."""
+    """What the review queue knows of a page: expected number of wrong zones, least confidence, class, decision.
+
+    `model_version` is that of the class's model by which the page was recognized; None: unknown, or no class.
+    """
 
     gain: float
     confidence: float
@@ -158,6 +161,7 @@ class ReviewDraft:
     zones: int
     decision: str
     has_image: bool = False
+    model_version: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,14 @@ class ResultRepository(Transactions):
                     add_unknown_page(session, self._ulids.make(now), row.id, draft.unknown, now)
             session.flush()
             session.add_all(
-                ReviewRow(result_id=row.id, is_skipped=False, **asdict(draft.review))
+                ReviewRow(
+                    result_id=row.id,
+                    is_skipped=False,
+                    owner=row.owner,
+                    created_at=row.created_at,
+                    expires_at=row.expires_at,
+                    **asdict(draft.review),
+                )
                 for row, draft in zip(rows, drafts, strict=True)
                 if draft.review is not None
             )

@@ -2,16 +2,17 @@
 
 import json
 import secrets
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import cast
 
 from sqlalchemy import ColumnElement, Select, and_, case, delete, or_, select
 from sqlalchemy.orm import Session
 
-from models.documents import decode_document
+from models.documents import Document, decode_document, encode_document
 from models.errors import Claimed, ResultNotFound
-from models.records import AuditEntry, Review, ReviewOrder, ReviewState
+from models.records import AuditEntry, Review, ReviewDraft, ReviewOrder, ReviewState
 from models.tables import AuditRow, FeedbackRow, ResultRow, ReviewRow
 from models.transactions import Transactions
 
@@ -19,6 +20,9 @@ MOST_AUDIT = 100_000
 """Entries of the list of changes; the oldest are deleted first."""
 Verdict = tuple[str | None, float, bool]
 """Found label of a zone, its confidence, and whether a person found it right."""
+
+
+_IS_VERIFIED = select(FeedbackRow.id).where(FeedbackRow.result_id == ReviewRow.result_id).exists()
 
 
 class ReviewRepository(Transactions):
@@ -43,7 +47,6 @@ class ReviewRepository(Transactions):
         ValueError
             When `after` is not a cursor of this order.
         """
-        is_verified = select(FeedbackRow.id).where(FeedbackRow.result_id == ReviewRow.result_id).exists()
         is_wrong = (
             select(FeedbackRow.id)
             .where(
@@ -54,22 +57,20 @@ class ReviewRepository(Transactions):
         )
         state_of_row = case(
             (is_wrong, "corrected"),
-            (is_verified, "confirmed"),
+            (_IS_VERIFIED, "confirmed"),
             (ReviewRow.is_skipped, "skipped"),
             else_="open",
         )
-        wanted: Select[ReviewRow, datetime, str] = (
-            select(ReviewRow, ResultRow.created_at, state_of_row)
-            .join(ResultRow, ResultRow.id == ReviewRow.result_id)
-            .where(ResultRow.expires_at > self._clock())
+        wanted: Select[ReviewRow, str] = select(ReviewRow, state_of_row).where(
+            ReviewRow.expires_at > self._clock()
         )
         if owner is not None:
-            wanted = wanted.where(ResultRow.owner == owner)
+            wanted = wanted.where(ReviewRow.owner == owner)
         conditions: dict[ReviewState, ColumnElement[bool]] = {
-            "open": ~is_verified & ~ReviewRow.is_skipped,
-            "skipped": ~is_verified & ReviewRow.is_skipped,
+            "open": ~_IS_VERIFIED & ~ReviewRow.is_skipped,
+            "skipped": ~_IS_VERIFIED & ReviewRow.is_skipped,
             "corrected": is_wrong,
-            "confirmed": is_verified & ~is_wrong,
+            "confirmed": _IS_VERIFIED & ~is_wrong,
         }
         if state is not None:
             wanted = wanted.where(conditions[state])
@@ -89,11 +90,11 @@ class ReviewRepository(Transactions):
                 zones=row.zones,
                 decision=row.decision,
                 has_image=row.has_image,
-                created_at=created_at,
+                created_at=row.created_at,
                 claimed_by=row.claimed_by if _is_claimed(row, now) else None,
                 claimed_until=row.claimed_until if _is_claimed(row, now) else None,
             )
-            for row, created_at, found in rows
+            for row, found in rows
         ]
 
     def claim_review(
@@ -110,6 +111,58 @@ class ReviewRepository(Transactions):
             row.claimed_by, row.claimed_until = who, now + timedelta(seconds=ttl_s)
             return row.claim, row.claimed_until
 
+    def reviews_behind(self, class_name: str, version: int, ahead: int, most: int) -> dict[str, Document]:
+        """Documents of results, by id, whose places in the queue are from an older version of their class's model.
+
+        They are among the `ahead` pages of the class with the largest gain that are open and not claimed; `most` at
+        most.
+        """
+        now = self._clock()
+        first = (
+            select(ReviewRow.result_id, ReviewRow.model_version)
+            .where(
+                ReviewRow.class_name == class_name,
+                ReviewRow.expires_at > now,
+                ReviewRow.is_skipped.is_(False),
+                ReviewRow.decision == "review",
+                or_(ReviewRow.claimed_until.is_(None), ReviewRow.claimed_until <= now),
+                ~_IS_VERIFIED,
+            )
+            .order_by(ReviewRow.gain.desc(), ReviewRow.result_id.desc())
+            .limit(ahead)
+        )
+        with self._reading() as session:
+            behind = [id for id, known in session.execute(first) if known is not None and known < version]
+            documents = select(ResultRow.id, ResultRow.document).where(ResultRow.id.in_(behind[:most]))
+            return {id: decode_document(document) for id, document in session.execute(documents)}
+
+    def place_reviews(self, places: Mapping[str, ReviewDraft], version: int) -> None:
+        """New gains and confidences of pages by id, from this version of their class's model.
+
+        Pages that a newer version has placed, and those that are gone, stay as they are.
+        """
+        with self._writing() as session:
+            for result_id, place in places.items():
+                row = session.get(ReviewRow, result_id)
+                if row is not None and (row.model_version or 0) < version:
+                    row.gain, row.confidence, row.model_version = place.gain, place.confidence, version
+
+    def replace_recognition(self, result_id: str, claim: str, document: Document, place: ReviewDraft) -> bool:
+        """Store another recognition of a page that the caller has claimed; False if a person has verified it meanwhile.
+
+        Raises `Claimed` when the claim has ended, and `ResultNotFound`.
+        """
+        with self._writing() as session:
+            row = self._own_review(session, result_id, claim)
+            if row.claim != claim:
+                raise Claimed("the claim on this page has ended; claim it again")
+            if session.execute(select(_IS_VERIFIED).where(ReviewRow.result_id == result_id)).scalar_one():
+                return False
+            session.get_one(ResultRow, result_id).document = encode_document(document)
+            for name, value in asdict(place).items():
+                setattr(row, name, value)
+            return True
+
     def release_review(self, result_id: str, claim: str | None, *, skip: bool = False) -> None:
         """End a claim; `skip` also takes the page out of the open ones.
 
@@ -123,8 +176,7 @@ class ReviewRepository(Transactions):
     def _own_review(self, session: Session, result_id: str, claim: str | None) -> ReviewRow:
         """The place of a page in the queue, if nobody else has claimed it."""
         row = session.get(ReviewRow, result_id)
-        result = session.get(ResultRow, result_id)
-        if row is None or result is None or result.expires_at <= self._clock():
+        if row is None or row.expires_at <= self._clock():
             raise ResultNotFound(f"there is no result {result_id!r} in the queue", result_id)
         if _is_claimed(row, self._clock()) and row.claim != claim:
             raise Claimed(
@@ -193,9 +245,7 @@ def cursor_of(review: Review, order: ReviewOrder) -> str:
     return f"{json.dumps(review.gain if order == 'gain' else review.confidence)}_{review.id}"
 
 
-def _ordered(
-    wanted: Select[ReviewRow, datetime, str], order: ReviewOrder, after: str | None
-) -> Select[ReviewRow, datetime, str]:
+def _ordered(wanted: Select[ReviewRow, str], order: ReviewOrder, after: str | None) -> Select[ReviewRow, str]:
     """Sorted by the order and then by id, newest first, beginning after the cursor."""
     key_text, _, id = (after or "").rpartition("_")
     key = float(key_text or 0.0)

@@ -2,7 +2,18 @@
 
 from datetime import UTC, datetime
 
-from sqlalchemy import BigInteger, DateTime, Dialect, Double, ForeignKey, LargeBinary, MetaData, String, Text
+from sqlalchemy import (
+    BigInteger,
+    DateTime,
+    Dialect,
+    Double,
+    ForeignKey,
+    Index,
+    LargeBinary,
+    MetaData,
+    String,
+    Text,
+)
 from sqlalchemy import UniqueConstraint as Unique
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from sqlalchemy.types import TypeDecorator
@@ -224,15 +235,22 @@ class ReviewRow(Table):
     """Place of a page's result in the review queue. Whether it is open follows from its feedback.
 
     `gain` and `confidence` are computed when the page is recognized. `claim` is a secret of the person who works on it.
+    `model_version` is the version of the class's model that `gain` and `confidence` are from.
+    `owner`, `created_at` and `expires_at` are those of the result, so that the queue is read without the large rows of
+    results.
     """
 
     __tablename__ = "layout_reviews"
+    __table_args__ = (
+        Index("ix_layout_reviews_gain", "gain", "result_id"),
+        Index("ix_layout_reviews_confidence", "confidence", "result_id"),
+    )
 
     result_id: Mapped[str] = mapped_column(
         ForeignKey("layout_results.id", ondelete="CASCADE"), primary_key=True
     )
-    gain: Mapped[float] = mapped_column(index=True)
-    confidence: Mapped[float] = mapped_column(index=True)
+    gain: Mapped[float]
+    confidence: Mapped[float]
     class_name: Mapped[str | None] = mapped_column(String(MAX_NAME))
     zones: Mapped[int]
     decision: Mapped[str] = mapped_column(String(10))
@@ -241,6 +259,10 @@ class ReviewRow(Table):
     claim: Mapped[str | None] = mapped_column(String(64))
     claimed_by: Mapped[str | None] = mapped_column(String(MAX_NAME))
     claimed_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    owner: Mapped[str | None] = mapped_column(String(MAX_NAME))
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    expires_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    model_version: Mapped[int | None]
 
 
 class CameraRow(Table):

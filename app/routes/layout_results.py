@@ -86,15 +86,10 @@ async def layout_results(
     chosen = choose_described_format(format, request.headers.get("accept"), LIST_MEDIA_TYPES)
     caller = caller_of(request)
     owner = None if caller.sees_all else caller.name
-    reviews, results = await state.store.call(
-        lambda store: _read(store, limit + 1, state_, order, cursor, owner)
+    reviews, results, following = await state.store.call(
+        lambda store: _read(store, limit, state_, order, cursor, owner)
     )
-    has_more = len(results) > limit
-    following = None
-    if has_more:
-        last = results[limit - 1].id
-        following = last if order == "newest" else cursor_of(reviews[last], order)
-    response = _listed([_entry(each, reviews.get(each.id)) for each in results[:limit]], chosen, following)
+    response = _listed([_entry(each, reviews.get(each.id)) for each in results], chosen, following)
     if following is not None:
         link_next(request, state, response, following)
     return response
@@ -102,13 +97,13 @@ async def layout_results(
 
 def _read(
     store: Store,
-    most: int,
+    limit: int,
     state: ReviewState | None,
     order: ReviewOrder,
     after: str | None,
     owner: str | None,
-) -> tuple[dict[str, Review], list[ListedResult]]:
-    """Results in their order, and what the review queue knows of them by their ids.
+) -> tuple[dict[str, Review], list[ListedResult], str | None]:
+    """What the queue knows of results, by their ids; the results in their order; the cursor of those that follow.
 
     Raises
     ------
@@ -119,13 +114,16 @@ def _read(
         raise Conflict("cursor: it belongs to a list in another order; begin again without it.", "cursor")
     if order == "newest" and state in (None, "confirmed", "corrected"):
         of_state = None if state is None else cast(ResultState, state)
-        results = store.results(most, before=after, owner=owner, state=of_state)
-        reviews = store.reviews(most, ids=[each.id for each in results])
-        return {review.id: review for review in reviews}, results
-    reviews = store.reviews(most, state=state, order=order, after=after, owner=owner)
-    found = {each.id: each for each in store.results(most, ids=[review.id for review in reviews])}
-    results = [found[review.id] for review in reviews if review.id in found]
-    return {review.id: review for review in reviews}, results
+        results = store.results(limit + 1, before=after, owner=owner, state=of_state)
+        reviews = store.reviews(limit, ids=[each.id for each in results[:limit]])
+        following = results[limit - 1].id if len(results) > limit else None
+        return {review.id: review for review in reviews}, results[:limit], following
+    reviews = store.reviews(limit + 1, state=state, order=order, after=after, owner=owner)
+    following = cursor_of(reviews[limit - 1], order) if len(reviews) > limit else None
+    known = {review.id: review for review in reviews[:limit]}
+    found = {each.id: each for each in store.results(limit, ids=list(known))}
+    # A result that was deleted after the queue was read is left out.
+    return known, [found[id] for id in known if id in found], following
 
 
 def _listed(entries: Sequence[ResultEntry], chosen: ListFormat, following: str | None) -> Response:

@@ -1,35 +1,56 @@
 """Work on the review queue: claims on pages, and skipping. GET /layout/results lists the queue."""
 
+import logging
+
 from fastapi import APIRouter, Request
 
 from app.callers import require_own_result
+from app.decisions import place_in_queue
+from app.engine.base import Busy, JobTimedOut, WorkerDied
 from app.problems import documented
 from app.routes.common_responses import BODY, READING
 from app.routes.json_bodies import json_request, read_json
-from app.routes.state import State
-from app.schemas.review import Claim, ClaimBody
+from app.routes.state import AppState, State
+from app.schemas.review import Claim, ClaimBody, ClaimRequest
 
 router = APIRouter(tags=["review"])
+log = logging.getLogger(__name__)
 
 
 @router.post(
     "/layout/results/{id}/claim",
     operation_id="claim_layout_result",
     responses=documented("conflict", *READING, *BODY),
-    openapi_extra=json_request(ClaimBody, required=False),
+    openapi_extra=json_request(ClaimRequest, required=False),
 )
 async def claim_layout_result(request: Request, state: State, id: str) -> Claim:
     """Claim a page of the queue for CLAIM_TTL_S seconds, so that two people do not work on it; or renew the claim.
 
-    `conflict` when somebody else has it. Feedback needs no claim.
+    `conflict` when somebody else has it. Feedback needs no claim. With `recognize` the page is first recognized again
+    if its models have learned since, so that nobody corrects what the models know by now.
     """
     caller = await require_own_result(request, state, id)
-    body = await read_json(request, ClaimBody, default=ClaimBody())
+    body = await read_json(request, ClaimRequest, default=ClaimRequest())
     ttl_s = state.settings.claim_ttl_s
     claim, until = await state.store.call(
         lambda store: store.claim_review(id, caller.name, ttl_s, body.claim)
     )
-    return Claim(result=id, claim=claim, until=until)
+    is_again = body.recognize and await _recognize_again(state, id, claim)
+    return Claim(result=id, claim=claim, until=until, recognized_again=is_again)
+
+
+async def _recognize_again(state: AppState, result_id: str, claim: str) -> bool:
+    """Replace the result of a claimed page by that of newer models; False if there are none, or no worker is free."""
+    result = await state.store.call(lambda store: store.result(result_id))
+    try:
+        document = await state.review_order.recognize_again(result.document)
+    except (Busy, JobTimedOut, WorkerDied) as error:
+        log.warning("a claimed page was not recognized again: %s", error.detail)
+        return False
+    if document is None:
+        return False
+    place = place_in_queue(document["result"])
+    return await state.store.call(lambda store: store.replace_recognition(result_id, claim, document, place))
 
 
 @router.post(

@@ -14,6 +14,7 @@ from app.kept_images import KeptImages
 from app.layout_store import LayoutStore
 from app.metrics import Metrics
 from app.model_locks import ModelLocks
+from app.review_order import ReviewOrder
 from app.settings import Settings
 from services.contract.operations import Operations
 
@@ -34,6 +35,7 @@ class AppState:
     images: KeptImages
     sample_images: KeptImages
     job_service: JobService
+    review_order: ReviewOrder
 
 
 def app_state(request: Request) -> AppState:

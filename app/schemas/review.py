@@ -54,12 +54,24 @@ class ClaimBody(BaseModel):
     )
 
 
+class ClaimRequest(ClaimBody):
+    """A new claim, or a claim to be renewed."""
+
+    recognize: bool = Field(
+        default=False,
+        description="Recognize the page again if its models have learned since; then read the result. Its zones stay.",
+    )
+
+
 class Claim(Answer):
     """A page that the caller may work on until the claim expires."""
 
     result: str
     claim: str = Field(description="Send it to renew or release the claim, or to skip the page.")
     until: datetime
+    recognized_again: bool = Field(
+        description="The result has changed: newer models have recognized the page."
+    )
 
 
 class AuditEntry(Answer):

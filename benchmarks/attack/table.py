@@ -127,7 +127,7 @@ BODIES = (
     ),
 )
 JSON_BODIES = (
-    Attack("lists 100,000 deep", partial(_body, "PATCH", _SETTINGS, lambda: texts.nested(30_000)), INVALID),
+    Attack("lists 30,000 deep", partial(_body, "PATCH", _SETTINGS, lambda: texts.nested(30_000)), INVALID),
     Attack("zones 100,000 deep", _zones(texts.nested), INVALID),
     Attack("a number of 60,000 digits", _zones(texts.long_number), INVALID),
     Attack("5000 zones", _zones(texts.many_zones), INVALID + LARGE),
@@ -159,7 +159,7 @@ JSON_BODIES = (
         ("not-found", *INVALID),
     ),
     Attack(
-        "a name of 100,000 characters",
+        "a name of 30,000 characters",
         lambda url: answer_of(httpx.get(url + "/layout/models/" + "a" * 30_000)),
         ("not-found", *INVALID),
     ),

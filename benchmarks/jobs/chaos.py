@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,8 +21,8 @@ from typing import Any
 import httpx
 
 from benchmarks.common.places import REPOSITORY
+from benchmarks.common.postgresql import Cluster, running_cluster
 from benchmarks.jobs.processes import Deployment, Process
-from tests.models.databases import Cluster, running_cluster
 
 LONGEST_S = 1800.0
 KEYS = ("first", "second", "third")
@@ -137,22 +138,28 @@ class Trial:
         return Outcome(path.rpartition("/")[2], is_right, job.get("attempts", 0), time.monotonic() - begin_s)
 
     def _disrupt(self, cluster: Cluster, every_s: float) -> None:
-        chooser = random.Random(1)
-        while every_s and not self._is_over.wait(every_s):
-            what = CHAOS[self.disruptions.total() % len(CHAOS)]
-            self.disruptions[what] += 1
+        chooser, starting = random.Random(1), ThreadPoolExecutor(len(self.workers) + len(self.apis))
+        for what in cycle(CHAOS):
+            if not every_s or self._is_over.wait(every_s):
+                break
             if what == "restart PostgreSQL":
                 cluster.restart()
             elif what == "rolling restart":
                 for process in (*self.workers, *self.apis):
-                    process.stop()
-                    process.start()
+                    if process.is_up:
+                        process.stop()
+                        process.start()
             else:
-                process = chooser.choice(self.workers if what == "kill a worker" else self.apis)
+                up = [each for each in (self.workers if what == "kill a worker" else self.apis) if each.is_up]
+                if not up:
+                    continue
+                process = chooser.choice(up)
                 process.kill()
-                process.start()
+                starting.submit(process.start)  # the next disruption does not wait for it
+            self.disruptions[what] += 1
             for process in self.apis:
                 process.measure()
+        starting.shutdown()
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -22,13 +22,14 @@ import numpy as np
 from benchmarks.common.figures import plain_values, write_json
 from benchmarks.common.options import make_parser
 from benchmarks.common.places import OUTPUT
+from benchmarks.layout.documents import page_of
 from benchmarks.layout.part import Result, share, table
 from benchmarks.layout.protocols import folds, make_model, unlabelled
 from benchmarks.layout.restyled_pages import restyled
 from benchmarks.layout.specimens import by_class, load_specimens
 from benchmarks.layout.truth import layout_folder
 from services.layout.graph.layout_graph import build_graph
-from services.layout.page import Page, Zone
+from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, content_features, initialize_model
 from services.layout.recognition import page_recognition as recognition
 from services.layout.recognition.page_recognition import RecognitionParameters, recognize_page
@@ -69,23 +70,7 @@ class Publication:
 
 def simulated_pages(name: str, count: int) -> list[Page]:
     """Pages of a simulated class, seeds 0, 1, ..."""
-    pages = []
-    for seed in range(count):
-        made = _MAKERS[name](np.random.default_rng(seed), draw=False)
-        zones = tuple(
-            Zone(
-                zone.id,
-                (float(zone.box[0]), float(zone.box[1]), float(zone.box[2]), float(zone.box[3])),
-                kind=zone.kind,
-                lines=zone.lines,
-                font_size=zone.font_size or None,
-                text=zone.text,
-                label=zone.label,
-            )
-            for zone in made.zones
-        )
-        pages.append(content_features().measure_page(Page(made.width, made.height, zones)))
-    return pages
+    return [page_of(_MAKERS[name](np.random.default_rng(seed), draw=False)) for seed in range(count)]
 
 
 def make_publications(sources: Mapping[str, Sequence[Page]], count: int) -> dict[str, Publication]:

@@ -46,6 +46,7 @@ class Operations:
         "services.operations.layout_models:initialize_from_samples"
     )
     import_model: Operation[ModelDraft] = Operation("services.operations.layout_models:import_model")
+    recognize_again: Operation[dict[str, Any]] = Operation("services.operations.layout_again:recognize_again")
     adapt_models: Operation[Adaptation] = Operation("services.operations.layout_learning:adapt_models")
     revise_page: Operation[RevisedPage] = Operation("services.operations.layout_learning:revise_page")
     train_model: Operation[tuple[ModelDraft, TrainingReport]] = Operation(

@@ -19,12 +19,12 @@ from services.layout.learning.revised_zones import revise_zones
 from services.layout.learning.training import train_in_rounds
 from services.layout.model.layout_model import MOST_LABELS
 from services.layout.model.model_document import model_to_document
-from services.layout.page import InvalidLayout, Page
+from services.layout.page import InvalidLayout
 from services.layout.recognition.fields import NO_FIELDS
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 from services.operations.layout_models import draft_of, read_samples, sample_document
 from services.operations.layout_result import describe_fields, describe_zones
-from services.operations.page_zones import exchange_limits
+from services.operations.page_zones import exchange_limits, read_kept_page
 from services.operations.replies import rounded, to_json_ready
 from services.operations.stored_models import read_model
 from services.progress import report_progress
@@ -52,7 +52,7 @@ def adapt_models(
         When the model would have too many labels, or when zones have no label and no model can find it.
     """
     features = content_features(settings.content_features)
-    read = verified.with_page(features.measure_page(_kept_page(verified.page, settings)))
+    read = verified.with_page(features.measure_page(read_kept_page(verified.page, settings)))
     named = {stored.name: read_model(stored) for stored in models}
     right = named.get(verified.verified_class or "")
     if right is not None:  # checked before learning: tables for hundreds of labels take gigabytes
@@ -145,7 +145,7 @@ def revise_page(
     except InvalidLayout as error:
         raise InvalidOption(f"{error.field or 'zones'}: {error.detail}", error.field or "zones") from error
     features = content_features(settings.content_features)
-    found = _kept_page(page, settings)
+    found = read_kept_page(page, settings)
     revised = features.measure_page(revise_zones(found, drawn))
     read = revise_zones(found, replace(drawn, zones=tuple(replace(zone, text="") for zone in drawn.zones)))
     sure = ClassMatch("", 0, 0.0, 1.0)
@@ -170,15 +170,6 @@ def revise_page(
             if given.text
         ],
     )
-
-
-def _kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:
-    """The page of a stored result. Its zones are not limited again: it was within the limits at recognition."""
-    bounds = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
-    try:
-        return page_from_document(document, bounds)
-    except InvalidLayout as error:
-        raise InvalidOption(f"page: {error.detail}", "page") from error
 
 
 def _check_labels(name: str, labels: set[str | None]) -> None:

@@ -1,6 +1,8 @@
 """Zones from a request: parsed, checked, and in pixels of the page's image."""
 
 import json
+from dataclasses import replace
+from typing import Any
 
 from services.arrays import RgbImage
 from services.contract.layout import LayoutSettings
@@ -29,6 +31,15 @@ def read_file(data: bytes, picture: RgbImage | None, settings: LayoutSettings) -
     except InvalidLayout as error:
         within = "" if error.field in {None, "zones_file"} else f"{error.field}: "
         raise InvalidOption(f"zones_file: {within}{error.detail}", "zones_file") from error
+
+
+def read_kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:
+    """The page of a stored result. Its zones are not limited again: it was within the limits at recognition."""
+    bounds = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
+    try:
+        return page_from_document(document, bounds)
+    except InvalidLayout as error:
+        raise InvalidOption(f"page: {error.detail}", "page") from error
 
 
 def exchange_limits(settings: LayoutSettings) -> ExchangeLimits:

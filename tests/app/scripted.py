@@ -209,6 +209,18 @@ def recognize_layout(
     return DocumentReply(body, media_type, whole, [DocumentPage(document, page, picture)] * count)
 
 
+def recognize_again(
+    page: dict[str, Any], models: list[ModelDocument], settings: LayoutSettings, words: bool
+) -> dict[str, Any]:
+    """As if the first model fitted; it is surer by a hundredth for each lesson that it has learned."""
+    labels = [label for model in models[:1] for label in _labels(model.document)]
+    document: dict[str, Any] = layout_document(page, models, labels, {})
+    lessons = len(json.loads(models[0].document).get("taught", []))
+    zones = [{**zone, "confidence": zone["confidence"] + 0.01 * lessons} for zone in document["zones"]]
+    kept = ("class", "classes", "unknown_probability", "match")
+    return {**{name: document[name] for name in kept}, "zones": zones}
+
+
 def resize_kept_picture(picture: bytes, width: int) -> bytes:
     """The picture, and what was asked."""
     return picture + f" at most {width} wide".encode()

@@ -24,6 +24,7 @@ SETTINGS = {
     "worker_memory_bytes": 1 << 30,
     "job_timeout_s": 20.0,
     "shutdown_grace_s": 5,
+    "review_ahead": 0,  # no work that no request has asked for
 }
 
 
@@ -48,7 +49,7 @@ def forget_everything(client: httpx.Client, data_dir: Path) -> None:
     # it cannot take a later model for an earlier one of the same name and version.
     client.post("/layout", data={"zones": json.dumps(PAGE)}).raise_for_status()
     with closing(sqlite3.connect(data_dir / DATABASE)) as database, database:
-        for name in ("layout_results", "layout_unknown_pages"):
+        for name in ("layout_reviews", "layout_results", "layout_unknown_pages"):
             database.execute(f"DELETE FROM {name}")
 
 

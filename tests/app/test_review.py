@@ -1,6 +1,7 @@
 """The review queue over HTTP: what is listed, claimed and skipped, and how feedback changes it."""
 
 import re
+import time
 from typing import Any
 
 import httpx
@@ -118,3 +119,38 @@ def test_a_key_sees_its_own_pages() -> None:
         )
         client.headers["X-API-Key"] = "c"
         assert [entry["id"] for entry in queue(client)] == [result]
+
+
+def test_a_claimed_page_is_recognized_again_by_what_its_class_has_learned(client: httpx.Client) -> None:
+    teaching, other = recognize(client), recognize(client)
+    before = client.get(f"/layout/results/{other}").json()
+    claim = client.post(f"/layout/results/{other}/claim", json={"recognize": True}).json()
+    assert claim["recognized_again"] is False  # no model has learned
+    give(client, teaching, {"class": "letter"})
+    renewed = {"claim": claim["claim"]}
+    assert client.post(f"/layout/results/{other}/claim", json=renewed).json()["recognized_again"] is False
+    assert client.get(f"/layout/results/{other}").json() == before
+    asked = {**renewed, "recognize": True}
+    assert client.post(f"/layout/results/{other}/claim", json=asked).json()["recognized_again"] is True
+    after = client.get(f"/layout/results/{other}").json()
+    assert [before["class"]["model_version"], after["class"]["model_version"]] == [1, 2]
+    assert [zone["confidence"] for zone in after["zones"]] == pytest.approx([0.91, 0.91])
+    assert queue(client)[0]["gain"] == pytest.approx(2 - 2 * 0.75 * 0.91)
+    give(client, other, {"class": "letter"})
+    assert client.post(f"/layout/results/{other}/claim", json=asked).json()["recognized_again"] is False
+
+
+def test_the_queue_is_put_in_order_when_a_class_has_learned(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.review_order.EVERY_S", 0.02)
+    with serving(review_ahead=2) as client:
+        client.put("/layout/models/letter", json=LETTER).raise_for_status()
+        pages = [recognize(client) for _ in range(4)]
+        shown = client.get(f"/layout/results/{pages[1]}").json()
+        give(client, pages[0], {"class": "letter"})
+        sure = round(2 - 2 * 0.75 * 0.91, 4)
+        deadline = time.monotonic() + 20
+        while {entry["gain"] for entry in queue(client)} != {sure} and time.monotonic() < deadline:
+            time.sleep(0.02)
+        # The first two were followed by the third, whose gain was the largest then.
+        assert [entry["gain"] for entry in queue(client)] == [sure] * 3
+        assert client.get(f"/layout/results/{pages[1]}").json() == shown

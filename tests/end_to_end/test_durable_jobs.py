@@ -61,6 +61,27 @@ def test_jobs_outlive_a_killed_service(tmp_path: Path) -> None:
         assert inputs(data) == []
 
 
+def test_jobs_wait_for_a_store_of_blobs_that_is_away(tmp_path: Path) -> None:
+    gate, data = tmp_path / "gate", tmp_path / "data"
+    gate.mkdir()
+    with running(**settings(data)) as service:
+        first, second = accept(service, f"wait {gate}"), accept(service, "")
+        until(service, first, "running")
+        (data / "blobs").rename(tmp_path / "away")
+        refused = httpx.post(
+            f"{service.url}/rectify", files={"image": upload("")}, headers={"Prefer": "respond-async"}
+        )
+        assert (refused.status_code, refused.json()["code"]) == (503, "store-unavailable")
+        assert httpx.get(f"{service.url}/health/ready").json()["blobs"] == "unavailable"
+        (gate / "go").touch()  # the first job has an answer that cannot be written
+        time.sleep(1.5)
+        assert httpx.get(service.url + first).json()["state"] == "running"
+        (tmp_path / "away").rename(data / "blobs")
+        jobs = [until(service, path) for path in (first, second)]
+        assert [(job["state"], job["attempts"]) for job in jobs] == [("succeeded", 1)] * 2
+        assert httpx.get(f"{service.url}{first}/result").content == b"flat as jpeg"
+
+
 def test_a_stopped_service_hands_its_job_to_the_next_one(tmp_path: Path) -> None:
     gate, data = tmp_path / "gate", tmp_path / "data"
     gate.mkdir()

@@ -13,10 +13,11 @@ import psycopg
 import pytest
 
 from app.jobs.queue import QUEUE
+from benchmarks.common.postgresql import Cluster, running_cluster
 from tests.app.scripted import upload
 from tests.end_to_end.processes import SCRIPTED, Service, running
-from tests.end_to_end.test_durable_jobs import accept, until
-from tests.models.databases import KINDS, Cluster, running_cluster
+from tests.end_to_end.test_durable_jobs import LEASE_S, accept, until
+from tests.models.databases import KINDS
 
 pytestmark = pytest.mark.skipif("postgresql" not in KINDS, reason="PostgreSQL is not installed")
 
@@ -36,7 +37,7 @@ class Shared:
         self.settings: dict[str, object] = {
             "database_url": self.url,
             "data_dir": folder,
-            "job_lease_s": 2,
+            "job_lease_s": LEASE_S,
             "shutdown_grace_s": 5,
         }
 
@@ -132,6 +133,32 @@ def test_work_goes_on_when_the_database_was_away(shared: Shared, cluster: Cluste
         assert httpx.get(f"{api.url}/health/ready", timeout=3).json()["store"] == "unavailable"
     for path in paths:
         assert until(api, path)["state"] == "succeeded"
+
+
+def test_work_goes_on_when_the_database_was_gone_for_longer_than_a_lease(
+    shared: Shared, cluster: Cluster, tmp_path: Path
+) -> None:
+    """What was accepted before is done after it; requests meanwhile are told that the store is unavailable."""
+    api = shared.start(workers=1, store_timeout_s=1)
+    running_job = accept(api, f"wait {tmp_path}")
+    queued = [accept(api, "") for _ in range(2)]
+    until(api, running_job, "running")
+    with cluster.away():
+        (tmp_path / "go").touch()
+        begin_s = time.monotonic()
+        while time.monotonic() - begin_s < 2 * LEASE_S:
+            refused = httpx.post(
+                f"{api.url}/rectify",
+                files={"image": upload("")},
+                headers={"Prefer": "respond-async"},
+                timeout=30,
+            )
+            assert (refused.status_code, refused.json()["code"]) == (503, "store-unavailable")
+            assert httpx.get(f"{api.url}/health/live").status_code == 200
+            time.sleep(0.2)
+    jobs = [until(api, path) for path in (running_job, *queued)]
+    assert [job["state"] for job in jobs] == ["succeeded"] * 3
+    assert httpx.get(f"{api.url}{running_job}/result").content == b"flat as jpeg"
 
 
 def test_a_request_is_not_starved_by_jobs_and_keys_take_turns(shared: Shared, tmp_path: Path) -> None:

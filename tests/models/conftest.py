@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.common.postgresql import Cluster, running_cluster
 from models.repository import Store
-from tests.models.databases import KINDS, Cluster, empty_tables, running_cluster
+from tests.models.databases import KINDS, empty_tables
 
 
 class Clock:

@@ -41,6 +41,18 @@ def test_what_is_put_comes_back(blobs: Blobs, tmp_path: Path, size: int) -> None
     assert files(tmp_path) == []
 
 
+def test_without_its_folder_nothing_is_known_of_a_blob(tmp_path: Path) -> None:
+    """As a folder of another machine whose network is down: the blob is not said to be gone."""
+    blobs = Blobs("", tmp_path / "blobs")
+    blobs.put("a", b"x", 1)
+    (tmp_path / "blobs").rename(tmp_path / "away")
+    for call in (blobs.get, blobs.delete, lambda key: blobs.put(key, b"y", 1)):
+        with pytest.raises(StoreUnavailable):
+            call("a")
+    (tmp_path / "away").rename(tmp_path / "blobs")
+    assert blobs.get("a") == b"x"
+
+
 @pytest.mark.parametrize("count", [1, 8])
 def test_a_blob_that_fails_leaves_nothing(blobs: Blobs, tmp_path: Path, count: int) -> None:
     part = b"x" * (PART_BYTES // 2)

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.common.postgresql import Cluster, running_cluster
 from models.errors import StoreUnavailable
 from models.repository import Store
-from tests.models.databases import KINDS, Cluster, filled, running_cluster
+from tests.models.databases import KINDS, filled
 
 
 @pytest.fixture(scope="module")

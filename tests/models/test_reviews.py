@@ -125,3 +125,49 @@ def _page(index: int, at: int):
     from models.records import ResultDraft
 
     return ResultDraft({"result": {}}, review=place((index * 37 + at * 11) % 997))
+
+
+def test_the_first_pages_of_a_class_that_learned_are_behind(store: Store) -> None:
+    store.add_version("letter", {"nodes": []}, "import")
+    pages = [
+        store.add_result(
+            {"result": {}}, 3600, review=ReviewDraft(gain, 0.5, "letter", 3, decision, model_version=version)
+        )
+        for gain, decision, version in (
+            (1, "review", 1),
+            (2, "review", 1),
+            (3, "review", 2),
+            (4, "accept", 1),
+            (5, "review", 1),
+            (6, "review", None),
+        )
+    ]
+    store.claim_review(pages[4], "anna", 60, None)
+    assert list(store.reviews_behind("letter", 2, 9, 9)) == [pages[0], pages[1]]
+    assert list(store.reviews_behind("letter", 2, 3, 9)) == [pages[1]]
+    assert len(store.reviews_behind("letter", 2, 9, 1)) == 1
+    assert not store.reviews_behind("letter", 1, 9, 9)
+    store.place_reviews({pages[1]: place(0.5), pages[2]: place(0.25)}, 2)
+    store.delete_result(pages[0])
+    store.place_reviews({pages[0]: place(7)}, 2)
+    assert not store.reviews_behind("letter", 2, 9, 9)
+    gains = {review.id: review.gain for review in store.reviews(9)}
+    assert (gains[pages[1]], gains[pages[2]]) == (0.5, 3)
+
+
+def test_only_who_claimed_a_page_replaces_its_recognition(store: Store, clock: Clock) -> None:
+    store.add_version("letter", {"nodes": []}, "import")
+    page = add(store, 1)
+    claim, _ = store.claim_review(page, "anna", 60, None)
+    with pytest.raises(Claimed):
+        store.replace_recognition(page, "guess", {"result": {}}, place(2))
+    assert store.replace_recognition(page, claim, {"result": {"class": None}}, place(2))
+    assert store.result(page).document == {"result": {"class": None}}
+    assert store.reviews(1)[0].gain == 2
+    store.add_feedback(draft(page), [change("letter", 1)])
+    assert not store.replace_recognition(page, claim, {"result": {}}, place(3))
+    clock.now += timedelta(seconds=61)
+    store.release_review(page, None)
+    with pytest.raises(Claimed):
+        store.replace_recognition(page, claim, {"result": {}}, place(3))
+    assert store.result(page).document == {"result": {"class": None}}

@@ -88,7 +88,7 @@ export function createView() {
     try {
       if (claim?.result !== id) {
         await letGo();
-        claim = await post(`layout/results/${id}/claim`);
+        claim = await post(`layout/results/${id}/claim`, { recognize: true });
       }
       const result = await get(`layout/results/${id}`);
       queue.hidden = true;

@@ -21,6 +21,7 @@ from services.layout.page import Page, ReadWord, Zone
 from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
 from services.operations import layout
 from services.operations.layout import recognize_upload
+from services.operations.layout_again import FOUND_AGAIN, recognize_again
 from services.operations.layout_models import (
     import_model,
     import_sample,
@@ -80,6 +81,14 @@ def test_the_page_can_be_recognized_again(model: ModelDocument) -> None:
     again = recognize_upload(None, as_json(reply.page), None, [model], LayoutOptions(), SETTINGS)
     assert again.document["match"] == reply.document["match"]
     assert again.page == reply.page
+
+
+def test_a_kept_page_is_found_as_before_by_the_models_of_then(model: ModelDocument) -> None:
+    reply = recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
+    again = recognize_again(reply.page, [model], SETTINGS, False)
+    assert again == {name: reply.document[name] for name in FOUND_AGAIN}
+    newer = recognize_again(reply.page, [replace(model, version=8)], SETTINGS, True)
+    assert newer["class"]["model_version"] == 8
 
 
 def test_a_stored_model_that_cannot_be_read_is_told() -> None:

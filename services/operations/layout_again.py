@@ -1,0 +1,44 @@
+"""A kept page, recognized again by newer models: its zones stay, class and labels may change."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
+from services.layout.pipeline import content_features, recognize, with_believable_labels
+from services.layout.recognition.documents import place_page
+from services.operations.layout import MeasuredPage, describe_page
+from services.operations.page_zones import read_kept_page
+from services.operations.stored_models import open_models
+
+FOUND_AGAIN = (
+    "class",
+    "classes",
+    "unknown_probability",
+    "zones",
+    "fields",
+    "match",
+    "part",
+    "document_class",
+)
+"""What a recognition says of a page besides its picture, warnings and timings."""
+
+
+def recognize_again(
+    page: dict[str, Any], models: Sequence[ModelDocument], settings: LayoutSettings, words: bool
+) -> dict[str, Any]:
+    """The `FOUND_AGAIN` parts of the `LayoutResult` of the page of a stored result; `words` as in `LayoutOptions`.
+
+    Raises
+    ------
+    InvalidModel
+        When this release cannot read a model.
+    InvalidOption
+        When this release cannot read the page.
+    """
+    versions = open_models(models)
+    features = content_features(settings.content_features)
+    recognition = recognize(read_kept_page(page, settings), versions, None, features)
+    placed = place_page(with_believable_labels(recognition, versions), versions)
+    measured = MeasuredPage(recognition.page, None)
+    described = describe_page(placed, measured, LayoutOptions(words=words), models)
+    return {name: described[name] for name in FOUND_AGAIN}
