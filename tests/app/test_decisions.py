@@ -11,7 +11,7 @@ from app.decisions import CERTAINTY, decide, place_in_queue, threshold_of, upper
 from app.settings import Settings
 
 RESULT = {
-    "class": {"name": "letter", "probability": 0.99},
+    "class": {"name": "letter", "probability": 0.99, "model_version": 3},
     "zones": [
         {"id": "z1", "label": "date", "confidence": 0.999},
         {"id": "z2", "label": "body", "confidence": 0.6},
