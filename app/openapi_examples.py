@@ -103,7 +103,12 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
             }
         ]
     },
-    ("200", "claim_layout_result"): {"result": RESULT, "claim": "3v1Z8d0LqkU0n0Qb1yWmFA", "until": WHEN},
+    ("200", "claim_layout_result"): {
+        "result": RESULT,
+        "claim": "3v1Z8d0LqkU0n0Qb1yWmFA",
+        "until": WHEN,
+        "recognized_again": False,
+    },
     ("200", "layout_model_feedback"): {
         "model": "letter",
         "feedback": [
