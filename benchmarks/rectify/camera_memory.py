@@ -18,23 +18,28 @@ from services.geometry.photo_frame import PhotoFrame
 from services.rectify.focal_length import seen_focal_length
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
-from simulation.degradation import PHONE
+from simulation.degradation import PHONE, degrade
 from simulation.pages import own_pages
-from simulation.photo import SimulatedPhoto
-from simulation.scenes import PLANE, View, photograph
+from simulation.photo import SimulatedPhoto, simulate_photo
+from simulation.scenes import PLANE, View
 
 _SIZE = (1050, 1350)
 _EARLIER = 10
 _FOCAL_PX = (2100.0, 2700.0)
 """Cameras, for photos of the standard size: wider and narrower than the typical one."""
+_BEYOND = -0.08
+"""Margin round the sheet, as a share of the photo."""
 
 
 def take(index: int, focal_px: float) -> SimulatedPhoto:
-    """One photo of a page, tilted by 3 to 35 degrees."""
+    """One photo of a page, tilted by 3 to 35 degrees; the sides of the sheet are out of view, so that text decides."""
     rng = np.random.default_rng(index)
     view = View(str(index), focal_px, rng.uniform(3, 35), rng.uniform(0, 360), rng.uniform(-8, 8))
     page = own_pages(900, 1406)[index % 5]
-    return photograph(page, view, 0.0, PLANE, dirt=PHONE, rng=rng, size=_SIZE)
+    camera = view.camera(*_SIZE)
+    pose = view.pose(page, PLANE, camera, margin=_BEYOND)
+    photo = simulate_photo(page, PLANE, 0.0, pose, camera)
+    return SimulatedPhoto(degrade(photo.image, PHONE, rng), photo.truth)
 
 
 def flatten(photo: SimulatedPhoto, parameters: RectifyParameters) -> RectifyResult | None:
