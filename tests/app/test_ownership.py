@@ -138,7 +138,8 @@ def test_after_deletion_nothing_is_left(
             assert response.status_code == 200, response.text
         job = start(client, ALICE)
         posted = {**PAGE, "zones": [{**zone, "label": "date", "text": SECRET} for zone in PAGE["zones"]]}
-        sample = client.post("/layout/models/letter/samples", json=posted, headers=ALICE).json()["id"]
+        parts = {"zones": (None, json.dumps(posted)), "image": ("page.png", upload(""))}
+        sample = client.post("/layout/models/letter/samples", files=parts, headers=ALICE).json()["id"]
         grown = rows()
         assert all(grown[name] > before[name] for name in before), grown
         paths = [f"/layout/results/{result}/feedback" for result in results[:2]]
