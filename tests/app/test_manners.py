@@ -144,7 +144,7 @@ def test_the_format_in_the_query(service: httpx.Client) -> None:
     assert service.post("/layout?format=ALTO", files=page).text == "page as alto"
 
 
-@pytest.mark.parametrize("accept", [None, "*/*", "application/json", "text/html, application/*;q=0.1"])
+@pytest.mark.parametrize("accept", [None, "*/*", "application/json", "text/csv, application/*;q=0.1"])
 def test_a_stored_result_is_json(service: httpx.Client, accept: str | None) -> None:
     result = service.post("/layout", files={"image": ("p.png", upload(""))}).headers["document-result"]
     assert result.startswith("/documents/layout/results/")
