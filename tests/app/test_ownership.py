@@ -140,7 +140,8 @@ def test_after_deletion_nothing_is_left(
         data = {"camera": "alice-s"}
         client.post("/rectify", files={"image": upload("")}, data=data, headers=ALICE).raise_for_status()
         posted = {**PAGE, "zones": [{**zone, "label": "date", "text": SECRET} for zone in PAGE["zones"]]}
-        sample = client.post("/layout/models/letter/samples", json=posted, headers=ALICE).json()["id"]
+        parts = {"zones": (None, json.dumps(posted)), "image": ("page.png", upload(""))}
+        sample = client.post("/layout/models/letter/samples", files=parts, headers=ALICE).json()["id"]
         grown = rows()
         assert all(grown[name] > before[name] for name in before), grown
         paths = [f"/layout/results/{result}/feedback" for result in results[:2]]

@@ -16,7 +16,7 @@ from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
 from services.layout.model.layout_model import Calibration, LayoutModel
 from services.layout.model.learning_model import LearningModel, end_learning
-from services.layout.model.scale_fitting import fit_scales
+from services.layout.model.scale_fitting import fit_scales, fit_scales_without
 from services.layout.model.statistics import LabelledGraph, sample_statistics, total_statistics
 from services.layout.page import Page
 from services.layout.recognition.classification import calibrate
@@ -122,17 +122,22 @@ def labels_of(seen: Sequence[Views]) -> tuple[str | None, ...]:
 
 
 def calibrate_model(begun: LearningModel, seen: Sequence[Views]) -> Calibration:
-    """The cost of pages of the class, measured by cross-validation on the samples of `begun`."""
+    """The cost of pages of the class and the trust in labels, by cross-validation on the samples of `begun`.
+
+    A held-out sample has a part neither in the statistics nor in the attributes' weights of the model that labels it.
+    """
     if len(seen) < 2:
         return calibrate([])
     labels = begun.labels
     work = [sum(len(view.labelled.graph.pairs) for view in views) * len(labels) ** 2 for views in seen]
+    graphs = [[view.labelled for view in views] for views in seen]
+    scales = fit_scales_without(graphs, begun.statistics, labels, begun.model.scales)
     costs = []
     judged = []
     with_images = any(view.is_found for views in seen for view in views)
     for index in choose_evenly(work, MOST_HELD_OUT, MOST_MATCHED):
-        others = begun.statistics - sample_statistics([view.labelled for view in seen[index]], labels)
-        model = estimate_model(others, labels, begun.model.scales)
+        others = begun.statistics - sample_statistics(graphs[index], labels)
+        model = estimate_model(others, labels, scales[index])
         for view in seen[index]:
             graph = view.labelled.graph
             tables, matching, _ = match_graph(graph, view.page, model, RecognitionParameters())
@@ -141,7 +146,7 @@ def calibrate_model(begun: LearningModel, seen: Sequence[Views]) -> Calibration:
             if view.is_found or not with_images:
                 true = np.array([labels.index(label) for label in view.labelled.labels])
                 judged.append(judge_labels(conditional_costs(tables, matching.labels), matching.labels, true))
-    return calibrate_labels(calibrate(costs), judged)
+    return calibrate_labels(calibrate(costs), judged, len(seen))
 
 
 def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:

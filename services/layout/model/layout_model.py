@@ -71,9 +71,10 @@ class ModelEdge:
     costs: Mapping[str, tuple[float, ...]]
 
 
-USUAL_SLOPE, USUAL_INTERCEPT = 0.6, -0.8
-"""Log odds of right labels, as a line of those of the confidence: all of five sets of pages by models of five samples.
-Attributes say the same thing several times over, so that confidences are too high."""
+USUAL_SLOPE, USUAL_INTERCEPT = 0.5, -1.1
+"""Log odds of right labels, as a line of those of the confidence, by models of one sample. Attributes say the same
+thing several times over, so that confidences are too high; more samples make them better
+(`recognition.label_calibration`)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,6 +36,11 @@ class ScaleFittingParameters:
     """Costs of zones by label and attribute (8 bytes each, every iteration reads them all): 200 pages of 40 zones with
     15 labels in two views; only larger pages, or more labels, make the samples fewer."""
     most_iterations: int = 60
+    folds: int = 5
+    """Parts of the samples without which weights are fitted again. Leaving out each sample alone costs more, and a
+    fifth of the samples changes weights about as much as their number does between 4 and 5, or 16 and 20."""
+    most_refitted: int = 40
+    """Most samples for which weights are fitted again: of more, one sample has no noticeable part in the weights."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,17 +65,50 @@ def fit_scales(
     usual = default_scales(samples[0][0].graph.content_names if samples else ())
     if len(samples) < 2:
         return FittedScales(usual, np.zeros_like(usual))
+    terms, truth, _ = _held_out_terms(samples, total, labels, usual, parameters)
+    scales = most_probable_scales(terms, truth, usual, parameters)
+    return FittedScales(scales, scale_certainty(scales, terms))
+
+
+def fit_scales_without(
+    samples: Sequence[Sequence[LabelledGraph]],
+    total: LabelStatistics,
+    labels: Sequence[str | None],
+    scales: NDArray[np.float64],
+    parameters: ScaleFittingParameters = ScaleFittingParameters(),
+) -> list[NDArray[np.float64]]:
+    """For each sample weights (K,) that were not fitted to its labels, as those of a later page are not.
+
+    Otherwise as `fit_scales`, whose weights are `scales`; one sample, and many, keep these.
+    """
+    folds = min(parameters.folds, len(samples))
+    if not 2 <= len(samples) <= parameters.most_refitted:
+        return [scales] * len(samples)
+    usual = default_scales(samples[0][0].graph.content_names)
+    terms, truth, owner = _held_out_terms(samples, total, labels, usual, parameters)
+    parts = [owner % folds != fold for fold in range(folds)]
+    without = [most_probable_scales(terms[part], truth[part], usual, parameters) for part in parts]
+    return [without[index % folds] for index in range(len(samples))]
+
+
+def _held_out_terms(
+    samples: Sequence[Sequence[LabelledGraph]],
+    total: LabelStatistics,
+    labels: Sequence[str | None],
+    usual: NDArray[np.float64],
+    parameters: ScaleFittingParameters,
+) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
+    """Terms (N, L, K) of zones by models without their samples, true labels (N,), and indices (N,) of their samples."""
     work = [sum(view.graph.zones for view in views) * len(labels) * len(usual) for views in samples]
-    terms, truth = [], []
+    terms, truth, owner = [], [], []
     for index in choose_evenly(work, parameters.most_samples, parameters.most_terms):
         model = estimate_model(total - sample_statistics(samples[index], labels), labels, usual)
         for view in samples[index]:
             given = label_indices(view.labels, labels)
             terms.append(conditional_terms(view, model, given))
             truth.append(given)
-    known = np.concatenate(terms)
-    scales = most_probable_scales(known, np.concatenate(truth), usual, parameters)
-    return FittedScales(scales, scale_certainty(scales, known))
+            owner.append(np.full(len(given), index))
+    return np.concatenate(terms), np.concatenate(truth), np.concatenate(owner)
 
 
 def conditional_terms(

@@ -18,13 +18,15 @@ MOST_LOG_ODDS = 12.0
 
 @dataclass(frozen=True, slots=True)
 class LabelCalibrationParameters:
-    """Prior of the line of a class around what is usual (`USUAL_SLOPE`, `USUAL_INTERCEPT`).
+    """Prior of the line of a class around what is usual (`USUAL_SLOPE`, `USUAL_INTERCEPT` for one sample).
 
-    The lines of five sets of pages by models of five samples have deviations of 0.2 and 0.2. Held-out pages are kinder
-    than later ones, since the attributes' weights were fitted on them; half of that width has the least error for
-    models of three and five samples.
+    Chosen for memos and juliacon by models of 3, 5 and all samples; measured on fax sheets, rescience and real letters
+    too (`docs/decisions/layout.md`, 2026-11-23).
     """
 
+    intercept_growth: float = 0.4
+    """Of the usual intercept, times the logarithm of the number of samples: lines that fit later pages best have
+    intercepts of -0.8 to -0.2 by models of 3 samples, and 0.1 to 0.3 by models of 15 to 22."""
     slope_deviation: float = 0.1
     intercept_deviation: float = 0.25
 
@@ -48,17 +50,19 @@ def judge_labels(
 def calibrate_labels(
     calibration: Calibration,
     pages: Sequence[HeldOutZones],
+    samples: int,
     parameters: LabelCalibrationParameters = LabelCalibrationParameters(),
 ) -> Calibration:
     """The calibration with the line of log odds that makes the labels of held-out pages most probable.
 
-    Platt's scaling with a normal prior: log odds of being right are a line of the log odds of the softmax.
+    Platt's scaling with a normal prior: log odds of being right are a line of the log odds of the softmax. `samples` is
+    the number of those that the model is made of.
     """
     if not pages:
         return calibration
     log_odds = _log_odds(np.concatenate([page.confidence for page in pages]))
     is_right = np.concatenate([page.is_right for page in pages])
-    usual = np.array([USUAL_SLOPE, USUAL_INTERCEPT])
+    usual = np.array([USUAL_SLOPE, USUAL_INTERCEPT + parameters.intercept_growth * np.log(samples)])
     deviation = np.array([parameters.slope_deviation, parameters.intercept_deviation])
 
     def cost(line: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:

@@ -17,6 +17,7 @@ from services.layout.model.scale_fitting import (
     ScaleFittingParameters,
     conditional_terms,
     fit_scales,
+    fit_scales_without,
     most_probable_scales,
     negative_log_likelihood,
 )
@@ -175,3 +176,40 @@ def test_pages_are_judged_by_models_that_did_not_see_them() -> None:
         pages.append(LabelledGraph(LayoutGraph(numeric, np.zeros((8, len(NAMES))), NAMES, *none), labels))
     usual = dict(zip(scale_names(NAMES), default_scales(NAMES).tolist(), strict=True))
     assert fitted(pages)["digits"] < usual["digits"]
+
+
+@pytest.mark.parametrize("count", [2, 7])
+def test_weights_without_a_sample_explain_it_no_better(count: int) -> None:
+    """Weights of all samples are a compromise between each part and the rest, which those without it need not make."""
+    rng = np.random.default_rng(8)
+    samples = [[page_with(rng)] for _ in range(count)]
+    labels, parameters = (None, "a", "b", "c"), ScaleFittingParameters()
+    total = total_statistics(gather_statistics(page, labels) for [page] in samples)
+    scales = fit_scales(samples, total, labels).scales
+    usual = default_scales(NAMES)
+    without = fit_scales_without(samples, total, labels, scales)
+    assert len(without) == count
+    for fold in range(min(count, parameters.folds)):
+        part = [index for index in range(count) if index % parameters.folds == fold]
+        costs = []
+        for weights in (scales, without[fold]):
+            cost = 0.0
+            for index in part:
+                [page] = samples[index]
+                model = estimate_model(total - gather_statistics(page, labels), labels, usual)
+                given = label_indices(page.labels, labels)
+                terms = conditional_terms(page, model, given)
+                cost += negative_log_likelihood(weights, terms, given, usual, 0.0)[0]
+            costs.append(cost)
+        assert costs[1] >= costs[0] - 1e-3
+        assert all(without[index] is without[fold] for index in part)
+    assert max(np.abs(each - scales).max() for each in without) > 0.01
+
+
+@pytest.mark.parametrize("count", [1, 41])
+def test_one_sample_and_many_keep_their_weights(count: int) -> None:
+    page = page_with(np.random.default_rng(8))
+    total = gather_statistics(page, (None, "a", "b", "c"))
+    scales = np.ones(3)
+    kept = fit_scales_without([[page]] * count, total, (None, "a", "b", "c"), scales)
+    assert [each is scales for each in kept] == [True] * count

@@ -27,26 +27,32 @@ def drawn(slope: float, intercept: float, zones: int, seed: int) -> HeldOutZones
 
 @pytest.mark.parametrize(("slope", "intercept"), [(0.5, -1.0), (0.8, -0.3)])
 def test_the_line_of_many_zones_is_found_again(slope: float, intercept: float) -> None:
-    found = calibrate_labels(BEGUN, [drawn(slope, intercept, 3000, seed) for seed in range(4)])
+    found = calibrate_labels(BEGUN, [drawn(slope, intercept, 3000, seed) for seed in range(4)], 4)
     assert found.label_slope == pytest.approx(slope, abs=0.05)
     assert found.label_intercept == pytest.approx(intercept, abs=0.12)
     assert (found.mean, found.pages, found.label_zones) == (-6.0, 3, 12000)
 
 
 def test_without_held_out_pages_the_line_is_the_usual_one() -> None:
-    assert calibrate_labels(BEGUN, []) == BEGUN
+    assert calibrate_labels(BEGUN, [], 1) == BEGUN
     assert (BEGUN.label_slope, BEGUN.label_intercept) == (USUAL_SLOPE, USUAL_INTERCEPT)
 
 
 def test_a_page_of_right_labels_is_not_believed_blindly() -> None:
     """Ten right zones raise the confidence, and leave it far from certain."""
     right = HeldOutZones(np.full(10, 0.9), np.ones(10, bool))
-    found = calibrate_labels(BEGUN, [right])
+    found = calibrate_labels(BEGUN, [right], 1)
     usual = expit(USUAL_SLOPE * np.log(9.0) + USUAL_INTERCEPT)
     believed = expit(found.label_slope * np.log(9.0) + found.label_intercept)
     assert usual < believed < 0.95
-    wrong = calibrate_labels(BEGUN, [HeldOutZones(right.confidence, ~right.is_right)])
+    wrong = calibrate_labels(BEGUN, [HeldOutZones(right.confidence, ~right.is_right)], 1)
     assert expit(wrong.label_slope * np.log(9.0) + wrong.label_intercept) < usual
+
+
+def test_models_of_more_samples_are_believed_more() -> None:
+    held_out = [HeldOutZones(np.full(10, 0.9), np.arange(10) > 1)]
+    lines = [calibrate_labels(BEGUN, held_out, samples) for samples in (2, 5, 20)]
+    assert lines[0].label_intercept < lines[1].label_intercept < lines[2].label_intercept
 
 
 def test_labels_are_judged_by_their_costs() -> None:
