@@ -16,6 +16,7 @@ from app.engine.base import Engine
 from app.layout_store import LayoutStore
 from app.routes.labelled_pages import layout_settings
 from app.settings import Settings
+from models.errors import StoreError
 from services.contract.operations import Operations
 from services.errors import DocumentError
 
@@ -95,8 +96,10 @@ class ReviewOrder:
                 ready = await self._store.ready()
                 for name, model in ready.items():
                     await self._order_class(name, model.document.version)
-            except DocumentError as error:
-                log.warning("the review queue could not be put in order: %s", error.detail)
+            except (DocumentError, StoreError) as error:
+                log.warning("the review queue could not be put in order: %s", error)
+            except Exception:
+                log.exception("the review queue could not be put in order")
 
     async def _order_class(self, name: str, version: int) -> None:
         """Recognize the first pages of a class again, as long as a worker is free."""
