@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from app.schemas.layout_samples import PageBody
 from app.schemas.page import FlatPage
+from services import errors
 from services.contract.html import KeptPage
 from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, PageReply
 from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
@@ -32,26 +33,21 @@ from services.contract.layout_models import ModelDifference, ModelDraft, StoredP
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
 from services.contract.rectify import RectifyParameters
-from services.errors import (
-    DocumentError,
-    InvalidModel,
-    InvalidOption,
-    NotAcceptable,
-    NoText,
-    NotOverlapping,
-    TooLarge,
-    UndecodableImage,
-    UnsupportedMediaType,
-)
 from services.progress import report_progress
 from tests.app.scripted_results import CREASED_SHEET, layout_document, mosaic_document
 from tests.app.scripted_results import document as rectified_document
 
 JPEG = b"\xff\xd8\xff\xe0" + b"\0" * 28
 """What only looks like a JPEG; the scripted operation reads what follows it."""
-REFUSALS: dict[bytes, type[DocumentError]] = {
+REFUSALS: dict[bytes, type[errors.DocumentError]] = {
     error.code.encode(): error
-    for error in (NoText, NotOverlapping, TooLarge, UndecodableImage, UnsupportedMediaType)
+    for error in (
+        errors.NoText,
+        errors.NotOverlapping,
+        errors.TooLarge,
+        errors.UndecodableImage,
+        errors.UnsupportedMediaType,
+    )
 }
 
 
@@ -85,11 +81,11 @@ def _reply_of_uploads(uploads: list[bytes], parameters: RectifyParameters, encod
         try:
             _follow(upload, f"image[{index}]")
             pages.append(rectified_document(parameters, encoding, None))
-        except DocumentError as error:
+        except errors.DocumentError as error:
             pages.append({"problem": {"code": error.code, "detail": error.detail, "field": error.field}})
     whole = {"pages": pages, "warnings": [], "timings_ms": {"decode": 1.25}}
     if encoding.pages_format is None:
-        raise NotAcceptable(f"{len(uploads)} pages, and the format holds one.", "format")
+        raise errors.NotAcceptable(f"{len(uploads)} pages, and the format holds one.", "format")
     body = b"" if encoding.pages_format == "json" else f"{len(uploads)} as {encoding.pages_format}".encode()
     return PageReply(body, MEDIA_TYPES[encoding.pages_format], whole)
 
@@ -98,7 +94,7 @@ def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encodi
     count = int(verb.removeprefix(b"pages-")) if verb.startswith(b"pages-") else 1
     chosen = encoding.format if count == 1 else encoding.pages_format
     if count > 1 and chosen is None:
-        raise NotAcceptable(f"{count} pages, and the format holds one.", "format")
+        raise errors.NotAcceptable(f"{count} pages, and the format holds one.", "format")
     embedded = base64.b64encode(b"flat").decode() if encoding.embed and chosen == "json" else None
     whole = {
         "pages": [rectified_document(parameters, encoding, embedded)] * count,
@@ -252,8 +248,7 @@ def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSetti
 
 def import_sample(document: bytes, settings: LayoutSettings) -> dict[str, object]:
     """The sample as it was exported."""
-    page = _page(document)
-    return page
+    return _page(document)
 
 
 def _page(zones: bytes) -> dict[str, Any]:
@@ -262,9 +257,9 @@ def _page(zones: bytes) -> dict[str, Any]:
         page: dict[str, Any] = json.loads(zones, parse_float=lambda text: _plain(float(text)))
         PageBody.model_validate_json(json.dumps(page), strict=True)
     except ValidationError as error:
-        raise InvalidOption(f"zones: {error.errors()[0]['msg']}.", "zones") from error
+        raise errors.InvalidOption(f"zones: {error.errors()[0]['msg']}.", "zones") from error
     except ValueError as error:
-        raise InvalidOption("zones: this is not JSON.", "zones") from error
+        raise errors.InvalidOption("zones: this is not JSON.", "zones") from error
     return page
 
 
@@ -292,11 +287,11 @@ def import_model(name: str, document: bytes) -> ModelDraft:
     try:
         model = json.loads(document)
     except ValueError as error:
-        raise InvalidModel("This is not JSON.") from error
+        raise errors.InvalidModel("This is not JSON.") from error
     if not isinstance(model, dict) or not isinstance(model.get("format"), str):
-        raise InvalidModel("format: this is not a layout model.", "format")
+        raise errors.InvalidModel("format: this is not a layout model.", "format")
     if type(model.get("format_version")) is not int:
-        raise InvalidModel("format_version: this is not one.", "format_version")
+        raise errors.InvalidModel("format_version: this is not one.", "format_version")
     _follow(str(model.get("script", "")).encode(), "model")
     nodes = [{"label": None}, *(model.get("nodes") or [])[1:]]
     labels = [node["label"] for node in nodes if node["label"]]
