@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from simulation.pages import own_pages
-from tests.end_to_end.processes import PRODUCT, running
+from tests.end_to_end.processes import PRODUCT, Service, running
 
 
 @pytest.fixture(scope="session")
@@ -17,7 +17,14 @@ def page() -> Image.Image:
 
 
 @pytest.fixture(scope="session")
-def service() -> Iterator[httpx.Client]:
+def product() -> Iterator[Service]:
+    """The product's process."""
+    with running(PRODUCT, workers=1) as process:
+        yield process
+
+
+@pytest.fixture(scope="session")
+def service(product: Service) -> Iterator[httpx.Client]:
     """A client of the product."""
-    with running(PRODUCT, workers=1) as process, httpx.Client(base_url=process.url, timeout=60) as client:
+    with httpx.Client(base_url=product.url, timeout=60) as client:
         yield client

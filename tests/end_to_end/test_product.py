@@ -16,7 +16,7 @@ from app.schemas.rectify import RectifyResult, Strips
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, photograph
 from tests.end_to_end.pictures import bomb, encoded, noise
-from tests.end_to_end.processes import PRODUCT, running
+from tests.end_to_end.processes import Service
 
 MEDIA_TYPES = {
     "JPEG": "image/jpeg",
@@ -117,13 +117,10 @@ def test_bad_input_gets_a_problem_soon(service: httpx.Client, name: str) -> None
         assert response.json()["status"] == response.status_code
 
 
-def test_the_server_itself_loads_no_arrays(page: Image.Image) -> None:
-    with running(PRODUCT, workers=1) as process:
-        assert post_to(process.url, encoded(page, "JPEG")) == 200
-        maps = Path(f"/proc/{process.process.pid}/maps").read_text(encoding="utf-8")
-        assert "numpy" not in maps
-        assert "cv2" not in maps
-
-
-def post_to(url: str, photo: bytes) -> int:
-    return httpx.post(url + "/rectify", files={"image": photo}, timeout=60).status_code
+def test_the_server_itself_loads_no_arrays(
+    product: Service, service: httpx.Client, page: Image.Image
+) -> None:
+    assert post(service, encoded(page, "JPEG")).status_code == 200
+    maps = Path(f"/proc/{product.process.pid}/maps").read_text(encoding="utf-8")
+    assert "numpy" not in maps
+    assert "cv2" not in maps
