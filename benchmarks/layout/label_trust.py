@@ -81,19 +81,25 @@ def accepted_share(judged: Judged, tolerated: float = TOLERATED) -> float:
 
 
 def plot(judged: Sequence[tuple[str, Judged]]) -> None:
-    """The error of every accepted share, one curve for each case."""
+    """The error of every accepted share: a panel for each number of samples, a colour for each set."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(figsize=(8, 5))
-    for case, each in judged:
+    cases = [(*case.rsplit(", ", 1), each) for case, each in judged]
+    sizes, names = (list(dict.fromkeys(keys)) for keys in ([c[1] for c in cases], [c[0] for c in cases]))
+    figure, panels = pyplot.subplots(1, len(sizes), figsize=(11, 4), sharey=True, squeeze=False)
+    for name, size, each in cases:
         errors = error_of_shares(each)
-        axes.plot(100 * np.arange(1, len(errors) + 1) / len(errors), 100 * errors, label=case, linewidth=1)
-    axes.axhline(100 * TOLERATED, color="black", linewidth=0.5)
-    axes.set(xlabel="accepted zones, percent", ylabel="wrong labels among them, percent", ylim=(0, 20))
-    axes.legend(fontsize="x-small")
+        share = 100 * np.arange(1, len(errors) + 1) / len(errors)
+        axes = panels[0, sizes.index(size)]
+        axes.plot(share, 100 * errors, label=name, color=f"C{names.index(name)}", linewidth=1)
+    for size, axes in zip(sizes, panels[0], strict=True):
+        axes.axhline(100 * TOLERATED, color="black", linewidth=0.5)
+        axes.set(title=size, xlabel="accepted zones, percent", ylim=(0, 20))
+    panels[0, 0].set(ylabel="wrong labels among them, percent")
+    panels[0, -1].legend(fontsize="small")
     figure.savefig(OUTPUT / f"{NAME}.png", dpi=120, bbox_inches="tight")
     pyplot.close(figure)
 
@@ -124,7 +130,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for size in sizes
         if size == "all" or int(size) < len(each)
     ]
-    judged = list(run_in_workers(_judge, tasks, _start, kept, options.workers))
+    order = [f"{name}, {size} samples" for name in names for size in sizes]
+    judged = sorted(
+        run_in_workers(_judge, tasks, _start, kept, options.workers), key=lambda each: order.index(each[0])
+    )
     figures: Figures = {
         case: {
             "expected_error_percent": 100 * expected_error(each),
