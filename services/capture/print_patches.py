@@ -33,6 +33,8 @@ class PatchParameters:
     direction_percentile: float = 98.0
     least_share: float = 0.05
     """Of all edge pixels; a direction with fewer shows nothing."""
+    steepest_edge_percentile: float = 90.0
+    """Of the gradients at edges of one direction: lower than in a patch, since flat pixels are no part of these."""
     paper: float = 0.8
     """Between ink (0) and paper (1): lighter pixels are paper, on which noise is measured."""
 
@@ -123,5 +125,5 @@ def _worst_blur(slope: Vector, angle: Vector, p: PatchParameters) -> float:
             continue
         top = float(np.percentile(own, p.direction_percentile))
         if (own > p.edge * top).sum() > p.least_share * strong.sum():
-            steepest.append(float(np.percentile(own[own > p.edge * top], p.steepest_percentile - 9)))
+            steepest.append(float(np.percentile(own[own > p.edge * top], p.steepest_edge_percentile)))
     return float(_blur_of(np.array([min(steepest)]), p)[0]) if steepest else float("nan")

@@ -65,14 +65,17 @@ class CaptureQuality:
 
     def enlarged(self, factor: int) -> "CaptureQuality":
         """Figures of the photo that is `factor` times as large as the one that was measured, by area averages."""
-        # An average over n pixels blurs as much as a Gaussian of variance (n^2 - 1) / 12.
-        blur = factor**2 * self.blur_px**2 - (factor**2 - 1) / 12
+
+        def before(blur_px: float) -> float:
+            # An average over n pixels blurs as much as a Gaussian of variance (n^2 - 1) / 12.
+            return float(np.sqrt(max(factor**2 * blur_px**2 - (factor**2 - 1) / 12, 0.0)))
+
         return replace(
             self,
             text_height_min_px=factor * self.text_height_min_px,
             text_height_median_px=factor * self.text_height_median_px,
-            blur_px=float(np.sqrt(max(blur, 0.0))),
-            worst_blur_px=float(np.sqrt(max(factor**2 * self.worst_blur_px**2 - (factor**2 - 1) / 12, 0.0))),
+            blur_px=before(self.blur_px),
+            worst_blur_px=before(self.worst_blur_px),
             noise=factor * self.noise,
         )
 
