@@ -180,11 +180,11 @@ def test_order_of_upload_and_base_do_not_change_the_page(
 
 @pytest.fixture(scope="module")
 def mixed() -> MosaicResult:
-    """A blank photo and one of another page among those of the page, of which one lies upside down."""
+    """A blank photo and one of another page among those of the page."""
     first, second, third = photos()
     blank = np.full((900, 820, 3), 225, np.uint8)
     other = photograph(page_image(1), CAMERAS[1], *SIZE)
-    return mosaic([first, blank, np.ascontiguousarray(second[::-1, ::-1]), third, other], AS_LAID)
+    return mosaic([first, blank, second, third, other], AS_LAID)
 
 
 def test_photos_that_do_not_belong_are_named(three: MosaicResult, mixed: MosaicResult) -> None:
@@ -194,13 +194,16 @@ def test_photos_that_do_not_belong_are_named(three: MosaicResult, mixed: MosaicR
         assert any(
             notice.code == "unplaced" and f"images[{index}]" in notice.detail for notice in mixed.warnings
         )
-    assert mixed.image.shape == pytest.approx(three.image.shape, abs=2)
+    assert mixed.image.shape == three.image.shape
 
 
-def test_a_photo_from_the_other_side_of_the_table_is_turned(mixed: MosaicResult) -> None:
+def test_a_photo_from_the_other_side_of_the_table_is_turned() -> None:
+    turned = photos()
+    turned[1] = np.ascontiguousarray(turned[1][::-1, ::-1])
+    result = mosaic(turned, AS_LAID)
+    assert result.unplaced == ()
     half_turn = np.array([[-1.0, 0.0, SIZE[0] - 1], [0.0, -1.0, SIZE[1] - 1], [0.0, 0.0, 1.0]])
-    there = replace(mixed, patches=tuple(mixed.patches[k] for k in (0, 2, 3)))
-    assert registration_error_px(there, [CAMERAS[0], half_turn @ CAMERAS[1], CAMERAS[2]]) < 0.3
+    assert registration_error_px(result, [CAMERAS[0], half_turn @ CAMERAS[1], CAMERAS[2]]) < 0.3
 
 
 def test_scans_are_joined_as_they_are() -> None:
