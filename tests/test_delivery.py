@@ -15,9 +15,12 @@ import tomllib
 from collections.abc import Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 import yaml
+
+from app.settings import Settings
 
 ROOT = Path(__file__).parents[1]
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
@@ -119,6 +122,27 @@ def test_compose_of_many_machines() -> None:
     assert api["WORKERS"] == "0" != worker["WORKERS"]
     for name in ("DATABASE_URL", "BLOB_URL"):
         assert api[name] == worker[name]
+    assert scaled["worker"]["command"] == [".venv/bin/python", "-m", "app", "worker"]
+    for one in scaled.values():
+        named = (volume.split(":")[0] for volume in one.get("volumes", ()))
+        assert set(named) <= set(compose["volumes"])
+        assert set(one.get("depends_on", ())) <= set(scaled)
+    endpoint, bucket = urlsplit(api["AWS_ENDPOINT_URL"]), urlsplit(api["BLOB_URL"]).netloc
+    assert f"-s3.port={endpoint.port}" in scaled[endpoint.hostname]["command"]
+    assert f"-name {bucket}" in scaled["bucket"]["command"][0]
+
+
+@pytest.mark.parametrize("name", ["document-rectification", "api", "worker"])
+def test_what_compose_sets_are_settings(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+    environment = compose["services"][name]["environment"]
+    of_others = {"TMPDIR", *(variable for variable in environment if variable.startswith("AWS_"))}
+    assert {variable.lower() for variable in set(environment) - of_others} <= set(Settings.model_fields)
+    for variable, value in environment.items():
+        monkeypatch.setenv(variable, re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", value))
+    settings = Settings()
+    assert (settings.host, settings.port) == ("0.0.0.0", 8000)
+    assert bool(settings.database_url) == bool(settings.blob_url) == (name != "document-rectification")
 
 
 def test_serve_listens_where_it_is_told() -> None:

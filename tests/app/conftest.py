@@ -6,7 +6,9 @@ from pathlib import Path
 import httpx
 import pytest
 
+from app.layout_store import DATABASE
 from tests.app.serving import forget_everything, serving
+from tests.models.databases import make_file
 
 
 @pytest.fixture(scope="session")
@@ -19,7 +21,9 @@ def client() -> Iterator[httpx.Client]:
 @pytest.fixture(scope="module")
 def data_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where the service of this module keeps what it remembers."""
-    return tmp_path_factory.mktemp("data")
+    folder = tmp_path_factory.mktemp("data")
+    make_file(folder / DATABASE)
+    return folder
 
 
 @pytest.fixture(scope="module")

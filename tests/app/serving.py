@@ -17,6 +17,7 @@ from app.settings import Settings
 from models.tables import Table
 from services.contract.operations import Operations
 from tests.app.scripted import OPERATIONS, PAGE
+from tests.models.databases import make_file
 
 SETTINGS = {
     "workers": 1,
@@ -26,6 +27,8 @@ SETTINGS = {
     "shutdown_grace_s": 5,
     "review_ahead": 0,  # no work that no request has asked for
 }
+POLL_S = 0.02
+"""Pause of a test between two looks at the service: without one, both would compete for the processor."""
 
 
 @contextmanager
@@ -34,8 +37,10 @@ def serving(operations: Operations = OPERATIONS, **settings: object) -> Iterator
 
     What it remembers is gone with the block, unless `data_dir` is given.
     """
-    with TemporaryDirectory() as folder, _serving(operations, {"data_dir": folder, **settings}) as client:
-        yield client
+    with TemporaryDirectory() as folder:
+        make_file(Path(folder) / DATABASE)
+        with _serving(operations, {"data_dir": folder, **settings}) as client:
+            yield client
 
 
 def forget_everything(client: httpx.Client, data_dir: Path) -> None:

@@ -19,7 +19,7 @@ def page() -> Image.Image:
 @pytest.fixture(scope="session")
 def product() -> Iterator[Service]:
     """The product's process."""
-    with running(PRODUCT, workers=1) as process:
+    with running(PRODUCT, fresh=True, workers=1) as process:
         yield process
 
 

@@ -16,7 +16,10 @@ from typing import Any
 
 import psutil
 
-ROOT = Path(__file__).parent.parent.parent
+from app.layout_store import DATABASE
+from tests.end_to_end.forked import ROOT, ForkedProcess, template
+from tests.models.databases import make_file
+
 SCRIPTED = "tests.end_to_end.scripted_service"
 PRODUCT = "app"
 
@@ -25,7 +28,7 @@ PRODUCT = "app"
 class Service:
     """A running server process; `lines` is what it has logged so far."""
 
-    process: "subprocess.Popen[str]"
+    process: "ForkedProcess | subprocess.Popen[str]"
     lines: list[dict[str, Any]] = field(default_factory=list)
     other_output: list[str] = field(default_factory=list)
     port: int = 0
@@ -66,29 +69,26 @@ class Service:
 
 
 @contextmanager
-def running(module: str = SCRIPTED, *arguments: str, **settings: object) -> Iterator[Service]:
+def running(
+    module: str = SCRIPTED, *arguments: str, fresh: bool = False, **settings: object
+) -> Iterator[Service]:
     """The service in a process of its own, on a free port of the loopback; with the argument `worker`, a worker.
 
-    What it remembers is gone with the block, unless `data_dir` is given.
+    The process is a fork of a template, which saves the imports; with `fresh`, Python starts anew, as an operator's
+    does. What the service remembers is gone with the block, unless `data_dir` is given.
     """
-    with (
-        TemporaryDirectory() as folder,
-        _running([module, *arguments], {"data_dir": folder, **settings}) as service,
-    ):
-        yield service
+    with TemporaryDirectory() as folder:
+        if not fresh:
+            make_file(Path(folder) / DATABASE)
+        with _running([module, *arguments], fresh, {"data_dir": folder, **settings}) as service:
+            yield service
 
 
 @contextmanager
-def _running(module: list[str], settings: dict[str, object]) -> Iterator[Service]:
-    environment = {name.upper(): str(value) for name, value in settings.items()}
-    process = subprocess.Popen(
-        [sys.executable, "-m", *module],
-        cwd=ROOT,
-        env={**os.environ, "HOST": "127.0.0.1", "PORT": "0", **environment},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+def _running(command: list[str], fresh: bool, settings: dict[str, object]) -> Iterator[Service]:
+    own = {name.upper(): str(value) for name, value in settings.items()}
+    environment = {**os.environ, "HOST": "127.0.0.1", "PORT": "0", **own}
+    process = _start(command, environment) if fresh else template().fork(command, environment)
     service = Service(process)
     reader = Thread(target=service.read)
     reader.start()
@@ -108,3 +108,23 @@ def _running(module: list[str], settings: dict[str, object]) -> Iterator[Service
             reader.join(10)
             assert process.stdout is not None
             process.stdout.close()
+
+
+def _start(command: list[str], environment: dict[str, str]) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-m", *command],
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def ended(module: str = SCRIPTED, **settings: object) -> tuple[int, list[dict[str, Any]]]:
+    """Exit status and log of a service that is expected to give up."""
+    own = {name.upper(): str(value) for name, value in settings.items()}
+    process = template().fork([module], {**os.environ, "HOST": "127.0.0.1", "PORT": "0", **own})
+    with process.stdout:
+        lines = [json.loads(line) for line in process.stdout]
+    return process.wait(60), lines

@@ -15,8 +15,9 @@ from playwright.sync_api import expect
 
 from tests.app.scripted import upload
 from tests.end_to_end.browser import NEEDS_CHROMIUM, SECONDS, browsing
+from tests.end_to_end.forked import ROOT
 from tests.end_to_end.page_visit import DESKTOP, chromium
-from tests.end_to_end.processes import ROOT, running
+from tests.end_to_end.processes import running
 
 pytestmark = NEEDS_CHROMIUM
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.end_to_end.processes import PRODUCT, ROOT, running
+from tests.end_to_end.forked import ROOT
+from tests.end_to_end.processes import PRODUCT, running
 
 ADDRESS = "127.0.0.1:8000"
 NOT_RUN = ("make ", "docker ")

@@ -34,7 +34,7 @@ def test_kill_9_costs_one_request(tmp_path: Path) -> None:
 
 
 def test_the_killer_of_every_process_but_the_server() -> None:
-    with running(workers=2) as service:
+    with running(fresh=True, workers=2) as service:
         for process in service.descendants():
             process.kill()
         deadline = time.monotonic() + 20

@@ -2,7 +2,6 @@
 
 import base64
 import io
-import time
 from pathlib import Path
 
 import httpx
@@ -106,11 +105,9 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_gets_a_problem_soon(service: httpx.Client, name: str) -> None:
+def test_bad_input_gets_a_problem(service: httpx.Client, name: str) -> None:
     photo, expected = BAD[name]
-    begin = time.monotonic()
     response = post(service, photo)
-    assert time.monotonic() - begin < 1
     assert response.status_code in expected
     if response.status_code != 200:
         assert response.headers["content-type"] == "application/problem+json"

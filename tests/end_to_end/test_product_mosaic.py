@@ -1,6 +1,5 @@
 """POST /mosaic of the product itself: what it makes of bad photos, and how fast it says so."""
 
-import time
 from collections.abc import Sequence
 
 import httpx
@@ -39,18 +38,14 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_photo_is_named_soon(service: httpx.Client, page: Image.Image, name: str) -> None:
+def test_a_bad_photo_is_named(service: httpx.Client, page: Image.Image, name: str) -> None:
     photo, status, code = BAD[name]
-    begin = time.monotonic()
     response = post(service, [encoded(page, "PNG"), photo, encoded(page, "PNG")])
-    assert time.monotonic() - begin < 1
     assert problem_of(response) == (status, code, "images[1]")
 
 
 def test_the_pixels_of_all_photos_are_judged_by_their_headers(service: httpx.Client) -> None:
-    begin = time.monotonic()
     response = post(service, [bomb(7000, 8600)] * 4)
-    assert time.monotonic() - begin < 1
     assert problem_of(response) == (413, "too-large", "images")
     assert "240.8 megapixels together" in response.json()["detail"]
 

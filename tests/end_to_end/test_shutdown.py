@@ -51,7 +51,7 @@ def assert_nothing_is_left(processes: list[psutil.Process]) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_what_is_in_flight_finishes_and_new_work_is_refused(number: signal.Signals, tmp_path: Path) -> None:
-    with running(SCRIPTED, workers=1, shutdown_grace_s=20, tmpdir=tmp_path) as service:
+    with running(SCRIPTED, fresh=True, workers=1, shutdown_grace_s=20, tmpdir=tmp_path) as service:
         thread, answers = post_in_background(service, f"wait {tmp_path}")
         queued, queued_answers = post_in_background(service, "")
         wait_for(tmp_path / "running")
@@ -98,7 +98,7 @@ def test_what_outlives_the_grace_gets_an_answer_and_is_stopped() -> None:
 
 
 def test_workers_do_not_outlive_a_server_that_is_killed(tmp_path: Path) -> None:
-    with running(SCRIPTED, workers=2, tmpdir=tmp_path) as service:
+    with running(SCRIPTED, fresh=True, workers=2, tmpdir=tmp_path) as service:
         processes = service.descendants()
         assert len(processes) >= 3
         service.process.kill()

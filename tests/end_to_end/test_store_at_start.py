@@ -1,35 +1,11 @@
 """A service that cannot remember does not start, and says why."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.end_to_end.processes import ROOT, SCRIPTED
-
-
-def start(data_dir: Path, database_url: str = "") -> tuple[int, list[dict[str, Any]]]:
-    """Exit status and log of a service that is expected to give up."""
-    ended = subprocess.run(
-        [sys.executable, "-m", SCRIPTED],
-        cwd=ROOT,
-        env={
-            **os.environ,
-            "HOST": "127.0.0.1",
-            "PORT": "0",
-            "DATA_DIR": str(data_dir),
-            "DATABASE_URL": database_url,
-        },
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    return ended.returncode, [json.loads(line) for line in ended.stdout.splitlines()]
+from tests.end_to_end.processes import ended
 
 
 @pytest.mark.parametrize("what", ["no folder", "no database"])
@@ -39,7 +15,7 @@ def test_the_reason_is_told(tmp_path: Path, what: str) -> None:
     else:
         (tmp_path / "data").mkdir()
         (tmp_path / "data" / "layout.sqlite3").write_text("no database at all" * 100)
-    status, log = start(tmp_path / "data")
+    status, log = ended(data_dir=tmp_path / "data")
     assert status != 0
     (line,) = [line for line in log if line["logger"] == "app.layout_store"]
     assert line["level"] == "error"
@@ -50,7 +26,7 @@ def test_the_reason_is_told(tmp_path: Path, what: str) -> None:
 
 def test_a_server_that_does_not_answer_is_told_without_its_password(tmp_path: Path) -> None:
     url = f"postgresql://someone:secret-word@/layout?host={tmp_path}"
-    status, log = start(tmp_path / "data", url)
+    status, log = ended(data_dir=tmp_path / "data", database_url=url)
     assert status != 0
     (line,) = [line for line in log if line["logger"] == "app.layout_store"]
     assert "the database of DATABASE_URL could not be opened" in line["message"]

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.common.postgresql import Cluster, running_cluster
 from models.repository import Store
-from tests.models.databases import KINDS, empty_tables
+from tests.models.databases import KINDS, empty_tables, make_file
 
 
 class Clock:
@@ -45,9 +45,9 @@ def emptied_url(cluster: Cluster) -> str:
 
 @pytest.fixture(params=KINDS)
 def where(request: pytest.FixtureRequest, tmp_path: Path) -> Path | str:
-    """What to open: a file that is not there yet, or a database without rows."""
+    """What to open: a file or a database with all tables and no rows."""
     if request.param == "sqlite":
-        return tmp_path / "store.sqlite3"
+        return make_file(tmp_path / "store.sqlite3")
     url: str = request.getfixturevalue("emptied_url")
     empty_tables(request.getfixturevalue("cluster"), url)
     return url
