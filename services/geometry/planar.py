@@ -9,6 +9,9 @@ from services.geometry.camera import focal_length_from_vanishing_points, plane_t
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.vanishing_points import FlowVanishingPoints
 
+MAX_TILT_RAD = float(np.deg2rad(65.0))
+"""Tilt beyond which a plane is no page that a person photographed."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PagePlane:

@@ -19,6 +19,11 @@ def node_grid(left: int, top: int, width: int, height: int) -> tuple[Points, tup
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), (rows, columns)
 
 
+def band_nodes(top: int, height: int) -> slice:
+    """Rows of a whole image's `node_grid` round its pixel rows from `top` on; `top` is a multiple of the step."""
+    return slice(top // GRID_STEP_PX, -(-(top + height) // GRID_STEP_PX) + 2)
+
+
 def between_nodes(nodes: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
     """Values (height, width, ...) at the rectangle's pixels from those (rows, columns, ...) at its nodes."""
     size = (nodes.shape[1] * GRID_STEP_PX, nodes.shape[0] * GRID_STEP_PX)

@@ -1,10 +1,11 @@
-"""Several pages -> one file: a PDF or a TIFF of several pages, or an archive with an image a page.
+"""Several pages -> one file: a PDF or a TIFF of several pages, or an archive with an image or a JSON file a page.
 
 Each page is encoded when it is done; then its pixels are not needed any more, and only the encoded parts stay in
 memory until the file is bound.
 """
 
 import io
+import json
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ import pikepdf
 from PIL import Image
 
 from services.arrays import RgbImage
+from services.contract.images import ArchiveContent
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
 
 PagesFileFormat = Literal["pdf", "tiff", "zip"]
@@ -60,30 +62,45 @@ def encode_part(
     return PagePart(data, dpi or DEFAULT_DPI, icc_profile)
 
 
-def bind_parts(
-    parts: Sequence[PagePart],
-    file_format: PagesFileFormat,
-    image_format: OutputFormat = "jpeg",
-    numbers: Sequence[int] | None = None,
-) -> bytes:
-    """One file of all pages in their order; an archive names its images `page-01.jpg` and so on, by `numbers`."""
-    if file_format == "zip":
-        return archive_files([part.data for part in parts], SUFFIXES[image_format], numbers)
+def bind_parts(parts: Sequence[PagePart], file_format: Literal["pdf", "tiff"]) -> bytes:
+    """One file of all pages in their order."""
     if file_format == "tiff":
         return _bind_tiff(parts)
     return parts[0].data if len(parts) == 1 else _bind_pdf(parts)
 
 
-def archive_files(files: Sequence[bytes], suffix: str, numbers: Sequence[int] | None = None) -> bytes:
-    """ZIP archive of `files`, a page each, named by `numbers` (None: from 1).
+def archive_pages(
+    images: Sequence[bytes],
+    image_format: OutputFormat,
+    numbers: Sequence[int],
+    documents: Sequence[object],
+    content: ArchiveContent,
+) -> bytes:
+    """ZIP archive of pages: their images, their descriptions as JSON files, or both, as `content` says.
 
-    Images are compressed already, so they are only stored.
+    Parameters
+    ----------
+    images
+        Encoded images; they are compressed already, so they are only stored.
+    image_format
+        Format of the images.
+    numbers
+        Number, from 1, of the page of each image: `page-01.jpg` and so on.
+    documents
+        Descriptions of all pages, also of those without an image, ready for JSON.
+    content
+        What the archive has.
     """
     buffer = io.BytesIO()
+    # A fixed date: the same pages make the same archive.
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for number, file in zip(numbers or range(1, len(files) + 1), files, strict=True):
-            # A fixed date: the same pages make the same archive.
-            archive.writestr(zipfile.ZipInfo(f"page-{number:02d}.{suffix}"), file)
+        if content != "json":
+            for number, image in zip(numbers, images, strict=True):
+                archive.writestr(zipfile.ZipInfo(f"page-{number:02d}.{SUFFIXES[image_format]}"), image)
+        if content != "images":
+            for number, document in enumerate(documents, 1):
+                text = json.dumps(document, ensure_ascii=False)
+                archive.writestr(zipfile.ZipInfo(f"page-{number:02d}.json"), text, zipfile.ZIP_DEFLATED)
     return buffer.getvalue()
 
 

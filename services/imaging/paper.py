@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.imaging.reduction import reduce_image
 from services.robust import cauchy_weights, fit_reweighted, narrowing
 
 
@@ -165,8 +166,8 @@ def model_paper(photo: RgbImage, text_points: Points, parameters: PaperParameter
     """
     p = parameters or PaperParameters()
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
-    size = (max(round(photo.shape[1] * factor), 8), max(round(photo.shape[0] * factor), 8))
-    small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
+    small = reduce_image(photo, factor, least_side_px=8)
+    size = (small.shape[1], small.shape[0])
     side = max(int(p.closing * max(size)) | 1, 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     blank = cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5)

@@ -9,9 +9,10 @@ from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
 from services.contract.rectify import RectifyParameters
 from services.geometry.page_frame import resize_frame
 from services.imaging.illumination import flatten_illumination
+from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.outside_text import find_characters, is_outside_text
-from services.rectify.analysis import PageAnalysis, resize_gray
+from services.rectify.analysis import PageAnalysis
 from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame
 from services.rectify.pipeline import estimate_page, frame_photo
@@ -85,7 +86,7 @@ def take_as_flat(
     with clock.stage("text"):
         gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
         factor = min(1.0, p.long_side_px / max(width, height))
-        text = identify_text(flatten_illumination(resize_gray(gray, factor)))
+        text = identify_text(flatten_illumination(reduce_image(gray, factor)))
         characters = len(text.components.sizes)
     told = text.text_height_px / factor if characters >= p.min_components else None
     text_height_px = told or p.text_height * max(width, height)
@@ -112,7 +113,7 @@ def view_photo(
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     usual = float(np.median(scales))
     factor = 1.0 / usual if usual > p.largest_reduction else 1.0
-    view = draw_gray_view(resize_gray(gray, factor), factor, frame)
+    view = draw_gray_view(reduce_image(gray, factor), factor, frame)
     flat_height_px = text_height_px / usual
     return FlatPhoto(
         index,

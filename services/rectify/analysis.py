@@ -11,6 +11,7 @@ from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import Paper, model_paper
+from services.imaging.reduction import reduce_image
 from services.rectify.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
 from services.sheet.evidence import PageEvidence
@@ -101,14 +102,6 @@ class PageAnalysis:
 def characters_in_photo(text: IdentifiedText, factor: float) -> Points:
     """Centres (N, 2) of the characters of `text`, found in the photo resized by `factor`, in photo pixels."""
     return np.asarray((text.components.centres + 0.5) / factor - 0.5)
-
-
-def resize_gray(gray: GrayImage, factor: float) -> GrayImage:
-    """`gray` reduced by `factor` <= 1 by area averages."""
-    if factor >= 1.0:
-        return gray
-    size = (max(round(gray.shape[1] * factor), 1), max(round(gray.shape[0] * factor), 1))
-    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def region_mask(region: tuple[tuple[float, float], ...], shape: tuple[int, int], factor: float) -> Mask:
@@ -320,7 +313,7 @@ def find_text(
     p = parameters or AnalysisParameters()
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     factor = min(1.0, p.long_side_px / max(gray.shape))
-    reduced = flatten_illumination(resize_gray(gray, factor))
+    reduced = flatten_illumination(reduce_image(gray, factor))
     guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
     text = identify_text(reduced, guide)
     paper = None
@@ -344,7 +337,7 @@ def _measure_flows(
     """Both flows (each in the frame it was measured in) and the image for strokes with its factor."""
     major = refine_major_flow(text, detect_coarse_flow(text))
     strokes_factor = min(1.0, p.stroke_text_height_px * factor / text.text_height_px)
-    strokes_image = flatten_illumination(resize_gray(gray, strokes_factor))
+    strokes_image = flatten_illumination(reduce_image(gray, strokes_factor))
     enlarge = strokes_factor / factor
     area = cv2.resize(
         text.area.astype(np.uint8),

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import GrayImage, Points, RgbImage
+from services.arrays import Floats, GrayImage, Points, RgbImage
 from services.geometry.homographies import resizing, transform_points
-from services.imaging.node_grid import GRID_STEP_PX, between_nodes, continuous_nodes, node_grid
+from services.imaging.node_grid import GRID_STEP_PX, band_nodes, between_nodes, continuous_nodes, node_grid
 from services.imaging.paper import certain_sheet
 from services.rectify.framing import FlatFrame
 from services.sheet.framing import CurvedFrame
@@ -19,7 +19,7 @@ TILE_NODES = 16
 """Nodes of the map's grid along the side of a tile in which the paper's edge is drawn."""
 FAR_PX = 1e6
 """From the view: its paper has no corners farther away."""
-BAND_PX = 256
+BAND_PX = 16 * GRID_STEP_PX
 """Rows drawn at a time; this bounds the memory of the dense map."""
 
 
@@ -35,12 +35,15 @@ def draw_gray_view(gray: GrayImage, factor: float, frame: FlatFrame | CurvedFram
         )
         return np.asarray(flat, np.uint8)
     view = np.full((frame.height, frame.width), 255, np.uint8)
-    _remap(gray, frame, factor, cv2.INTER_LINEAR, view)
+    _remap(gray, photo_nodes(frame), factor, cv2.INTER_LINEAR, view)
     return view
 
 
 def draw_flat_view(
-    photo: RgbImage, frame: FlatFrame | CurvedFrame, outline: Points | None = None
+    photo: RgbImage,
+    frame: FlatFrame | CurvedFrame,
+    outline: Points | None = None,
+    paper: Points | None = None,
 ) -> RgbImage:
     """Draw the flat view from the photo by one remap at full resolution.
 
@@ -53,12 +56,15 @@ def draw_flat_view(
     outline
         (N, 2) photo pixels: the outline of a sheet that is wholly in the photo. Outside of it the view is white, as
         on a scanner.
+    paper
+        (M, 2) photo pixels: a polygon outside of which the view is white too, of a bent page as of a flat one.
 
     Returns
     -------
     RgbImage
         (frame.height, frame.width, 3); white where the photo ends.
     """
+    nodes: Floats | None = None
     if isinstance(frame, FlatFrame):
         flat = np.asarray(
             cv2.warpPerspective(
@@ -74,11 +80,20 @@ def draw_flat_view(
         corners = None if sheet is None else transform_points(np.linalg.inv(frame.H_photo_flat), sheet)
     else:
         flat = np.full((frame.height, frame.width, 3), 255, np.uint8)
-        _remap(photo, frame, 1.0, cv2.INTER_CUBIC, flat)
+        nodes = photo_nodes(frame)
+        _remap(photo, nodes, 1.0, cv2.INTER_CUBIC, flat)
         corners = None if outline is None else _certain_flat_sheet(frame, outline)
     if corners is not None:
         _whiten_outside(flat, corners)
+    if paper is not None:
+        whiten_beyond(flat, frame, paper, nodes)
     return flat
+
+
+def photo_nodes(frame: FlatFrame | CurvedFrame) -> Floats:
+    """Photo pixels (rows, columns, 2) of the nodes of the view's grid; NaN where the page's model ends."""
+    grid, shape = node_grid(0, 0, frame.width, frame.height)
+    return np.asarray(frame.to_photo(grid)).reshape(*shape, 2)
 
 
 def _whiten_outside(flat: RgbImage, polygon: Points) -> None:
@@ -91,8 +106,12 @@ def _whiten_outside(flat: RgbImage, polygon: Points) -> None:
     cv2.fillPoly(flat, [around.astype(np.int32), beyond.astype(np.int32)], (255, 255, 255))
 
 
-def whiten_beyond(flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points) -> None:
+def whiten_beyond(
+    flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points, nodes: Floats | None = None
+) -> None:
     """Make the pixels of the view `flat` white, in place, whose photo points are outside the polygon `paper` (M, 2).
+
+    `nodes` are the view's `photo_nodes`, where they are known already.
 
     The map of a bent page has no inverse beyond its horizon. So the polygon is mapped into the view only if the page is
     flat and the polygon ends before the horizon. Else pixels of the view are mapped into the photo, and their distances
@@ -112,9 +131,8 @@ def whiten_beyond(flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points)
     cv2.fillPoly(inside, [np.round((paper - low) * scale * 16).astype(np.int32)], 1, shift=4)
     distance = np.asarray(cv2.distanceTransform(inside, cv2.DIST_L2, 3), np.float32)
     distance -= cv2.distanceTransform(1 - inside, cv2.DIST_L2, 3)
-    grid, shape = node_grid(0, 0, frame.width, frame.height)
-    at = ((frame.to_photo(grid) - low) * scale).astype(np.float32).reshape(*shape, 2)
-    nodes = cv2.remap(
+    at = (((photo_nodes(frame) if nodes is None else nodes) - low) * scale).astype(np.float32)
+    distances = cv2.remap(
         distance,
         np.nan_to_num(at[..., 0], nan=-1e6),
         np.nan_to_num(at[..., 1], nan=-1e6),
@@ -122,7 +140,7 @@ def whiten_beyond(flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points)
         borderMode=cv2.BORDER_CONSTANT,
         borderValue=(-GRID_STEP_PX,),
     )
-    _whiten_negative(flat, np.asarray(nodes, np.float32))
+    _whiten_negative(flat, np.asarray(distances, np.float32))
 
 
 def _whiten_negative(flat: RgbImage, nodes: NDArray[np.float32]) -> None:
@@ -154,28 +172,27 @@ def _certain_flat_sheet(frame: CurvedFrame, outline: Points) -> Points | None:
 
 def _remap(
     image: NDArray[np.uint8],
-    frame: CurvedFrame,
+    nodes_in_photo: Floats,
     factor: float,
     interpolation: int,
     flat: NDArray[np.uint8],
 ) -> None:
-    """Draw `image`, the photo resized by `factor`, into `flat` through the frame's map, band by band."""
-    for top in range(0, frame.height, BAND_PX):
-        rows = min(BAND_PX, frame.height - top)
-        grid, shape = node_grid(0, top, frame.width, rows)
-        nodes = ((frame.to_photo(grid) + 0.5) * factor - 0.5).reshape(*shape, 2)
-        known = continuous_nodes(nodes, MAX_REDUCTION * factor)
-        dense = between_nodes(np.where(known[..., None], nodes, 0.0).astype(np.float32), frame.width, rows)
+    """Draw `image`, the photo resized by `factor`, into `flat` through the map at its nodes, band by band."""
+    height, width = flat.shape[:2]
+    all_nodes = (nodes_in_photo + 0.5) * factor - 0.5
+    all_known = continuous_nodes(all_nodes, MAX_REDUCTION * factor)
+    white = (255.0,) * (1 if image.ndim == 2 else 3)
+    for top in range(0, height, BAND_PX):
+        rows = min(BAND_PX, height - top)
+        near = band_nodes(top, rows)
+        nodes, known = all_nodes[near], all_known[near]
+        x, y = (
+            between_nodes(np.where(known, nodes[..., axis], 0.0).astype(np.float32), width, rows)
+            for axis in (0, 1)
+        )
         if not known.all():
             # A pixel next to an unknown node is mapped to a place outside the photo.
-            share = between_nodes(known.astype(np.float32), frame.width, rows)
-            dense = np.where(share[..., None] < 0.999, np.float32(-1e6), dense)
-        white = (255.0,) * (1 if image.ndim == 2 else 3)
+            x[between_nodes(known.astype(np.float32), width, rows) < 0.999] = -1e6
         flat[top : top + rows] = cv2.remap(
-            image,
-            np.ascontiguousarray(dense[..., 0]),
-            np.ascontiguousarray(dense[..., 1]),
-            interpolation,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=white,
+            image, x, y, interpolation, borderMode=cv2.BORDER_CONSTANT, borderValue=white
         )

@@ -8,7 +8,7 @@ from services.arrays import Floats, Points, Vector
 from services.geometry.focal_prior import FOCAL, FocalPrior
 from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
-from services.geometry.planar import PagePlane
+from services.geometry.planar import MAX_TILT_RAD, PagePlane
 from services.rectify.straight_lines import (
     LinePlane,
     StraightLines,
@@ -53,7 +53,6 @@ class OutlinePlaneParameters:
     """A photo counts as cropped when an off-centre principal point brings the sum of squares down by this."""
     straight_bend: float = 0.01
     """Sides that are bent further show neither that the sheet is flat nor that the photo was cropped."""
-    max_tilt_rad: float = float(np.deg2rad(65.0))
     max_aspect: float = 8.0
     """Longer sheets than receipts."""
 
@@ -224,7 +223,7 @@ def plane_from_lines(
     misfit = float(np.sqrt(np.mean(fit.residuals_rad**2)))
     if misfit > p.max_misfit_rad:
         return NoOutlinePlane("its sides are those of no rectangle that a usual camera sees")
-    if float(np.arccos(np.clip(abs(fit.plane.rotation[2, 2]), 0.0, 1.0))) > p.max_tilt_rad:
+    if float(np.arccos(np.clip(abs(fit.plane.rotation[2, 2]), 0.0, 1.0))) > MAX_TILT_RAD:
         return NoOutlinePlane("it is seen from too low an angle")
     aspect = sheet_aspect(fit.plane, lines)
     if aspect is not None and not 1 / p.max_aspect < aspect < p.max_aspect:

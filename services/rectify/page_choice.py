@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Points, RgbImage, Vector
 from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
 from services.imaging.paper import Paper, PaperParameters
+from services.imaging.reduction import reduce_image
 from services.rectify.gutter import Gutter, direction_jump, find_gutter, row_gap
 from services.texture_flow.field import FlowSamples
 
@@ -224,8 +225,8 @@ def _reading_direction(major: FlowSamples, minor: FlowSamples | None) -> float:
 def _divides(photo: RgbImage, text: _Text, direction_rad: float, p: PageChoiceParameters) -> list[_Divide]:
     """Long edges across the text lines, near to which there are almost no characters."""
     factor = min(1.0, p.long_side_px / max(text.size))
-    size = (max(round(text.size[0] * factor), 8), max(round(text.size[1] * factor), 8))
-    small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
+    small = reduce_image(photo, factor, least_side_px=8)
+    size = (small.shape[1], small.shape[0])
     brightness = np.log(small.astype(np.float32).mean(axis=2) + p.black)
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
     found = []

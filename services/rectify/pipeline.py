@@ -19,7 +19,7 @@ from services.imaging.illumination import normalize_illumination
 from services.imaging.paper import certain_sheet
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
-from services.rectify.drawing import draw_flat_view, draw_gray_view, whiten_beyond
+from services.rectify.drawing import draw_flat_view, draw_gray_view
 from services.rectify.edge_cropping import crop_to_gutter, within_gutter
 from services.rectify.focal_length import focal_prior, remembered
 from services.rectify.framing import FlatFrame, frame_page
@@ -176,11 +176,10 @@ def flatten_page(
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
     release_freed_memory()
     with clock.stage("remap"):
-        flat = draw_flat_view(photo, frame, outline)
+        paper: Points | None = None
         if parameters.crop == "sheet" and page.outline is not None:
             paper = paper_in_photo(page.outline, page.characters)
-            if paper is not None:
-                whiten_beyond(flat, frame, paper)
+        flat = draw_flat_view(photo, frame, outline, paper)
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
             flat = normalize_illumination(flat)

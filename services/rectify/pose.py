@@ -17,7 +17,7 @@ from services.geometry.homographies import (
     translation,
 )
 from services.geometry.photo_frame import PhotoFrame
-from services.geometry.planar import PagePlane, estimate_plane
+from services.geometry.planar import MAX_TILT_RAD, PagePlane, estimate_plane
 from services.rectify.flat_lines import for_text, observe_lines, rescale_deviations
 from services.rectify.outline_plane import OutlinePlane, SheetSides
 from services.rectify.refinement import RefinedPlane, joint_cost, refine_plane
@@ -59,7 +59,6 @@ class PoseParameters:
 
     max_magnification_ratio: float = 6.0
     """Largest over smallest enlargement over the text; a page at 60 degrees just reaches it."""
-    max_tilt_rad: float = np.deg2rad(65.0)
     gain: float = 0.9
     curved_gain: float = 0.6
     """A tilt must bring the flows' mean deviation below this share of that without tilt, and further on a
@@ -151,7 +150,7 @@ def is_plausible(plane: PagePlane, text_points: Points, parameters: PoseParamete
     enlargement = np.sqrt(np.abs(np.linalg.det(jacobians(H, text_points))))
     low, high = np.percentile(enlargement, [STRAY_PERCENT, 100.0 - STRAY_PERCENT])
     tilt = float(np.arccos(np.clip(abs(plane.rotation[2, 2]), 0.0, 1.0)))
-    return bool(high < parameters.max_magnification_ratio * low and tilt < parameters.max_tilt_rad)
+    return bool(high < parameters.max_magnification_ratio * low and tilt < MAX_TILT_RAD)
 
 
 def flatten_ink(text: PageText, view: PhotoFrame, plane: PagePlane) -> tuple[Mask, Homography]:

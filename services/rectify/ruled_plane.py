@@ -10,6 +10,7 @@ from services.arrays import Floats, GrayImage, Points, Vector
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import estimate_vanishing_point
+from services.imaging.reduction import reduce_image
 from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, plane_from_lines
 from services.rectify.straight_lines import StraightLines
 
@@ -82,9 +83,7 @@ def plane_from_rules(
 def find_segments(gray: GrayImage, view: PhotoFrame, p: RuledPlaneParameters) -> tuple[Points, Points]:
     """Both ends (N, 2) of straight segments (von Gioi et al. 2010, "LSD"), in centred unit coordinates."""
     factor = min(1.0, p.long_side_px / max(gray.shape))
-    size = (max(round(gray.shape[1] * factor), 1), max(round(gray.shape[0] * factor), 1))
-    small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA) if factor < 1 else gray
-    found = cv2.createLineSegmentDetector().detect(small)[0]
+    found = cv2.createLineSegmentDetector().detect(reduce_image(gray, factor))[0]
     if found is None:
         return np.zeros((0, 2)), np.zeros((0, 2))
     both = (np.asarray(found, np.float64).reshape(-1, 2, 2) + 0.5) / factor - 0.5

@@ -13,7 +13,7 @@ from services.geometry.homographies import transform_points
 from services.geometry.page_frame import resize_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.illumination import flatten_illumination
-from services.rectify.analysis import resize_gray
+from services.imaging.reduction import reduce_image
 from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame, frame_page
 from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, OutlinePlaneParameters, read_sides
@@ -169,5 +169,5 @@ def draw_for_reading(
     """Small flat view in gray under even light, in which words can be read to find which way is up."""
     p = parameters or TextlessParameters()
     factor = min(1.0, p.orientation_long_side_px / max(photo.shape))
-    gray = resize_gray(np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8), factor)
+    gray = reduce_image(np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8), factor)
     return draw_gray_view(flatten_illumination(gray), factor, resize_frame(frame, factor))

@@ -23,7 +23,7 @@ from services.sheet.developable.residuals import BENDS, FittingParameters
 from services.sheet.developable.smooth_residual import morph_to_lines
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.evidence import PageEvidence
-from services.sheet.surfaces import StripsSurface
+from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, StripsSurface
 from services.sheet.tracing.line_tracing import measure_straightness, trace_by_characters
 from services.texture_flow.field import FlowSamples, mean_deviation
 
@@ -45,7 +45,7 @@ class CurvedParameters:
     simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
     start_focal_deviation: float = 0.05
     """Deviation of the prior in starts whose focal length stays near it."""
-    max_magnification_ratio: float = 10.0
+    max_magnification_ratio: float = MAX_MAGNIFICATION_RATIO
     max_tilt_rad: float = np.deg2rad(80.0)
     strips: int = 40
     """Number of strips that describe the surface in the answer."""

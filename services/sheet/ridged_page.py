@@ -16,7 +16,7 @@ from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.start import mesh_between_sides
-from services.sheet.surfaces import MeshSurface
+from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, MeshSurface
 from services.sheet.tracing.line_tracing import measure_straightness
 from services.texture_flow.field import FlowSamples
 
@@ -60,7 +60,7 @@ class RidgedPageParameters:
     """Largest RMS change of the edges' lengths; paper stretches less."""
     max_side: float = 0.012
     """RMS distance of the sides from the mesh's border, in photo units: above it, the outline is another sheet's."""
-    max_magnification_ratio: float = 10.0
+    max_magnification_ratio: float = MAX_MAGNIFICATION_RATIO
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+MAX_MAGNIFICATION_RATIO = 10.0
+"""Largest over smallest enlargement over the text of a bent page; more is a wrong shape."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StripsSurface:

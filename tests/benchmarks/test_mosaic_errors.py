@@ -8,7 +8,7 @@ from benchmarks.mosaic.errors import measure_placement, mesh_at, mesh_of_homogra
 from benchmarks.mosaic.peers import chain
 from services.geometry.homographies import scaling, transform_points, translation
 from simulation.letter_pages import letter_pages
-from simulation.mosaic_sets import OVERLAPS, MosaicSet, photograph_set
+from simulation.mosaic_sets import OVERLAPS, PHOTO_SIZES, MosaicSet, photograph_set
 
 H_MOSAIC_PAGE = scaling(0.8) @ translation(30, -12)
 
@@ -23,7 +23,11 @@ def _true_set(made: MosaicSet) -> TrueSet:
 
 @pytest.fixture(scope="module")
 def made() -> MosaicSet:
-    return photograph_set(letter_pages()[0], 4, 0.2, np.random.default_rng(2))
+    """Small photos: of them only size and truth are measured."""
+    width, height = PHOTO_SIZES[4]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(PHOTO_SIZES, 4, (width // 4, height // 4))
+        return photograph_set(letter_pages()[0], 4, 0.2, np.random.default_rng(2))
 
 
 @pytest.fixture(scope="module")

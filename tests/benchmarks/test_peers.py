@@ -112,3 +112,17 @@ def test_the_command_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     assert peers.find_page_dewarp(None) is None
     monkeypatch.setenv("UVDOC_PYTHON", "/opt/python")
     assert (peers.find_uvdoc(None), peers.find_uvdoc("mine")) == ("/opt/python", "mine")
+
+
+def test_a_command_may_be_a_path_from_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _command(tmp_path, "shutil.copy(photo, folder + '/photo_thresh.png')")
+    monkeypatch.chdir(tmp_path)
+    command = peers.find_page_dewarp("./peer")
+    assert command is not None
+    assert peers.run_page_dewarp(command, PHOTO)[2] == ""
+
+
+def test_a_command_of_the_path_stays_a_name() -> None:
+    assert peers.find_page_dewarp("page-dewarp") == "page-dewarp"

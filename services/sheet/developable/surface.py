@@ -260,12 +260,15 @@ class DevelopableSurface:
         x = x[:, None]
         h1 = x * x * (3 - 2 * x)
         h2, h3 = step * x * (1 - x) ** 2, step * x * x * (x - 1)
-        inside = (x >= 0) & (x <= 1)
+        before, after = np.flatnonzero(x[:, 0] < 0), np.flatnonzero(x[:, 0] > 1)
 
         def between(value: Floats, slope: Floats) -> Floats:
             a, b, m, n = value[left], value[left + 1], slope[left], slope[left + 1]
-            beyond = np.where(x < 0, a + x * step * m, b + (x - 1) * step * n)
-            return np.asarray(np.where(inside, a + h1 * (b - a) + h2 * m + h3 * n, beyond))
+            found = a + h1 * (b - a) + h2 * m + h3 * n
+            # Beyond the table the surface is straight.
+            found[before] = a[before] + x[before] * step * m[before]
+            found[after] = b[after] + (x[after] - 1) * step * n[after]
+            return np.asarray(found)
 
         return between(self.P, self.A), between(self.R, rate)
 

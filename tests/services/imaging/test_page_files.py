@@ -1,6 +1,7 @@
 """Several pages in one file: all there, in order, with pixels and resolution."""
 
 import io
+import json
 import zipfile
 
 import numpy as np
@@ -10,7 +11,7 @@ from PIL import Image
 
 from services.errors import InvalidOption
 from services.imaging.codec import OutputFormat
-from services.imaging.page_files import PagesFileFormat, bind_parts, encode_part
+from services.imaging.page_files import PagesFileFormat, archive_pages, bind_parts, encode_part
 
 RNG = np.random.default_rng(4)
 PAGES = [RNG.integers(0, 256, (height, width, 3), dtype=np.uint8) for height, width in ((40, 30), (25, 50))]
@@ -24,7 +25,9 @@ def bind(
 ) -> bytes:
     """One file of both pages."""
     parts = [encode_part(page, file_format, image_format, quality, dpi) for page in PAGES]
-    return bind_parts(parts, file_format, image_format)
+    if file_format == "zip":
+        return archive_pages([part.data for part in parts], image_format, [1, 2], [], "images")
+    return bind_parts(parts, file_format)
 
 
 def test_a_tiff_holds_every_page_losslessly() -> None:
@@ -54,6 +57,22 @@ def test_an_archive_has_an_image_a_page(image_format: OutputFormat, suffix: str)
         sizes = [Image.open(io.BytesIO(archive.read(name))).size for name in archive.namelist()]
     assert sizes == [(30, 40), (50, 25)]
     assert file == bind("zip", image_format)
+
+
+def test_an_archive_has_json_files_of_all_pages_also_of_failed_ones() -> None:
+    documents = [{"width": 3, "mesh": [[0.5, None]]}, {"problem": {"code": "no-text"}}]
+    for content, names in (
+        ("json", ["page-01.json", "page-02.json"]),
+        ("both", ["page-01.png", "page-01.json", "page-02.json"]),
+    ):
+        with zipfile.ZipFile(
+            io.BytesIO(archive_pages([b"image"], "png", [1], documents, content))
+        ) as archive:
+            assert archive.namelist() == names
+            assert [json.loads(archive.read(f"page-0{n}.json")) for n in (1, 2)] == documents
+        assert archive_pages([b"image"], "png", [1], documents, content) == archive_pages(
+            [b"image"], "png", [1], documents, content
+        )
 
 
 def test_a_quality_out_of_range_is_refused() -> None:

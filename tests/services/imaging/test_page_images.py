@@ -138,6 +138,7 @@ def test_large_pages_of_a_pdf_are_drawn_coarser() -> None:
     assert shapes[0][0] / shapes[0][1] == pytest.approx(842 / 595, rel=0.01)
 
 
+@pytest.mark.pipeline
 @pytest.mark.parametrize(
     "make",
     [lambda: pdf(A4, count=10_000), lambda: several("TIFF", frames(range(30), (4, 4)))],
@@ -232,11 +233,9 @@ def tiff_chain(directories: int, entries: int) -> bytes:
     """Directories that share their entries' bytes are not possible in a chain; these have `entries` each."""
     tags = [(256, 4, 1, 4), (257, 4, 1, 4), *((40_000 + tag, 4, 1, 0) for tag in range(entries - 2))]
     body = pack_directory(tags)[8:-4]
-    chain = b"II*\0" + struct.pack("<I", 8)
-    for number in range(directories):
-        following = 8 + (number + 1) * (len(body) + 4)
-        chain += body + struct.pack("<I", following if number + 1 < directories else 0)
-    return chain
+    following = [8 + number * (len(body) + 4) for number in range(1, directories)]
+    chain = b"".join(body + struct.pack("<I", offset) for offset in [*following, 0])
+    return b"II*\0" + struct.pack("<I", 8) + chain
 
 
 def values_chain() -> bytes:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.imaging.reduction import halve
+from services.imaging.reduction import halve, reduce_image
 
 
 @pytest.mark.parametrize("size", [(400, 300), (401, 303)])
@@ -21,3 +21,26 @@ def test_fine_stripes_become_gray_and_colours_are_kept() -> None:
     image = np.random.default_rng(1).integers(0, 255, (40, 61, 3), dtype=np.uint8)
     assert halve(image).shape == (20, 30, 3)
     assert np.allclose(halve(image).mean(axis=(0, 1)), image[:, :60].mean(axis=(0, 1)), atol=1)
+
+
+@pytest.mark.parametrize("factor", [0.9, 0.55, 0.4, 0.23])
+def test_a_reduced_image_keeps_places_at_any_factor(factor: float) -> None:
+    x, y = np.meshgrid(np.arange(401), np.arange(303))
+    image = np.round(20 + 0.25 * x + 0.3 * y).astype(np.uint8)
+    small = reduce_image(image, factor).astype(float)
+    rows, columns = np.indices(small.shape)
+    expected = 20 + 0.25 * ((columns + 0.5) / factor - 0.5) + 0.3 * ((rows + 0.5) / factor - 0.5)
+    assert np.abs(np.array(small.shape) - factor * np.array(image.shape)).max() <= 1
+    # Half a pixel of the answer at each far end, and the rounding of levels.
+    assert np.abs(small - expected).max() <= 0.55 * 0.5 / factor + 1.0
+
+
+def test_an_image_is_reduced_by_averages_and_never_enlarged() -> None:
+    gray = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
+    assert reduce_image(gray, 1.5) is gray
+    half = reduce_image(gray, 0.5)
+    assert half.shape == (30, 40)
+    assert np.abs(half - gray.reshape(30, 2, 40, 2).mean(axis=(1, 3))).max() <= 1
+    assert reduce_image(gray, 0.001).shape == (1, 1)
+    assert reduce_image(gray, 0.001, least_side_px=8).shape == (8, 8)
+    assert np.abs(float(reduce_image(gray, 0.3).mean()) - gray.mean()) < 2

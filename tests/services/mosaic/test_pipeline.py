@@ -17,6 +17,10 @@ from services.mosaic import pipeline
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import flatten_photo
 from services.mosaic.pipeline import mosaic
+from services.mosaic.registration import photo_pairs
+from services.mosaic.registration.pair_registration import PairRegistration
+from services.mosaic.registration.pair_verification import PreparedPhoto
+from services.mosaic.registration.photo_pairs import RegistrationParameters, Unregistered
 from services.mosaic.results import MosaicResult
 from services.progress import progress_to
 from services.rectify.stage_clock import StageClock
@@ -38,6 +42,10 @@ CAMERAS: tuple[Homography, ...] = (
 
 def photos() -> list[RgbImage]:
     return [photograph(page_image(), H, *SIZE) for H in CAMERAS]
+
+
+def other_page() -> RgbImage:
+    return photograph(page_image(1), CAMERAS[1], *SIZE)
 
 
 def on_mosaic(mesh: Points, photo_points: Points, size: tuple[int, int]) -> Points:
@@ -100,6 +108,29 @@ def _flatten_each_photo_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "flatten_photo", flatten)
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _register_each_pair_once() -> Iterator[None]:
+    """Two flat views in one order of upload are registered once; that this order plays no part is a test of pairs."""
+    known: dict[tuple[object, ...], PairRegistration | Unregistered] = {}
+    register = photo_pairs._register
+
+    def register_once(
+        a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: RegistrationParameters
+    ) -> PairRegistration | Unregistered:
+        first, second = a.photo.index, b.photo.index
+        key = (a.key, b.key, turns, fineness, first < second)
+        if key not in known:
+            known[key] = register(a, b, turns, fineness, p)
+        found = known[key]
+        if isinstance(found, Unregistered):
+            return found
+        return replace(found, a=min(first, second), b=max(first, second))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(photo_pairs, "_register", register_once)
         yield
 
 
@@ -183,8 +214,7 @@ def mixed() -> MosaicResult:
     """A blank photo and one of another page among those of the page."""
     first, second, third = photos()
     blank = np.full((900, 820, 3), 225, np.uint8)
-    other = photograph(page_image(1), CAMERAS[1], *SIZE)
-    return mosaic([first, blank, second, third, other], AS_LAID)
+    return mosaic([first, blank, second, third, other_page()], AS_LAID)
 
 
 def test_photos_that_do_not_belong_are_named(three: MosaicResult, mixed: MosaicResult) -> None:
@@ -224,13 +254,12 @@ def test_the_same_photo_twice_is_one_page() -> None:
 
 def test_photos_of_two_pages_do_not_become_one() -> None:
     with pytest.raises(NotOverlapping, match=r"no two of images\[0\], images\[1\] show"):
-        mosaic([photos()[0], photograph(page_image(1), CAMERAS[0], *SIZE)], AS_LAID)
+        mosaic([photos()[0], other_page()], AS_LAID)
 
 
 def test_a_base_beside_the_page_is_a_problem() -> None:
-    other = photograph(page_image(1), CAMERAS[1], *SIZE)
-    with pytest.raises(NotOverlapping, match=r"images\[0\]"):
-        mosaic([other, *photos()[:2]], MosaicParameters(upright=False, base=0))
+    with pytest.raises(NotOverlapping, match=r"images\[2\]"):
+        mosaic([*photos()[:2], other_page()], MosaicParameters(upright=False, base=2))
 
 
 def test_blank_photos_are_named() -> None:

@@ -10,7 +10,6 @@ from services.rectify.analysis import (
     analyse_photo,
     characters_in_photo,
     region_mask,
-    resize_gray,
 )
 from services.texture_flow.text_identification import identify_text
 from simulation.flat_page import Page
@@ -148,15 +147,6 @@ def test_region_mask_is_the_polygon_in_the_reduced_photo() -> None:
     assert whole.all()
     beside = region_mask(((1e6, 1e6), (2e6, 1e6), (2e6, 2e6)), (200, 200), 0.5)
     assert not beside.any()
-
-
-def test_photos_are_reduced_by_averages_and_never_enlarged() -> None:
-    gray = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
-    assert resize_gray(gray, 1.5) is gray
-    half = resize_gray(gray, 0.5)
-    assert half.shape == (30, 40)
-    assert np.abs(half - gray.reshape(30, 2, 40, 2).mean(axis=(1, 3))).max() <= 1
-    assert resize_gray(gray, 0.001).shape == (1, 1)
 
 
 def test_characters_are_where_the_reduced_photo_has_them(pages: tuple[Page, ...]) -> None:

@@ -75,6 +75,7 @@ def test_photo_and_page_are_inverse(bent: Bent) -> None:
     assert np.allclose(surface.from_sheet(at.sheet), PAGE, atol=1e-9)
 
 
+@pytest.mark.pipeline
 @given(BENT)
 @settings(max_examples=60)
 def test_jacobians_are_the_derivatives_of_the_page(bent: Bent) -> None:
