@@ -64,7 +64,6 @@ async def give_layout_feedback(
     feedback = await while_connected(
         request, learn_from_feedback(state, id, caller.scoped(idempotency_key), body, caller.name)
     )
-    request.state.changed_models = sorted(feedback.versions)
     request.state.seat.release()
     warnings = [] if feedback.created else await _without_effect(state, feedback)
     return Response(_answer(feedback, warnings).model_dump_json(by_alias=True), media_type="application/json")
@@ -85,7 +84,6 @@ async def undo_layout_feedback(request: Request, state: State, id: str) -> Undon
     """
     await require_own_result(request, state, id)
     undone = await while_connected(request, undo_feedback(state, id))
-    request.state.changed_models = sorted(undone.versions)
     return UndoneFeedback(
         result=id,
         feedback=list(undone.feedback_ids),

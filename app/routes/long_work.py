@@ -8,6 +8,7 @@ from fastapi import Request, Response
 from starlette.datastructures import Headers
 
 from app.callers import caller_of
+from app.form_parts import has_form
 from app.jobs.callback_request import parse_callback_url
 from app.jobs.registry import MOST_KEY_CHARACTERS, Repeatable
 from app.jobs.stored_request import RUN, JobRun
@@ -134,7 +135,7 @@ async def _callback_url(request: Request, state: AppState) -> str | None:
         When it is not allowed, or comes without the preference for a job.
     """
     sent = {request.query_params[CALLBACK]} if CALLBACK in request.query_params else set()
-    if request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
+    if has_form(request.headers):
         sent |= {str(value) for value in (await request.form()).getlist(CALLBACK)}
     urls = sent - {""}
     if not urls:

@@ -1,5 +1,6 @@
 """Responses with a page: their format, headers and documentation."""
 
+from dataclasses import replace
 from typing import Any, Protocol
 
 from fastapi import Request, Response, UploadFile
@@ -21,6 +22,7 @@ from app.routes.long_work import ACCEPTED
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import (
     AnswerFormat,
+    ArchiveContent,
     EmbeddedFormat,
     Encoding,
     PageReply,
@@ -85,6 +87,7 @@ class AskedPagesEncoding(AskedPicture, Protocol):
     """Form fields that determine the format of a response that may have several pages."""
 
     format: PagesFormat | None
+    archive: ArchiveContent
 
 
 def documented_page(
@@ -149,7 +152,7 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
     single, several = choose_pages_formats(asked.format, request.headers.get("accept"), sniff_format(head))
-    return _encoding_of(asked, photo, single, several)
+    return replace(_encoding_of(asked, photo, single, several), archive=asked.archive)
 
 
 def _encoding_of(

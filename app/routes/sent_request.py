@@ -6,6 +6,8 @@ from anyio import to_thread
 from fastapi import Request
 from starlette.datastructures import UploadFile
 
+from app.form_parts import has_form
+
 _AT_ONCE_BYTES = 1 << 20
 
 
@@ -24,7 +26,7 @@ async def digest_of(request: Request) -> str:
     add(
         url.encode(), request.headers.get("accept", "").encode(), request.headers.get("if-match", "").encode()
     )
-    if not request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
+    if not has_form(request.headers):
         add(await request.body())
         return digest.hexdigest()
     for name, part in (await request.form()).multi_items():

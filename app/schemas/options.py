@@ -6,7 +6,14 @@ from pydantic import BeforeValidator, Field, StringConstraints
 from pydantic.json_schema import SkipJsonSchema
 
 from services.contract import rectify
-from services.contract.images import AnswerFormat, EmbeddedFormat, ImageLimits, PagesFormat, PdfVersion
+from services.contract.images import (
+    AnswerFormat,
+    ArchiveContent,
+    EmbeddedFormat,
+    ImageLimits,
+    PagesFormat,
+    PdfVersion,
+)
 
 WRONG_NUMBER_OF_FILES = "wrong_number_of_files"
 """Type of the validation error of a field with too few or too many files."""
@@ -93,6 +100,13 @@ Title = Annotated[
 AskedPdfVersion = Annotated[
     PdfVersion,
     Field(description="Version of a PDF: 1.7, or a-2b for archives (PDF/A-2b, ISO 19005-2)."),
+]
+AskedArchive = Annotated[
+    ArchiveContent,
+    Field(
+        description="What an archive (format=zip) has of every page: its image, its JSON description (page-01.json; "
+        "the problem of a page that failed), or both."
+    ),
 ]
 Quality = Annotated[
     Annotated[int, Field(ge=1, le=100)] | Absent,

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstra
 from app.schemas.capture import Quality as PhotoQuality
 from app.schemas.options import (
     Absent,
+    AskedArchive,
     AskedPagesFormat,
     AskedPdfVersion,
     CallbackUrl,
@@ -154,6 +155,7 @@ class RectifyForm(BaseModel):
     max_height: MaxPixels = None
     pdf_version: AskedPdfVersion = "1.7"
     title: Title = None
+    archive: AskedArchive = "images"
     callback_url: CallbackUrl = None
 
     def parameters(self) -> RectifyParameters:

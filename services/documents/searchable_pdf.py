@@ -20,7 +20,8 @@ from services.text.page_text import Box, PageText, TextLine, is_right_to_left, n
 
 SOFTWARE = "document-rectification"
 _LOW_WORD = 0.6
-"""A word lower than this share of its line (a dash, a comma) gets the line's rows, so that it stays in the line."""
+"""Punctuation lower than this share of its line (a dash, a comma) gets the line's rows, so that it stays in the line.
+Words of letters without ascenders are as low (0.45 to 0.55), and keep their own rows."""
 _MOST_RANGES = 100
 """Entries of a `bfchar` section (Adobe Technical Note 5014)."""
 _POINTS_PER_INCH = 72.0
@@ -164,7 +165,7 @@ def _rows_of(word: Word, line: TextLine) -> Box:
     """Box of the word in the layer, in pixels."""
     x0, y0, x1, y1 = word.box
     _, top, _, bottom = line.box
-    if y1 - y0 < _LOW_WORD * (bottom - top):
+    if y1 - y0 < _LOW_WORD * (bottom - top) and not any(map(str.isalnum, word.text)):
         return x0, top, x1, bottom
     return x0, y0, x1, y1
 

@@ -13,6 +13,7 @@ import numpy as np
 from services.arrays import GrayImage
 from services.ocr.engine import OcrEngine, ReadDirection, Word
 from services.ocr.languages import DEFAULT_LANGUAGE
+from services.ocr.reading_direction import order_letters
 
 _log = logging.getLogger(__name__)
 
@@ -191,7 +192,7 @@ class TesseractEngine:
             if word.Empty(level) or box is None:
                 continue
             try:
-                text = word.GetUTF8Text(level).strip()
+                text = order_letters(word.GetUTF8Text(level).strip())
             except RuntimeError:  # "No text returned": the library's word for an empty one.
                 continue
             if text:

@@ -9,7 +9,7 @@ from services.arrays import RgbImage
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
 from services.errors import DocumentError, NotAcceptable
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
-from services.imaging.page_files import PagePart, PagesFileFormat, bind_parts, encode_part
+from services.imaging.page_files import PagePart, PagesFileFormat, archive_pages, bind_parts, encode_part
 from services.operations.page_reading import describe_text, write_text
 from services.operations.replies import (
     ENCODING_BEGINS,
@@ -139,25 +139,30 @@ def bind_pages(
         documents.insert(failure.place, failure.document())
     numbers = [number for number, document in enumerate(documents, 1) if "problem" not in document]
     body = b""
+    described = to_json_ready(documents)
+    assert isinstance(described, list)
     with timed("encode", timings_ms, ENCODING_BEGINS):
         if target.format in get_args(TextFormat):
             body = write_text(texts, cast(TextFormat, target.format), encoding, DEFAULT_DPI)
-        elif target.format in get_args(PagesFileFormat):
-            body = bind_parts(parts, cast(PagesFileFormat, target.format), target.image_format, numbers)
-            if target.format == "pdf":
-                body = add_text_layer(
-                    body, [page.text for page in pages], encoding, [part.dpi for part in parts]
-                )
+        elif target.format == "zip":
+            images = [part.data for part in parts]
+            body = archive_pages(images, target.image_format, numbers, described, encoding.archive)
+        elif target.format == "tiff":
+            body = bind_parts(parts, "tiff")
+        elif target.format == "pdf":
+            body = add_text_layer(
+                bind_parts(parts, "pdf"),
+                [page.text for page in pages],
+                encoding,
+                [part.dpi for part in parts],
+            )
         elif parts:
             body = parts[0].data
-    ready = to_json_ready(
-        {
-            "pages": documents,
-            "warnings": describe_warnings(notices),
-            "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
-        }
-    )
-    assert isinstance(ready, dict)
+    ready: dict[str, object] = {
+        "pages": described,
+        "warnings": describe_warnings(notices),
+        "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
+    }
     return PageReply(body, MEDIA_TYPES[target.format], ready)
 
 

@@ -18,7 +18,7 @@ from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesForm
 from services.documents.searchable_pdf import PdfFacts, finish_pdf
 from services.heap import release_freed_memory
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, UploadFormat, encode_image
-from services.imaging.page_files import SUFFIXES, archive_files
+from services.imaging.page_files import archive_pages
 from services.ocr.languages import language_tag
 from services.operations.page_reading import describe_text, write_text
 from services.progress import report_progress
@@ -71,6 +71,8 @@ def make_reply(
     image = describe_image(embedded, image_format)
     ready = to_json_ready({**document, "text": described, "timings_ms": rounded_ms, **image})
     assert isinstance(ready, dict)
+    if encoding.format == "zip":
+        body = archive_pages([body], image_format, [1], [ready], encoding.archive)
     return PageReply(body, MEDIA_TYPES[encoding.format or image_format], ready)
 
 
@@ -85,8 +87,6 @@ def _encode_page(
         assert text is not None, "a text format needs the text"
         return write_text([text], cast(TextFormat, encoding.format), encoding, source.dpi or DEFAULT_DPI)
     body = encode_image(page, image_format, encoding.quality, source.dpi, source.icc_profile)
-    if encoding.format == "zip":
-        return archive_files([body], SUFFIXES[image_format])
     if encoding.format == "pdf":
         return add_text_layer(body, [text], encoding, [source.dpi or DEFAULT_DPI])
     return body

@@ -20,6 +20,11 @@ class ModelCache:
         self._bytes = 0
         self._models: OrderedDict[str, tuple[bytes, LayoutModel]] = OrderedDict()
 
+    def find(self, name: str, document: bytes) -> LayoutModel | None:
+        """The model in a JSON document if it is cached."""
+        kept = self._models.get(name)
+        return None if kept is None or kept[0] != document else kept[1]
+
     def read(self, name: str, document: bytes) -> LayoutModel:
         """The model in a JSON document; the same object while it is cached.
 
@@ -30,16 +35,16 @@ class ModelCache:
         InvalidLayout
             When this release cannot read the document.
         """
-        kept = self._models.get(name)
-        if kept is None or kept[0] != document:
+        model = self.find(name, document)
+        if model is None:
             model = model_from_document(json.loads(document))
             self._drop(name)
-            kept = self._models[name] = document, model
+            self._models[name] = document, model
             self._bytes += len(document)
         self._models.move_to_end(name)
         while self._bytes > self._most_bytes and len(self._models) > 1:
             self._drop(next(iter(self._models)))
-        return kept[1]
+        return model
 
     def _drop(self, name: str) -> None:
         kept = self._models.pop(name, None)
@@ -63,15 +68,17 @@ def open_models(models: Sequence[ModelDocument], ready: ModelCache = _READY) -> 
     ]
 
 
-def read_model(stored: ModelDocument) -> LayoutModel:
-    """The parsed model, without the cache, since a model that learns soon has another version.
+def read_model(stored: ModelDocument, ready: ModelCache = _READY) -> LayoutModel:
+    """The parsed model. It is not added to the cache, since a model that learns soon has another version.
+
+    The process that recognized the page has it in the cache.
 
     Raises
     ------
     InvalidModel
         When this release cannot read the model.
     """
-    return _read(stored, ModelCache())
+    return ready.find(stored.name, stored.document) or _read(stored, ModelCache())
 
 
 def _read(stored: ModelDocument, ready: ModelCache) -> LayoutModel:

@@ -1,20 +1,29 @@
 """Content features of zones (dissertation 5.6.2, Table 5.1): the confidence that a text is a date, a greeting, ...
 
 A settings file has the words and patterns (`content_settings`); this module searches for them. The texts come from
-OCR, so key words may have misread letters (`fuzzy_words`). The time for any text is bounded.
+OCR, so key words may have misread letters (`fuzzy_words`). The time for any text is bounded. Word lists are those of
+the page's language (`text_language`).
 """
 
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import islice
 from pathlib import Path
 
 from services.contract.bounded_patterns import LONGEST_TEXT
-from services.layout.content.content_settings import FeatureSettings, Place, read_settings
+from services.layout.content.content_settings import (
+    BASE_LANGUAGE,
+    LANGUAGE_FILES,
+    FeatureSettings,
+    Place,
+    read_function_words,
+    read_settings,
+)
 from services.layout.content.fuzzy_words import ANCHORED, ANYWHERE, FuzzyWords
+from services.layout.content.text_language import find_language, own_words
 from services.layout.page import Page
 
 WEAK = 0.5
@@ -71,9 +80,17 @@ class _Text:
 
 
 class ContentFeatures:
-    """Measures all features of the settings. Threads can share it."""
+    """Measures all features of the settings. Threads can share it.
 
-    def __init__(self, settings: Iterable[FeatureSettings]) -> None:
+    `in_language` gives the same features with the word lists of another language; None: there are no others.
+    """
+
+    def __init__(
+        self,
+        settings: Iterable[FeatureSettings],
+        in_language: Callable[[str], "ContentFeatures"] | None = None,
+    ) -> None:
+        self._in_language = in_language
         self._settings = tuple(settings)
         phrases: dict[bool, dict[str, list[_Phrase]]] = {True: {}, False: {}}
         patterns: list[_Pattern] = []
@@ -101,12 +118,15 @@ class ContentFeatures:
     def load(cls, path: Path | None = None) -> "ContentFeatures":
         """The features of this package, extended or replaced by a user's settings file.
 
+        The word lists of other languages are indexed when the first page needs them.
+
         Raises
         ------
         InvalidContentSettings
             When the file is invalid; the error names the file and the key.
         """
-        return cls(read_settings(path))
+        others = {language: read_settings(path, language) for language in LANGUAGE_FILES}
+        return cls(read_settings(path), cache(lambda language: cls(others[language])))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -114,7 +134,10 @@ class ContentFeatures:
         return tuple(feature.name for feature in self._settings)
 
     def measure(self, text: str) -> dict[str, float]:
-        """Confidence, 0-1, of every feature in a zone's text; at most `LONGEST_TEXT` characters are searched."""
+        """Confidence, 0-1, of every feature in a zone's text, by the word lists of the base language.
+
+        At most `LONGEST_TEXT` characters are searched.
+        """
         read = _read(text)
         if not read.text:
             return dict.fromkeys(self.names, 0.0)
@@ -129,7 +152,15 @@ class ContentFeatures:
         }
 
     def measure_page(self, page: Page) -> Page:
-        """The page with content features for every zone that has a text and no features yet."""
+        """The page with content features for every zone that has a text and no features yet.
+
+        They are measured by the word lists of the page's language.
+        """
+        if all(zone.content or not zone.text.strip() for zone in page.zones):
+            return page
+        language = page_language(page)
+        if self._in_language is not None and language != BASE_LANGUAGE:
+            return self._in_language(language).measure_page(page)
         measured: dict[str, Mapping[str, float]] = {}
         zones = []
         for zone in page.zones:
@@ -277,6 +308,16 @@ def _covered(text: str, spans: Iterable[tuple[int, int]]) -> int:
             count += end - begin - text.count(" ", begin, end)
             reached = end
     return count
+
+
+def page_language(page: Page) -> str:
+    """Language of a page's texts, of those that have a settings file; the base language where it is not clear."""
+    return find_language((zone.text for zone in page.zones), _own_words(), BASE_LANGUAGE)
+
+
+@cache
+def _own_words() -> dict[str, frozenset[str]]:
+    return own_words(read_function_words())
 
 
 @lru_cache(maxsize=4)

@@ -1,7 +1,7 @@
 """Settings of content features: word lists and patterns, read from TOML files.
 
-A file has one table for each feature; `content_features.toml` of this package shows every key. A user's file changes
-it:
+A file has one table for each feature; `content_features.toml` of this package shows every key and has English words.
+For pages in other languages a file of the folder `languages` is laid over it, and over both a user's file:
 
 - a table of a new name adds a feature;
 - a table of a known name adds its `phrases`, `weak_phrases`, `patterns` and `weak_patterns` to those of the
@@ -19,6 +19,12 @@ from typing import Any, Literal, get_args
 from services.contract.bounded_patterns import UnboundedPattern, compile_bounded
 
 PACKAGED = Path(__file__).with_name("content_features.toml")
+BASE_LANGUAGE = "eng"
+"""The language of `PACKAGED`, by ISO 639-2/T, as OCR names it."""
+LANGUAGE_FILES = {file.stem: file for file in sorted(PACKAGED.with_name("languages").glob("*.toml"))}
+"""Settings files of the other languages; they change no set of features, so that all pages can be compared."""
+FUNCTION_WORDS = "prose"
+"""The feature whose phrases are the words that hold sentences together; they tell the language of a page."""
 Place = Literal["start", "line", "anywhere", "whole"]
 PLACES: tuple[Place, ...] = get_args(Place)
 LISTS = ("phrases", "weak_phrases", "patterns", "weak_patterns")
@@ -87,29 +93,41 @@ _GRADES: dict[str, tuple[Callable[[Any], bool], str]] = {
 """For each key of a feature: a check of its value, and the allowed values in words."""
 
 
-def read_settings(path: Path | None = None) -> tuple[FeatureSettings, ...]:
-    """The features of this package, extended or replaced by a user's settings file.
+def read_settings(path: Path | None = None, language: str = BASE_LANGUAGE) -> tuple[FeatureSettings, ...]:
+    """The features of this package for pages in `language`, extended or replaced by a user's settings file.
 
     Raises
     ------
     InvalidContentSettings
         When a file is no such TOML, a key is unknown or of the wrong type, or a pattern's work is not bounded.
     """
-    features = {name: _feature(PACKAGED, name, table) for name, table in _tables(PACKAGED).items()}
-    if path is not None:
-        for name, table in _tables(path).items():
-            if (removed := table.pop("remove", False)) is True:
-                features.pop(name, None)
-                continue
-            if removed is not False:
-                raise InvalidContentSettings(path, f"{name}.remove", "must be true or false")
-            anew = table.pop("replace", False)
-            if not isinstance(anew, bool):
-                raise InvalidContentSettings(path, f"{name}.replace", "must be true or false")
-            features[name] = _feature(path, name, table, None if anew else features.get(name))
-        if not 1 <= len(features) <= MOST_FEATURES:
-            raise InvalidContentSettings(path, "", f"there must be 1 to {MOST_FEATURES} features")
+    features: dict[str, FeatureSettings] = {}
+    for file in (PACKAGED, LANGUAGE_FILES.get(language), path):
+        if file is not None:
+            _lay_over(features, file)
+    if not 1 <= len(features) <= MOST_FEATURES:
+        raise InvalidContentSettings(path or PACKAGED, "", f"there must be 1 to {MOST_FEATURES} features")
     return tuple(features.values())
+
+
+def read_function_words() -> dict[str, tuple[str, ...]]:
+    """Function words of every language that has a settings file, the base language among them."""
+    files = {BASE_LANGUAGE: PACKAGED, **LANGUAGE_FILES}
+    return {language: tuple(_tables(file)[FUNCTION_WORDS]["phrases"]) for language, file in files.items()}
+
+
+def _lay_over(features: dict[str, FeatureSettings], path: Path) -> None:
+    """Change `features` as the tables of the file at `path` say."""
+    for name, table in _tables(path).items():
+        if (removed := table.pop("remove", False)) is True:
+            features.pop(name, None)
+            continue
+        if removed is not False:
+            raise InvalidContentSettings(path, f"{name}.remove", "must be true or false")
+        anew = table.pop("replace", False)
+        if not isinstance(anew, bool):
+            raise InvalidContentSettings(path, f"{name}.replace", "must be true or false")
+        features[name] = _feature(path, name, table, None if anew else features.get(name))
 
 
 def _tables(path: Path) -> dict[str, dict[str, Any]]:

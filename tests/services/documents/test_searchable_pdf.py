@@ -68,6 +68,13 @@ def test_a_low_word_stays_in_its_line() -> None:
     assert pypdfium2.PdfDocument(make(text))[0].get_textpage().get_text_range().strip() == "from — to"
 
 
+def test_a_word_without_ascenders_keeps_its_rows() -> None:
+    words = (word("from", 100, 100, 60, 24), word("me", 200, 107, 30, 12), word("5", 240, 110, 12, 12))
+    text = PageText(850, 1100, "eng", (TextBlock((TextLine(words),)),))
+    assert boxes_of(make(text))["me"] == pytest.approx((200, 107, 230, 119), abs=0.75)
+    assert boxes_of(make(text))["5"] == pytest.approx((240, 110, 252, 122), abs=0.75)
+
+
 def test_the_picture_is_what_is_seen() -> None:
     seen = [pypdfium2.PdfDocument(file)[0].render().to_numpy() for file in (PLAIN, make(LETTER))]
     assert np.array_equal(*seen)

@@ -9,6 +9,7 @@ import pytest
 from services.contract.images import Encoding, ImageLimits, PageReply, TextFormat
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption
+from services.layout.page import Page, ReadWord, Zone
 from services.ocr.engine import Word
 from services.operations import page_reading
 from services.operations.rectify import rectify_upload
@@ -49,6 +50,16 @@ def test_json_has_the_words_in_both_frames() -> None:
     # The mesh of the scripted pipeline has a node beyond the photo.
     assert text["words"][1]["photo"] is None
     assert "reading" in document["timings_ms"]
+
+
+def test_zones_that_miss_most_words_do_not_order_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of three words in two lines, the zones hold the last one only; it would come first."""
+    below = Word("Bell", (100, 200, 180, 230), 0.9)
+    held = Zone("z0", (90, 190, 190, 240), words=(ReadWord(below.text, below.box, 0.9, 0),), text="Bell")
+    page = Page(800, 600, (held,))
+    monkeypatch.setattr(page_reading, "segment_read_page", lambda image, engine: (page, [*WORDS, below]))
+    document = read(Encoding("json")).document
+    assert [word["text"] for word in document["text"]["words"]] == ["Dear", "Smith", "Bell"]  # type: ignore[index]
 
 
 def test_without_the_option_nothing_is_read(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
 """Several photos, TIFF files and PDFs in one request; a page that fails does not lose the others."""
 
 import io
+import json
 import zipfile
 from typing import Any
 
@@ -77,6 +78,18 @@ def test_a_tiff_and_an_archive_hold_all() -> None:
     archive = run(PNG, b"nothing", JPEG, encoding=Encoding("zip", pages_format="zip")).body
     with zipfile.ZipFile(io.BytesIO(archive)) as files:
         assert files.namelist() == ["page-01.png", "page-03.png"]
+
+
+def test_an_archive_of_json_files_has_what_json_has() -> None:
+    for uploads in ((PNG, b"nothing", JPEG), (JPEG,)):
+        zipped = run(*uploads, encoding=Encoding("zip", pages_format="zip", archive="json"))
+        with zipfile.ZipFile(io.BytesIO(zipped.body)) as files:
+            assert files.namelist() == [f"page-0{number}.json" for number in range(1, len(uploads) + 1)]
+            pages = [json.loads(files.read(name)) for name in files.namelist()]
+        assert pages == (pages_of(zipped) if len(uploads) > 1 else [zipped.document])
+        plain = run(*uploads, encoding=Encoding("json", pages_format="json"))
+        described = pages_of(plain) if len(uploads) > 1 else [plain.document]
+        assert [page.get("mesh") for page in pages] == [page.get("mesh") for page in described]
 
 
 def test_a_page_that_fails_does_not_lose_the_others() -> None:

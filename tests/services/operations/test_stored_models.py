@@ -6,7 +6,7 @@ from dataclasses import replace
 from services.contract.layout import ModelDocument
 from services.layout.model.layout_model import Calibration, LayoutModel, ModelNode
 from services.layout.model.model_document import model_to_document
-from services.operations.stored_models import ModelCache, open_models
+from services.operations.stored_models import ModelCache, open_models, read_model
 
 
 def stored(name: str) -> ModelDocument:
@@ -51,3 +51,14 @@ def test_a_new_version_takes_the_place_of_the_one_before() -> None:
 def test_a_model_larger_than_all_that_is_kept_is_read_all_the_same() -> None:
     ready = ModelCache(most_bytes=1)
     assert [ready.read(name, stored(name).document).name for name in "aba"] == ["a", "b", "a"]
+
+
+def test_a_model_that_learns_is_taken_from_the_cache_and_not_added_to_it() -> None:
+    ready, model = ModelCache(), stored("a")
+    first = read_model(model, ready)
+    assert read_model(model, ready) is not first
+    [kept] = open_models([model], ready)
+    assert read_model(model, ready) is kept.model
+    newer = replace(model, version=2, document=model.document.replace(b'"samples": 1', b'"samples": 2'))
+    assert read_model(newer, ready).samples == 2
+    assert open_models([model], ready)[0].model is kept.model

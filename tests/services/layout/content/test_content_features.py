@@ -249,6 +249,7 @@ def test_pages_are_measured_once_and_quickly() -> None:
     assert FEATURES.measure_page(known) == known
 
 
+@pytest.mark.pipeline
 def test_marks_tell_the_zones_of_made_pages() -> None:
     """Precision and recall at 0.5 over a hundred pages of our own."""
     rng = np.random.default_rng(5)
