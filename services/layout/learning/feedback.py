@@ -19,7 +19,7 @@ from services.layout.recognition.page_recognition import comparable_cost
 Labels = tuple[str | None, ...]
 
 _QUICK = MatchingParameters(max_nodes=0, max_sweeps=0)
-"""For models of other classes: there a proof of the least cost takes longest and changes the cost little."""
+"""For costs by which classes are compared: a proof takes time and changes them little, as in initialization."""
 _FORBIDDEN = 1e6
 """Cost of a label that a person has excluded: more than all other costs of a page."""
 
@@ -156,8 +156,8 @@ def _decide(
     The page's cost under the right model is counted as that of a page which it has not seen.
     """
     taught_right, taught_wrong = (None if model is None else model.calibration for model in (right, wrong))
-    cost = 0.0 if right is None else _least_cost(graph, right.model, MatchingParameters())
-    other = 0.0 if wrong is None else _least_cost(graph, wrong.model, _QUICK)
+    cost = 0.0 if right is None else _least_cost(graph, right.model)
+    other = 0.0 if wrong is None else _least_cost(graph, wrong.model)
     if taught_right is not None and taught_wrong is not None:
         taught_right, taught_wrong = prefer_class((cost, taught_right), (other, taught_wrong))
     elif taught_right is not None and found_class is None:
@@ -185,7 +185,7 @@ def _cost(graph: LayoutGraph, model: _CalibratedModel, labels: Labels) -> float 
     return cost + model.calibration.bias * graph.zones
 
 
-def _least_cost(graph: LayoutGraph, model: CompiledModel, parameters: MatchingParameters) -> float:
+def _least_cost(graph: LayoutGraph, model: CompiledModel) -> float:
     """Least cost a zone of the page, by which classes are compared."""
-    matching = match_directly(build_cost_tables(graph, model), parameters)
+    matching = match_directly(build_cost_tables(graph, model), _QUICK)
     return comparable_cost(graph, model, matching.labels) / max(1, graph.zones)

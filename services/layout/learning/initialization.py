@@ -11,23 +11,33 @@ from services.layout.content.content_features import ContentFeatures, content_fe
 from services.layout.graph.layout_graph import build_graph
 from services.layout.learning.learned_joining import learn_joining
 from services.layout.learning.over_segmentation import over_segment
-from services.layout.matching import conditional_costs
+from services.layout.matching import MatchingParameters, conditional_costs, match_directly
+from services.layout.model.cost import build_cost_tables
 from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
 from services.layout.model.layout_model import Calibration, LayoutModel
 from services.layout.model.learning_model import LearningModel, end_learning
-from services.layout.model.scale_fitting import fit_scales, fit_scales_without
-from services.layout.model.statistics import LabelledGraph, sample_statistics, total_statistics
+from services.layout.model.scale_fitting import HeldOutTerms, fit_scales, fit_scales_without, hold_out_terms
+from services.layout.model.statistics import (
+    LabelledGraph,
+    label_indices,
+    sample_statistics,
+    total_statistics,
+)
 from services.layout.page import Page
 from services.layout.recognition.classification import calibrate
 from services.layout.recognition.label_calibration import calibrate_labels, judge_labels
-from services.layout.recognition.page_recognition import RecognitionParameters, comparable_cost, match_graph
+from services.layout.recognition.page_recognition import comparable_cost
 
 MOST_HELD_OUT = 40
 """Largest number of held-out samples for the measurement of the class's costs."""
 MOST_MATCHED = 2e8
 """Largest number of table entries of pairs for all held-out samples: 40 pages of 200 zones with 15 labels. Larger pages
 take seconds each, so that fewer are held out."""
+
+NO_PROOF = MatchingParameters(max_nodes=0, max_sweeps=0)
+"""Of held-out pages local search alone labels: means of costs change by 1 % at most, in a third to a tenth of the
+time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +87,7 @@ def initialize_model(
     seen = make_views(samples, found or [None] * len(samples), content or content_features())
     if not seen:
         raise ValueError("a model needs at least one page with zones")
-    begun = begin_model(name, seen)
-    return end_learning(replace(begun, calibration=calibrate_model(begun, seen)))
+    return end_learning(begin_calibrated(name, seen))
 
 
 def make_views(
@@ -97,12 +106,30 @@ def begin_model(
 
     `labels` are those of its nodes, None first (None: those of the samples).
     """
+    return _begin(name, seen, labels_of(seen) if labels is None else labels)[0]
+
+
+def begin_calibrated(
+    name: str, seen: Sequence[Views], labels: Sequence[str | None] | None = None
+) -> LearningModel:
+    """`begin_model` with the cost of pages of the class and the trust in labels, by cross-validation on `seen`.
+
+    A held-out sample has a part neither in the statistics nor in the attributes' weights of the model that labels it.
+    """
+    begun, held_out = _begin(name, seen, labels_of(seen) if labels is None else labels)
+    return replace(begun, calibration=_calibrate(begun, seen, held_out))
+
+
+def _begin(
+    name: str, seen: Sequence[Views], labels: Sequence[str | None]
+) -> tuple[LearningModel, HeldOutTerms]:
+    """The model, and what its weights were fitted to."""
     graphs = [[view.labelled for view in views] for views in seen]
-    labels = labels_of(seen) if labels is None else labels
     total = total_statistics(sample_statistics(views, labels) for views in graphs)
-    fitted = fit_scales(graphs, total, labels)
+    held_out = hold_out_terms(graphs, total, labels)
+    fitted = fit_scales(held_out)
     verified = Counter(zone.label for views in seen for zone in views[0].page.zones)
-    return LearningModel(
+    begun = LearningModel(
         name=name,
         model=estimate_model(total, labels, fitted.scales),
         statistics=total,
@@ -113,6 +140,7 @@ def begin_model(
         content_names=graphs[0][0].graph.content_names,
         joining=learn_joining((views[0].page, views[1].page) for views in seen if views[1].is_found),
     )
+    return begun, held_out
 
 
 def labels_of(seen: Sequence[Views]) -> tuple[str | None, ...]:
@@ -121,31 +149,27 @@ def labels_of(seen: Sequence[Views]) -> tuple[str | None, ...]:
     return (None, *sorted(label for label in known if label is not None))
 
 
-def calibrate_model(begun: LearningModel, seen: Sequence[Views]) -> Calibration:
-    """The cost of pages of the class and the trust in labels, by cross-validation on the samples of `begun`.
-
-    A held-out sample has a part neither in the statistics nor in the attributes' weights of the model that labels it.
-    """
+def _calibrate(begun: LearningModel, seen: Sequence[Views], held_out: HeldOutTerms) -> Calibration:
     if len(seen) < 2:
-        return calibrate([])
+        return begun.calibration
     labels = begun.labels
     work = [sum(len(view.labelled.graph.pairs) for view in views) * len(labels) ** 2 for views in seen]
-    graphs = [[view.labelled for view in views] for views in seen]
-    scales = fit_scales_without(graphs, begun.statistics, labels, begun.model.scales)
+    scales = fit_scales_without(held_out, begun.model.scales)
     costs = []
     judged = []
     with_images = any(view.is_found for views in seen for view in views)
     for index in choose_evenly(work, MOST_HELD_OUT, MOST_MATCHED):
-        others = begun.statistics - sample_statistics(graphs[index], labels)
-        model = estimate_model(others, labels, scales[index])
+        own = sample_statistics([view.labelled for view in seen[index]], labels)
+        model = estimate_model(begun.statistics - own, labels, scales[index])
         for view in seen[index]:
             graph = view.labelled.graph
-            tables, matching, _ = match_graph(graph, view.page, model, RecognitionParameters())
-            costs.append(comparable_cost(graph, model, matching.labels) / graph.zones)
+            tables = build_cost_tables(graph, model)
+            found = match_directly(tables, NO_PROOF).labels
+            costs.append(comparable_cost(graph, model, found) / graph.zones)
             # Confidences are most wrong, and most used, on the zones of segmentation.
             if view.is_found or not with_images:
-                true = np.array([labels.index(label) for label in view.labelled.labels])
-                judged.append(judge_labels(conditional_costs(tables, matching.labels), matching.labels, true))
+                true = label_indices(view.labelled.labels, labels)
+                judged.append(judge_labels(conditional_costs(tables, found), found, true))
     return calibrate_labels(calibrate(costs), judged, len(seen))
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from services.contract.layout_learning import Learner, TrainingReport
 from services.layout.content.content_features import ContentFeatures
 from services.layout.graph.layout_graph import KIND_FEATURES
-from services.layout.learning.initialization import begin_model, calibrate_model, labels_of, make_views
+from services.layout.learning.initialization import begin_calibrated, begin_model, labels_of, make_views
 from services.layout.learning.rounds import run_rounds
 from services.layout.model.layout_model import LayoutModel
 from services.layout.model.learning_model import LearningModel, begin_learning, end_learning
@@ -66,5 +66,6 @@ def train_in_rounds(
     trained, training = run_rounds(begin, pages, rounds, learner, report=report, hold_out=has_all)
     calibration = model.calibration
     if has_all:
-        calibration = replace(calibrate_model(begin(range(len(seen))), seen), bias=calibration.bias)
+        calibrated = begin_calibrated(model.name, seen, labels).calibration
+        calibration = replace(calibrated, bias=calibration.bias)
     return end_learning(replace(trained, calibration=calibration)), training

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +76,23 @@ def default_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
     )
 
 
+_COMPILED: WeakKeyDictionary[LayoutModel, tuple[tuple[str, ...], CompiledModel]] = WeakKeyDictionary()
+"""Arrays of the models in use, for the content features of their last use."""
+
+
 def compile_model(model: LayoutModel, content_names: Sequence[str]) -> CompiledModel:
-    """Arrays of `model`. Attributes that it does not have cost nothing; its unknown attributes are left out."""
+    """Arrays of `model`, the same ones while it is in use: nobody changes them.
+
+    Attributes that it does not have cost nothing; its unknown attributes are left out.
+    """
+    names = tuple(content_names)
+    kept = _COMPILED.get(model)
+    if kept is None or kept[0] != names:
+        kept = _COMPILED[model] = names, _compile(model, names)
+    return kept[1]
+
+
+def _compile(model: LayoutModel, content_names: Sequence[str]) -> CompiledModel:
     nodes, count = model.nodes, len(model.nodes)
     values = np.full((count, len(NUMERIC_ATTRIBUTES)), np.nan)
     variances, weights = np.ones_like(values), np.ones_like(values)

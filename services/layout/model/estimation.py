@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,10 +124,12 @@ def name_parts(
 ) -> LayoutModel:
     """The model as it is stored, its arrays as mappings by name, rounded and clipped to the limits of a model."""
     values, variances = _stored(model.values, 5).tolist(), _stored(model.variances, 8).tolist()
-    known = np.isfinite(model.values)
+    known = np.isfinite(model.values).tolist()
     weights = _stored(np.minimum(model.weights, MOST_WEIGHT), 4)
-    numeric_weights, content_weights = np.split(weights, [len(NUMERIC_ATTRIBUTES)], axis=1)
-    content, counts = np.round(model.content, 4), _stored(model.counts, 3).tolist()
+    numeric_weights, content_weights = (
+        part.tolist() for part in np.split(weights, [len(NUMERIC_ATTRIBUTES)], axis=1)
+    )
+    content, counts = np.round(model.content, 4).tolist(), _stored(model.counts, 3).tolist()
     relations, has_costs = _stored(model.relations, 3).tolist(), np.any(model.relations, axis=2).tolist()
     label_costs, scales = _stored(model.label_costs, 4), _stored(np.minimum(model.scales, MOST_WEIGHT), 4)
     return LayoutModel(
@@ -141,21 +144,21 @@ def name_parts(
                     attribute.name: NumericExpectation(
                         values[row][column],
                         max(variances[row][column], 1e-8),
-                        float(numeric_weights[row, column]),
+                        numeric_weights[row][column],
                     )
                     for column, attribute in enumerate(NUMERIC_ATTRIBUTES)
-                    if known[row, column]
+                    if known[row][column]
                 },
                 content={
-                    feature: float(content[row, column])
-                    for column, feature in enumerate(content_names)
-                    if np.isfinite(content[row, column])
+                    feature: expected
+                    for feature, expected in zip(content_names, content[row], strict=True)
+                    if isfinite(expected)
                 },
                 count_costs=tuple(counts[row]),
                 content_weights={
-                    feature: float(content_weights[row, column])
-                    for column, feature in enumerate(content_names)
-                    if content_weights[row, column] != 1.0
+                    feature: weight
+                    for feature, weight in zip(content_names, content_weights[row], strict=True)
+                    if weight != 1.0
                 },
                 joining=round(joining.get(label or "", 0.0), 4),
             )

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.special import logsumexp
+from scipy.sparse import coo_array
+from scipy.special import softmax
 
 from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import RELATION_OFFSETS
@@ -22,6 +23,12 @@ from services.layout.model.cost import node_terms, relation_weight
 from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
 from services.layout.model.statistics import LabelledGraph, LabelStatistics, label_indices, sample_statistics
+
+_NONE = np.zeros(0, np.intp)
+_LEAST_SHARE = 1e-4
+"""Of the gain that the slope promises, which a step must keep (Armijo's rule)."""
+_IMPROBABLE = 1e-3
+"""Labels that are less probable than this share of the most probable one hardly change the curvature."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +43,8 @@ class ScaleFittingParameters:
     """Costs of zones by label and attribute (8 bytes each, every iteration reads them all): 200 pages of 40 zones with
     15 labels in two views; only larger pages, or more labels, make the samples fewer."""
     most_iterations: int = 60
+    least_gain: float = 1e-6
+    """Of the cost: refitting ends where a step cannot gain more. Weights are then within 0.003 of the best."""
     folds: int = 5
     """Parts of the samples without which weights are fitted again. Leaving out each sample alone costs more, and a
     fifth of the samples changes weights about as much as their number does between 4 and 5, or 16 and 20."""
@@ -51,29 +60,58 @@ class FittedScales:
     certainty: NDArray[np.float64]
 
 
-def fit_scales(
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOutTerms:
+    """What weights are fitted to: `terms` (N, L, K) of zones (`conditional_terms`) by models without their samples.
+
+    `truth` (N,) are the true labels, `owner` (N,) the indices of the samples among all `samples`, `usual` (K,) the
+    weights that are usual. No zones where there are fewer than two samples: nothing was held out.
+    """
+
+    terms: NDArray[np.float64]
+    truth: NDArray[np.intp]
+    owner: NDArray[np.intp]
+    samples: int
+    usual: NDArray[np.float64]
+
+
+def hold_out_terms(
     samples: Sequence[Sequence[LabelledGraph]],
     total: LabelStatistics,
     labels: Sequence[str | None],
     parameters: ScaleFittingParameters = ScaleFittingParameters(),
-) -> FittedScales:
-    """Weights of all attributes, in the order of `scale_names`.
+) -> HeldOutTerms:
+    """Terms of the zones of all samples, or of as many as `parameters` allow.
 
     A sample is a page in one view or several (`initialization`), all of which are held out together; `total` are the
-    sums over all samples (`sample_statistics`). Fewer than two samples leave the usual weights: nothing was held out.
+    sums over all samples (`sample_statistics`).
     """
     usual = default_scales(samples[0][0].graph.content_names if samples else ())
-    if len(samples) < 2:
-        return FittedScales(usual, np.zeros_like(usual))
-    terms, truth, _ = _held_out_terms(samples, total, labels, usual, parameters)
-    scales = most_probable_scales(terms, truth, usual, parameters)
-    return FittedScales(scales, scale_certainty(scales, terms))
+    terms, truth, owner = [np.zeros((0, len(labels), len(usual)))], [_NONE], [_NONE]
+    work = [sum(view.graph.zones for view in views) * len(labels) * len(usual) for views in samples]
+    if len(samples) > 1:
+        for index in choose_evenly(work, parameters.most_samples, parameters.most_terms):
+            model = estimate_model(total - sample_statistics(samples[index], labels), labels, usual)
+            for view in samples[index]:
+                given = label_indices(view.labels, labels)
+                terms.append(conditional_terms(view, model, given))
+                truth.append(given)
+                owner.append(np.full(len(given), index))
+    return HeldOutTerms(
+        np.concatenate(terms), np.concatenate(truth), np.concatenate(owner), len(samples), usual
+    )
+
+
+def fit_scales(
+    held_out: HeldOutTerms, parameters: ScaleFittingParameters = ScaleFittingParameters()
+) -> FittedScales:
+    """Weights of all attributes, in the order of `scale_names`; without zones the usual ones."""
+    scales = most_probable_scales(held_out.terms, held_out.truth, held_out.usual, parameters)
+    return FittedScales(scales, scale_certainty(scales, held_out.terms))
 
 
 def fit_scales_without(
-    samples: Sequence[Sequence[LabelledGraph]],
-    total: LabelStatistics,
-    labels: Sequence[str | None],
+    held_out: HeldOutTerms,
     scales: NDArray[np.float64],
     parameters: ScaleFittingParameters = ScaleFittingParameters(),
 ) -> list[NDArray[np.float64]]:
@@ -81,34 +119,46 @@ def fit_scales_without(
 
     Otherwise as `fit_scales`, whose weights are `scales`; one sample, and many, keep these.
     """
-    folds = min(parameters.folds, len(samples))
-    if not 2 <= len(samples) <= parameters.most_refitted:
-        return [scales] * len(samples)
-    usual = default_scales(samples[0][0].graph.content_names)
-    terms, truth, owner = _held_out_terms(samples, total, labels, usual, parameters)
-    parts = [owner % folds != fold for fold in range(folds)]
-    without = [most_probable_scales(terms[part], truth[part], usual, parameters) for part in parts]
-    return [without[index % folds] for index in range(len(samples))]
+    count = held_out.samples
+    folds = min(parameters.folds, count)
+    if not 2 <= count <= parameters.most_refitted:
+        return [scales] * count
+    without = list(_refitted(held_out, scales, held_out.owner % folds, parameters))
+    return [without[index % folds] for index in range(count)]
 
 
-def _held_out_terms(
-    samples: Sequence[Sequence[LabelledGraph]],
-    total: LabelStatistics,
-    labels: Sequence[str | None],
-    usual: NDArray[np.float64],
+def _refitted(
+    held_out: HeldOutTerms,
+    scales: NDArray[np.float64],
+    fold: NDArray[np.intp],
     parameters: ScaleFittingParameters,
-) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
-    """Terms (N, L, K) of zones by models without their samples, true labels (N,), and indices (N,) of their samples."""
-    work = [sum(view.graph.zones for view in views) * len(labels) * len(usual) for views in samples]
-    terms, truth, owner = [], [], []
-    for index in choose_evenly(work, parameters.most_samples, parameters.most_terms):
-        model = estimate_model(total - sample_statistics(samples[index], labels), labels, usual)
-        for view in samples[index]:
-            given = label_indices(view.labels, labels)
-            terms.append(conditional_terms(view, model, given))
-            truth.append(given)
-            owner.append(np.full(len(given), index))
-    return np.concatenate(terms), np.concatenate(truth), np.concatenate(owner)
+) -> NDArray[np.float64]:
+    """Weights (F, K) most probable for the zones outside each fold; `fold` (N,) is that of each zone.
+
+    Projected Newton steps from the weights of all zones, which are near: the curvature there serves for all steps, and
+    one pass over the terms serves for all folds.
+    """
+    terms, truth, usual, prior = held_out.terms, held_out.truth, held_out.usual, parameters.prior_weight
+    parts = np.arange(fold.max() + 1)
+    outside = fold != parts[:, None]
+    inside = np.stack([_curvature(scales, terms[fold == part]) for part in parts])
+    curvature = prior * np.eye(len(usual)) + inside.sum(axis=0) - inside
+    found = np.repeat(scales[None], len(parts), axis=0)
+    value, slope = _penalized(found, terms, truth, outside, usual, prior)
+    length = np.ones(len(parts))
+    for _ in range(parameters.most_iterations):
+        step = np.zeros_like(found)
+        for part, free in enumerate((found > 0) | (slope < 0)):
+            step[part, free] = np.linalg.solve(curvature[part][np.ix_(free, free)], slope[part, free])
+        tried = np.maximum(found - length[:, None] * step, 0.0)
+        expected = (slope * (found - tried)).sum(axis=1)
+        if np.all(expected < parameters.least_gain * (1.0 + value)):
+            break
+        tried_value, tried_slope = _penalized(tried, terms, truth, outside, usual, prior)
+        better = tried_value <= value - _LEAST_SHARE * expected
+        found[better], value[better], slope[better] = tried[better], tried_value[better], tried_slope[better]
+        length = np.where(better, 1.0, length / 2)
+    return found
 
 
 def conditional_terms(
@@ -129,14 +179,17 @@ def conditional_terms(
 def _relation_terms(
     page: LabelledGraph, model: CompiledModel, given: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    graph = page.graph
+    graph, pairs = page.graph, len(page.graph.pairs)
     upper, lower = graph.pairs.T
-    terms = np.zeros((graph.zones, len(model.labels), len(RELATIONS)))
-    for position in range(len(RELATIONS)):
-        descriptor = graph.relations[:, position] + RELATION_OFFSETS[position]
-        np.add.at(terms[:, :, position], upper, model.relations[:, given[lower], descriptor].T)
-        np.add.at(terms[:, :, position], lower, model.relations[given[upper], :, descriptor])
-    return terms
+    descriptors = graph.relations + RELATION_OFFSETS[:-1]
+    of_upper = model.relations.transpose(1, 2, 0)[given[lower][:, None], descriptors]
+    of_lower = model.relations.transpose(0, 2, 1)[given[upper][:, None], descriptors]
+    columns = len(RELATIONS) * len(model.labels)
+    terms = np.zeros((graph.zones, columns))
+    for zone, costs in ((upper, of_upper), (lower, of_lower)):
+        is_part = coo_array((np.ones(pairs), (zone, np.arange(pairs))), shape=(graph.zones, pairs))
+        terms += is_part.tocsr() @ costs.reshape(pairs, columns)
+    return terms.reshape(graph.zones, len(RELATIONS), len(model.labels)).transpose(0, 2, 1)
 
 
 def _count_terms(model: CompiledModel, given: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -160,20 +213,53 @@ def negative_log_likelihood(
 
     `terms` (N, L, K) are unweighted costs of zones' labels (`conditional_terms`), `truth` (N,) the true ones.
     """
-    rows = np.arange(len(truth))
-    score = -(terms @ scales)
-    total = logsumexp(score, axis=1)
-    probability = np.exp(score - total[:, None])
+    every = np.ones((1, len(truth)), dtype=np.bool_)
+    value, slope = _penalized(scales[None], terms, truth, every, usual, prior_weight)
+    return float(value[0]), slope[0]
+
+
+def _penalized(
+    scales: NDArray[np.float64],
+    terms: NDArray[np.float64],
+    truth: NDArray[np.intp],
+    counted: NDArray[np.bool_],
+    usual: NDArray[np.float64],
+    prior_weight: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """`negative_log_likelihood` (F,) of several `scales` (F, K) and its slopes (F, K), each of its `counted` (F, N)."""
+    zones, labels, attributes = terms.shape
+    flat, rows = terms.reshape(zones * labels, attributes), np.arange(zones)
+    costs = (scales @ flat.T).reshape(len(scales), zones, labels)
+    least = costs.min(axis=2, keepdims=True)
+    probability = np.exp(least - costs)
+    sums = probability.sum(axis=2)
+    of_zones = np.log(sums) - least[:, :, 0] + costs[:, rows, truth]
+    probability *= (counted / sums)[:, :, None]
     away = scales - usual
-    value = (total - score[rows, truth]).sum() + 0.5 * prior_weight * (away @ away)
-    slope = terms[rows, truth].sum(axis=0) - np.tensordot(probability, terms, axes=2) + prior_weight * away
-    return float(value), slope
+    value = (of_zones * counted).sum(axis=1) + 0.5 * prior_weight * (away**2).sum(axis=1)
+    expected = probability.reshape(len(scales), zones * labels) @ flat
+    return value, counted @ terms[rows, truth] - expected + prior_weight * away
+
+
+def _probabilities(scales: NDArray[np.float64], terms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of the labels of zones, (N, L)."""
+    return np.asarray(softmax(-(terms @ scales), axis=1))
+
+
+def _curvature(scales: NDArray[np.float64], terms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Second derivatives (K, K) of the zones' part of `negative_log_likelihood`, without improbable labels."""
+    probability = _probabilities(scales, terms)
+    probability[probability < _IMPROBABLE * probability.max(axis=1, keepdims=True)] = 0.0
+    probability /= probability.sum(axis=1, keepdims=True)
+    mean = (probability[:, None, :] @ terms)[:, 0]
+    likely = probability > 0
+    weighted = terms[likely] * np.sqrt(probability[likely])[:, None]
+    return np.asarray(weighted.T @ weighted - mean.T @ mean)
 
 
 def scale_certainty(scales: NDArray[np.float64], terms: NDArray[np.float64]) -> NDArray[np.float64]:
     """Second derivatives (K,) of the zones' part of `negative_log_likelihood`: variances of their terms."""
-    score = -(terms @ scales)
-    probability = np.exp(score - logsumexp(score, axis=1)[:, None])[:, None, :]
+    probability = _probabilities(scales, terms)[:, None, :]
     mean = (probability @ terms)[:, 0]
     # A difference of large numbers may miss zero by a rounding error.
     return np.asarray(np.maximum((probability @ terms**2)[:, 0] - mean**2, 0.0).sum(axis=0))

@@ -74,8 +74,9 @@ def gather_statistics(page: LabelledGraph, labels: Sequence[str | None]) -> Labe
     values = np.where(known, graph.numeric, 0.0)
     read = np.isfinite(graph.content)
     upper, lower = given[graph.pairs.T]
-    descriptors = np.zeros((count * count, RELATION_OFFSETS[-1]))
-    np.add.at(descriptors, upper * count + lower, graph.descriptor_indicators())
+    every = RELATION_OFFSETS[-1]
+    seen = (upper * count + lower)[:, None] * every + graph.relations + RELATION_OFFSETS[:-1]
+    descriptors = np.bincount(seen.ravel(), minlength=count * count * every).astype(np.float64)
     zones = member.sum(axis=1)
     counts = np.zeros((count, MOST_COUNTED + 1))
     counts[np.arange(count), np.minimum(zones, MOST_COUNTED).astype(np.intp)] = 1.0

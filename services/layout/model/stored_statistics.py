@@ -88,23 +88,24 @@ def restore_statistics(
     if model.statistics is None:
         return _presume(model, compiled), np.zeros(len(names))
     stored, count = model.statistics, len(model.nodes)
-    numeric = np.zeros((count, len(NUMERIC_ATTRIBUTES), 3))
-    content = np.zeros((count, len(content_names), 2))
-    counts = np.zeros((count, MOST_COUNTED + 1))
-    for row, node in enumerate(stored.nodes):
-        for column, attribute in enumerate(NUMERIC_ATTRIBUTES):
-            numeric[row, column] = node.numeric.get(attribute.name, (0.0, 0.0, 0.0))
-        for column, name in enumerate(content_names):
-            content[row, column] = node.content.get(name, (0.0, 0.0))
-        counts[row] = _of_length(node.counts, MOST_COUNTED + 1)
+    unseen, unread = (0.0, 0.0, 0.0), (0.0, 0.0)
+    numeric = np.array(
+        [[node.numeric.get(each.name, unseen) for each in NUMERIC_ATTRIBUTES] for node in stored.nodes]
+    )
+    content = np.array([[node.content.get(name, unread) for name in content_names] for node in stored.nodes])
+    content = content.reshape(count, len(content_names), 2)
+    counts = np.array([_of_length(node.counts, MOST_COUNTED + 1) for node in stored.nodes])
     numeric[numeric[:, :, 0] < _LEAST] = 0.0
     content[content[:, :, 0] < _LEAST] = 0.0
     index = {node.label: position for position, node in enumerate(model.nodes)}
     known = [column for column, name in enumerate(_DESCRIPTORS) if name in stored.descriptors]
     columns = [stored.descriptors.index(_DESCRIPTORS[column]) for column in known]
     descriptors = np.zeros((count, count, len(_DESCRIPTORS)))
-    for edge in stored.edges:
-        descriptors[index[edge.upper], index[edge.lower], known] = np.array(edge.seen)[columns]
+    if stored.edges:
+        seen = np.array([edge.seen for edge in stored.edges])[:, columns]
+        ends = [[index[edge.upper], index[edge.lower]] for edge in stored.edges]
+        upper, lower = np.array(ends).T
+        descriptors[upper[:, None], lower[:, None], known] = seen
     statistics = LabelStatistics(
         zones=np.array([node.zones for node in stored.nodes]),
         known=numeric[:, :, 0],

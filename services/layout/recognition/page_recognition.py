@@ -4,7 +4,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,17 +164,6 @@ def comparable_cost(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np
     return sum(labelling_cost(graph, model, labels, default_scales(graph.content_names)))
 
 
-_COMPILED: WeakKeyDictionary[LayoutModel, tuple[tuple[str, ...], CompiledModel]] = WeakKeyDictionary()
-"""Arrays of the models in use, for the content features of their last use."""
-
-
-def _compiled(model: LayoutModel, content_names: tuple[str, ...]) -> CompiledModel:
-    kept = _COMPILED.get(model)
-    if kept is None or kept[0] != content_names:
-        kept = _COMPILED[model] = content_names, compile_model(model, content_names)
-    return kept[1]
-
-
 def _graph_for(page: Page, models: Sequence[VersionedModel], content_names: tuple[str, ...]) -> LayoutGraph:
     """The page's graph, with as many pairs as tables for these models may have."""
     labels = [len(model.model.nodes) ** 2 for model in models]
@@ -215,7 +203,7 @@ def _match_candidates(
 ) -> list[_Match | _RankedOut]:
     """Matches of the candidates of the hierarchy; ranked costs of all others."""
     competitors = [
-        Competitor(each.model, _compiled(each.model, graph.content_names), each.genre) for each in models
+        Competitor(each.model, compile_model(each.model, graph.content_names), each.genre) for each in models
     ]
     ranking = rank_models(graph, competitors, parameters.classification, parameters.most_candidates)
     candidates = set(ranking.candidates)
@@ -247,7 +235,7 @@ def _match(
     *,
     thorough: bool,
 ) -> _Match:
-    compiled = _compiled(model.model, graph.content_names)
+    compiled = compile_model(model.model, graph.content_names)
     tables, matching, backbone = match_graph(graph, page, compiled, parameters)
     cost = comparable_cost(graph, compiled, matching.labels)
     conditional = conditional_costs(tables, matching.labels) if thorough else None

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes, Indices
+from services.layout.segmentation.order_statistics import median, quantile
 from services.layout.segmentation.parameters import SegmentationParameters
 
 
@@ -65,10 +66,12 @@ def _measure(
     for row, words in enumerate(members):
         own = boxes[words]
         # A word's box is 0.45 to 0.95 em high, 0.7 to 0.9 where it has ascenders.
-        em = float(np.quantile(own[:, 3] - own[:, 1], 0.6)) / 0.85
+        em = quantile(own[:, 3] - own[:, 1], 0.6) / 0.85
         # Broken letters are lower than a word; the row is 0.9 em high, but for capitals alone.
-        em = float(np.clip((np.max(own[:, 3]) - np.min(own[:, 1])) / 0.9, em, 1.5 * em))
-        rows[row] = (np.min(own[:, 1]) + np.max(own[:, 3])) / 2, np.min(own[:, 0]), np.max(own[:, 2]), em
+        x0, y0 = own[:, :2].min(axis=0).tolist()
+        x1, y1 = own[:, 2:].max(axis=0).tolist()
+        em = min(max((y1 - y0) / 0.9, em), 1.5 * em)
+        rows[row] = (y0 + y1) / 2, x0, x1, em
         own = own[np.argsort(own[:, 0])]
         reach = np.maximum.accumulate(own[:, 2])
         gaps.append((row, -np.inf, float(own[0, 0]), em))
@@ -93,7 +96,7 @@ def _typical_spaces(
     for row, centre in enumerate(middle):
         near = spaces[np.abs(level - centre) < parameters.gutter_reach * em[row], 1]
         widest = parameters.widest_space * em[row]
-        typical[row] = min(float(np.median(near)), widest) if len(near) else 0.0
+        typical[row] = min(median(near), widest) if len(near) else 0.0
     return typical
 
 

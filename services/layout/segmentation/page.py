@@ -190,7 +190,7 @@ def _without_inner(
     kept = []
     for block, lies in zip(blocks, inner, strict=True):
         count = sum(len(lines[index].members) for index in block)
-        if not lies or count >= parameters.inner_components or any(texts[index] for index in block):
+        if not lies or count > parameters.scrap_components or any(texts[index] for index in block):
             kept.append(block)
     return kept
 

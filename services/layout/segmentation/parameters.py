@@ -83,8 +83,6 @@ class SegmentationParameters:
     tight: float = 1.4
     """Narrower lines with an edge in common stay together, bold or not, if their baselines are nearer than this: a head
     and what it heads."""
-    inner_components: int = 6
-    """Unread print within a figure with fewer components is part of it."""
     reliable_components: int = 5
     """Sizes and weights of lines with fewer components differ only beyond `unreliable_step`."""
     unreliable_step: float = 1.35
@@ -145,7 +143,8 @@ class SegmentationParameters:
     """Shorter rules are dashes, in units."""
 
     scrap_components: int = 6
-    """Unread text of at most this many glyphs may be a piece of a signature or a stamp, ..."""
+    """Unread print of at most this many glyphs within a figure is part of it. Elsewhere it may be a piece of a
+    signature or a stamp, ..."""
     scrap_gap: tuple[float, float] = (0.6, 0.5)
     """... and belongs to the next piece if both, enlarged by this across and down in units, meet."""
     least_noise: float = 4.0

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,7 +89,7 @@ def _is_regular(line: Line, components: Components) -> bool:
     letters = height > 0.3 * line.em
     if not np.any(letters):
         return False
-    share = np.mean((standing | hanging)[letters])
+    share = np.count_nonzero((standing | hanging) & letters) / np.count_nonzero(letters)
     return bool(share >= 0.6 and line.height < 1.7 * line.em)
 
 
@@ -103,9 +104,8 @@ def _dirt(
             loose[line.members] = False
     points = np.maximum(np.rint(centre[loose]), 0).astype(np.intp)
     sides = points.max(axis=0) + 1 if len(points) else np.array([1, 1])
-    total = np.zeros((sides[1] + 1, sides[0] + 1), dtype=np.int32)
-    np.add.at(total, (points[:, 1] + 1, points[:, 0] + 1), 1)
-    total = total.cumsum(axis=0).cumsum(axis=1)
+    number = np.bincount(points[:, 1] * sides[0] + points[:, 0], minlength=int(sides[0] * sides[1]))
+    total = cv2.integral(number.reshape(sides[1], sides[0]).astype(np.float32), sdepth=cv2.CV_64F)
     boxes = np.array([line.box for line in lines]) + em[:, None] * np.array([-1.0, -1.0, 1.0, 1.0])
     x0, x1 = (np.clip(np.rint(boxes[:, k]), 0, sides[0]).astype(np.intp) for k in (0, 2))
     y0, y1 = (np.clip(np.rint(boxes[:, k]), 0, sides[1]).astype(np.intp) for k in (1, 3))

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from services.layout.segmentation.components import Boxes, Indices, near_pairs
 from services.layout.segmentation.gutters import split_at_gutters
 from services.layout.segmentation.ink import Components
+from services.layout.segmentation.order_statistics import higher_quantile, mean, median, quantile
 from services.layout.segmentation.parameters import SegmentationParameters
 
 _LONG = 4
@@ -96,37 +97,38 @@ def _join_fragments(
 def measure_line(components: Components, members: Indices, parameters: SegmentationParameters) -> Line:
     """A line of the components `members`: baseline, em from the height of capitals and ascenders, strokes."""
     boxes = components.boxes[members]
-    x0, y0 = (float(edge) for edge in boxes[:, :2].min(axis=0))
-    x1, y1 = (float(edge) for edge in boxes[:, 2:].max(axis=0))
+    x0, y0 = boxes[:, :2].min(axis=0).tolist()
+    x1, y1 = boxes[:, 2:].max(axis=0).tolist()
     height = boxes[:, 3] - boxes[:, 1]
-    tall = height > 0.5 * np.median(height)
+    tall = height > 0.5 * median(height)
     # Of the feet, descenders are the lower tenth to third (in words whose letters touch).
     centre = (boxes[:, 0] + boxes[:, 2]) / 2
     feet = boxes[:, 3] - components.hang[members]
     slope = _line_slope(centre[tall], feet[tall])
-    foot = feet - slope * (centre - float(np.mean(centre)))
-    reach = 0.15 * float(np.median(height[tall]))
-    baseline = _near_mean(foot[tall], float(np.quantile(foot[tall], 0.4)), reach)
+    foot = feet - slope * (centre - mean(centre))
+    reach = 0.15 * median(height[tall])
+    baseline = _near_mean(foot[tall], quantile(foot[tall], 0.4), reach)
     rise = (baseline - foot + height - components.hang[members])[tall & (np.abs(foot - baseline) < 2 * reach)]
     if len(rise) == 0:
         rise = height
-    capitals = float(np.quantile(rise, 0.88, method="higher"))
+    capitals = higher_quantile(rise, 0.88)
     # Heights are whole pixels; the mean of many is finer.
     capitals = _near_mean(rise, capitals, 0.12 * capitals)
-    stroke = float(np.average(components.stroke[members], weights=components.area[members]))
+    area = components.area[members]
+    stroke = float((components.stroke[members] * area).sum() / area.sum())
     em = max(capitals, 1.0) / parameters.capital_height
-    small = float(np.quantile(rise, 0.4))
+    small = quantile(rise, 0.4)
     # Words whose letters touch have no slant of their own.
     letters = tall & (components.width[members] < 1.2 * height)
     slants = components.slant[members[letters]]
-    slant = float(np.median(slants)) if len(slants) >= parameters.slanted_letters else None
+    slant = median(slants) if len(slants) >= parameters.slanted_letters else None
     return Line(members, (x0, y0, x1, y1), baseline, em, small, stroke, slant)
 
 
 def _near_mean(values: NDArray[np.float64], centre: float, reach: float) -> float:
     """Mean of the values within `reach` of `centre`; `centre` where there are none."""
     near = values[np.abs(values - centre) <= reach]
-    return float(np.mean(near)) if len(near) else centre
+    return mean(near) if len(near) else centre
 
 
 def _line_slope(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
@@ -136,9 +138,9 @@ def _line_slope(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     third = len(x) // 3
     order = np.argsort(x)
     left, right = order[:third], order[-third:]
-    run = float(np.median(x[right]) - np.median(x[left]))
-    rise = float(np.quantile(y[right], 0.4) - np.quantile(y[left], 0.4))
-    return float(np.clip(rise / max(run, 1.0), -0.02, 0.02))
+    run = median(x[right]) - median(x[left])
+    rise = quantile(y[right], 0.4) - quantile(y[left], 0.4)
+    return min(max(rise / max(run, 1.0), -0.02), 0.02)
 
 
 def unite_boxes(boxes: Boxes, groups: Indices) -> Boxes:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.ink import Components
 from services.layout.segmentation.notes import note_starts
+from services.layout.segmentation.order_statistics import median
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
 
@@ -226,13 +227,13 @@ def _split_paragraphs(
         return [block]
     left = np.array([lines[index].box[0] for index in block])
     right = np.array([lines[index].box[2] for index in block])
-    em = float(np.median([lines[index].em for index in block]))
+    em = median(np.array([lines[index].em for index in block]))
     step = np.diff(left)
     indented = np.zeros(len(block), dtype=bool)
     indented[1:] = (step > parameters.indent * em) & (step < parameters.largest_indent * em)
     back = np.zeros(len(block), dtype=bool)
     back[1:-1] = np.abs(left[2:] - left[:-2]) < 0.5 * parameters.indent * em
-    back[-1] = len(block) > 2 and abs(left[-2] - np.median(left)) < 0.5 * parameters.indent * em
+    back[-1] = len(block) > 2 and abs(left[-2] - median(left)) < 0.5 * parameters.indent * em
     full = right > right.max() - 0.35 * (right.max() - left.min())
     cuts = indented & back & full
     return _cut(block, np.flatnonzero(cuts))

@@ -30,6 +30,7 @@ def alto(
     ).encode()
 
 
+@pytest.mark.pipeline
 @given(pages())
 @settings(max_examples=60, deadline=None)
 def test_what_is_written_is_valid_and_reads_back(page: Page) -> None:

@@ -28,6 +28,7 @@ def region(
     return f'<pc:{tag} id="{name}" {more}><pc:Coords points="{points}"/>{parts.get("inside", "")}</pc:{tag}>'
 
 
+@pytest.mark.pipeline
 @given(pages())
 @settings(max_examples=60, deadline=None)
 def test_what_is_written_is_valid_and_reads_back(page: Page) -> None:

@@ -63,6 +63,7 @@ def test_grouping_lowers_the_cost_and_keeps_the_backbone(seed: int, manhattan: b
     assert found.matching.lower_bound <= direct.cost + 1e-9
 
 
+@pytest.mark.pipeline
 def test_boxes_of_groups_that_were_joined_overlap_no_other_group() -> None:
     joined = kept_apart = 0
     for seed in range(12):

@@ -18,6 +18,7 @@ from services.layout.model.scale_fitting import (
     conditional_terms,
     fit_scales,
     fit_scales_without,
+    hold_out_terms,
     most_probable_scales,
     negative_log_likelihood,
 )
@@ -109,7 +110,8 @@ def fitted(pages: list[LabelledGraph], **parameters: float) -> dict[str, float]:
     labels = (None, *sorted({label for page in pages for label in page.labels if label}))
     total = total_statistics(gather_statistics(page, labels) for page in pages)
     samples = [[page] for page in pages]
-    scales = fit_scales(samples, total, labels, ScaleFittingParameters(**parameters)).scales
+    chosen = ScaleFittingParameters(**parameters)
+    scales = fit_scales(hold_out_terms(samples, total, labels, chosen), chosen).scales
     return dict(zip(scale_names(pages[0].graph.content_names), scales.tolist(), strict=True))
 
 
@@ -128,9 +130,9 @@ def test_nothing_is_fitted_where_nothing_can_be_held_out(pages: int) -> None:
     graphs = [page_with(rng) for _ in range(pages)]
     total = gather_statistics(page_with(rng), (None, "a", "b", "c"))
     names = NAMES if pages else ()
-    np.testing.assert_array_equal(
-        fit_scales([[page] for page in graphs], total, (None, "a", "b", "c")).scales, default_scales(names)
-    )
+    held_out = hold_out_terms([[page] for page in graphs], total, (None, "a", "b", "c"))
+    assert held_out.terms.shape[0] == 0
+    np.testing.assert_array_equal(fit_scales(held_out).scales, default_scales(names))
 
 
 def test_more_samples_than_wanted_are_taken_evenly() -> None:
@@ -185,9 +187,10 @@ def test_weights_without_a_sample_explain_it_no_better(count: int) -> None:
     samples = [[page_with(rng)] for _ in range(count)]
     labels, parameters = (None, "a", "b", "c"), ScaleFittingParameters()
     total = total_statistics(gather_statistics(page, labels) for [page] in samples)
-    scales = fit_scales(samples, total, labels).scales
+    held_out = hold_out_terms(samples, total, labels)
+    scales = fit_scales(held_out).scales
     usual = default_scales(NAMES)
-    without = fit_scales_without(samples, total, labels, scales)
+    without = fit_scales_without(held_out, scales)
     assert len(without) == count
     for fold in range(min(count, parameters.folds)):
         part = [index for index in range(count) if index % parameters.folds == fold]
@@ -206,10 +209,27 @@ def test_weights_without_a_sample_explain_it_no_better(count: int) -> None:
     assert max(np.abs(each - scales).max() for each in without) > 0.01
 
 
+@pytest.mark.parametrize("count", [2, 7])
+def test_weights_without_a_fold_are_those_of_the_other_zones(count: int) -> None:
+    rng = np.random.default_rng(11)
+    samples = [[page_with(rng)] for _ in range(count)]
+    labels, parameters = (None, "a", "b", "c"), ScaleFittingParameters()
+    total = total_statistics(gather_statistics(page, labels) for [page] in samples)
+    held_out = hold_out_terms(samples, total, labels)
+    without = fit_scales_without(held_out, fit_scales(held_out).scales)
+    for index, found in enumerate(without[: parameters.folds]):
+        others = held_out.owner % min(count, parameters.folds) != index
+        anew = most_probable_scales(
+            held_out.terms[others], held_out.truth[others], held_out.usual, parameters
+        )
+        np.testing.assert_allclose(found, anew, atol=3e-3)
+        assert found.min() >= 0
+
+
 @pytest.mark.parametrize("count", [1, 41])
 def test_one_sample_and_many_keep_their_weights(count: int) -> None:
     page = page_with(np.random.default_rng(8))
     total = gather_statistics(page, (None, "a", "b", "c"))
     scales = np.ones(3)
-    kept = fit_scales_without([[page]] * count, total, (None, "a", "b", "c"), scales)
+    kept = fit_scales_without(hold_out_terms([[page]] * count, total, (None, "a", "b", "c")), scales)
     assert [each is scales for each in kept] == [True] * count

@@ -69,6 +69,7 @@ def test_pages_with_hardly_a_pair(zones: int) -> None:
     check(build_graph(page, content_features().names), [compiled(model_of("memo", 3))])
 
 
+@pytest.mark.pipeline
 def test_matching_costs_no_more_than_a_look() -> None:
     models = [compiled(each.model) for each in base(2)]
     for name in MAKERS:
