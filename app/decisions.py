@@ -67,15 +67,18 @@ def _at_most(wrong: int, total: int, rate: float) -> float:
 def threshold_of(verdicts: Sequence[Verdict], tolerated: float) -> float | None:
     """Least confidence of accepted zones; None: the evidence does not allow to accept any."""
     certainty = 1.0 - (1.0 - CERTAINTY) / len(CANDIDATES)
-    allowed = [
-        candidate for candidate in CANDIDATES if _error_above(verdicts, candidate, certainty) <= tolerated
-    ]
+    allowed = [candidate for candidate in CANDIDATES if _is_shown(verdicts, candidate, tolerated, certainty)]
     return min(allowed, default=None)
 
 
-def _error_above(verdicts: Sequence[Verdict], candidate: float, certainty: float) -> float:
+def _is_shown(verdicts: Sequence[Verdict], candidate: float, tolerated: float, certainty: float) -> bool:
+    """Whether the `upper_bound` of the error above the candidate is at most the tolerated one.
+
+    The probability of few errors falls with the rate, so one value tells it without the bound itself.
+    """
     chosen = [right for _, confidence, right in verdicts if confidence >= candidate]
-    return upper_bound(chosen.count(False), len(chosen), certainty)
+    wrong = chosen.count(False)
+    return wrong < len(chosen) and _at_most(wrong, len(chosen), tolerated) <= 1.0 - certainty
 
 
 def joint_confidences(result: Mapping[str, Any]) -> dict[str, float]:

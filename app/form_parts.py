@@ -1,4 +1,4 @@
-"""Multipart forms whose errors name the part that they are about."""
+"""Forms: which requests have one, and errors that name the part that they are about."""
 
 from collections.abc import Callable, Coroutine
 from contextlib import aclosing
@@ -6,18 +6,24 @@ from typing import Any
 
 from fastapi import Request, Response
 from fastapi.routing import APIRoute
-from starlette.datastructures import FormData
+from starlette.datastructures import FormData, Headers
 from starlette.formparsers import MultiPartException, MultiPartParser
 
 from services.errors import DocumentError, TooLarge
 
 _LONGEST_NAME = 80
+_FORMS = ("multipart/form-data", "application/x-www-form-urlencoded")
 
 
 class InvalidForm(DocumentError):
     """The body is not a valid form."""
 
     code = "bad-request"
+
+
+def has_form(headers: Headers) -> bool:
+    """Whether the body of a request is a form: with parts, or with encoded fields only."""
+    return headers.get("content-type", "").strip().lower().startswith(_FORMS)
 
 
 class FormRoute(APIRoute):

@@ -7,6 +7,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
+from contextvars import copy_context
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -135,7 +136,8 @@ class LayoutStore:
         if store is None:
             raise StoreUnavailable("the store is closed")
         async with self._in_time():
-            return await asyncio.get_running_loop().run_in_executor(self._threads, work, store)
+            in_context = copy_context().run  # the store lists changes with the author of this request
+            return await asyncio.get_running_loop().run_in_executor(self._threads, in_context, work, store)
 
     @asynccontextmanager
     async def _in_time(self) -> AsyncIterator[None]:

@@ -201,7 +201,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         job_service,
         review_order,
     )
-    add_middleware(app, settings, engine, store, jobs, metrics, routes)
+    add_middleware(app, settings, engine, jobs, metrics, routes)
     _describe(app, settings)
     return app
 

@@ -14,7 +14,6 @@ from app.browser_rules import OwnSite, SecurityHeaders
 from app.engine.base import Engine
 from app.jobs.forwarding import JobAdmission
 from app.jobs.registry import Jobs
-from app.layout_store import LayoutStore
 from app.logs import RequestLog
 from app.metrics import Metrics
 from app.problems import ProblemBoundary
@@ -73,7 +72,6 @@ def add_middleware(
     app: FastAPI,
     settings: Settings,
     engine: Engine,
-    store: LayoutStore,
     jobs: Jobs,
     metrics: Metrics,
     routes: list[APIRoute],
@@ -97,7 +95,7 @@ def add_middleware(
     )
     app.add_middleware(ConditionalGet)
     app.add_middleware(HeadAndOptions, methods=methods_of(routes))
-    app.add_middleware(Audit, store=store)
+    app.add_middleware(Audit)
     app.add_middleware(RoleRules)
     app.add_middleware(ApiKeys, keys=settings.api_keys, file_keys=read_keys_file(settings.api_keys_file))
     app.add_middleware(OwnSite, origins=settings.cors_origins)

@@ -6,12 +6,17 @@ from starlette.routing import compile_path
 
 
 class PathTemplates:
-    """The path templates of one app, for example `/layout/models/{name}`. At most one matches a path."""
+    """The path templates of one app, for example `/layout/models/{name}`.
+
+    Of templates that match the same path, the one with the fewest parameters is the path's: `samples/archive` is no
+    sample with the id `archive`.
+    """
 
     def __init__(self, templates: Iterable[str]) -> None:
         templates = frozenset(templates)
         self._fixed = frozenset(template for template in templates if "{" not in template)
-        self._patterns = [(compile_path(template)[0], template) for template in templates - self._fixed]
+        parametrized = sorted(templates - self._fixed, key=lambda template: (template.count("{"), template))
+        self._patterns = [(compile_path(template)[0], template) for template in parametrized]
 
     def match(self, path: str) -> str | None:
         """The template that matches `path`; None if there is none."""

@@ -19,7 +19,7 @@ from app.routes.state import AppState
 from app.run_folder import run_folder
 from app.settings import Settings
 from models.errors import NotFound, StoreError, VersionConflict
-from models.repository import Store
+from models.repository import Author, Store, changes_by
 from services.contract.layout_models import SEGMENTATION
 from services.errors import DocumentError
 
@@ -114,11 +114,12 @@ async def _make_version(state: AppState, name: str) -> str:
         )
         note = samples_note(samples)
         try:
-            made = await state.store.call(
-                lambda store, draft=draft, version=version, note=note: store.add_version(  # type: ignore[misc]
-                    name, draft.document, "initialize", expected_version=version, note=note
+            with changes_by(Author(None, "samples measured again")):
+                made = await state.store.call(
+                    lambda store, draft=draft, version=version, note=note: store.add_version(  # type: ignore[misc]
+                        name, draft.document, "initialize", expected_version=version, note=note
+                    )
                 )
-            )
         except VersionConflict:
             continue
         return f"Version {made.version} of the model is made from {note}."

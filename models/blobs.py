@@ -26,6 +26,7 @@ PART_BYTES = 5 << 20
 _RETRIES = {"max_retries": 3, "retry_timeout": timedelta(seconds=15)}
 """Of requests to a bucket; the library's own limit is three minutes."""
 _REQUESTS = {"connect_timeout": "5s", "timeout": "20s"}
+_ALLOW_HTTP = "AWS_ALLOW_HTTP"
 _PROBE = "probe"
 _UNFINISHED = ".unfinished"
 """Ending of files that are still being written."""
@@ -178,8 +179,11 @@ class _Folder:
 
 class _Bucket:
     def __init__(self, url: str) -> None:
+        # The library takes this option from the environment only where no others are given.
+        allow_http = os.environ.get(_ALLOW_HTTP, "").lower() in ("1", "true", "yes", "on")
+        options = {**_REQUESTS, "allow_http": allow_http}
         # The library declares one signature for each kind of store.
-        self._store = from_url(url, retry_config=_RETRIES, client_options=_REQUESTS)  # type: ignore[call-overload]
+        self._store = from_url(url, retry_config=_RETRIES, client_options=options)  # type: ignore[call-overload]
 
     def write(self, key: str, parts: Iterator[bytes]) -> None:
         """A small blob is one request. A larger one is an upload in parts, which the library aborts on failure."""

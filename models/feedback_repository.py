@@ -138,6 +138,7 @@ class FeedbackRepository(Transactions):
             if draft.revised is not None:
                 revise_result(session, draft.result_id, draft.revised)
             session.flush()
+            self._list_changes(session, {*rows, *taken_back}, draft.result_id)
             stored = _stored_feedback(session, feedback, created=True)
             return replace(stored, taken_back=taken_back)
 

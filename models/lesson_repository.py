@@ -136,6 +136,7 @@ class LessonRepository(Transactions):
                 .execution_options(synchronize_session=False)
             )
             revise_result(session, result_id, None)
+            self._list_changes(session, versions, result_id)
             return UndoneFeedback(tuple(feedback_ids), versions, samples)
 
 

@@ -161,6 +161,7 @@ class ModelRepository(Transactions):
                 row = create_model(session, name, now, max_models)
             parent = row.version if origin == "train" else None
             version = append_version(session, state, row, packed, origin, note, now, parent=parent)
+            self._list_change(session, name, f"version {version.version}")
             samples = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
         return stored_model(row, samples, version)
 
@@ -177,6 +178,7 @@ class ModelRepository(Transactions):
             made = append_version(
                 session, state, row, packed, "rollback", note, self._clock(), parent=version
             )
+            self._list_change(session, name, f"version {made.version}")
             samples = session.execute(select(count_samples()).where(ModelRow.id == row.id)).scalar_one()
         return stored_model(row, samples, made)
 
@@ -214,6 +216,7 @@ class ModelRepository(Transactions):
                 setattr(row, key, _packed(getattr(after, key)) if key in _BY_LABEL else value)
             if after != before:
                 state.revision += 1
+                self._list_change(session, name, ", ".join(sorted(changes)))
         return after
 
     def delete_model(self, name: str, *, expected_version: ExpectedVersion = ANY) -> None:
@@ -231,6 +234,7 @@ class ModelRepository(Transactions):
             row.deleted_at = row.updated_at = self._clock()
             row.version = None
             state.revision += 1
+            self._list_change(session, name)
 
 
 def _merged(before: Mapping[str, Any], changes: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -9,6 +9,8 @@ the numbers, and its history shows the earlier versions. So the document of a (n
 callers may cache it.
 
 **Feedback** is written in one transaction with the versions and the sample that follow from it.
+
+**The list of changes** gets its entries in the transactions that make the changes, from calls inside of `changes_by`.
 """
 
 from models.camera_repository import CameraRepository
@@ -19,9 +21,9 @@ from models.model_repository import ModelRepository
 from models.result_repository import ResultRepository
 from models.review_repository import ReviewRepository, cursor_of
 from models.sample_repository import SampleRepository
-from models.transactions import utc_now
+from models.transactions import Author, changes_by, utc_now
 
-__all__ = ["Store", "cursor_of", "utc_now"]
+__all__ = ["Author", "Store", "changes_by", "cursor_of", "utc_now"]
 
 
 class Store(

@@ -173,6 +173,7 @@ class ResultRepository(Transactions):
             ids = [result_id, *decode_document(row.document).get("pages", ())]
             session.execute(delete(UnknownPageRow).where(UnknownPageRow.result_id.in_(ids)))
             session.execute(delete(ResultRow).where(ResultRow.id.in_(ids)))
+            self._list_change(session, None, result_id)
             return ids
 
     def kept_results(self, result_ids: Collection[str]) -> set[str]:
@@ -225,7 +226,10 @@ class ResultRepository(Transactions):
         ids = {page_id for page_id in page_ids if is_ulid(page_id)}
         with self._changing() as (session, _):
             gone = session.execute(delete(UnknownPageRow).where(UnknownPageRow.id.in_(ids)))
-            return cast(CursorResult[None], gone).rowcount
+            count = cast(CursorResult[None], gone).rowcount
+            if count:
+                self._list_change(session, None, ", ".join(sorted(ids)))
+            return count
 
 
 def _stored_result(row: ResultRow) -> StoredResult:

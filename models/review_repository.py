@@ -7,7 +7,7 @@ from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import cast
 
-from sqlalchemy import ColumnElement, Select, and_, case, delete, or_, select
+from sqlalchemy import ColumnElement, Select, and_, case, or_, select
 from sqlalchemy.orm import Session
 
 from models.documents import Document, decode_document, encode_document
@@ -16,8 +16,6 @@ from models.records import AuditEntry, Review, ReviewDraft, ReviewOrder, ReviewS
 from models.tables import AuditRow, FeedbackRow, ResultRow, ReviewRow
 from models.transactions import Transactions
 
-MOST_AUDIT = 100_000
-"""Entries of the list of changes; the oldest are deleted first."""
 Verdict = tuple[str | None, float, bool]
 """Found label of a zone, its confidence, and whether a person found it right."""
 
@@ -203,20 +201,6 @@ class ReviewRepository(Transactions):
             if of_result and result_id not in verdicts:
                 verdicts[result_id] = [(label, confidence, right) for label, confidence, right in of_result]
         return [verdict for of_result in verdicts.values() for verdict in of_result]
-
-    def note_change(self, who: str | None, action: str, model: str | None, detail: str) -> None:
-        """Add an entry to the list of changes."""
-        now = self._clock()
-        with self._writing() as session:
-            entry_id = self._ulids.make(now)
-            session.add(
-                AuditRow(id=entry_id, created_at=now, who=who, action=action, model=model, detail=detail)
-            )
-            session.flush()
-            oldest = select(AuditRow.id).order_by(AuditRow.id.desc()).offset(MOST_AUDIT).limit(1)
-            last = session.execute(oldest).scalar_one_or_none()
-            if last is not None:
-                session.execute(delete(AuditRow).where(AuditRow.id <= last))
 
     def changes(
         self, limit: int, *, model: str | None = None, before: str | None = None

@@ -77,6 +77,7 @@ class SampleRepository(Transactions):
             )
             session.add(sample)
             session.flush()
+            self._list_change(session, name, sample.id)
             return stored_sample(sample, created=True)
 
     def samples(self, name: str) -> list[StoredSample]:
@@ -143,6 +144,7 @@ class SampleRepository(Transactions):
             find_sample(session, name, sample_id)
             _delete_samples(session, [sample_id])
             find_model(session, name).updated_at = self._clock()
+            self._list_change(session, name, sample_id)
 
     def samples_after(self, name: str, version: int) -> list[str]:
         """Ids of the samples that came after a version was made, oldest first. Raises `ModelNotFound`."""
@@ -158,6 +160,7 @@ class SampleRepository(Transactions):
             _delete_samples(session, ids)
             if ids:
                 row.updated_at = self._clock()
+                self._list_change(session, name, f"{len(ids)} later samples deleted")
             return len(ids)
 
 

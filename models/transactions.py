@@ -1,11 +1,14 @@
 """The transactions of all calls of the store, and opening and closing the database."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
 
+from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from models.errors import StoreUnavailable
@@ -18,8 +21,32 @@ from models.session import (
     upgrade_schema,
     writers_of,
 )
-from models.tables import StateRow
+from models.tables import AuditRow, StateRow
 from models.ulid import UlidFactory
+
+MOST_AUDIT = 100_000
+"""Entries of the list of changes; the oldest are deleted first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Author:
+    """Who changes something: the name of an API key (None: no key), and what that request does."""
+
+    who: str | None
+    action: str
+
+
+_AUTHOR: ContextVar[Author | None] = ContextVar("author", default=None)
+
+
+@contextmanager
+def changes_by(author: Author) -> Iterator[None]:
+    """What calls of the store change inside of the block is listed as changes of `author`."""
+    before = _AUTHOR.set(author)
+    try:
+        yield
+    finally:
+        _AUTHOR.reset(before)
 
 
 def utc_now() -> datetime:
@@ -95,3 +122,34 @@ class Transactions:
         """A `_writing` transaction for models, samples and feedback. Only one runs at a time."""
         with self._writing() as session:
             yield session, session.get_one(StateRow, 1, with_for_update=True)
+
+    def _list_changes(self, session: Session, models: Iterable[str], detail: str) -> None:
+        """List the same change of several models; of none: one entry without a model."""
+        names: list[str | None] = [*sorted(models)]
+        for name in names or [None]:
+            self._list_change(session, name, detail)
+
+    def _list_change(self, session: Session, model: str | None, detail: str = "") -> None:
+        """Add a change to the list of changes, in the transaction that makes it.
+
+        Nothing is listed outside of `changes_by`: the service itself deletes what has expired.
+        """
+        author = _AUTHOR.get()
+        if author is None:
+            return
+        now = self._clock()
+        session.add(
+            AuditRow(
+                id=self._ulids.make(now),
+                created_at=now,
+                who=author.who,
+                action=author.action,
+                model=model,
+                detail=detail,
+            )
+        )
+        session.flush()
+        oldest = select(AuditRow.id).order_by(AuditRow.id.desc()).offset(MOST_AUDIT).limit(1)
+        last = session.execute(oldest).scalar_one_or_none()
+        if last is not None:
+            session.execute(delete(AuditRow).where(AuditRow.id <= last))

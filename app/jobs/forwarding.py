@@ -72,21 +72,22 @@ class JobAdmission:
         if is_job or not self.forwards:
             await self.app(scope, receive, send)
             return
-        await (await self._answer(scope, receive))(scope, receive, send)
-
-    async def _answer(self, scope: Scope, receive: Receive) -> Response:
         request = Request(scope)
+        job = await self._store(request, receive)
+        try:
+            response = await self._end(request, receive, job)
+            await response(scope, receive, send)
+        finally:  # after the answer, which must not wait for it
+            await asyncio.shield(self._forget(request, job))
+
+    async def _store(self, request: Request, receive: Receive) -> StoredJob:
         with tempfile.SpooledTemporaryFile(_IN_MEMORY_BYTES) as file:
             size = await self._spool(receive, file)
             file.seek(0)
             description = describe_request(request, request.headers.get("content-type"))
-            job = await self.jobs.store_job(
+            return await self.jobs.store_job(
                 description, _parts(file), size, description["caller"], "request", priority=BEFORE_JOBS
             )
-        try:
-            return await self._end(request, receive, job)
-        finally:
-            await asyncio.shield(self._forget(request, job))
 
     async def _spool(self, receive: Receive, file: IO[bytes]) -> int:
         place, size = self.places.enter(), 0

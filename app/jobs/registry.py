@@ -35,8 +35,8 @@ MOST_KEY_CHARACTERS = 200
 """Longest Idempotency-Key."""
 COME_AGAIN_S = 5
 """`Retry-After` of a request that finds no free place."""
-LOOK_EVERY_S = 0.1
-"""Time between two looks at the rows of jobs that somebody follows; all of them are one query."""
+LOOK_FIRST_S, LOOK_EVERY_S, LOOK_GROWTH = 0.01, 0.1, 1.5
+"""Pauses between looks at the rows of followed jobs: short at first, for short jobs, then longer by this factor."""
 ORPHANED_AFTER = timedelta(hours=1)
 """Age from which a blob without a job is one that a crash has left."""
 _FORM_HEADS_BYTES = 64 * 1024
@@ -331,8 +331,11 @@ class Jobs:
 
     async def _look(self) -> None:
         """Read the revisions of all followed jobs, again and again, while there are any."""
+        pause_s = LOOK_FIRST_S
         while self._followed and not self._closed:
             ids = list(self._followed)
+            is_new = not self._revisions.keys() >= self._followed.keys()
+            pause_s = LOOK_FIRST_S if is_new else min(LOOK_GROWTH * pause_s, LOOK_EVERY_S)
             try:
                 found = await self._store.call(lambda store: store.job_revisions(ids))  # noqa: B023
                 self._revisions = {id: found.get(id, -1) for id in ids}
@@ -340,7 +343,7 @@ class Jobs:
                 log.warning("jobs cannot be followed: %s", error)
             looked, self._looked = self._looked, asyncio.Event()
             looked.set()
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(pause_s)
 
     # Keeping house
 

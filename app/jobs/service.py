@@ -12,6 +12,7 @@ from starlette.middleware.exceptions import ExceptionMiddleware
 from starlette.responses import Response
 from starlette.types import ASGIApp
 
+from app.audit import Audit
 from app.blobs import BlobAccess
 from app.jobs.callbacks import Callbacks, CallbackSettings
 from app.jobs.dispatch import Dispatch, Housekeeping, LocalDispatch
@@ -112,7 +113,7 @@ def _without_middleware(app: FastAPI, answer: FrameworkErrors) -> ASGIApp:
     Its answers are complete: no part is compressed, or left out because the client has it already.
     """
     handlers: dict[Any, Any] = {HTTPException: answer, RequestValidationError: answer}
-    return ProblemBoundary(ExceptionMiddleware(AsyncExitStackMiddleware(app.router), handlers))
+    return ProblemBoundary(ExceptionMiddleware(Audit(AsyncExitStackMiddleware(app.router)), handlers))
 
 
 def job_limits(settings: Settings) -> JobLimits:

@@ -13,6 +13,7 @@ from starlette.datastructures import FormData, Headers, UploadFile
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Scope
 
+from app.form_parts import has_form
 from app.logs import trace_of
 from services.progress import ProgressSink
 
@@ -58,8 +59,7 @@ async def body_of(request: Request) -> tuple[Iterator[bytes], int, str | None]:
 
     A form is put together again from its parts, which lie in temporary files.
     """
-    content_type = request.headers.get("content-type")
-    if (content_type or "").lower().startswith("multipart/form-data"):
+    if has_form(request.headers):
         form = await request.form()
         boundary = secrets.token_hex(16)
         sizes = sum(
@@ -67,7 +67,7 @@ async def body_of(request: Request) -> tuple[Iterator[bytes], int, str | None]:
         )
         return _form_parts(form, boundary), sizes, f"multipart/form-data; boundary={boundary}"
     body = await request.body()
-    return iter([body] if body else []), len(body), content_type
+    return iter([body] if body else []), len(body), request.headers.get("content-type")
 
 
 def _form_parts(form: FormData, boundary: str) -> Iterator[bytes]:

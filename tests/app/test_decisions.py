@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.decisions import CERTAINTY, decide, place_in_queue, threshold_of, upper_bound, verdicts_of
+from app.decisions import (
+    CANDIDATES,
+    CERTAINTY,
+    decide,
+    place_in_queue,
+    threshold_of,
+    upper_bound,
+    verdicts_of,
+)
 from app.settings import Settings
 
 RESULT = {
@@ -37,6 +45,13 @@ def test_without_evidence_nothing_is_accepted() -> None:
     assert threshold_of([], 0.01) is None
     assert threshold_of([("date", 1.0, True)] * 100, 0.01) is None  # 100 right zones show an error of 5 %
     assert threshold_of([("date", 1.0, True)] * 600, 0.01) == 0.0
+
+
+@given(st.integers(0, 20), st.integers(1, 600), st.floats(0.001, 0.5))
+def test_zones_are_accepted_where_the_bound_allows_it(wrong: int, total: int, tolerated: float) -> None:
+    verdicts = [(None, 1.0, number >= wrong) for number in range(total)]
+    bound = upper_bound(min(wrong, total), total, 1 - (1 - CERTAINTY) / len(CANDIDATES))
+    assert (threshold_of(verdicts, tolerated) is not None) == (bound <= tolerated)
 
 
 def test_the_error_of_accepted_zones_is_as_stated() -> None:

@@ -24,7 +24,7 @@ from services.contract.mosaic import MOST_PHOTOS
 from tests.app.scripted import OPERATIONS, PAGE, model_document
 from tests.app.serving import serving
 
-FILES = ("image", "images", "zones_file")
+FILES = ("image", "images", "zones_file", "archive")
 DOCUMENT = create_app(Settings(api_keys=()), OPERATIONS).openapi()
 schema = schemathesis.openapi.from_dict(DOCUMENT)
 
@@ -48,7 +48,7 @@ def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: st
         if case.operation.path == "/rectify":
             assume_one_document(case.body, asked)
             assume_a_possible_preview(case.body, asked)
-        if case.operation.path.startswith("/layout"):
+        if case.operation.path.startswith("/layout") and "archive" not in case.body:
             assume_parts_that_go_together(case.body)
     if case.operation.path.endswith("/settings") and isinstance(case.body, dict):
         assume_options_of_their_types(case.body)
@@ -65,12 +65,12 @@ def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: st
 def is_refused_by_the_models(response: schemathesis.Response) -> bool:
     """Whether a request was well formed, and the model has no samples yet, or is not the one of If-Match.
 
-    Nor can the document say which hosts `callback_url` may name.
+    Nor can the document say which hosts `callback_url` may name, and which bytes are a ZIP archive.
     """
     if response.status_code == 412:
         return True
     problem = response.json() if response.status_code == 422 else {}
-    return problem.get("code") == "no-samples" or problem.get("field") == "callback_url"
+    return problem.get("code") == "no-samples" or problem.get("field") in ("callback_url", "archive")
 
 
 def assume_options_of_their_types(body: dict[str, Any]) -> None:
@@ -89,7 +89,7 @@ def assume_a_form(body: dict[str, Any]) -> None:
     """What the document cannot say of any form, and what a form turns into something else."""
     images = [*as_list(body.get("images", [])), *as_list(body.get("image", []))]
     # "An object in place of the file" goes out as a file that holds JSON: bytes like any others.
-    assume(all(isinstance(body.get(name, b""), bytes | str) for name in ("zones", "zones_file")))
+    assume(all(isinstance(body.get(name, b""), bytes | str) for name in ("zones", "zones_file", "archive")))
     assume(all(isinstance(image, bytes | str) for image in images))
     # An empty field of a form is one that was left out, and a list of one goes out as its item: no violations.
     options = [value for name, value in body.items() if name not in FILES]
@@ -127,6 +127,7 @@ def assume_parts_that_go_together(body: dict[str, Any]) -> None:
     assume(not {"zones", "zones_file"} <= body.keys())
     has_zones = bool({"zones", "zones_file"} & body.keys())
     assume(body.get("rectify") is not True or not has_zones)
+    assume(str(body.get("keep_image")).lower() != "true" or "image" in body)
     # Zones are of one page, and a document has a bounded number of them.
     several = len(as_list(body.get("image", []))) > 1
     assume(not (has_zones and (several or "page" in body)))
@@ -197,7 +198,7 @@ def test_the_form_is_documented_field_by_field() -> None:
     assert list(fields) == [
         "image", "kind", "upright", "focal_length_px", "region", "illumination", "crop", "pages", "paper",
         "on_no_text", "preview", "camera", "text", "language", "format", "quality", "embed", "embed_format",
-        "max_width", "max_height", "pdf_version", "title", "callback_url",
+        "max_width", "max_height", "pdf_version", "title", "archive", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1

@@ -13,7 +13,7 @@ from app.key_names import name_of_key, spellings_of_key
 from app.layout_store import DATABASE
 from models.repository import Store
 from tests.app.scripted import PAGE, model_document, upload
-from tests.app.serving import serving
+from tests.app.serving import POLL_S, serving
 from tests.app.test_problems import assert_problem
 from tests.models.whole_database import everything
 
@@ -54,6 +54,7 @@ def start(client: httpx.Client, key: dict[str, str]) -> str:
     deadline = time.monotonic() + 20
     while client.get(path, headers=key).json()["state"] != "succeeded":
         assert time.monotonic() < deadline
+        time.sleep(POLL_S)
     return str(path)
 
 

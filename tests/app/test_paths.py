@@ -4,7 +4,9 @@ import pytest
 
 from app.paths import PathTemplates
 
-TEMPLATES = PathTemplates(["/layout", "/layout/models/{name}", "/layout/models/{name}/samples/{id}"])
+SAMPLE = "/layout/models/{name}/samples/{id}"
+ARCHIVE, IMPORT = SAMPLE.replace("{id}", "archive"), SAMPLE.replace("{id}", "import")
+TEMPLATES = PathTemplates(["/layout", "/layout/models/{name}", ARCHIVE, SAMPLE, IMPORT])
 
 
 @pytest.mark.parametrize(
@@ -18,7 +20,9 @@ TEMPLATES = PathTemplates(["/layout", "/layout/models/{name}", "/layout/models/{
         ("/layout/models/{name}", "/layout/models/{name}"),
         ("/layout/models/a/b", None),
         ("/layout/models/a/samples", None),
-        ("/layout/models/a/samples/b", "/layout/models/{name}/samples/{id}"),
+        ("/layout/models/a/samples/b", SAMPLE),
+        ("/layout/models/a/samples/archive", ARCHIVE),
+        ("/layout/models/a/samples/import", IMPORT),
         ("/layout/models/a/samples/b/c", None),
         ("", None),
     ],

@@ -21,6 +21,7 @@ from app.roles import (
 from app.settings import Settings
 from tests.app.scripted import OPERATIONS, model_document, upload
 from tests.app.serving import serving
+from tests.app.test_jobs import until
 from tests.app.test_layout_feedback import give, recognize
 from tests.app.test_problems import assert_problem
 
@@ -114,6 +115,22 @@ def test_who_changed_what_is_listed(client: httpx.Client) -> None:
     path = re.match("<([^>]+)>", first.headers["link"])
     assert path is not None
     assert client.get(path[1]).json()["entries"][0]["action"] == "feedback"
+
+
+def test_a_job_is_listed_when_it_changes_something(client: httpx.Client) -> None:
+    page = {"width": 20, "height": 30, "zones": [{"id": "z1", "box": [1, 2, 9, 8], "label": "date"}]}
+    use(client, "vera")
+    sample = client.post("/layout/models/letter/samples", json=page).json()["id"]
+    use(client, "anna")
+    path = "/layout/models/letter/initialize"
+    accepted = client.post(path, headers={"Prefer": "respond-async"})
+    until(client, accepted.headers["location"])
+    version = client.get("/layout/models/letter").headers["etag"].strip('"')
+    entries = client.get("/audit", params={"model": "letter", "limit": 2}).json()["entries"]
+    assert [(entry["who"], entry["action"], entry["detail"]) for entry in entries] == [
+        ("anna", "initialization", f"version {version}"),
+        ("vera", "sample added", sample),
+    ]
 
 
 def test_the_digest_is_no_key(client: httpx.Client) -> None:

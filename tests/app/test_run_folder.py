@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from app.run_folder import PREFIX, run_folder, sweep
-from tests.end_to_end.processes import ROOT
+from tests.end_to_end.forked import ROOT
 
 KILLED = """
 import os, signal, tempfile

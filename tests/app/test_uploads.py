@@ -13,7 +13,7 @@ import pytest
 
 from tests.app.raw import Answer, connect, form, head, read_answer
 from tests.app.scripted import PAGE, upload
-from tests.app.serving import serving
+from tests.app.serving import POLL_S, serving
 from tests.app.test_health import sample
 
 LIMIT = 100_000
@@ -37,6 +37,7 @@ def occupied(client: httpx.Client, folder: Path, jobs: int) -> Iterator[None]:
     deadline = time.monotonic() + 10
     while sample(client.get("/metrics").text, "engine_admitted") < jobs:
         assert time.monotonic() < deadline
+        time.sleep(POLL_S)
     try:
         yield
     finally:
@@ -181,6 +182,7 @@ def until_sample(client: httpx.Client, name: str, value: float) -> None:
     deadline = time.monotonic() + 10
     while sample(client.get("/metrics").text, name) != value:
         assert time.monotonic() < deadline, name
+        time.sleep(POLL_S)
 
 
 def test_a_client_that_leaves_stops_its_job() -> None:
@@ -227,6 +229,7 @@ def test_a_client_that_leaves_in_the_middle_of_its_body_frees_its_place() -> Non
         deadline = time.monotonic() + 10
         while client.post("/rectify", files={"image": upload("")}).status_code != 200:
             assert time.monotonic() < deadline
+            time.sleep(POLL_S)
 
 
 def test_a_body_below_the_least_rate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -247,6 +250,7 @@ def test_a_slow_upload_gives_its_place_to_another(monkeypatch: pytest.MonkeyPatc
             assert answer.json()["code"] == "busy"
             assert "MAX_UPLOADS" in answer.json()["detail"]
             assert time.monotonic() < deadline
+            time.sleep(POLL_S)
         slow = read_answer(connection)
     assert (slow.status, code(slow)) == (408, "request-timeout")
 

@@ -9,6 +9,7 @@ import pytest
 
 from models.blobs import PART_BYTES, BlobNotFound, Blobs, BlobTooLarge
 from models.errors import StoreUnavailable
+from tests.models.s3_server import BUCKET, S3Server
 
 
 def parts_of(*parts: bytes, then: Exception | None = None) -> Iterator[bytes]:
@@ -21,9 +22,20 @@ def files(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-@pytest.fixture(params=["", "memory:///"], ids=["folder", "bucket"])
+@pytest.fixture
+def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
+    server = S3Server()
+    for name, value in server.environment.items():
+        monkeypatch.setenv(name, value)
+    yield server
+    server.stop()
+
+
+@pytest.fixture(params=["", "memory:///", f"s3://{BUCKET}/some/prefix"], ids=["folder", "bucket", "s3"])
 def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> Blobs:
-    """Files; and a bucket of the library's that needs no network."""
+    """Files; a bucket of the library's that needs no network; and one behind the S3 protocol."""
+    if request.param.startswith("s3"):
+        request.getfixturevalue("server")
     return Blobs(request.param, tmp_path)
 
 
@@ -106,6 +118,51 @@ def test_a_store_that_is_away_is_unavailable(tmp_path: Path) -> None:
     for content in (b"x", parts_of(b"x")):
         with pytest.raises(StoreUnavailable):
             blobs.put("a/b", content, 1)
+
+
+def test_a_large_blob_is_an_upload_in_parts(server: S3Server, tmp_path: Path) -> None:
+    blobs = Blobs(f"s3://{BUCKET}/jobs", tmp_path)
+    content = os.urandom(2 * PART_BYTES + 7)
+    blobs.put("a/input", content, len(content))
+    assert server.bucket.requests.count("PUT partNumber uploadId") == 3
+    assert server.bucket.objects == {"jobs/a/input": content}
+    assert server.bucket.uploads == {}
+
+
+def test_an_upload_whose_part_fails_is_aborted(server: S3Server, tmp_path: Path) -> None:
+    blobs = Blobs(f"s3://{BUCKET}", tmp_path)
+    server.bucket.refused_parts = {2}
+    with pytest.raises(StoreUnavailable):
+        blobs.put("a", bytes(2 * PART_BYTES + 7), 1 << 30)
+    assert (server.bucket.uploads, server.bucket.aborted, server.bucket.objects) == ({}, 1, {})
+    server.bucket.refused_parts = set()
+    assert blobs.put("a", bytes(2 * PART_BYTES + 7), 1 << 30) == len(server.bucket.objects["a"])
+
+
+def test_a_bucket_that_is_away_is_unavailable_until_it_is_back(server: S3Server, tmp_path: Path) -> None:
+    blobs = Blobs(f"s3://{BUCKET}", tmp_path)
+    blobs.put("a", b"x", 1)
+    with server.away():
+        for call in (blobs.get, blobs.delete, lambda key: blobs.put(key, b"y", 1), lambda _: blobs.check()):
+            with pytest.raises(StoreUnavailable):
+                call("a")
+    assert blobs.get("a") == b"x"
+
+
+def test_a_bucket_that_is_not_there_is_unavailable(server: S3Server, tmp_path: Path) -> None:
+    blobs = Blobs("s3://another", tmp_path)
+    for call in (blobs.get, blobs.delete, lambda key: blobs.put(key, b"y", 1), lambda _: blobs.check()):
+        with pytest.raises(StoreUnavailable):
+            call("a")
+
+
+def test_a_server_without_tls_has_to_be_allowed(
+    server: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("AWS_ALLOW_HTTP")
+    with pytest.raises(StoreUnavailable):
+        Blobs(f"s3://{BUCKET}", tmp_path).check()
+    assert server.bucket.requests == []
 
 
 @pytest.mark.parametrize("url", ["nonsense", "ftp://example.org/x"])

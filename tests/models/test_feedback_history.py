@@ -17,6 +17,7 @@ from models.records import FeedbackDraft, ModelChange
 from models.repository import Store, utc_now
 from models.ulid import UlidFactory
 from tests.models.conftest import Clock
+from tests.models.databases import make_file
 
 CLASSES = st.sampled_from(["letter", "memo", "fax"])
 RESULTS = [UlidFactory().make(utc_now()) for _ in range(4)]
@@ -274,8 +275,7 @@ def with_error(kind: type[Exception], ask: Any) -> None:
 
 
 def test_any_history_of_feedback(tmp_path: Path) -> None:
-    FeedbackHistory.template = tmp_path / "template.sqlite3"
-    Store.open(FeedbackHistory.template).close()
+    FeedbackHistory.template = make_file(tmp_path / "template.sqlite3")
     case = FeedbackHistory.TestCase
     case.settings = settings(
         max_examples=10,

@@ -13,6 +13,7 @@ from typing import Any
 
 from models.repository import Store
 from tests.models import writers
+from tests.models.databases import make_file
 from tests.models.whole_database import everything
 from tests.models.writers import CONTEXT, start
 
@@ -24,7 +25,7 @@ def all_reports(pipes: list[Connection]) -> list[Any]:
 
 
 def test_writers_lose_no_update(tmp_path: Path) -> None:
-    path, count, number = tmp_path / "store.sqlite3", 12, 3
+    path, count, number = make_file(tmp_path / "store.sqlite3"), 12, 3
     with Store.open(path) as store:
         store.add_version("letter", {"count": 0}, "import")
     barrier = CONTEXT.Barrier(2 * number)
@@ -125,7 +126,7 @@ class Writer:
 
 def test_killed_writers_leave_nothing_by_halves(tmp_path: Path) -> None:
     """SIGKILL at moments that the other writer's progress decides, again and again on the same file."""
-    path, generator = tmp_path / "store.sqlite3", random.Random(5)
+    path, generator = make_file(tmp_path / "store.sqlite3"), random.Random(5)
     with Store.open(path) as store:
         store.add_version("letter", {}, "import")
     kept: Kept = {"version": {}, "sample": {}, "deleted": {}, "result": {}}

@@ -24,7 +24,7 @@ from models.errors import (
 )
 from models.repository import Store
 from tests.models.conftest import Clock
-from tests.models.databases import KINDS
+from tests.models.databases import KINDS, make_file
 
 ANY_TEXT = st.text(st.characters(), max_size=20)  # all of Unicode, halves of surrogate pairs too
 LEAVES = (
@@ -42,7 +42,7 @@ def as_json(document: Any) -> str:
 @pytest.fixture(scope="module", params=KINDS)
 def shared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
     if request.param == "sqlite":
-        where: Path | str = tmp_path_factory.mktemp("shared") / "store.sqlite3"
+        where: Path | str = make_file(tmp_path_factory.mktemp("shared") / "store.sqlite3")
     else:
         where = request.getfixturevalue("cluster").make_database()
     with Store.open(where) as store:
@@ -52,7 +52,7 @@ def shared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 @pytest.fixture(scope="module")
 def shared_file(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """For what is bytes before it reaches a database."""
-    with Store.open(tmp_path_factory.mktemp("shared") / "store.sqlite3") as store:
+    with Store.open(make_file(tmp_path_factory.mktemp("shared") / "store.sqlite3")) as store:
         yield store
 
 
@@ -339,7 +339,7 @@ def test_a_document_has_a_largest_size(store: Store, monkeypatch: pytest.MonkeyP
 
 
 def test_a_closed_store_says_so(tmp_path: Path) -> None:
-    store = Store.open(tmp_path / "store.sqlite3")
+    store = Store.open(make_file(tmp_path / "store.sqlite3"))
     store.close()
     with pytest.raises(StoreUnavailable):
         store.models()

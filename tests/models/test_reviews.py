@@ -1,4 +1,4 @@
-"""The review queue of the store: orders, cursors, claims, states that follow from feedback, the list of changes."""
+"""The review queue of the store: orders, cursors, claims, states that follow from feedback."""
 
 import time
 from datetime import UTC, datetime, timedelta
@@ -9,6 +9,7 @@ import pytest
 from models.errors import Claimed, ResultNotFound
 from models.records import ReviewDraft
 from models.repository import Store, cursor_of
+from tests.models.databases import make_file
 from tests.models.feedback_drafts import change, draft
 
 NOW = datetime(2026, 11, 22, tzinfo=UTC)
@@ -31,7 +32,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def store(tmp_path: Path, clock: Clock):
-    with Store.open(tmp_path / "store.sqlite3", clock=clock) as opened:
+    with Store.open(make_file(tmp_path / "store.sqlite3"), clock=clock) as opened:
         yield opened
 
 
@@ -101,15 +102,6 @@ def test_the_queue_forgets_what_the_store_forgets(store: Store, clock: Clock) ->
     store.purge_results()
     with pytest.raises(ResultNotFound):
         store.release_review(other, None)
-
-
-def test_changes_are_listed_newest_first(store: Store) -> None:
-    for number in range(5):
-        store.note_change("anna", "rollback", "letter" if number % 2 else "memo", str(number))
-    assert [entry.detail for entry in store.changes(9)] == list("43210")
-    newest = store.changes(2)
-    assert [entry.detail for entry in store.changes(2, before=newest[-1].id)] == ["2", "1"]
-    assert [entry.detail for entry in store.changes(9, model="letter")] == ["3", "1"]
 
 
 def test_a_part_of_10_000_results_is_read_soon(store: Store) -> None:

@@ -1,0 +1,37 @@
+"""`python -m benchmarks.jobs.idle_service [worker]`: the service with operations that do nothing.
+
+What is left is the cost of the queue, and of carrying uploads.
+"""
+
+import sys
+from dataclasses import fields
+
+from services.contract.images import PageReply
+from services.contract.operations import Operation, Operations
+
+PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
+IDLE = "benchmarks.jobs.idle_service:answer"
+MODULE = "benchmarks.jobs.idle_service"
+
+
+def answer(*_: object) -> PageReply:
+    """The answer to every request."""
+    return PageReply(PNG, "image/png", {})
+
+
+def warm_up(*_: object) -> dict[str, object]:
+    """What a worker says of itself."""
+    return {"ocr": None, "languages": []}
+
+
+def main(arguments: list[str]) -> None:
+    """Serve, or run jobs."""
+    from app.main import create_app, serve, work  # not above: workers import this module without the app
+
+    names = dict.fromkeys((field.name for field in fields(Operations)), Operation(IDLE))
+    operations = Operations(**{**names, "warm_up": Operation(f"{MODULE}:warm_up")})
+    (work if arguments == ["worker"] else serve)(create_app(operations=operations))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
