@@ -12,6 +12,8 @@ MODULES = {
     "preview": "rectify.preview",
     "searchable": "rectify.searchable",
     "camera_memory": "rectify.camera_memory",
+    "languages": "rectify.languages",
+    "paper": "rectify.paper",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",
@@ -29,7 +31,7 @@ MODULES = {
     "review": "review.report",
     "sensitivity": "sensitivity.study",
     "attack": "attack.service",
-    "jobs": "jobs.chaos",
+    "jobs": "jobs.parts",
     "readme_pictures": "readme_pictures",
 }
 """Module of each benchmark by its name, which is also the name of its figures and of its baseline."""

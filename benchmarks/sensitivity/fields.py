@@ -8,7 +8,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-Value = int | float | tuple[int | float, ...]
+Value = int | float | tuple["Value", ...]
 UNITS = ("px", "deg", "rad", "ms", "s", "percent")
 """Suffixes of names that are units; a field without one is a ratio, a count or a share."""
 
@@ -37,12 +37,12 @@ class Field:
         Of a ratio of neighbours a little above 1 (`..._step`) the excess over 1 is multiplied, and of a percentile
         above 50 the distance from 100: 0.9 times another size, or the percentile 102, mean nothing.
         """
-        if isinstance(self.value, tuple):
-            moved = tuple(_moved(each, factor) for each in self.value)
-            return None if moved == self.value else moved
         origin = self._origin
-        alone = origin + _moved(self.value - origin, factor) if origin else _moved(self.value, factor)
-        return None if alone == self.value else alone
+        if origin and isinstance(self.value, float):
+            moved: Value = origin + (self.value - origin) * factor
+        else:
+            moved = _moved(self.value, factor)
+        return None if moved == self.value else moved
 
     @property
     def _origin(self) -> float:
@@ -55,7 +55,9 @@ class Field:
         return 0.0
 
 
-def _moved(value: int | float, factor: float) -> int | float:
+def _moved(value: Value, factor: float) -> Value:
+    if isinstance(value, tuple):
+        return tuple(_moved(each, factor) for each in value)
     if not isinstance(value, int):
         return value * factor
     step = round(value * factor)

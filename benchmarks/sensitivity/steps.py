@@ -19,7 +19,7 @@ from benchmarks.mosaic.errors import FALSE_PX, measure_placement
 from benchmarks.rectify.cases import load_pages
 from benchmarks.rectify.sheet_experiments import CRUMPLED, FOLDED, GENTLE, LAMPS
 from benchmarks.sensitivity.replay import digest
-from services.arrays import GrayImage
+from services.arrays import GrayImage, RgbImage
 from services.contract.mosaic import MosaicParameters
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
@@ -28,13 +28,17 @@ from services.layout.segmentation import segment_page
 from services.mosaic.pipeline import mosaic
 from services.ocr.engine import Word
 from services.ocr.tesseract import open_engine
+from services.rectify.analysis import analyse_photo
 from services.rectify.pipeline import rectify
 from simulation.degradation import PHONE
 from simulation.flat_page import Page as FlatPage
+from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
-from simulation.scenes import BOOK, PLANE, POSES, SKEWS_RAD, photograph
+from simulation.scenes import BOOK, PLANE, POSES, SKEWS_RAD, View, photograph
 from simulation.sheets import SHEET_VIEWS, photograph_sheet, with_margins
+from simulation.spread import page_beside_gutter, photograph_spread
 from simulation.surfaces import Shape
+from simulation.truth import Truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +155,52 @@ def _rectification(photo: SimulatedPhoto) -> Case:
     return run
 
 
+SPREAD_SIZE = (1200, 880)
+"""Width and height of a photo of two pages, px."""
+BINDINGS = (
+    (14.0, 80.0, (0.7, 0.5)),
+    (24.0, 250.0, (0.4, 0.8)),
+    (4.0, 170.0, (0.3, 0.3)),
+    (20.0, 10.0, (0.8, 0.4)),
+)
+"""Tilt and its direction in degrees, and how far each page rises beside the gutter."""
+SEEN_WIDTHS = (1.0, 0.72, 0.6)
+"""Shares of the photo that are left when its right end is cut off: two pages, one and a part, one and a strip."""
+
+
+def page_cases(data: Path) -> Mapping[str, Case]:
+    """Opened books of one and of two columns, whole and with the right page cut off by the end of the photo."""
+    pages = own_pages(560, 880)
+    cases: dict[str, Case] = {}
+    for number, (tilt, direction, rises) in enumerate(BINDINGS):
+        shapes = tuple(
+            page_beside_gutter(rise, 0.1, right=right)
+            for rise, right in zip(rises, (False, True), strict=True)
+        )
+        spread = photograph_spread(
+            (pages[number], pages[(number + 3) % len(pages)]),
+            View(f"book {number}", 2400.0, tilt, direction, 2.0 * number - 3.0),
+            (shapes[0], shapes[1]),
+            dirt=PHONE,
+            rng=np.random.default_rng(number),
+            size=SPREAD_SIZE,
+        )
+        for share in SEEN_WIDTHS:
+            seen = np.ascontiguousarray(spread.image[:, : round(share * SPREAD_SIZE[0])])
+            cases[f"{number} {share:g}"] = partial(_choose, seen, (spread.left, spread.right))
+    return cases
+
+
+def _choose(photo: RgbImage, truths: tuple[Truth, Truth]) -> Outcome:
+    """Characters that are kept although they are on the other page than most of them, %."""
+    try:
+        analysis = analyse_photo(photo)
+    except DocumentError as error:
+        return Outcome(50.0, digest(error.code))
+    on_page = [truth.on_page(analysis.characters).mean() for truth in truths]
+    return Outcome(100.0 * float(min(on_page)), digest(analysis.characters.tobytes()))
+
+
 MOSAIC_SETS = ("n2_o20_0_patent", "n2_o40_2_ieee")
 SMALL_PHOTO = 0.5
 
@@ -209,6 +259,13 @@ STEPS = {
             ("services.rectify", *_PLANE),
             "mesh against the truth, RMS, % of the page's width",
             rectify_cases,
+        ),
+        Step(
+            "page_choice",
+            ("services.rectify.page_choice", "services.rectify.gutter", "services.imaging.long_edges"),
+            ("services.rectify", *_PLANE),
+            "characters of the facing page, %",
+            page_cases,
         ),
         Step(
             "mosaic",

@@ -95,6 +95,8 @@ def test_ratios_and_percentiles_keep_their_meaning() -> None:
     percentile = Field("p.P.detail_percentile", ToyParameters, "detail_percentile", 85.0)
     assert step.changed(0.8) == pytest.approx(1.08)
     assert percentile.changed(1.2) == pytest.approx(82.0)
+    windows = Field("p.P.windows", ToyParameters, "windows", ((2.0, 4.0), (1.0, 8.0)))
+    assert windows.changed(0.5) == ((1.0, 2.0), (0.5, 4.0))
 
 
 def test_one_field_is_changed_in_instances_that_exist(toy: ModuleType) -> None:
