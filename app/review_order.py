@@ -58,7 +58,7 @@ class ReviewOrder:
     async def recognize_again(self, document: Mapping[str, Any]) -> dict[str, Any] | None:
         """The document of a result with another recognition of its page; None if no newer model competes for it.
 
-        A page whose zones a person has drawn is not recognized again.
+        A page whose zones a person has drawn is not recognized again. A page of a document keeps the document's class.
 
         Raises
         ------
@@ -77,12 +77,18 @@ class ReviewOrder:
         if all(model.version == version for model, version in models):
             return None
         words = any(zone.get("words") is not None for zone in result["zones"])
+        whole = (
+            (result["document_class"], result["part"])
+            if document.get("in_document") and result["document_class"] is not None
+            else None
+        )
         found = await self._engine.submit(
             self._operations.recognize_again,
             document["page"],
             [model for model, _ in models],
             layout_settings(self._settings),
             words,
+            whole,
         )
         again = {**result, **found}
         name = again["class"]["name"] if again["class"] else "*"

@@ -178,7 +178,7 @@ async def _answer_document(
     document_of(reply.document, before, [result_of(page.document, before) for page in reply.pages])
     result_id, page_ids = await state.store.keep_document(
         {"document": reply.document},
-        [{"result": page.document, "page": page.page} for page in reply.pages],
+        [{"result": page.document, "page": page.page, "in_document": True} for page in reply.pages],
         owner,
     )
     pictures = {page_id: page.picture for page, page_id in zip(reply.pages, page_ids, strict=True)}

@@ -1,7 +1,7 @@
 """What goes through without a person: accepted zones and their errors, at thresholds from feedback so far."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,12 @@ from benchmarks.layout.label_trust import accepted_share, error_of_shares
 from benchmarks.layout.part import Part, Result, Results, share, table
 from benchmarks.layout.specimens import Specimen, by_class
 from benchmarks.review.queue import OpenPage, first_models, learn, recognize_open
-from services.layout.page import Page
+from services.layout.page import Page, Zone
 
 SIZES = ("3", "5", "all")
 TOLERATED = (0.01, 0.02, 0.05)
+UNREAD_SHIFT = 0.02
+"""Standard deviation of the sides of zones on `unread` pages, as a share of the page's width."""
 SIMULATED = ("simulated letter", "simulated memo", "simulated fax", "simulated plain")
 SIMULATED_PAGES = 150
 """Of each class: as many zones as a threshold for 1 % needs, which the development pages do not have."""
@@ -48,15 +50,17 @@ def split_pages(
 
 
 def _jobs(specimens: Sequence[Specimen]) -> list[str]:
-    kinds = ("development", "simulated") if specimens else ("simulated",)
+    kinds = ("development", "simulated", "unread") if specimens else ("simulated", "unread")
     return [f"{kind}, {size} samples" for kind in kinds for size in SIZES]
 
 
 def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     kind, _, size = job.removesuffix(" samples").partition(", ")
     rng = np.random.default_rng(SEED)
-    if kind == "simulated":
+    if kind != "development":
         pages = {name: simulated_pages(name, SIMULATED_PAGES) for name in SIMULATED}
+        if kind == "unread":
+            pages = {name: [unread(page, rng) for page in of_class] for name, of_class in pages.items()}
         shares = SIMULATED_SHARES
     else:
         pages = {
@@ -80,6 +84,20 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
             for tolerated in TOLERATED
         },
     }
+
+
+def unread(page: Page, rng: np.random.Generator) -> Page:
+    """The page as if nothing of it had been read and its zones had been found roughly.
+
+    The simulated pages are labelled without an error. Without content, and with sides that are off, they are not.
+    """
+
+    def roughly(zone: Zone) -> Zone:
+        x0, y0, x1, y1 = np.array(zone.box) + rng.normal(0.0, UNREAD_SHIFT * page.width, 4)
+        box = (min(x0, x1 - 1.0), min(y0, y1 - 1.0), max(x1, x0 + 1.0), max(y1, y0 + 1.0))
+        return replace(zone, box=box, content={}, text="", words=())
+
+    return replace(page, zones=tuple(roughly(zone) for zone in page.zones))
 
 
 def verify_and_judge(
@@ -169,7 +187,7 @@ def _report(results: Results) -> str:
 
 
 def draw_acceptance(path: Path, results: Results) -> None:
-    """Error of the most confident zones against their share, a panel for development and for simulated pages."""
+    """Error of the most confident zones against their share, a panel for each kind of pages."""
     panels: dict[str, dict[str, tuple[list[float], list[float]]]] = {}
     for job, result in results.items():
         kind, _, size = job.partition(", ")
@@ -180,7 +198,7 @@ def draw_acceptance(path: Path, results: Results) -> None:
         for size, colour in zip(SIZES, ("#c03030", "#c09030", "#4878a8"), strict=True)
     }
     draw_panels(
-        path, panels, colours, "accepted zones, percent", "wrong zones among them, percent", columns=2
+        path, panels, colours, "accepted zones, percent", "wrong zones among them, percent", columns=3
     )
 
 

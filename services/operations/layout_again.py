@@ -1,11 +1,12 @@
 """A kept page, recognized again by newer models: its zones stay, class and labels may change."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
 from services.layout.pipeline import content_features, recognize, with_believable_labels
-from services.layout.recognition.documents import place_page
+from services.layout.recognition.documents import Part, place_again, place_page
 from services.operations.layout import MeasuredPage, describe_page
 from services.operations.page_zones import read_kept_page
 from services.operations.stored_models import open_models
@@ -24,9 +25,15 @@ FOUND_AGAIN = (
 
 
 def recognize_again(
-    page: dict[str, Any], models: Sequence[ModelDocument], settings: LayoutSettings, words: bool
+    page: dict[str, Any],
+    models: Sequence[ModelDocument],
+    settings: LayoutSettings,
+    words: bool,
+    document: tuple[str, Part | None] | None = None,
 ) -> dict[str, Any]:
     """The `FOUND_AGAIN` parts of the `LayoutResult` of the page of a stored result; `words` as in `LayoutOptions`.
+
+    `document` is for a page of a document: the class of the document, which stays, and the page's part in it.
 
     Raises
     ------
@@ -38,7 +45,12 @@ def recognize_again(
     versions = open_models(models)
     features = content_features(settings.content_features)
     recognition = recognize(read_kept_page(page, settings), versions, None, features)
-    placed = place_page(with_believable_labels(recognition, versions), versions)
+    placed = (
+        place_page(recognition, versions)
+        if document is None
+        else place_again(recognition, *document, versions, features.names)
+    )
+    placed = replace(placed, recognition=with_believable_labels(placed.recognition, versions))
     measured = MeasuredPage(recognition.page, None)
     described = describe_page(placed, measured, LayoutOptions(words=words), models)
     return {name: described[name] for name in FOUND_AGAIN}

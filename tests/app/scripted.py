@@ -171,7 +171,7 @@ def recognize_layout(
 ) -> LayoutReply | DocumentReply:
     """Follow the script in the images, then answer as if the first model fitted, with what was asked.
 
-    Several images are pages of a document; `pages N` in one of them makes N pages of it.
+    Several images are pages of a document; `pages-N` in one of them makes N pages of it.
     """
     field = "image[{}]" if len(images) > 1 else "image"
     verbs = [_follow(image, field.format(index)) for index, image in enumerate(images)]
@@ -202,19 +202,29 @@ def recognize_layout(
         name: document[name] for name in ("class", "classes", "unknown_probability", "warnings", "timings_ms")
     }
     media_type = media_type if options.format in ("json", "html") else "application/zip"
+    document |= {"part": "first" if models else None, "document_class": models[0].name if models else None}
     return DocumentReply(body, media_type, whole, [DocumentPage(document, page, picture)] * count)
 
 
 def recognize_again(
-    page: dict[str, Any], models: list[ModelDocument], settings: LayoutSettings, words: bool
+    page: dict[str, Any],
+    models: list[ModelDocument],
+    settings: LayoutSettings,
+    words: bool,
+    in_document: tuple[str, str | None] | None = None,
 ) -> dict[str, Any]:
-    """As if the first model fitted; it is surer by a hundredth for each lesson that it has learned."""
+    """As if the first model fitted; it is surer by a hundredth for each lesson that it has learned.
+
+    A page of a document, whose class is sent along, has another probability of being unknown.
+    """
     labels = [label for model in models[:1] for label in _labels(model.document)]
     document: dict[str, Any] = layout_document(page, models, labels, {})
     lessons = len(json.loads(models[0].document).get("taught", []))
     zones = [{**zone, "confidence": zone["confidence"] + 0.01 * lessons} for zone in document["zones"]]
-    kept = ("class", "classes", "unknown_probability", "match")
-    return {**{name: document[name] for name in kept}, "zones": zones}
+    found = {name: document[name] for name in ("class", "classes", "unknown_probability", "match")}
+    if in_document is not None:
+        found["unknown_probability"] = 0.0625
+    return {**found, "zones": zones}
 
 
 def resize_kept_picture(picture: bytes, width: int) -> bytes:

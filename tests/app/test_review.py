@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.app.scripted import model_document
+from tests.app.scripted import model_document, upload
 from tests.app.serving import serving
 from tests.app.test_layout_feedback import give, recognize
 from tests.app.test_problems import assert_problem
@@ -138,6 +138,18 @@ def test_a_claimed_page_is_recognized_again_by_what_its_class_has_learned(client
     assert queue(client)[0]["gain"] == pytest.approx(2 - 2 * 0.75 * 0.91)
     give(client, other, {"class": "letter"})
     assert client.post(f"/layout/results/{other}/claim", json=asked).json()["recognized_again"] is False
+
+
+def test_a_page_of_a_document_is_recognized_again_as_one_of_its_document(client: httpx.Client) -> None:
+    whole = client.post("/layout", files={"image": upload("pages-2")}).json()
+    page = whole["pages"][1]
+    assert page["document_class"] is not None
+    give(client, recognize(client), {"class": "letter"})
+    asked = {"recognize": True}
+    assert client.post(f"/layout/results/{page['id']}/claim", json=asked).json()["recognized_again"] is True
+    after = client.get(f"/layout/results/{page['id']}").json()
+    assert (after["document_class"], after["part"]) == (page["document_class"], page["part"])
+    assert after["unknown_probability"] == 0.0625
 
 
 def test_the_queue_is_put_in_order_when_a_class_has_learned(monkeypatch: pytest.MonkeyPatch) -> None:

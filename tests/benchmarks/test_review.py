@@ -7,7 +7,7 @@ import pytest
 
 from app.decisions import expected_wrong_zones
 from benchmarks.layout.hierarchy import simulated_pages
-from benchmarks.review.acceptance import is_within, judge_class, split_pages
+from benchmarks.review.acceptance import is_within, judge_class, split_pages, unread
 from benchmarks.review.orders import FIXED, GAIN, RANDOM, follow, urgency_of
 from benchmarks.review.queue import OpenPage, Queue, first_models, recognize_open
 from services.layout.page import Page
@@ -57,6 +57,16 @@ def test_pages_are_split_without_overlap() -> None:
     assert (len(split.samples), len(split.verified), len(split.judged)) == (3, 8, 4)
     whole = split_pages(pages, "all", (0.4, 0.8), np.random.default_rng(0))  # type: ignore[arg-type]
     assert sorted([*whole.samples, *whole.verified, *whole.judged]) == pages
+
+
+def test_unread_pages_have_zones_without_content_and_other_sides() -> None:
+    page = simulated_pages("simulated memo", 1)[0]
+    seen = unread(page, np.random.default_rng(0))
+    assert [zone.label for zone in seen.zones] == [zone.label for zone in page.zones]
+    assert not any(zone.content or zone.text or zone.words for zone in seen.zones)
+    boxes, true = (np.array([zone.box for zone in each.zones]) for each in (seen, page))
+    assert (boxes[:, :2] < boxes[:, 2:]).all()
+    assert 0.005 < np.std(boxes - true) / page.width < 0.04
 
 
 def test_zones_are_accepted_from_the_threshold_on() -> None:

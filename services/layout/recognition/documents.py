@@ -87,6 +87,29 @@ def place_page(recognition: Recognition, models: Sequence[VersionedModel]) -> Pa
     return PageInDocument(recognition, part, document_class)
 
 
+def place_again(
+    recognition: Recognition,
+    document_class: str,
+    part: Part | None,
+    models: Sequence[VersionedModel],
+    content_names: tuple[str, ...],
+    parameters: DocumentParameters = DocumentParameters(),
+) -> PageInDocument:
+    """A page of a document that is recognized again without the document's other pages.
+
+    The document keeps its class, which was decided by all its pages; labels are those of the class's newest models.
+    A class that has no model any more is left, and the page placed as if it were alone.
+    """
+    each = _gather(models).get(document_class)
+    if each is None or part is None:
+        return place_page(recognition, models)
+    place = 0 if part == "first" else 1
+    model = _model_of_page(place, _evidence(recognition, models, parameters.recognition), each)
+    labelled = _label(recognition, model, content_names, parameters.recognition)
+    fits = place == 0 or _fit(labelled, model, parameters.recognition) >= 0
+    return PageInDocument(labelled if fits else replace(labelled, chosen=None), part, document_class)
+
+
 @dataclass(frozen=True, slots=True)
 class _Class:
     """A class of documents: the model of its first page, and those of later ones."""

@@ -14,6 +14,7 @@ from services.layout.recognition.documents import (
     DocumentParameters,
     DocumentRecognition,
     class_of,
+    place_again,
     place_page,
     recognize_document,
 )
@@ -196,3 +197,19 @@ def test_a_page_that_came_alone_may_be_a_later_one() -> None:
     assert second.recognition.chosen.name == "letter-continuation"
     nothing = place_page(recognize(BLANK, models), models)
     assert (nothing.part, nothing.document_class) == (None, None)
+
+
+def test_a_page_of_a_document_that_is_recognized_again_keeps_the_documents_class() -> None:
+    models = firsts() + later()
+    pages = pages_of("letter", 3, 3)
+    document = found(pages, models)
+    for page, placed in zip(pages, document.pages, strict=True):
+        again = place_again(recognize(page, models), "letter", placed.part, models, NAMES)
+        assert (again.part, again.document_class) == (placed.part, "letter")
+        assert again.recognition.zones == placed.recognition.zones
+        assert (again.recognition.chosen is None) == (placed.recognition.chosen is None)
+    stray = recognize(pages_of("memo", 1, 1)[0], models)
+    assert stray.chosen is not None
+    assert stray.chosen.name == "memo"
+    assert place_again(stray, "letter", "continuation", models, NAMES).document_class == "letter"
+    assert place_again(stray, "a class that is gone", "first", models, NAMES).document_class == "memo"
