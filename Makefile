@@ -77,9 +77,8 @@ serve: venv
 worker: venv
 	@exec $(BIN)/python -m app worker
 
-# Each process of the tests has one core; numerical libraries with threads of their own would only compete.
 TEST_PROCESSES := 2
-PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_PROCESSES) \
+PYTEST := $(BIN)/python -m pytest -n $(TEST_PROCESSES) \
 	--dist loadgroup --no-loadscope-reorder
 test: venv-dev postgresql chromium typescript
 	@$(PYTEST) $(TEST_OPTIONS)
