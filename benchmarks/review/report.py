@@ -1,6 +1,6 @@
 """The review queue: the order that needs fewest corrections, and what goes through without a person.
 
-python -m benchmarks review [--parts orders,acceptance] [--limit N]
+python -m benchmarks review [--parts orders,acceptance,lists] [--limit N]
 
 Pages of the layout benchmarks in their true zones; all classes compete. A person corrects pages, the models learn by
 the steps of the service's feedback, and open pages are recognized again. Results are kept as in `learning`.
@@ -19,11 +19,14 @@ from benchmarks.layout.part import Part, Results, choose_parts
 from benchmarks.layout.specimens import load_specimens
 from benchmarks.layout.truth import layout_folder
 from benchmarks.review.acceptance import ACCEPTANCE, draw_acceptance
+from benchmarks.review.lists import LISTS_OVER_HTTP
 from benchmarks.review.orders import ORDERS, draw_orders
 
 NAME = "review"
-PARTS: dict[str, Part] = {"orders": ORDERS, "acceptance": ACCEPTANCE}
+PARTS: dict[str, Part] = {"orders": ORDERS, "acceptance": ACCEPTANCE, "lists": LISTS_OVER_HTTP}
 PICTURES: dict[str, Callable[[Path, Results], None]] = {"orders": draw_orders, "acceptance": draw_acceptance}
+TIMED = {"lists"}
+"""Parts whose results are times, which are not kept."""
 METRICS = {
     "corrections": Metric(5.0),
     "accepted_in_hindsight_percent": Metric(3.0, True),
@@ -45,13 +48,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not specimens:
         print(f"no pages in {layout_folder(options.data)}: only simulated ones are measured", file=sys.stderr)
     kept = KeptResults(None if options.fresh else MEMORY / NAME, specimens)
-    results = measure_all({name: PARTS[name] for name in names}, specimens, options.workers, (), kept)
+    results: dict[str, Results] = {}
+    for name in names:
+        part = {name: PARTS[name]}
+        results |= measure_all(part, specimens, options.workers, (), None if name in TIMED else kept)
     figures: Figures = {}
     for name in names:
         print(f"===== {name} =====\n\n{PARTS[name].report(results[name])}\n", flush=True)
         figures.update(PARTS[name].figures(results[name]))
         write_json(OUTPUT / f"{NAME}_{name}.json", plain_values(results[name]))
-        if results[name]:
+        if results[name] and name in PICTURES:
             PICTURES[name](OUTPUT / f"{NAME}_{name}.png", results[name])
     if options.limit:
         print("not compared with the baseline, which is of all pages")
