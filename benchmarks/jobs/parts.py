@@ -3,12 +3,14 @@
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 
-from benchmarks.jobs.chaos import Chaos, disturb_cluster, disturb_service
-from benchmarks.jobs.costs import measure_overhead, measure_scaling, measure_uploads, measure_worker
+from benchmarks.jobs.chaos import AWAY, Chaos, disturb_cluster, disturb_service
+from benchmarks.jobs.costs import measure_overhead, measure_uploads, measure_worker
+from benchmarks.jobs.scaling import measure_scaling
 
 PARTS: Mapping[str, Callable[[Chaos], bool]] = {
     "chaos": disturb_cluster,
     "sqlite": disturb_service,
+    "away": lambda chaos: disturb_cluster(chaos, only=AWAY),
     "overhead": lambda chaos: measure_overhead(chaos.jobs),
     "scaling": lambda chaos: measure_scaling(chaos.jobs),
     "uploads": lambda chaos: measure_uploads(chaos.jobs),
