@@ -59,7 +59,7 @@ def end_values(end: JobEnd, now: datetime, ttl_s: float) -> dict[str, object]:
     }
 
 
-def blob_keys(row: JobRow | Row[Any]) -> list[str]:
+def blob_keys(row: JobRow | Row[*tuple[Any, ...]]) -> list[str]:
     """Keys of its input and its answer."""
     return [key for key in (row.input_key, row.answer_key) if key is not None]
 

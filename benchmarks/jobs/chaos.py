@@ -31,7 +31,7 @@ AWAY = f"PostgreSQL away for {AWAY_S:g} s"
 
 @dataclass(frozen=True, slots=True)
 class Chaos:
-    """`every_s`: seconds between two disruptions; 0: none."""
+    """`every_s`: seconds for which all processes are up before the next disruption; 0: there is none."""
 
     jobs: int
     every_s: float
@@ -54,12 +54,7 @@ def disturb_cluster(chaos: Chaos, *, only: str = "") -> bool:
         chooser = random.Random(1)
 
         def kill_one(of: Sequence[Process]) -> Callable[[], None]:
-            def kill() -> None:
-                process = chooser.choice(of)
-                supervisor.await_up(process)
-                process.kill()  # the supervisor starts it again; the next disruption does not wait for that
-
-            return kill
+            return lambda: chooser.choice(of).kill()  # the supervisor starts it again
 
         def restart_all() -> None:
             for process in supervisor.processes:
@@ -77,7 +72,7 @@ def disturb_cluster(chaos: Chaos, *, only: str = "") -> bool:
             "restart PostgreSQL": cluster.restart,
             "rolling restart": restart_all,
         }
-        clients.run({only: be_away} if only else disruptions, chaos.every_s)
+        clients.run({only: be_away} if only else disruptions, chaos.every_s, supervisor.await_all)
         print(f"PostgreSQL, {len(apis)} API processes, {len(workers)} workers:")
         return _report(clients, deployment, supervisor, folder, time.monotonic() - begin_s)
 
@@ -90,17 +85,13 @@ def disturb_service(chaos: Chaos) -> bool:
         service = Process(deployment, workers=chaos.workers)
         supervisor = stack.enter_context(Supervisor((service,)))
 
-        def kill() -> None:
-            supervisor.await_up(service)
-            service.kill()
-
-        def restart() -> None:
-            supervisor.await_up(service)
-            supervisor.restart(service)
-
         clients = Clients([service], thousand_requests(), chaos.jobs)
         begin_s = time.monotonic()
-        clients.run({"kill the service": kill, "restart the service": restart}, chaos.every_s)
+        disruptions: dict[str, Callable[[], None]] = {
+            "kill the service": service.kill,
+            "restart the service": lambda: supervisor.restart(service),
+        }
+        clients.run(disruptions, chaos.every_s, supervisor.await_all)
         print(f"SQLite, one service with {chaos.workers} workers:")
         return _report(clients, deployment, supervisor, folder, time.monotonic() - begin_s)
 

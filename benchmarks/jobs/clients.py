@@ -69,12 +69,18 @@ class Clients:
         response.raise_for_status()
         return request.essence(response)
 
-    def run(self, disruptions: Mapping[str, Callable[[], None]], every_s: float) -> None:
-        """Send all jobs and wait for all answers, with the next disruption every `every_s` seconds (0: none).
+    def run(
+        self,
+        disruptions: Mapping[str, Callable[[], None]],
+        every_s: float,
+        settle: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Send all jobs and wait for all answers, with one disruption after another (`every_s` 0: none).
 
-        A disruption that fails is told, and the next one follows.
+        The next one follows `every_s` seconds after `settle` has returned: where starting a process takes minutes,
+        none would be up for long enough to do anything. A disruption that fails is told.
         """
-        disrupting = threading.Thread(target=self._disrupt, args=(disruptions, every_s))
+        disrupting = threading.Thread(target=self._disrupt, args=(disruptions, every_s, settle))
         disrupting.start()
         try:
             with ThreadPoolExecutor(CLIENTS) as threads:
@@ -121,7 +127,7 @@ class Clients:
             if time.monotonic() > deadline:
                 print(f"job {accepted.index} does not end: {job}", flush=True)
                 return Outcome(accepted.id, False, job.get("attempts", 0), LONGEST_S, LOST)
-            time.sleep(_RETRY_S)
+            self._listen(accepted)
         seconds = time.monotonic() - accepted.begin_s
         result = self._call("GET", accepted.path + "/result", accepted.headers)
         kind = accepted.index % len(self.requests)
@@ -131,8 +137,29 @@ class Clients:
         code = (job.get("problem") or {}).get("code", "")
         return Outcome(accepted.id, is_right, job.get("attempts", 0), seconds, code)
 
-    def _disrupt(self, disruptions: Mapping[str, Callable[[], None]], every_s: float) -> None:
+    def _listen(self, accepted: _Accepted) -> None:
+        """Return when the stream of the job's events ends: with the job, or with the process that sends it."""
+        url = random.choice(self.services).url
+        try:
+            with self._client.stream(
+                "GET", f"{url}{accepted.path}/events", headers=accepted.headers
+            ) as response:
+                for _ in response.iter_lines():
+                    pass
+                if response.is_success:
+                    return
+        except httpx.TransportError:
+            pass
+        time.sleep(_RETRY_S)
+
+    def _disrupt(
+        self,
+        disruptions: Mapping[str, Callable[[], None]],
+        every_s: float,
+        settle: Callable[[], None],
+    ) -> None:
         for what, disrupt in cycle(disruptions.items()):
+            settle()
             if not every_s or self._is_over.wait(every_s):
                 return
             try:

@@ -29,7 +29,10 @@ def main(arguments: Sequence[str]) -> int:
         "--workers", type=int, default=2, help="worker processes of `chaos`, workers of `sqlite`"
     )
     parser.add_argument(
-        "--chaos-every", type=float, default=20.0, help="seconds between disruptions; 0: none"
+        "--chaos-every",
+        type=float,
+        default=20.0,
+        help="seconds between disruptions while all processes are up; 0: none",
     )
     options = parser.parse_args(arguments)
     chaos = Chaos(options.jobs, options.chaos_every, options.apis, options.workers)

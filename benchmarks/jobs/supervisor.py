@@ -45,6 +45,11 @@ class Supervisor:
         while not process.is_up and not self._is_over.is_set():
             time.sleep(_LOOK_EVERY_S)
 
+    def await_all(self) -> None:
+        """Return when all processes are up."""
+        for process in self.processes:
+            self.await_up(process)
+
     def restart(self, process: Process) -> None:
         """Stop the process as a rolling deployment does, and return when its successor is up."""
         process.stop()
