@@ -8,6 +8,8 @@ JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 FINAL_STATES: Final = ("succeeded", "failed", "cancelled")
 JOB_BLOBS: Final = "jobs"
 """First part of the keys of all blobs of jobs."""
+CHANGES: Final = "document_job_changes"
+"""Channel on which PostgreSQL tells changes of jobs, as `ID REVISION`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,15 +7,14 @@ job is written once.
 
 import secrets
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from contextlib import nullcontext
 from datetime import datetime, timedelta
-from typing import cast
+from typing import Any
 
-from sqlalchemy import ColumnElement, case, func, select
+from sqlalchemy import ColumnElement, Row, case, func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from models.documents import decode_document, encode_document
 from models.errors import JobKeyReused, JobNotFound, QueueFull
 from models.job_records import (
     FINAL_STATES,
@@ -23,25 +22,48 @@ from models.job_records import (
     JobBounds,
     JobDraft,
     JobEnd,
-    JobState,
     Lease,
     Progress,
     QueueStatus,
     StoredJob,
+)
+from models.job_rows import (
+    add_delivery,
+    blob_keys,
+    end_values,
+    new_values,
+    queue_again,
+    stored_job,
+    tell_change,
+)
+from models.job_statements import (
+    ADD,
+    CLAIM,
+    DELETE,
+    END_BY_ANYBODY,
+    END_BY_LEASE,
+    READ,
+    REVISIONS,
+    UNFINISHED,
+    UNFINISHED_TOTALS,
+    WAITING_OWNERS,
 )
 from models.tables import JobRow
 from models.transactions import Transactions
 
 MOST_RETURNS = 60
 """Largest number of times that a job is handed back because the service could not run it."""
-_UNFINISHED = ("queued", "running")
 
 
 class JobRepository(Transactions):
     """Jobs by id."""
 
-    def add_job(self, draft: JobDraft, bounds: JobBounds) -> tuple[StoredJob, bool]:
+    def add_job(
+        self, draft: JobDraft, bounds: JobBounds, also: Callable[[Any], None] | None = None
+    ) -> tuple[StoredJob, bool]:
         """Store a job; False as the second value if it is an earlier one with the same `repeat_key`.
+
+        `also` is called with the driver's connection in the transaction that stores a new job.
 
         Raises
         ------
@@ -50,39 +72,23 @@ class JobRepository(Transactions):
         JobKeyReused
             When the earlier job had another digest.
         """
-        row = JobRow(
-            id=draft.id,
-            owner=draft.owner,
-            operation=draft.operation,
-            request=encode_document(draft.request),
-            input_key=draft.input_key,
-            input_bytes=draft.input_bytes,
-            repeat_key=draft.repeat_key,
-            digest=draft.digest,
-            priority=draft.priority,
-            state="queued",
-            progress=0.0,
-            revision=0,
-            attempts=0,
-            returns=0,
-            answer_bytes=0,
-            created_at=self._clock(),
-            callback_url=draft.callback_url,
-        )
-        row.ready_at = row.created_at
+        values = new_values(draft, self._clock())
         with self._writing() as session:
             if (earlier := self._repeated(session, draft.repeat_key, draft.digest)) is not None:
                 return earlier, False
             _require_room(session, draft, bounds)
             try:
-                with session.begin_nested():
-                    session.add(row)
+                # Only a key may be there already; without one there is no need to go on after a failure.
+                with nullcontext() if draft.repeat_key is None else session.begin_nested():
+                    row = session.execute(ADD, values).one()
             except IntegrityError:  # another process stored the same key at the same moment
                 earlier = self._repeated(session, draft.repeat_key, draft.digest)
                 if earlier is None:
                     raise
                 return earlier, False
-            return _stored(row), True
+            if also is not None:
+                also(session.connection().connection.driver_connection)
+            return stored_job(row), True
 
     def repeated_job(self, repeat_key: str, digest: str) -> StoredJob | None:
         """The job with this key; None: there is none. Raises `JobKeyReused` when it had another digest."""
@@ -101,26 +107,25 @@ class JobRepository(Transactions):
             return None
         if row.digest != digest:
             raise JobKeyReused("This key came with a different request before")
-        return _stored(row)
+        return stored_job(row)
 
     def job(self, job_id: str) -> StoredJob:
         """A job that has not expired. Raises `JobNotFound`."""
-        with self._reading() as session:
-            row = session.get(JobRow, job_id)
+        with self._glancing() as session:
+            row = session.execute(READ, {"of_id": job_id}).one_or_none()
             if row is None or self._has_expired(row):
                 raise JobNotFound(f"there is no job {job_id[:64]!r}, or no longer", job_id)
-            return _stored(row)
+            return stored_job(row)
 
     def job_revisions(self, job_ids: Sequence[str]) -> dict[str, int]:
         """The revisions of jobs that exist."""
-        with self._reading() as session:
-            wanted = select(JobRow.id, JobRow.revision).where(JobRow.id.in_(job_ids))
-            return {id: revision for id, revision in session.execute(wanted)}
+        with self._glancing() as session:
+            return {id: revision for id, revision in session.execute(REVISIONS, {"ids": job_ids})}
 
     def require_queue_room(self, bounds: JobBounds, owner: str | None, input_bytes: int) -> None:
         """Raise `QueueFull` when a job of this owner would not be accepted now."""
         draft = JobDraft("", owner, "", {}, None, input_bytes)
-        with self._reading() as session:
+        with self._glancing() as session:
             _require_room(session, draft, bounds)
 
     def claim_job(self, lease_s: float) -> Lease | None:
@@ -132,21 +137,16 @@ class JobRepository(Transactions):
         now, token = self._clock(), secrets.token_hex(16)
         with self._writing() as session:
             for priority, owner in _owners_in_turn(session, now):
-                next_one = (
-                    select(JobRow)
-                    .where(_may_start(now), JobRow.priority == priority, _is_of(owner))
-                    .order_by(JobRow.created_at, JobRow.id)
-                    .limit(1)
-                    .with_for_update(skip_locked=True)
-                )
-                row = session.execute(next_one).scalar_one_or_none()
+                values = {
+                    "of_priority": priority,
+                    "of_owner": owner,
+                    "now": now,
+                    "new_token": token,
+                    "until": now + timedelta(seconds=lease_s),
+                }
+                row = CLAIM.execute(session, values)
                 if row is not None:
-                    row.state, row.token = "running", token
-                    row.attempts += 1
-                    row.revision += 1
-                    row.started_at = now
-                    row.lease_until = now + timedelta(seconds=lease_s)
-                    return Lease(_stored(row), token)
+                    return Lease(stored_job(row), token)
         return None
 
     def renew_leases(self, reports: Sequence[Progress], lease_s: float) -> set[str]:
@@ -164,6 +164,7 @@ class JobRepository(Transactions):
                 if (stage, progress) != (row.stage, row.progress):
                     row.stage, row.progress = stage, progress
                     row.revision += 1
+                    tell_change(session, row)
         return lost
 
     def end_job(self, job_id: str, token: str | None, end: JobEnd, ttl_s: float) -> bool:
@@ -173,12 +174,11 @@ class JobRepository(Transactions):
         runs it.
         """
         now = self._clock()
+        values = {"of_id": job_id, **end_values(end, now, ttl_s)}
         with self._writing() as session:
-            row = session.get(JobRow, job_id, with_for_update=True)
-            if row is None or row.state in FINAL_STATES or (token is not None and row.token != token):
-                return False
-            _end(row, end, now, ttl_s)
-            return True
+            if token is None:
+                return END_BY_ANYBODY.execute(session, values) is not None
+            return END_BY_LEASE.execute(session, {"of_token": token, **values}) is not None
 
     def return_job(self, job_id: str, token: str, wait_s: float, *, is_attempt: bool) -> bool:
         """Hand a running job back; it may start again after `wait_s` seconds. False: the lease is lost.
@@ -193,7 +193,8 @@ class JobRepository(Transactions):
             if not is_attempt and row.returns < MOST_RETURNS:
                 row.attempts -= 1
                 row.returns += 1
-            _queue_again(row, self._clock() + timedelta(seconds=wait_s))
+            queue_again(row, self._clock() + timedelta(seconds=wait_s))
+            tell_change(session, row)
             return True
 
     def settle_stalled_jobs(
@@ -212,46 +213,62 @@ class JobRepository(Transactions):
             )
             for row in session.execute(stalled).scalars():
                 if row.attempts < most_attempts:
-                    _queue_again(row, now)
+                    queue_again(row, now)
+                    tell_change(session, row)
                     again += 1
                 else:
-                    _end(row, failure(_stored(row)), now, ttl_s)
+                    end = failure(stored_job(row))
+                    END_BY_ANYBODY.execute(session, {"of_id": row.id, **end_values(end, now, ttl_s)})
                     failed += 1
         return again, failed
 
     def delete_job(self, job_id: str) -> list[str]:
         """Delete a finished job; the keys of its blobs. An unfinished one remains."""
         with self._writing() as session:
-            row = session.get(JobRow, job_id)
-            if row is None or row.state not in FINAL_STATES:
-                return []
-            session.delete(row)
-            return _blob_keys(row)
+            row = session.execute(DELETE, {"of_id": job_id}).one_or_none()
+            return [] if row is None else blob_keys(row)
 
     def purge_jobs(self, most_jobs: int, most_answer_bytes: int) -> list[str]:
         """Delete finished jobs that have expired, and the oldest ones over a limit; the keys of their blobs.
 
         A job whose callback is not delivered yet remains until it expires.
         """
+        finished = JobRow.state.in_(FINAL_STATES)
+        counted = select(
+            func.count(),
+            func.coalesce(func.sum(JobRow.answer_bytes), 0),
+            func.coalesce(func.sum(case((self._is_expired(), 1), else_=0)), 0),
+        )
         keys: list[str] = []
+
+        def is_full(jobs: int, answer_bytes: int) -> bool:
+            return jobs > most_jobs or answer_bytes > most_answer_bytes
+
+        with self._glancing() as session:
+            jobs, answer_bytes, expired = session.execute(counted).one()
+        if not expired and not is_full(jobs, answer_bytes):
+            return keys  # by far the most frequent case, for which no row is read
         with self._writing() as session:
-            total = select(func.count(), func.coalesce(func.sum(JobRow.answer_bytes), 0)).select_from(JobRow)
-            jobs, answer_bytes = session.execute(total).one()
-            finished = select(JobRow).where(JobRow.state.in_(FINAL_STATES)).order_by(JobRow.ended_at)
-            for row in session.execute(finished.execution_options(yield_per=100)).scalars():
-                is_over_limit = jobs > most_jobs or answer_bytes > most_answer_bytes
-                if (is_over_limit and row.callback_at is None) or self._has_expired(row):
-                    keys += _blob_keys(row)
-                    session.delete(row)
-                    jobs -= 1
-                    answer_bytes -= row.answer_bytes
+            for row in session.execute(select(JobRow).where(finished, self._is_expired())).scalars():
+                keys += blob_keys(row)
+                session.delete(row)
+            session.flush()
+            jobs, answer_bytes, _ = session.execute(counted).one()
+            oldest = select(JobRow).where(finished, JobRow.callback_at.is_(None)).order_by(JobRow.ended_at)
+            for row in session.execute(oldest.execution_options(yield_per=100)).scalars():
+                if not is_full(jobs, answer_bytes):
+                    break
+                keys += blob_keys(row)
+                session.delete(row)
+                jobs -= 1
+                answer_bytes -= row.answer_bytes
         return keys
 
     def claim_callback(self, claim_s: float) -> StoredJob | None:
         """A job whose callback is due; None: there is none. Nobody else gets it for `claim_s` seconds."""
         now = self._clock()
         due = select(JobRow).where(JobRow.callback_at <= now).order_by(JobRow.callback_at).limit(1)
-        with self._reading() as session:
+        with self._glancing() as session:
             if session.execute(due).first() is None:
                 return None
         with self._writing() as session:
@@ -259,7 +276,7 @@ class JobRepository(Transactions):
             if row is None:
                 return None
             row.callback_at = now + timedelta(seconds=claim_s)
-            return _stored(row)
+            return stored_job(row)
 
     def note_delivery(self, job_id: str, delivery: Delivery, next_s: float | None) -> None:
         """Add to a job's log of deliveries; the next one is due in `next_s` seconds, None: it was the last."""
@@ -267,17 +284,16 @@ class JobRepository(Transactions):
             row = session.get(JobRow, job_id, with_for_update=True)
             if row is None:
                 return
-            noted = [*_deliveries(row), delivery]
-            row.deliveries = encode_document({"log": [_delivery_document(each) for each in noted]})
+            add_delivery(row, delivery)
             row.callback_at = None if next_s is None else self._clock() + timedelta(seconds=next_s)
 
     def queue_status(self) -> QueueStatus:
         """Numbers of unfinished jobs."""
-        with self._reading() as session:
+        with self._glancing() as session:
             counted = select(
                 JobRow.state, func.count(), func.sum(JobRow.input_bytes), func.min(JobRow.created_at)
             )
-            rows = session.execute(counted.where(JobRow.state.in_(_UNFINISHED)).group_by(JobRow.state)).all()
+            rows = session.execute(counted.where(JobRow.state.in_(UNFINISHED)).group_by(JobRow.state)).all()
         counts = {state: count for state, count, _, _ in rows}
         oldest = min((created for *_, created in rows), default=None)
         return QueueStatus(
@@ -289,20 +305,18 @@ class JobRepository(Transactions):
 
     def has_job(self, job_id: str) -> bool:
         """Whether there is such a job, also if it has expired."""
-        with self._reading() as session:
-            return session.get(JobRow, job_id) is not None
+        with self._glancing() as session:
+            return session.execute(READ, {"of_id": job_id}).first() is not None
 
-    def _has_expired(self, row: JobRow) -> bool:
+    def _has_expired(self, row: JobRow | Row[Any]) -> bool:
         return row.expires_at is not None and row.expires_at <= self._clock()
+
+    def _is_expired(self) -> ColumnElement[bool]:
+        return JobRow.expires_at <= self._clock()
 
 
 def _require_room(session: Session, draft: JobDraft, bounds: JobBounds) -> None:
-    counted = select(
-        func.count(),
-        func.coalesce(func.sum(JobRow.input_bytes), 0),
-        func.coalesce(func.sum(case((_is_of(draft.owner), 1), else_=0)), 0),
-    ).where(JobRow.state.in_(_UNFINISHED))
-    jobs, input_bytes, own = session.execute(counted).one()
+    jobs, input_bytes, own = session.execute(UNFINISHED_TOTALS, {"of_owner": draft.owner}).one()
     if jobs >= bounds.most_jobs:
         raise QueueFull(f"{jobs} jobs are unfinished (MAX_JOBS)")
     if own >= bounds.most_jobs_of_owner:
@@ -313,11 +327,7 @@ def _require_room(session: Session, draft: JobDraft, bounds: JobBounds) -> None:
 
 def _owners_in_turn(session: Session, now: datetime) -> list[tuple[int, str | None]]:
     """Pairs of priority and owner of the jobs that may start, in the order in which they are to be served."""
-    waiting = session.execute(
-        select(JobRow.priority, JobRow.owner, func.min(JobRow.created_at))
-        .where(_may_start(now))
-        .group_by(JobRow.priority, JobRow.owner)
-    ).all()
+    waiting = session.execute(WAITING_OWNERS, {"now": now}).all()
     if len(waiting) < 2:
         return [(priority, owner) for priority, owner, _ in waiting]
     owned = select(
@@ -332,66 +342,3 @@ def _owners_in_turn(session: Session, now: datetime) -> list[tuple[int, str | No
 
     ordered = sorted(((priority, owner, oldest) for priority, owner, oldest in waiting), key=turn)
     return [(priority, owner) for priority, owner, _ in ordered]
-
-
-def _may_start(now: datetime) -> ColumnElement[bool]:
-    return (JobRow.state == "queued") & (JobRow.ready_at <= now)
-
-
-def _is_of(owner: str | None) -> ColumnElement[bool]:
-    return JobRow.owner.is_(None) if owner is None else JobRow.owner == owner
-
-
-def _queue_again(row: JobRow, ready_at: datetime) -> None:
-    row.state, row.token, row.lease_until = "queued", None, None
-    row.ready_at = ready_at
-    row.revision += 1
-
-
-def _end(row: JobRow, end: JobEnd, now: datetime, ttl_s: float) -> None:
-    row.state, row.token, row.lease_until, row.ended_at = end.state, None, None, now
-    row.expires_at = now + timedelta(seconds=ttl_s)
-    row.answer = None if end.answer is None else encode_document(end.answer)
-    row.problem = None if end.problem is None else encode_document(end.problem)
-    row.answer_key, row.answer_bytes = end.answer_key, end.answer_bytes
-    row.callback_at = None if row.callback_url is None else now
-    if end.state == "succeeded":
-        row.progress = 1.0
-    row.revision += 1
-
-
-def _blob_keys(row: JobRow) -> list[str]:
-    return [key for key in (row.input_key, row.answer_key) if key is not None]
-
-
-def _stored(row: JobRow) -> StoredJob:
-    return StoredJob(
-        id=row.id,
-        owner=row.owner,
-        operation=row.operation,
-        request=decode_document(row.request),
-        input_key=row.input_key,
-        state=cast(JobState, row.state),
-        stage=row.stage,
-        progress=row.progress,
-        revision=row.revision,
-        attempts=row.attempts,
-        created_at=row.created_at,
-        started_at=row.started_at,
-        ended_at=row.ended_at,
-        answer=None if row.answer is None else decode_document(row.answer),
-        answer_key=row.answer_key,
-        answer_bytes=row.answer_bytes,
-        problem=None if row.problem is None else decode_document(row.problem),
-        callback_url=row.callback_url,
-        deliveries=tuple(_deliveries(row)),
-    )
-
-
-def _deliveries(row: JobRow) -> list[Delivery]:
-    noted = [] if row.deliveries is None else decode_document(row.deliveries)["log"]
-    return [Delivery(**{**each, "at": datetime.fromisoformat(each["at"])}) for each in noted]
-
-
-def _delivery_document(delivery: Delivery) -> dict[str, object]:
-    return {**asdict(delivery), "at": delivery.at.isoformat()}

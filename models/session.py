@@ -7,6 +7,7 @@ Writers queue for a row that they lock first (READ COMMITTED: they see the last 
 """
 
 import errno
+import math
 import sqlite3
 import threading
 import time
@@ -16,13 +17,21 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, cast
 
+import psycopg
 from alembic import command
 from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import URL, Connection, Dialect, Engine, create_engine, event, inspect, make_url, text
 from sqlalchemy.engine.interfaces import DBAPIConnection
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import (
+    ArgumentError,
+    DBAPIError,
+    DisconnectionError,
+    NoSuchModuleError,
+    SQLAlchemyError,
+)
+from sqlalchemy.pool import ConnectionPoolEntry
 
 from models.bounded_connection import bounded
 from models.errors import StoreDamaged, StoreTooNew, StoreUnavailable
@@ -43,6 +52,10 @@ _CONNECTION_SETTINGS = {
 """libpq's settings by which a dead connection is noticed; those in the URL come first."""
 _POOL_SIZE, _POOL_OVERFLOW = 8, 32
 """Connections that stay open, and additional ones under load: 40 in all, the number of anyio's threads."""
+_PING_AFTER_S = 1.0
+"""Idle time after which a connection is tried before it is used: the server may have restarted. A call whose connection
+broke meanwhile fails as unavailable, and the next one has a new connection."""
+_IDLE_SINCE_S: Final = "idle_since_s"
 _POSTGRESQL: Final = "postgresql+psycopg"
 _WRITER: Final = "store_writer"
 _MIGRATION_LOCK = 0x6C61796F75746D  # key of PostgreSQL's advisory lock: any number that no other program uses
@@ -126,7 +139,6 @@ def _open_postgresql(url: URL, busy_timeout_s: float) -> Engine:
         hide_parameters=True,
         connect_args={key: value for key, value in _CONNECTION_SETTINGS.items() if key not in url.query},
         isolation_level="REPEATABLE READ",
-        pool_pre_ping=True,
         pool_size=_POOL_SIZE,
         max_overflow=_POOL_OVERFLOW,
         pool_timeout=busy_timeout_s,
@@ -146,6 +158,18 @@ def _open_postgresql(url: URL, busy_timeout_s: float) -> Engine:
         cursor.close()
         connection.commit()
 
+    @event.listens_for(engine, "checkin")
+    def note(_: DBAPIConnection | None, record: ConnectionPoolEntry) -> None:
+        record.info[_IDLE_SINCE_S] = time.monotonic()
+
+    @event.listens_for(engine, "checkout")
+    def ping(connection: DBAPIConnection, record: ConnectionPoolEntry, _: object) -> None:
+        if time.monotonic() - record.info.get(_IDLE_SINCE_S, math.inf) > _PING_AFTER_S:
+            try:
+                engine.dialect.do_ping(connection)
+            except psycopg.Error as error:
+                raise DisconnectionError from error  # the pool makes a new connection
+
     return engine
 
 
@@ -154,6 +178,13 @@ def writers_of(engine: Engine) -> Engine:
     if engine.dialect.name == "postgresql":
         return engine.execution_options(isolation_level="READ COMMITTED")
     return engine.execution_options(**{_WRITER: True})
+
+
+def glances_of(engine: Engine) -> Engine:
+    """An engine with the same connections, for reading by one statement, which needs no transaction of its own."""
+    if engine.dialect.name == "postgresql":
+        return engine.execution_options(isolation_level="AUTOCOMMIT")
+    return engine
 
 
 class WriterLock:

@@ -33,6 +33,7 @@ from app.engine.base import (
 from app.engine.job import EngineJob
 from app.engine.outcomes import Losses, error_of
 from app.engine.process import WorkerGone, WorkerProcess
+from app.engine.starting import kill_if_hung
 from services.contract.operations import Operation
 from services.errors import DocumentError
 from services.progress import ProgressSink
@@ -49,8 +50,8 @@ MAX_RETRY_AFTER_S = 60
 class PoolLimits:
     """Limits of the pool; `app.settings` documents each under the same name.
 
-    `worker_memory_bytes` and `worker_resident_bytes` 0 mean no limit; `start_timeout_s` limits the start and warm-up of
-    one worker.
+    `worker_memory_bytes` and `worker_resident_bytes` 0 mean no limit; a worker that does nothing for `start_timeout_s`
+    while it starts is given up.
     """
 
     workers: int = 1
@@ -247,7 +248,7 @@ class LocalEngine:
         worker = WorkerProcess(self._limits.worker_memory_bytes, self._warm_up)
         self._workers.add(worker)
         loop = asyncio.get_running_loop()
-        timer = loop.call_later(self._limits.start_timeout_s, worker.kill)
+        watching = asyncio.create_task(kill_if_hung(worker, self._limits.start_timeout_s))
         try:
             self._facts = await loop.run_in_executor(self._threads, worker.start)
         except BaseException as error:
@@ -256,7 +257,7 @@ class LocalEngine:
                 raise EngineFailed(f"it ended during its warm-up (exit code {code})") from error
             raise
         finally:
-            timer.cancel()
+            watching.cancel()
         self._live += 1
         return worker
 

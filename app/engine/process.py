@@ -119,6 +119,23 @@ class WorkerProcess:
             return int(pages) * os.sysconf("SC_PAGE_SIZE")
         return 0
 
+    def used_ticks(self) -> int:
+        """Processor time that the process has used, in ticks of the system's clock; 0 if it does not run."""
+        fields = self._status()
+        return int(fields[11]) + int(fields[12]) if fields else 0
+
+    def is_runnable(self) -> bool:
+        """Whether the process computes, waits for a processor or for a disk."""
+        fields = self._status()
+        return bool(fields) and fields[0] in {"R", "D"}
+
+    def _status(self) -> list[str]:
+        """The fields of proc(5)'s `stat` from the process's state on; none if it does not run."""
+        with suppress(OSError):
+            # The second field is the program's name, in parentheses, which may contain anything.
+            return Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        return []
+
     def fileno(self) -> int:
         """Descriptor of the pipe. While the worker is idle, it is readable only if the worker has died."""
         return self._connection.fileno()

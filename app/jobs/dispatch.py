@@ -5,11 +5,13 @@ import logging
 import random
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from functools import partial
 from typing import Protocol
 
 from app.jobs.registry import Jobs
 from app.jobs.running import JobRunner
 from models.errors import StoreError
+from services.heap import release_freed_memory
 
 log = logging.getLogger(__name__)
 _random = random.Random()  # its own: the generator of the process belongs to nobody
@@ -19,13 +21,17 @@ ASK_EVERY_S = 1.0
 SETTLE_EVERY_S = 3.0
 PURGE_EVERY_S = 5.0
 SWEEP_EVERY_S = 600.0
+RELEASE_EVERY_S = 5.0
+"""Freed memory goes back to the system so often. Uploads pass through many threads, and the C library keeps what each
+of them has freed: a process that lets uploads of 10 MB pass would grow with every hundred of them."""
 
 
 class Dispatch(Protocol):
     """Brings jobs to free slots of a `JobRunner`."""
 
     async def start(self) -> None: ...
-    async def announce(self, job_id: str) -> None: ...
+    def enlist(self, job_id: str, connection: object) -> None: ...
+    async def announce(self) -> None: ...
     async def settle(self) -> None: ...
     async def live_workers(self) -> int | None: ...
     async def stop(self, grace_s: float) -> None: ...
@@ -46,7 +52,10 @@ class LocalDispatch:
         self._runner.start()
         self._tasks = [asyncio.create_task(self._fill_slot()) for _ in range(self._slots)]
 
-    async def announce(self, job_id: str = "") -> None:
+    def enlist(self, job_id: str, connection: object) -> None:
+        """Nothing: the rows of the jobs are the queue."""
+
+    async def announce(self) -> None:
         """Say that there is one more job."""
         news, self._news = self._news, asyncio.Event()
         news.set()
@@ -92,6 +101,7 @@ class Housekeeping:
             (SETTLE_EVERY_S, dispatch.settle),
             (PURGE_EVERY_S, jobs.purge),
             (SWEEP_EVERY_S, jobs.sweep_blobs),
+            (RELEASE_EVERY_S, partial(asyncio.to_thread, release_freed_memory)),
         ]
         self._tasks: list[asyncio.Task[None]] = []
 

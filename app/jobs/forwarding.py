@@ -8,7 +8,6 @@ from typing import IO
 from anyio import to_thread
 from fastapi import Request
 from starlette.datastructures import Headers
-from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.engine.base import Busy
@@ -75,7 +74,8 @@ class JobAdmission:
         request = Request(scope)
         job = await self._store(request, receive)
         try:
-            response = await self._end(request, receive, job)
+            job = await self._end(request, receive, job)
+            response = await self.jobs.answer(job)
             await response(scope, receive, send)
         finally:  # after the answer, which must not wait for it
             await asyncio.shield(self._forget(request, job))
@@ -104,8 +104,8 @@ class JobAdmission:
         finally:
             place.leave()
 
-    async def _end(self, request: Request, receive: Receive, job: StoredJob) -> Response:
-        """The answer of the job.
+    async def _end(self, request: Request, receive: Receive, job: StoredJob) -> StoredJob:
+        """The job at its end.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class JobAdmission:
             await asyncio.wait((leaving, ending), return_when=asyncio.FIRST_COMPLETED)
             if not ending.done():
                 raise ClientGone("The client closed the connection before the work was done.")
-            return await self.jobs.answer(ending.result())
+            return ending.result()
         finally:
             for task in (leaving, ending):
                 task.cancel()
@@ -128,7 +128,7 @@ class JobAdmission:
     async def _wait(self, job: StoredJob) -> StoredJob:
         async with asyncio.timeout(self.queue_timeout_s) as waiting:
             try:
-                async for changed in self.jobs.follow(job):
+                async for changed in self.jobs.followers.follow(job):
                     if changed is None:
                         continue
                     if changed.state != "queued":
@@ -143,8 +143,9 @@ class JobAdmission:
         raise Busy("The service is stopping. Send the request again.")
 
     async def _forget(self, request: Request, job: StoredJob) -> None:
-        problem = problem_response(JobCancelled("The client no longer waits."), request.scope)
-        await self.jobs.cancel(job, problem)
+        if not job.is_over:
+            problem = problem_response(JobCancelled("The client no longer waits."), request.scope)
+            await self.jobs.cancel(job, problem)
         await self.jobs.delete(job)
 
 

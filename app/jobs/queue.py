@@ -1,22 +1,22 @@
 """The queue in PostgreSQL, by which API processes and workers on several machines share jobs (Procrastinate).
 
 An entry of the queue is a ticket: it says that a job waits, and wakes one free slot of one worker. Which job that slot
-takes is decided by the rows of the jobs, so that owners take turns. Tickets may be lost or too many: what counts is in
-the rows. `QueueDispatch.settle` adds missing tickets and deletes those of dead workers.
+takes is decided by the rows of the jobs, so that owners take turns. A ticket is stored with its job, in one
+transaction. Later tickets may be lost or too many: what counts is in the rows. `QueueDispatch.settle` adds missing
+tickets and deletes those of dead workers.
 """
 
 import asyncio
 import logging
-import re
 from contextlib import suppress
 from typing import Any
 
 import procrastinate
 import psycopg
-from procrastinate.exceptions import ProcrastinateException
 from procrastinate.jobs import Status
 from procrastinate.schema import SchemaManager
 
+from app.jobs.postgresql import CONNECT, RESTART_PAUSE_S, Failure, conninfo_of
 from app.jobs.running import JobRunner
 from models.errors import StoreError, StoreUnavailable
 
@@ -25,7 +25,6 @@ log = logging.getLogger(__name__)
 QUEUE = "document_jobs"
 ASK_EVERY_S = 2.0
 """Pause after which a worker asks for tickets; usually the database notifies it."""
-RESTART_PAUSE_S = 1.0
 STALLED_AFTER_S = 60.0
 """Silence after which a worker counts as dead and its tickets are deleted; well above the time of a graceful stop,
 during which a worker does not report to the queue."""
@@ -34,7 +33,7 @@ MOST_TICKETS = 1000
 _ANSWER_S = 5.0
 _PROBE_S = 0.7
 _SCHEMA_LOCK = 0x6A6F6273  # key of PostgreSQL's advisory lock: any number that no other program uses
-_CONNECT = {"connect_timeout": 5, "keepalives_idle": 30, "tcp_user_timeout": 15000}
+_TASK = "run_job"
 _MISSING = """
 SELECT (SELECT count(*) FROM jobs WHERE state = 'queued' AND ready_at <= now())
      - (SELECT count(*) FROM procrastinate_jobs WHERE status = 'todo' AND queue_name = %(queue)s) AS missing
@@ -42,15 +41,13 @@ SELECT (SELECT count(*) FROM jobs WHERE state = 'queued' AND ready_at <= now())
 _ALIVE = """
 SELECT count(*) AS alive FROM procrastinate_workers WHERE last_heartbeat > now() - interval '30 seconds'
 """
-Failure = (ProcrastinateException, psycopg.Error, OSError, TimeoutError)
-"""What the library raises when the database cannot be used."""
 
 
 class QueueDispatch:
     """Runs up to `slots` jobs at once in this process, as tickets arrive; 0: it only adds tickets."""
 
     def __init__(self, database_url: str, runner: JobRunner, slots: int) -> None:
-        self._url = re.sub(r"^postgres(ql)?(\+\w+)?://", "postgresql://", database_url)
+        self._url = conninfo_of(database_url)
         self._runner = runner
         self._slots = slots
         self._free = asyncio.Semaphore(max(1, slots))
@@ -58,10 +55,18 @@ class QueueDispatch:
         self._worker: asyncio.Task[None] | None = None
         self._probe: asyncio.Task[dict[str, Any]] | None = None
         connector = procrastinate.PsycopgConnector(
-            conninfo=self._url, kwargs=_CONNECT, min_size=1, max_size=6, timeout=_ANSWER_S
+            conninfo=self._url,
+            kwargs=CONNECT,
+            configure=_commit_each_statement,
+            min_size=1,
+            max_size=6,
+            timeout=_ANSWER_S,
         )
         self._app = procrastinate.App(connector=connector)
-        self._ticket = self._app.task(name="run_job", queue=QUEUE)(self._use_ticket)
+        self._ticket = self._app.task(name=_TASK, queue=QUEUE)(self._use_ticket)
+        # The store's connections are not asynchronous. This application has none of its own.
+        within = procrastinate.App(connector=procrastinate.SyncPsycopgConnector(conninfo=self._url))
+        self._enlisted = within.task(name=_TASK, queue=QUEUE)(self._use_ticket)
 
     async def start(self) -> None:
         """Begin to run jobs.
@@ -80,13 +85,15 @@ class QueueDispatch:
             self._runner.start()
             self._worker = asyncio.create_task(self._keep_working())
 
-    async def announce(self, job_id: str) -> None:
-        """Add a ticket. A failure is logged only: `settle` adds it later."""
+    def enlist(self, job_id: str, connection: object) -> None:
+        """Add a ticket in the transaction that stores the job. Raises `StoreUnavailable`."""
         try:
-            async with asyncio.timeout(_ANSWER_S):
-                await self._ticket.defer_async(job_id=job_id)
+            self._enlisted.configure(connection=connection).defer(job_id=job_id)
         except Failure as error:
-            log.warning("a job could not be announced: %s", error)
+            raise StoreUnavailable(f"the queue of jobs cannot be used: {error}") from error
+
+    async def announce(self) -> None:
+        """Nothing: the ticket came with the job, and the database tells it to workers."""
 
     async def settle(self) -> None:
         """Add missing tickets, and delete those of dead workers.
@@ -169,9 +176,14 @@ class QueueDispatch:
                 log.warning("no job could be taken: %s", error.detail)
 
 
+async def _commit_each_statement(connection: psycopg.AsyncConnection[Any]) -> None:
+    """The library's transactions are single statements: two exchanges with the server less for each."""
+    await connection.set_autocommit(True)
+
+
 def _make_tables(url: str) -> None:
     """Make the queue's tables if they are not there. Of several processes one does it."""
-    with psycopg.connect(url, **_CONNECT) as connection:  # type: ignore[arg-type]
+    with psycopg.connect(url, **CONNECT) as connection:
         connection.execute("SELECT pg_advisory_xact_lock(%s)", (_SCHEMA_LOCK,))
         found = connection.execute("SELECT to_regclass('procrastinate_jobs')").fetchone()
         if found is None or found[0] is None:

@@ -1,12 +1,12 @@
-"""Jobs, as the routes see them: accepted, shown, followed, cancelled and deleted. They are rows of the store."""
+"""Jobs, as the routes see them: accepted, shown, cancelled and deleted. They are rows of the store."""
 
-import asyncio
 import hashlib
 import logging
 import uuid
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Any
 
 from fastapi import Request
@@ -15,6 +15,7 @@ from starlette.responses import Response
 from app.blobs import BlobAccess
 from app.engine.base import Busy
 from app.jobs.answers import failed
+from app.jobs.following import COME_AGAIN_S, Followers
 from app.jobs.stored_request import body_of, describe_request
 from app.layout_store import LayoutStore
 from models.errors import JobKeyReused, QueueFull, StoreError
@@ -33,10 +34,6 @@ log = logging.getLogger(__name__)
 
 MOST_KEY_CHARACTERS = 200
 """Longest Idempotency-Key."""
-COME_AGAIN_S = 5
-"""`Retry-After` of a request that finds no free place."""
-LOOK_FIRST_S, LOOK_EVERY_S, LOOK_GROWTH = 0.01, 0.1, 1.5
-"""Pauses between looks at the rows of followed jobs: short at first, for short jobs, then longer by this factor."""
 ORPHANED_AFTER = timedelta(hours=1)
 """Age from which a blob without a job is one that a crash has left."""
 _FORM_HEADS_BYTES = 64 * 1024
@@ -97,8 +94,10 @@ class JobLimits:
         return JobBounds(self.max_jobs, self.max_jobs_per_key, self.max_input_bytes)
 
 
-Announce = Callable[[str], Coroutine[Any, Any, None]]
-"""Tells whoever runs jobs that there is one more; its id."""
+Enlist = Callable[[str, Any], None]
+"""Does what has to come with a new job: its id, and the driver's connection of the transaction that stores it."""
+Announce = Callable[[], Coroutine[Any, Any, None]]
+"""Tells whoever runs jobs in this process that there is one more."""
 Abandon = Callable[[str], Coroutine[Any, Any, None]]
 """Stops a job if this process runs it, and waits for that."""
 
@@ -110,14 +109,10 @@ class Jobs:
         self._store = store
         self._blobs = blobs
         self._limits = limits
-        self._listeners = 0
-        self._closed = False
-        self._followed: dict[str, int] = {}
-        self._revisions: dict[str, int] = {}
-        self._looked = asyncio.Event()
-        self._looker: asyncio.Task[None] | None = None
-        self.announce: Announce = _ignore
-        self.abandon: Abandon = _ignore
+        self.followers = Followers(store, limits.max_listeners, limits.heartbeat_s)
+        self.enlist: Enlist = _ignore
+        self.announce: Announce = _nothing
+        self.abandon: Abandon = _nothing
 
     # Accepting
 
@@ -187,6 +182,8 @@ class Jobs:
         Raises
         ------
         Busy, KeyReused
+        StoreUnavailable
+            Also where it is not known whether the job was stored.
         """
         job_id = uuid.uuid4().hex  # 122 random bits: cannot be guessed
         key, size = blob_key(job_id, "input"), 0
@@ -204,18 +201,22 @@ class Jobs:
             priority=priority,
             callback_url=callback_url,
         )
-        bounds, is_new = self._limits.bounds, False
+        bounds, unneeded = self._limits.bounds, [key] if size else []
+        enlist = partial(self.enlist, job_id)
+        # After any other error the job may be there: the connection may break when the commit is done already. The
+        # sweep deletes what nobody needs.
         try:
-            job, is_new = await self._store.call(lambda store: store.add_job(draft, bounds))
+            job, is_new = await self._store.call(lambda store: store.add_job(draft, bounds, enlist))
         except QueueFull as full:
+            await self._forget(unneeded)
             raise _busy(full) from None
         except JobKeyReused:
+            await self._forget(unneeded)
             raise _key_reused() from None
-        finally:
-            if size and not is_new:
-                await self._forget([key])
         if is_new:
-            await self.announce(job.id)
+            await self.announce()
+        else:
+            await self._forget(unneeded)
         return job
 
     # Showing
@@ -272,79 +273,6 @@ class Jobs:
         """Delete a finished job with its result."""
         await self._forget(await self._store.call(lambda store: store.delete_job(job.id)))
 
-    # Following
-
-    def enter_listener(self) -> None:
-        """Count one more listener.
-
-        Raises
-        ------
-        Busy
-            When there are too many listeners.
-        """
-        if self._listeners >= self._limits.max_listeners:
-            raise Busy(
-                f"There are already {self._listeners} listeners (MAX_JOB_LISTENERS). Request the job's state instead.",
-                COME_AGAIN_S,
-            )
-        self._listeners += 1
-
-    def leave_listener(self) -> None:
-        """Count one listener less."""
-        self._listeners -= 1
-
-    async def follow(self, job: StoredJob) -> AsyncIterator[StoredJob | None]:
-        """Yield the job now and after each change, None after a heartbeat without a change.
-
-        Ends when the job has ended or is deleted, or the service stops. Intermediate changes may be missed, the last
-        one never.
-        """
-        self._followed[job.id] = self._followed.get(job.id, 0) + 1
-        try:
-            yield job
-            while not job.is_over and not self._closed:
-                if not await self._has_changed(job):
-                    yield None
-                    continue
-                try:
-                    job = await self._store.call(lambda store: store.job(job.id))  # noqa: B023
-                except NoSuchJob:
-                    return
-                yield job
-        finally:
-            self._followed[job.id] -= 1
-            if not self._followed[job.id]:
-                del self._followed[job.id]
-                self._revisions.pop(job.id, None)
-
-    async def _has_changed(self, job: StoredJob) -> bool:
-        """Wait for a change; False after a heartbeat without one."""
-        if self._looker is None or self._looker.done():
-            self._looker = asyncio.create_task(self._look())
-        try:
-            async with asyncio.timeout(self._limits.heartbeat_s):
-                while self._revisions.get(job.id, job.revision) == job.revision and not self._closed:
-                    await self._looked.wait()
-        except TimeoutError:
-            return False
-        return True
-
-    async def _look(self) -> None:
-        """Read the revisions of all followed jobs, again and again, while there are any."""
-        pause_s = LOOK_FIRST_S
-        while self._followed and not self._closed:
-            ids = list(self._followed)
-            is_new = not self._revisions.keys() >= self._followed.keys()
-            pause_s = LOOK_FIRST_S if is_new else min(LOOK_GROWTH * pause_s, LOOK_EVERY_S)
-            try:
-                found = await self._store.call(lambda store: store.job_revisions(ids))  # noqa: B023
-                self._revisions = {id: found.get(id, -1) for id in ids}
-            except StoreError as error:
-                log.warning("jobs cannot be followed: %s", error)
-            looked, self._looked = self._looked, asyncio.Event()
-            looked.set()
-            await asyncio.sleep(pause_s)
-
     # Keeping house
 
     async def purge(self) -> None:
@@ -378,11 +306,6 @@ class Jobs:
         except StoreError as error:
             log.warning("blobs could not be deleted: %s", error)
 
-    def close(self) -> None:
-        """Disconnect the listeners."""
-        self._closed = True
-        self._looked.set()
-
 
 def _repeat_key(request: Repeatable, owner: str | None) -> str:
     return hashlib.sha256(f"{owner or ''}\n{request.key}".encode("utf-8", "surrogatepass")).hexdigest()
@@ -396,5 +319,9 @@ def _key_reused() -> KeyReused:
     return KeyReused("This Idempotency-Key came with a different request. Send a new key for new work.")
 
 
-async def _ignore(job_id: str) -> None:
+def _ignore(job_id: str, connection: object) -> None:
+    pass
+
+
+async def _nothing(job_id: str = "") -> None:
     pass

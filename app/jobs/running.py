@@ -45,7 +45,8 @@ class RunLimits:
     database for so long may lose its job to another one. `most_attempts`: one crash may be an accident.
     `hand_back_s`: pause before a job that the service could not run starts again. `write_for_s`: an answer is offered
     to a database that is away for so long. `renew_every_s`: progress that is not new is written so often; a job that
-    was cancelled elsewhere stops within that time. `report_every_s`: new progress is written so often.
+    was cancelled elsewhere stops within that time. `report_every_s`: new progress is written so often, each
+    time with a commit.
     """
 
     ttl_s: float
@@ -55,7 +56,7 @@ class RunLimits:
     hand_back_s: float = 2.0
     write_for_s: float = 120.0
     renew_every_s: float = 2.0
-    report_every_s: float = 0.1
+    report_every_s: float = 0.25
 
 
 @dataclass(slots=True, eq=False)

@@ -15,6 +15,7 @@ from starlette.types import ASGIApp
 from app.audit import Audit
 from app.blobs import BlobAccess
 from app.jobs.callbacks import Callbacks, CallbackSettings
+from app.jobs.changes import ChangeListener
 from app.jobs.dispatch import Dispatch, Housekeeping, LocalDispatch
 from app.jobs.queue import QueueDispatch
 from app.jobs.registry import JobLimits, Jobs
@@ -74,7 +75,11 @@ class JobService:
                 settings.root_path,
             ),
         )
-        jobs.announce, jobs.abandon = self.dispatch.announce, self._runner.abandon
+        self._changes = (
+            ChangeListener(settings.database_url, jobs.followers) if settings.database_url else None
+        )
+        jobs.enlist, jobs.announce = self.dispatch.enlist, self.dispatch.announce
+        jobs.abandon = self._runner.abandon
 
     async def read_queue(self) -> None:
         """Read the numbers of the queue for `facts`."""
@@ -92,12 +97,16 @@ class JobService:
     async def start(self) -> None:
         """Begin to run jobs."""
         await self.dispatch.start()
+        if self._changes is not None:
+            self._changes.start()
         self._housekeeping.start()
         self.callbacks.start()
 
     async def stop(self, grace_s: float) -> None:
         """Take no more jobs. Those that still run after `grace_s` seconds are handed back."""
-        self._jobs.close()
+        self._jobs.followers.close()
+        if self._changes is not None:
+            await self._changes.stop()
         await self.callbacks.stop()
         await self._housekeeping.stop()
         await self.dispatch.stop(grace_s)

@@ -150,18 +150,18 @@ class _EventStream(StreamingResponse):
             headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
             media_type="text/event-stream",
         )
-        jobs.enter_listener()
-        self._jobs = jobs
+        jobs.followers.enter()
+        self._followers = jobs.followers
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
             await super().__call__(scope, receive, send)
         finally:
-            self._jobs.leave_listener()
+            self._followers.leave()
 
 
 async def _events(jobs: Jobs, job: StoredJob, root_path: str) -> AsyncIterator[str]:
-    async for changed in jobs.follow(job):
+    async for changed in jobs.followers.follow(job):
         if changed is not None:
             yield f"id: {changed.revision}\ndata: {status_of(changed, root_path).model_dump_json()}\n\n"
         else:

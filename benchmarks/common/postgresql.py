@@ -15,7 +15,8 @@ from typing import Any
 import psutil
 import psycopg
 
-_START_S = 30
+_START_S = 120
+"""Until it answers after a start; a machine that others keep busy replays its log slowly."""
 
 
 def _server_binaries() -> Path | None:
@@ -63,11 +64,15 @@ class Cluster:
             connection.execute(f"CREATE DATABASE {name}")
         return f"postgresql://store@/{name}?host={self.folder}"
 
+    def processes(self) -> list[psutil.Process]:
+        """The server's own process, first, and all that it has started."""
+        server = psutil.Process(self._server.pid)
+        return [server, *server.children(recursive=True)]
+
     @contextmanager
     def hung(self) -> Iterator[None]:
         """All processes of the server are stopped inside of the block; they keep their connections."""
-        server = psutil.Process(self._server.pid)
-        processes = [server, *server.children(recursive=True)]
+        processes = self.processes()
         for process in processes:
             process.suspend()
         try:

@@ -8,7 +8,6 @@ import random
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,17 +15,23 @@ from statistics import median
 from tempfile import TemporaryDirectory
 
 from benchmarks.common.postgresql import running_cluster
-from benchmarks.jobs.clients import Clients
+from benchmarks.jobs.clients import LOST, Clients
 from benchmarks.jobs.processes import Deployment, Process
-from benchmarks.jobs.requests import API_KEYS, mixed_requests
+from benchmarks.jobs.requests import API_KEYS, thousand_requests
+from benchmarks.jobs.supervisor import Supervisor
 
 DIED_TWICE = "worker-died"
 """The end of a job whose worker was killed in both attempts, as documented. It is counted, and no wrong answer."""
 
 
+AWAY_S = 60.0
+"""Longer than the leases of jobs, the patience of the store's calls, and that of the proxies before a service."""
+AWAY = f"PostgreSQL away for {AWAY_S:g} s"
+
+
 @dataclass(frozen=True, slots=True)
 class Chaos:
-    """`every_s`: seconds between two disruptions; 0: none."""
+    """`every_s`: seconds for which all processes are up before the next disruption; 0: there is none."""
 
     jobs: int
     every_s: float
@@ -34,46 +39,42 @@ class Chaos:
     workers: int = 2
 
 
-def disturb_cluster(chaos: Chaos) -> bool:
-    """API processes and workers on PostgreSQL, all of which are killed and restarted; whether all went well."""
+def disturb_cluster(chaos: Chaos, *, only: str = "") -> bool:
+    """API processes and workers on PostgreSQL, all of which are killed and restarted; whether all went well.
+
+    `only` is the one disruption that there is.
+    """
     with ExitStack() as stack:
         cluster = stack.enter_context(running_cluster(durable=True))
         folder = Path(stack.enter_context(TemporaryDirectory()))
         deployment = _deployment(chaos, folder, cluster.make_database())
         workers = [Process(deployment, "app", "worker", workers=1) for _ in range(chaos.workers)]
         apis = [Process(deployment, workers=0) for _ in range(chaos.apis)]
-        _start(stack, (*workers, *apis))
+        supervisor = stack.enter_context(Supervisor((*workers, *apis)))
         chooser = random.Random(1)
-        starting = stack.enter_context(ThreadPoolExecutor(len(workers) + len(apis)))
 
         def kill_one(of: Sequence[Process]) -> Callable[[], None]:
-            def kill() -> None:
-                up = [each for each in of if each.is_up]
-                if up:
-                    process = chooser.choice(up)
-                    process.kill()
-                    starting.submit(process.start)  # the next disruption does not wait for it
-
-            return kill
+            return lambda: chooser.choice(of).kill()  # the supervisor starts it again
 
         def restart_all() -> None:
-            for process in (*workers, *apis):
-                if process.is_up:
-                    process.stop()
-                    process.start()
+            for process in supervisor.processes:
+                supervisor.restart(process)
 
-        clients = Clients(apis, mixed_requests(), chaos.jobs)
+        def be_away() -> None:
+            with cluster.away():
+                time.sleep(AWAY_S)
+
+        clients = Clients(apis, thousand_requests(), chaos.jobs)
         begin_s = time.monotonic()
-        disruptions = {
+        disruptions: dict[str, Callable[[], None]] = {
             "kill a worker": kill_one(workers),
             "kill an API process": kill_one(apis),
             "restart PostgreSQL": cluster.restart,
             "rolling restart": restart_all,
         }
-        clients.run(disruptions, chaos.every_s)
-        starting.shutdown()
+        clients.run({only: be_away} if only else disruptions, chaos.every_s, supervisor.await_all)
         print(f"PostgreSQL, {len(apis)} API processes, {len(workers)} workers:")
-        return _report(clients, deployment, folder, time.monotonic() - begin_s)
+        return _report(clients, deployment, supervisor, folder, time.monotonic() - begin_s)
 
 
 def disturb_service(chaos: Chaos) -> bool:
@@ -82,21 +83,17 @@ def disturb_service(chaos: Chaos) -> bool:
         folder = Path(stack.enter_context(TemporaryDirectory()))
         deployment = _deployment(chaos, folder)
         service = Process(deployment, workers=chaos.workers)
-        _start(stack, (service,))
+        supervisor = stack.enter_context(Supervisor((service,)))
 
-        def kill() -> None:
-            service.kill()
-            service.start()
-
-        def restart() -> None:
-            service.stop()
-            service.start()
-
-        clients = Clients([service], mixed_requests(), chaos.jobs)
+        clients = Clients([service], thousand_requests(), chaos.jobs)
         begin_s = time.monotonic()
-        clients.run({"kill the service": kill, "restart the service": restart}, chaos.every_s)
+        disruptions: dict[str, Callable[[], None]] = {
+            "kill the service": service.kill,
+            "restart the service": lambda: supervisor.restart(service),
+        }
+        clients.run(disruptions, chaos.every_s, supervisor.await_all)
         print(f"SQLite, one service with {chaos.workers} workers:")
-        return _report(clients, deployment, folder, time.monotonic() - begin_s)
+        return _report(clients, deployment, supervisor, folder, time.monotonic() - begin_s)
 
 
 def _deployment(chaos: Chaos, folder: Path, database_url: str = "") -> Deployment:
@@ -110,24 +107,22 @@ def _deployment(chaos: Chaos, folder: Path, database_url: str = "") -> Deploymen
     )
 
 
-def _start(stack: ExitStack, processes: Sequence[Process]) -> None:
-    for process in processes:
-        process.start()
-        stack.callback(process.stop)
-
-
-def _report(clients: Clients, deployment: Deployment, folder: Path, seconds: float) -> bool:
+def _report(
+    clients: Clients, deployment: Deployment, supervisor: Supervisor, folder: Path, seconds: float
+) -> bool:
     outcomes = clients.outcomes
     died = sum(each.code == DIED_TWICE for each in outcomes)
-    wrong = sum(not each.is_right and each.code != DIED_TWICE for each in outcomes)
+    wrong = sum(not each.is_right and each.code not in (DIED_TWICE, LOST) for each in outcomes)
     twice = sum(deployment.ends[each.job] > 1 for each in outcomes)
-    lost = clients.jobs - len({each.job for each in outcomes})
+    lost = clients.jobs - len({each.job for each in outcomes if each.code != LOST})
     answers = Counter(path.parent.name for path in folder.glob("blobs/jobs/*/answer-*"))
     inputs = len(list(folder.glob("blobs/jobs/*/input")))
     again = sum(each.attempts > 1 for each in outcomes)
     recoveries_s = deployment.recoveries_s or [0.0]
     print(f"{len(outcomes)} jobs in {seconds:.0f} s ({60 * len(outcomes) / seconds:.0f} a minute).")
     print("Disruptions: " + (", ".join(f"{n} x {what}" for what, n in clients.disruptions.items()) or "none"))
+    refusals = ", ".join(f"{n} x {code}" for code, n in Counter(clients.refusals).items()) or "none"
+    print(f"Starts that failed and were repeated: {supervisor.failed_starts}. Answers 503: {refusals}.")
     print(
         f"Lost: {lost}. Wrong answers: {wrong}. Answered twice: {twice}. Tried twice: {again}; of them {died} died "
         f"twice ({DIED_TWICE})."

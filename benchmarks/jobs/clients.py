@@ -17,6 +17,8 @@ from benchmarks.jobs.requests import KEYS, Request
 
 LONGEST_S = 1800.0
 """Until a request is answered finally, or a job has ended."""
+LOST = "lost"
+"""In place of the code of a problem: the job did not end in this time."""
 CLIENTS = 4
 _RETRY_S = 0.3
 
@@ -40,6 +42,10 @@ class _Accepted:
     headers: dict[str, str]
     begin_s: float
 
+    @property
+    def id(self) -> str:
+        return self.path.rpartition("/")[2]
+
 
 class Clients:
     """`CLIENTS` clients of several keys; `services` are the processes that listen."""
@@ -52,6 +58,8 @@ class Clients:
         self._first = first
         self.outcomes: list[Outcome] = []
         self.disruptions: Counter[str] = Counter()
+        self.refusals: list[str] = []
+        """Codes of the answers 503 after which a client came again."""
         self._client = httpx.Client(timeout=120)
         self._expected = [self._essence(each) for each in requests]
         self._is_over = threading.Event()
@@ -61,9 +69,18 @@ class Clients:
         response.raise_for_status()
         return request.essence(response)
 
-    def run(self, disruptions: Mapping[str, Callable[[], None]], every_s: float) -> None:
-        """Send all jobs and wait for all answers, with the next disruption every `every_s` seconds (0: none)."""
-        disrupting = threading.Thread(target=self._disrupt, args=(disruptions, every_s))
+    def run(
+        self,
+        disruptions: Mapping[str, Callable[[], None]],
+        every_s: float,
+        settle: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Send all jobs and wait for all answers, with one disruption after another (`every_s` 0: none).
+
+        The next one follows `every_s` seconds after `settle` has returned: where starting a process takes minutes,
+        none would be up for long enough to do anything. A disruption that fails is told.
+        """
+        disrupting = threading.Thread(target=self._disrupt, args=(disruptions, every_s, settle))
         disrupting.start()
         try:
             with ThreadPoolExecutor(CLIENTS) as threads:
@@ -86,6 +103,8 @@ class Clients:
                     response = self._client.get(url + path, headers=headers)
                 if url and response.status_code != httpx.codes.SERVICE_UNAVAILABLE:
                     return response
+                if url:
+                    self.refusals.append(response.json()["code"])
             except httpx.TransportError:
                 pass
             time.sleep(_RETRY_S)
@@ -106,8 +125,9 @@ class Clients:
             if job.get("state") not in ("queued", "running"):
                 break
             if time.monotonic() > deadline:
-                raise TimeoutError(f"{accepted.path} does not end: {job}")
-            time.sleep(_RETRY_S)
+                print(f"job {accepted.index} does not end: {job}", flush=True)
+                return Outcome(accepted.id, False, job.get("attempts", 0), LONGEST_S, LOST)
+            self._listen(accepted)
         seconds = time.monotonic() - accepted.begin_s
         result = self._call("GET", accepted.path + "/result", accepted.headers)
         kind = accepted.index % len(self.requests)
@@ -115,13 +135,38 @@ class Clients:
         if not is_right:
             print(f"job {accepted.index}: {job}\n{result.status_code} {result.text[:200]}", flush=True)
         code = (job.get("problem") or {}).get("code", "")
-        return Outcome(accepted.path.rpartition("/")[2], is_right, job.get("attempts", 0), seconds, code)
+        return Outcome(accepted.id, is_right, job.get("attempts", 0), seconds, code)
 
-    def _disrupt(self, disruptions: Mapping[str, Callable[[], None]], every_s: float) -> None:
+    def _listen(self, accepted: _Accepted) -> None:
+        """Return when the stream of the job's events ends: with the job, or with the process that sends it."""
+        url = random.choice(self.services).url
+        try:
+            with self._client.stream(
+                "GET", f"{url}{accepted.path}/events", headers=accepted.headers
+            ) as response:
+                for _ in response.iter_lines():
+                    pass
+                if response.is_success:
+                    return
+        except httpx.TransportError:
+            pass
+        time.sleep(_RETRY_S)
+
+    def _disrupt(
+        self,
+        disruptions: Mapping[str, Callable[[], None]],
+        every_s: float,
+        settle: Callable[[], None],
+    ) -> None:
         for what, disrupt in cycle(disruptions.items()):
+            settle()
             if not every_s or self._is_over.wait(every_s):
                 return
-            disrupt()
-            self.disruptions[what] += 1
+            try:
+                disrupt()
+                self.disruptions[what] += 1
+            except Exception as error:
+                print(f"{what}: {type(error).__name__}: {error}", flush=True)
+                self.disruptions[f"{what} (failed)"] += 1
             for process in self.services:
                 process.measure()

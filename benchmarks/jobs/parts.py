@@ -3,12 +3,14 @@
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 
-from benchmarks.jobs.chaos import Chaos, disturb_cluster, disturb_service
-from benchmarks.jobs.costs import measure_overhead, measure_scaling, measure_uploads, measure_worker
+from benchmarks.jobs.chaos import AWAY, Chaos, disturb_cluster, disturb_service
+from benchmarks.jobs.costs import measure_overhead, measure_uploads, measure_worker
+from benchmarks.jobs.scaling import measure_scaling
 
 PARTS: Mapping[str, Callable[[Chaos], bool]] = {
     "chaos": disturb_cluster,
     "sqlite": disturb_service,
+    "away": lambda chaos: disturb_cluster(chaos, only=AWAY),
     "overhead": lambda chaos: measure_overhead(chaos.jobs),
     "scaling": lambda chaos: measure_scaling(chaos.jobs),
     "uploads": lambda chaos: measure_uploads(chaos.jobs),
@@ -27,7 +29,10 @@ def main(arguments: Sequence[str]) -> int:
         "--workers", type=int, default=2, help="worker processes of `chaos`, workers of `sqlite`"
     )
     parser.add_argument(
-        "--chaos-every", type=float, default=20.0, help="seconds between disruptions; 0: none"
+        "--chaos-every",
+        type=float,
+        default=20.0,
+        help="seconds between disruptions while all processes are up; 0: none",
     )
     options = parser.parse_args(arguments)
     chaos = Chaos(options.jobs, options.chaos_every, options.apis, options.workers)

@@ -56,6 +56,12 @@ def mixed_requests() -> Sequence[Request]:
     )
 
 
+def thousand_requests() -> Sequence[Request]:
+    """Requests of all kinds, half of which take little time, so that a thousand jobs take 250 s of processor time."""
+    flattening, page, preview, zones, overlay = mixed_requests()
+    return (zones, page, zones, preview, zones, overlay, zones, page, zones, flattening)
+
+
 def _reduced(name: str) -> bytes:
     """An example photo, `WIDTH_PX` wide, as JPEG."""
     photo = cv2.imread(str(REPOSITORY / "examples" / name))

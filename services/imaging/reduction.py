@@ -4,10 +4,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-
 _LEFT_AFTER_HALVES = 0.5
-"""Largest factor of the last step. Averages of averages are blurred twice: with a last step of 0.9 the variance is twice
-that of one step, and small letters ran together; from 0.5 down it is at most a third more."""
+"""Largest factor of the last step. Averages of averages blur twice: with a last step of 0.9 the variance is twice that
+of one step, and small letters ran together; from 0.5 down it is at most a third more."""
 
 
 def halve(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -21,8 +20,8 @@ def reduce_image(image: NDArray[np.uint8], factor: float, least_side_px: int = 1
     """`image` (H, W) or (H, W, 3) at `factor` of its size (not above 1) by area averages.
 
     It is halved while at least another half remains, and then resized to the rest of `factor`. Averages of 2 x 2 pixels
-    are four times as fast as those of other areas. An odd last row or column is left out of a half, and the size is rounded, so
-    a place is off by at most half a pixel of the answer at its far ends. No side is below `least_side_px`.
+    are four times as fast as those of other areas. An odd last row or column is left out of a half, and the size is
+    rounded, so a place is off by at most half a pixel of the answer at its far ends. No side is below `least_side_px`.
     """
     if factor >= 1.0:
         return image

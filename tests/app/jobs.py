@@ -92,6 +92,19 @@ def exit_while_warming_up() -> dict[str, object]:
     os._exit(5)
 
 
+def hang_while_warming_up() -> dict[str, object]:
+    time.sleep(3600)
+    return {}
+
+
+def warm_up_for_long() -> dict[str, object]:
+    """Longer than a test's limit for a worker that does nothing."""
+    begin_s = time.process_time()
+    while time.process_time() < begin_s + 0.4:
+        pass
+    return {}
+
+
 def say_warm() -> dict[str, object]:
     return {"ocr": "none", "pid": os.getpid()}
 

@@ -28,6 +28,7 @@ from tests.app.jobs import (
     fail,
     fail_to_warm_up,
     hang_in_native_code,
+    hang_while_warming_up,
     leave,
     payload_of,
     refuse,
@@ -36,6 +37,7 @@ from tests.app.jobs import (
     start_child_and_hang,
     take_memory,
     threads_and_limits,
+    warm_up_for_long,
     worker_pid,
 )
 from tests.app.pools import MEMORY_BYTES, engine, named, until
@@ -265,6 +267,20 @@ def test_workers_are_replaced_after_their_share_of_jobs() -> None:
             assert len(set(pids)) == 3
             await until(lambda: pool.status().recycled_workers == 3)
             assert pool.status().worker_deaths == 0
+
+    asyncio.run(check())
+
+
+def test_a_start_is_given_up_when_it_does_nothing_not_when_it_is_slow() -> None:
+    async def check() -> None:
+        limits = PoolLimits(start_timeout_s=0.1)
+        slow = LocalEngine(limits, warm_up=named(warm_up_for_long))  # type: ignore[arg-type]
+        await slow.start()
+        assert slow.status().live_workers == 1
+        await slow.drain(0.0)
+        hung = LocalEngine(limits, warm_up=named(hang_while_warming_up))  # type: ignore[arg-type]
+        with pytest.raises(EngineFailed, match="exit code -9"):
+            await hung.start()
 
     asyncio.run(check())
 

@@ -6,12 +6,15 @@ from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from unittest.mock import AsyncMock
 
 import pytest
+from psutil import Process
 from starlette.responses import Response
 
 from app.blobs import FOLDER, BlobAccess
 from app.engine.base import Busy
+from app.jobs import dispatch, following
 from app.jobs.registry import JobLimits, Jobs
 from app.jobs.running import JobRunner, RunLimits
 from app.jobs.stored_request import JobRun
@@ -19,6 +22,7 @@ from app.layout_store import LayoutStore, ResultLimits
 from app.problems import refusal_of, response_for
 from models.errors import StoreUnavailable
 from models.job_records import JobBounds, JobDraft, StoredJob, blob_key
+from models.repository import Store
 
 ROOM = JobBounds(9, 9, 1 << 30)
 Do = Callable[[JobRun], Awaitable[Response]]
@@ -113,7 +117,7 @@ def test_followers_hear_of_the_end(tmp_path: Path) -> None:
         heard: list[StoredJob | None] = []
 
         async def listen() -> None:
-            async for each in service.jobs.follow(job):
+            async for each in service.jobs.followers.follow(job):
                 heard.append(each)
 
         listeners = [asyncio.create_task(listen()) for _ in range(2)]
@@ -125,6 +129,88 @@ def test_followers_hear_of_the_end(tmp_path: Path) -> None:
         states = [each.state for each in heard if each is not None]
         assert (states.count("queued"), states.count("succeeded")) == (2, 2)
         assert "text" in {each.stage for each in heard if each is not None}
+        followers = service.jobs.followers
+        assert (followers._followed, followers._revisions) == (
+            {},
+            {},
+        )  # nothing is kept of whom nobody follows
+
+    run(service, check)
+
+
+def test_followers_are_told_without_a_look(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(following, "LOOK_WHEN_TOLD_S", 3600.0)
+    service = Service(tmp_path, done)
+    followers = service.jobs.followers
+
+    async def check() -> None:
+        job = await service.add()
+        looks = asyncio.Queue[int]()
+        read = Store.job_revisions
+
+        def count(store: Store, ids: list[str]) -> dict[str, int]:
+            looks.put_nowait(len(ids))
+            return read(store, ids)
+
+        monkeypatch.setattr(Store, "job_revisions", count)
+        followers.expect(is_told=True)
+        heard = followers.follow(job)
+        assert await anext(heard) is job
+        next_one = asyncio.ensure_future(anext(heard))
+        assert await looks.get() == 1  # one look, for what happened before somebody followed
+        await service.store.call(lambda store: store.claim_job(60))
+        followers.hear("another job", 7)
+        assert not next_one.done()
+        followers.hear(job.id, 1)
+        running = await next_one
+        assert (running and running.state, looks.empty()) == ("running", True)
+
+        # A look that has begun before takes nothing back; a connection that breaks is a reason to look.
+        next_one = asyncio.ensure_future(anext(heard))
+        followers._note(job.id, 0)
+        followers.expect(is_told=False)
+        await looks.get()
+        assert not next_one.done()
+        await service.jobs.cancel(job, tell(Busy("cancelled"), "the request"))
+        ended = await next_one
+        assert ended
+        assert ended.state == "cancelled"
+
+    run(service, check)
+
+
+def test_an_upload_stays_where_it_is_not_known_whether_its_job_was_stored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A connection may break when the commit is done. The job that is there needs its upload."""
+    service = Service(tmp_path, done)
+    add = Store.add_job
+
+    def add_and_break(*arguments: object) -> None:
+        add(*arguments)  # type: ignore[arg-type]
+        raise StoreUnavailable("the connection is lost")
+
+    async def check() -> None:
+        description = {"request_id": "r", "headers": {}}
+
+        async def store() -> None:
+            await service.jobs.store_job(description, iter([b"photo"]), 5, None, "rectify")
+
+        monkeypatch.setattr(Store, "add_job", add_and_break)
+        with pytest.raises(StoreUnavailable):
+            await store()
+        monkeypatch.setattr(Store, "add_job", add)
+        lease = await service.store.call(lambda store: store.claim_job(60))
+        assert lease
+        assert lease.job.input_key
+        assert await service.blobs.get(lease.job.input_key) == b"photo"
+
+        service.jobs._limits = JobLimits(max_jobs=1)
+        with pytest.raises(Busy):
+            await store()
+        assert (
+            len(list((tmp_path / FOLDER / "jobs").iterdir())) == 1
+        )  # of a job that is refused nothing stays
 
     run(service, check)
 
@@ -227,10 +313,33 @@ def test_blobs_without_a_job_are_swept(tmp_path: Path) -> None:
     run(service, check)
 
 
+def test_freed_memory_goes_back_to_the_system(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What threads have freed stays in the heap of each of them, wherever a later block holds its end."""
+    monkeypatch.setattr(dispatch, "RELEASE_EVERY_S", 0.05)
+    size_bytes, blocks = 100_000, 600
+    kept: list[bytes] = []
+
+    def use_memory() -> None:
+        used = [b"x" * size_bytes for _ in range(blocks)]
+        kept.extend(used[::30])
+
+    async def check() -> None:
+        await asyncio.to_thread(use_memory)
+        before = Process().memory_info().rss
+        housekeeping = dispatch.Housekeeping(AsyncMock(), AsyncMock(), AsyncMock())
+        housekeeping.start()
+        async with asyncio.timeout(30):
+            while Process().memory_info().rss > before - size_bytes * blocks // 2:
+                await asyncio.sleep(0.01)
+        await housekeeping.stop()
+
+    asyncio.run(check())
+
+
 def test_listeners_are_bounded(tmp_path: Path) -> None:
-    jobs = Service(tmp_path, done, JobLimits(max_listeners=1)).jobs
-    jobs.enter_listener()
+    followers = Service(tmp_path, done, JobLimits(max_listeners=1)).jobs.followers
+    followers.enter()
     with pytest.raises(Busy):
-        jobs.enter_listener()
-    jobs.leave_listener()
-    jobs.enter_listener()
+        followers.enter()
+    followers.leave()
+    followers.enter()

@@ -1,19 +1,25 @@
 """Jobs of processes that share PostgreSQL: accepted by one, run by another one, never lost or answered twice."""
 
+import asyncio
 import os
 import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import httpx
 import psycopg
 import pytest
 
-from app.jobs.queue import QUEUE
+from app.jobs import changes
+from app.jobs.queue import QUEUE, QueueDispatch, _make_tables
 from benchmarks.common.postgresql import Cluster, running_cluster
+from models.job_records import JobBounds, JobDraft, JobEnd
+from models.repository import Store
 from tests.app.scripted import upload
 from tests.end_to_end.processes import SCRIPTED, Service, running
 from tests.end_to_end.test_durable_jobs import LEASE_S, accept, until
@@ -63,6 +69,46 @@ def kill(service: Service) -> None:
         process.kill()
     os.kill(service.process.pid, signal.SIGKILL)
     service.process.wait(10)
+
+
+def test_a_ticket_comes_with_its_job_and_changes_are_told(
+    shared: Shared, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the connection that stores the job; the listener connects again when its connection breaks."""
+    monkeypatch.setattr(changes, "RESTART_PAUSE_S", 0.01)
+    dispatch = QueueDispatch(shared.url, Mock(), 0)
+    news = asyncio.Queue[object]()
+
+    class Heard:
+        def expect(self, *, is_told: bool) -> None:
+            news.put_nowait(is_told)
+
+        def hear(self, job_id: str, revision: int) -> None:
+            news.put_nowait((job_id, revision))
+
+    async def check(store: Store) -> None:
+        listener = changes.ChangeListener(shared.url, Heard())  # type: ignore[arg-type]
+        listener.start()
+        assert await news.get() is True
+        draft = JobDraft("a" * 32, None, "rectify", {}, None, 0)
+        store.add_job(draft, JobBounds(9, 9, 9), partial(dispatch.enlist, draft.id))
+        assert shared.tickets() == 1
+        lease = store.claim_job(60)
+        assert await news.get() == (draft.id, 1)
+        with cluster.connect("postgres") as connection:
+            connection.execute(
+                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE query LIKE 'LISTEN%%'"
+            )
+        assert [await news.get() for _ in range(2)] == [False, True]
+        assert lease
+        assert store.end_job(draft.id, lease.token, JobEnd("succeeded"), 60)
+        assert await news.get() == (draft.id, 2)
+        await listener.stop()
+        assert await news.get() is False
+
+    _make_tables(shared.url)
+    with Store.open(shared.url) as store:
+        asyncio.run(asyncio.wait_for(check(store), 30))
 
 
 def test_an_api_without_workers_answers_by_those_of_others(shared: Shared, tmp_path: Path) -> None:

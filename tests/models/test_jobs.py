@@ -5,10 +5,12 @@ from dataclasses import replace
 from datetime import timedelta
 from itertools import count, pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
+from sqlalchemy import event
 
-from models.errors import JobKeyReused, JobNotFound, QueueFull
+from models.errors import JobKeyReused, JobNotFound, QueueFull, StoreUnavailable
 from models.job_records import JobBounds, JobDraft, JobEnd, Lease, Progress, StoredJob, blob_key
 from models.job_repository import MOST_RETURNS
 from models.repository import Store
@@ -206,6 +208,40 @@ def test_what_is_kept_of_finished_jobs_is_bounded(store: Store, clock: Clock) ->
         store.job(ids[3])
     assert len(store.purge_jobs(99, 99)) == 2
     assert [store.has_job(id) for id in ids] == [False] * 4 + [True]
+
+
+def test_jobs_that_stay_are_not_read(store: Store) -> None:
+    """Every process looks for what may be deleted every few seconds, among thousands of jobs that stay."""
+    id = add(store)
+    store.end_job(id, claim(store).token, DONE, 1000)
+    statements: list[str] = []
+
+    @event.listens_for(store._readers, "before_cursor_execute")
+    def note(_: object, __: object, statement: str, *others: object) -> None:
+        statements.append(statement)
+
+    assert store.purge_jobs(99, 99) == []
+    assert any("count(*)" in each for each in statements)
+    assert not any("jobs.request" in each for each in statements)
+
+
+def test_what_comes_with_a_job_is_stored_with_it_or_not_at_all(store: Store) -> None:
+    """As the ticket of the queue is."""
+
+    def count_jobs(connection: Any) -> None:
+        seen.append(connection.execute("SELECT count(*) FROM jobs").fetchone()[0])
+        if len(seen) == 2:
+            raise StoreUnavailable("the queue is away")
+
+    seen: list[int] = []
+    made = draft(repeat_key="k", digest="d")
+    assert store.add_job(made, ROOM, count_jobs)[1]
+    other = draft()
+    with pytest.raises(StoreUnavailable):
+        store.add_job(other, ROOM, count_jobs)
+    assert not store.has_job(other.id)
+    assert not store.add_job(draft(repeat_key="k", digest="d"), ROOM, count_jobs)[1]  # nothing comes with it
+    assert seen == [1, 2]
 
 
 def test_the_queue_tells_its_depth_and_age(store: Store) -> None:
