@@ -47,10 +47,10 @@ class RegroupingParameters:
     """Log odds from which neighbours are joined: a probability of 0.77, as for neighbours with one label."""
     most_gap: float = 2.5
     """Largest gap of neighbours that may be one zone, in ems of the page's print."""
-    most_hypotheses: int = 10
+    most_hypotheses: int = 8
     """Of a page, joins and cuts in turns, those first that print makes most probable."""
-    most_pairs: float = 8000
-    """Pairs of zones in all hypotheses together, 4 us each: ten hypotheses of a page of 40 zones."""
+    most_pairs: float = 3500
+    """Pairs of zones in all hypotheses together, which take the time: four hypotheses of a page of 40 zones."""
     most_changes: int = 4
     """Of a page."""
 
