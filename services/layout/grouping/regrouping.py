@@ -41,14 +41,14 @@ _LOCAL = MatchingParameters(max_nodes=0, max_sweeps=0)
 class RegroupingParameters:
     """How many other groupings are tried, and how probable they must be."""
 
-    least_cut_odds: float = 3.5
+    least_cut_odds: float = 4.0
     """Log odds among spaces of which as many are cuts as not. Few zones are wrongly whole: one space in a hundred."""
-    least_join_odds: float = 1.2
-    """Log odds from which neighbours are joined: a probability of 0.77, as for neighbours with one label."""
+    least_join_odds: float = 2.0
+    """Log odds of a join: a wrong one hides two right zones, a missing one leaves two pieces."""
     most_gap: float = 2.5
     """Largest gap of neighbours that may be one zone, in ems of the page's print."""
     most_hypotheses: int = 8
-    """Of a page, joins and cuts in turns, those first that print makes most probable."""
+    """Of a page, cuts and joins in turns."""
     most_pairs: float = 3500
     """Pairs of zones in all hypotheses together, which take the time: four hypotheses of a page of 40 zones."""
     most_changes: int = 4
@@ -57,12 +57,17 @@ class RegroupingParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Matched:
-    """A grouping of the page with its labels of least cost, and the costs (N, L) of other labels of single zones."""
+    """A grouping of the page with its labels of least cost.
+
+    `own` (N,) are the zones' own costs, without pairs; `conditional` (N, L) is the page's cost where one zone has
+    another label.
+    """
 
     page: Page
     lines: Lines
     labels: NDArray[np.intp]
     cost: float
+    own: NDArray[np.float64]
     conditional: NDArray[np.float64]
 
 
@@ -124,7 +129,8 @@ def _match(page: Page, lines: Lines, model: LayoutModel, names: tuple[str, ...])
     graph = build_graph(page, names)
     tables = build_cost_tables(graph, compile_model(model, graph.content_names))
     found = match_directly(tables, _LOCAL)
-    return _Matched(page, lines, found.labels, found.cost, conditional_costs(tables, found.labels))
+    own = tables.node[np.arange(tables.zones), found.labels]
+    return _Matched(page, lines, found.labels, found.cost, own, conditional_costs(tables, found.labels))
 
 
 def _try(
@@ -156,11 +162,18 @@ def _try(
 
 
 def _likely(fine: FinePage, current: _Matched, parameters: RegroupingParameters) -> list[_Change]:
-    """Joins of the nearest neighbours and the cuts that print makes most probable, in turns."""
-    joins = sorted(_joins(fine, current, parameters), key=lambda each: join_log_odds(0.0, each.space))
-    cuts = sorted(_cuts(fine, current), key=lambda each: cut_log_odds(0.0, 0.0, 0.0, each.space))
-    turns = zip_longest(reversed(joins), reversed(cuts))
-    return [each for turn in turns for each in turn if each is not None]
+    """Joins and cuts in turns, each kind by its log odds if the new zones cost nothing, the most probable first."""
+    own = dict(zip(current.lines, current.own.tolist(), strict=True))
+
+    def odds(change: _Change) -> float:
+        given_up = sum(own[lines] for lines in change.old)
+        if change.at is None:
+            return join_log_odds(given_up, change.space)
+        return cut_log_odds(given_up, 0.0, 0.0, change.space)
+
+    joins = sorted(_joins(fine, current, parameters), key=odds, reverse=True)
+    cuts = sorted(_cuts(fine, current), key=odds, reverse=True)
+    return [each for turn in zip_longest(cuts, joins) for each in turn if each is not None]
 
 
 def _joins(fine: FinePage, current: _Matched, parameters: RegroupingParameters) -> Iterator[_Change]:

@@ -164,7 +164,7 @@ def test_a_page_is_read_in_even_light() -> None:
     np.testing.assert_array_equal(engine.seen, inverse)
 
 
-def test_pieces_are_regroup_and_class_and_labels_stay() -> None:
+def test_pieces_are_put_together_and_class_and_labels_stay() -> None:
     """A model joins labels that it has learned to come in pieces, and no others."""
     page = memo_page(np.random.default_rng(1000))
     seen, fine = read_fine_page(rgb(page), TruthfulEngine(page))

@@ -10,8 +10,15 @@ import pytest
 from services.layout.grouping.regrouping import RegroupingParameters, regroup_page
 from services.layout.grouping.regrouping_odds import cut_log_odds, join_log_odds, measure_space
 from services.layout.page import Page
-from services.layout.pipeline import content_features, read_fine_page
-from services.layout.segmentation import FinePage, Line, compose_with_lines
+from services.layout.pipeline import (
+    VersionedModel,
+    content_features,
+    read_fine_page,
+    recognize,
+    regroup,
+)
+from services.layout.recognition.page_recognition import RecognitionParameters
+from services.layout.segmentation import FinePage, Line, compose_page, compose_with_lines
 from simulation.labelled_pages import LabelledPage, letter_page
 from tests.services.layout.samples import FIRST_UNSEEN, model_of
 from tests.services.layout.test_pipeline import TruthfulEngine, rgb
@@ -66,13 +73,14 @@ def test_a_zone_of_two_components_is_taken_apart(labels: tuple[str, str]) -> Non
 
 
 def test_pieces_with_different_labels_become_one_zone() -> None:
-    """A signature's name and the strokes above it: apart the strokes are taken for handwriting."""
-    true, fine = seen_letter(0)
+    """A signature's strokes and the name below them: alone the strokes have another label."""
+    true, fine = seen_letter(1)
     own = lines_of(fine, true, "signature")
     rest = tuple(block for block in fine.blocks if not set(block) & set(own))
-    page, lines = regrouped(replace(fine, blocks=(own[:1], own[1:], *rest)))
+    apart = replace(fine, blocks=(own[:1], own[1:], *rest))
+    page, lines = regrouped(apart)
     assert own in lines
-    assert len(page.zones) == len(composed(fine)[0].zones)
+    assert len(page.zones) == len(composed(apart)[0].zones) - 1
 
 
 def test_a_page_that_is_explained_well_stays_as_it_is() -> None:
@@ -117,3 +125,19 @@ def test_odds_rise_with_what_the_class_gains_and_fall_with_what_print_says_again
     assert cut_log_odds(2.0, -3.0, 1.0, near) > cut_log_odds(2.0, -6.0, 1.0, near)
     larger = measure_space([line(0, em=24.0), line(24)], 1)
     assert cut_log_odds(2.0, -3.0, 1.0, larger) > cut_log_odds(2.0, -3.0, 1.0, near)
+
+
+def test_a_recognition_of_other_zones_is_matched_anew_and_keeps_its_class() -> None:
+    true, fine = seen_letter(0)
+    together = merged(fine, lines_of(fine, true, "salutation"), lines_of(fine, true, "body"))
+    models = [VersionedModel(model_of("letter", 8), 7)]
+    first = recognize(compose_page(together), models)
+    assert first.chosen is not None
+    found = regroup(together, first, models, RecognitionParameters(explain=True))
+    assert found.match is not None
+    assert found.chosen is not None
+    assert found.chosen == found.classes[0] == replace(first.chosen, cost=found.match.cost)
+    assert {"salutation", "body"} <= {each.label for each in found.zones}
+    assert [each.zone.id for each in found.zones] == [zone.id for zone in found.page.zones]
+    assert found.match.explanation
+    assert {term.zone for term in found.match.explanation} <= {zone.id for zone in found.page.zones}
