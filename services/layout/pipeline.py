@@ -13,11 +13,17 @@ from services.layout.content.content_features import ContentFeatures, content_fe
 from services.layout.content.zone_texts import fill_texts
 from services.layout.grouping.joined_page import join_page, join_recognition
 from services.layout.grouping.joining import find_groups
+from services.layout.grouping.regrouping import regroup_page
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
 from services.layout.page import Page
 from services.layout.recognition.label_calibration import with_believable_labels
-from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel, recognize_page
+from services.layout.recognition.page_recognition import (
+    RecognitionParameters,
+    VersionedModel,
+    recognize_page,
+    relabelled,
+)
 from services.layout.recognition.results import Recognition
 from services.layout.segmentation import (
     FinePage,
@@ -35,11 +41,11 @@ __all__ = [
     "complete_sample",
     "content_features",
     "initialize_model",
-    "put_together",
     "read_fine_page",
     "read_page",
     "recognize",
     "recognize_fine",
+    "regroup",
     "segment_read_page",
     "with_believable_labels",
 ]
@@ -56,7 +62,7 @@ def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatur
 def read_fine_page(
     image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None
 ) -> tuple[Page, FinePage]:
-    """`read_page`, and the lines that its zones are made of, so that they can be put together (`put_together`)."""
+    """`read_page`, and the lines that its zones are made of, so that they can be regrouped (`regroup`)."""
     gray = _gray(image)
     fine = segment_finely(gray, _read_words(gray, engine))
     return (features or content_features()).measure_page(compose_page(fine)), fine
@@ -128,30 +134,37 @@ def recognize_fine(
     parameters: RecognitionParameters | None = None,
     features: ContentFeatures | None = None,
 ) -> Recognition:
-    """Class and labels of a page in the zones of segmentation, pieces of one zone put together."""
+    """Class and labels of a page in the zones of segmentation, regrouped by the model of its class."""
     seen = recognize(compose_page(fine), models, parameters, features)
-    return with_believable_labels(put_together(fine, seen, models, features), models)
+    return with_believable_labels(regroup(fine, seen, models, parameters, features), models)
 
 
-def put_together(
+def regroup(
     fine: FinePage,
     seen: Recognition,
     models: Sequence[VersionedModel],
+    parameters: RecognitionParameters | None = None,
     features: ContentFeatures | None = None,
 ) -> Recognition:
-    """A recognition of the zones of `fine`, in which the pieces of one zone are one, by the model of the page's class.
+    """A recognition of the zones of `fine`, regrouped as the model of the page's class explains them best.
 
-    Class and labels stay. So does a page that fits no model.
+    Zones are first cut and joined where that changes labels (`regroup_page`), then pieces with one label are put
+    together. The class stays. So does a page that fits no model.
     """
     if seen.chosen is None:
         return seen
+    features = features or content_features()
     best = next(each for each in models if each.model.name == seen.chosen.name)
+    lines = compose_with_lines(fine)[1]
+    page, lines = regroup_page(fine, seen.page, lines, best.model, features)
+    if page is not seen.page:
+        seen = relabelled(seen, page, best, features.names, parameters or RecognitionParameters())
     joining = {node.label: node.joining for node in best.model.nodes if node.label is not None}
     groups = find_groups(seen.zones, seen.page, joining)
     if len(groups) == len(seen.page.zones):
         return seen
-    page, ordered = join_page(fine, seen.page, compose_with_lines(fine)[1], groups)
-    return join_recognition(seen, (features or content_features()).measure_page(page), ordered)
+    page, ordered = join_page(fine, seen.page, lines, groups)
+    return join_recognition(seen, features.measure_page(page), ordered)
 
 
 def _gray(image: RgbImage) -> GrayImage:

@@ -30,9 +30,9 @@ from services.layout.page import Page
 from services.layout.pipeline import (
     complete_page,
     content_features,
-    put_together,
     read_fine_page,
     recognize,
+    regroup,
     with_believable_labels,
 )
 from services.layout.recognition.documents import PageInDocument, place_page
@@ -122,7 +122,7 @@ def recognize_picture(
     )
     recognition = recognize(measured.page, versions, parameters, features)
     if measured.fine is not None:
-        recognition = put_together(measured.fine, recognition, versions, features)
+        recognition = regroup(measured.fine, recognition, versions, parameters, features)
     recognition = with_believable_labels(recognition, versions)
     timings_ms |= recognition.timings_ms
     placed = place_page(recognition, versions)

@@ -18,7 +18,7 @@ from services.errors import DocumentError, InvalidOption, NotAcceptable
 from services.imaging.page_images import PageLimits, PageSource, open_pages
 from services.layout.content.content_features import ContentFeatures
 from services.layout.exchange.page_json import page_to_document
-from services.layout.pipeline import VersionedModel, content_features, put_together, with_believable_labels
+from services.layout.pipeline import VersionedModel, content_features, regroup, with_believable_labels
 from services.layout.recognition.documents import (
     DocumentParameters,
     DocumentRecognition,
@@ -109,6 +109,7 @@ def _recognize_pages(
 ) -> DocumentReply:
     timings_ms: dict[str, float] = {}
     features = content_features(settings.content_features)
+    parameters = RecognitionParameters(explain=options.explain)
     with timed("models", timings_ms, 0.0):
         versions = open_models(models)
     measured_pages, pictures, page_timings = [], [], []
@@ -126,12 +127,12 @@ def _recognize_pages(
             [measured.page for measured in measured_pages],
             versions,
             features.names,
-            DocumentParameters(recognition=RecognitionParameters(explain=options.explain)),
+            DocumentParameters(recognition=parameters),
         )
         recognition = replace(
             recognition,
             pages=tuple(
-                _put_together(placed, measured, versions, features)
+                _regroup(placed, measured, versions, parameters, features)
                 for placed, measured in zip(recognition.pages, measured_pages, strict=True)
             ),
         )
@@ -182,15 +183,16 @@ def _measure(
     return replace(measured, image=None), picture
 
 
-def _put_together(
+def _regroup(
     placed: PageInDocument,
     measured: MeasuredPage,
     versions: Sequence[VersionedModel],
+    parameters: RecognitionParameters,
     features: ContentFeatures,
 ) -> PageInDocument:
     recognition = placed.recognition
     if measured.fine is not None:
-        recognition = put_together(measured.fine, recognition, versions, features)
+        recognition = regroup(measured.fine, recognition, versions, parameters, features)
     return replace(placed, recognition=with_believable_labels(recognition, versions))
 
 

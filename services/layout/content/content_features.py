@@ -158,9 +158,7 @@ class ContentFeatures:
         """
         if all(zone.content or not zone.text.strip() for zone in page.zones):
             return page
-        language = page_language(page)
-        if self._in_language is not None and language != BASE_LANGUAGE:
-            return self._in_language(language).measure_page(page)
+        own = self.in_language_of(page)
         measured: dict[str, Mapping[str, float]] = {}
         zones = []
         for zone in page.zones:
@@ -168,9 +166,16 @@ class ContentFeatures:
                 zones.append(zone)
                 continue
             if zone.text not in measured:
-                measured[zone.text] = self.measure(zone.text)
+                measured[zone.text] = own.measure(zone.text)
             zones.append(replace(zone, content=measured[zone.text]))
         return replace(page, zones=tuple(zones))
+
+    def in_language_of(self, page: Page) -> "ContentFeatures":
+        """The features with the word lists of the page's language."""
+        language = page_language(page)
+        if self._in_language is None or language == BASE_LANGUAGE:
+            return self
+        return self._in_language(language)
 
     def _find_phrases(self, read: _Text, sizes: list[float], hits: list[list[Hit]]) -> None:
         index, known, fuzzy = self._phrases[False], self._fuzzy[True], self._fuzzy[False]

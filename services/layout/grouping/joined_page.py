@@ -22,9 +22,15 @@ def join_page(
         _join(fine, [page.zones[place] for place in group], [lines[place] for place in group])
         for group in groups
     ]
-    order = reading_order([zone.box for zone in zones])
-    numbered = tuple(replace(zones[place], id=f"z{number}") for number, place in enumerate(order, 1))
-    return replace(page, zones=numbered), tuple(groups[place] for place in order)
+    numbered, order = number_zones(replace(page, zones=tuple(zones)))
+    return numbered, tuple(groups[place] for place in order)
+
+
+def number_zones(page: Page) -> tuple[Page, list[int]]:
+    """`page` with its zones in reading order, ids "z1", "z2" ..., and their places before."""
+    order = reading_order([zone.box for zone in page.zones])
+    numbered = tuple(replace(page.zones[place], id=f"z{number}") for number, place in enumerate(order, 1))
+    return replace(page, zones=numbered), order
 
 
 def join_recognition(seen: Recognition, page: Page, groups: Groups) -> Recognition:

@@ -145,6 +145,25 @@ def recognize_page(
     )
 
 
+def relabelled(
+    seen: Recognition,
+    page: Page,
+    model: VersionedModel,
+    content_names: tuple[str, ...],
+    parameters: RecognitionParameters,
+) -> Recognition:
+    """The recognition with the zones of `page`, another grouping, labelled by the model of its chosen class.
+
+    The classes keep their probabilities; the chosen one has the cost of the new match.
+    """
+    alone = recognize_page(page, [model], content_names, parameters)
+    assert seen.chosen is not None, "a page of no class keeps its grouping"
+    assert alone.match is not None, "a page that was matched has zones"
+    chosen = replace(seen.chosen, cost=alone.match.cost)
+    classes = tuple(chosen if each.name == chosen.name else each for each in seen.classes)
+    return replace(seen, page=page, zones=alone.zones, chosen=chosen, classes=classes, match=alone.match)
+
+
 def match_graph(
     graph: LayoutGraph, page: Page, model: CompiledModel, parameters: RecognitionParameters
 ) -> tuple[CostTables, Matching, dict[int, int]]:

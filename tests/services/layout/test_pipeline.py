@@ -11,10 +11,10 @@ from services.layout.pipeline import (
     complete_sample,
     content_features,
     initialize_model,
-    put_together,
     read_fine_page,
     read_page,
     recognize,
+    regroup,
 )
 from services.layout.recognition.page_recognition import VersionedModel
 from services.ocr.engine import Word
@@ -175,7 +175,7 @@ def test_pieces_are_put_together_and_class_and_labels_stay() -> None:
         return [VersionedModel(replace(plain, nodes=nodes), 7)]
 
     first = recognize(seen, taught(0.0))
-    apart, joined = (put_together(fine, first, taught(value)) for value in (-20.0, 20.0))
+    apart, joined = (regroup(fine, first, taught(value)) for value in (-20.0, 20.0))
     assert apart.page == first.page
     assert len(joined.page.zones) < len(first.page.zones)
     assert joined.chosen == first.chosen
@@ -194,4 +194,4 @@ def test_pieces_are_put_together_and_class_and_labels_stay() -> None:
     assert joined.match is not None
     assert set(joined.match.backbone.values()) <= {zone.id for zone in joined.page.zones}
     unknown = replace(first, chosen=None)
-    assert put_together(fine, unknown, taught(20.0)) is unknown
+    assert regroup(fine, unknown, taught(20.0)) is unknown
