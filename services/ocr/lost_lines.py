@@ -56,12 +56,12 @@ def with_lost_lines(
     dropped = np.zeros(len(words), dtype=bool)
     for index, line in enumerate(found.lines):
         own = (line_of == index) & ~fused
-        if _covered([words[k].box for k in np.flatnonzero(own & sure)], line) >= p.least_cover:
+        if _covered([words[k].box for k in np.flatnonzero(own & sure).tolist()], line) >= p.least_cover:
             continue
         second = _read_line(gray, line, engine, p)
         if _mean_confidence(second) < p.least_confidence:
             continue
-        first = [words[k] for k in np.flatnonzero(own)]
+        first = [words[k] for k in np.flatnonzero(own).tolist()]
         if _sure_letters(second) >= p.gain * _sure_letters(first):
             added += second
             dropped |= own | (fused & (shares[:, index] >= p.fused_share))

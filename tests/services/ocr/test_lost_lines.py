@@ -54,7 +54,9 @@ def page() -> tuple[GrayImage, list[tuple[float, float, float, float]]]:
     """Three lines of print, and their boxes from the top down."""
     canvas = blank(1000, 360)
     boxes = set_lines(canvas, (60, 60), 3, HEIGHT, words=6)
-    return np.asarray(canvas, dtype=np.uint8), [tuple(map(float, box)) for box in boxes]
+    return np.asarray(canvas, dtype=np.uint8), [
+        (float(x0), float(y0), float(x1), float(y1)) for x0, y0, x1, y1 in boxes
+    ]
 
 
 def read(box: tuple[float, float, float, float], confidence: float = 0.9) -> Word:
