@@ -34,6 +34,7 @@ from services.layout.segmentation import (
     segment_page,
 )
 from services.ocr.engine import OcrEngine, Word
+from services.ocr.lost_lines import with_lost_lines
 
 __all__ = [
     "VersionedModel",
@@ -71,7 +72,8 @@ def read_fine_page(
 def segment_read_page(image: RgbImage, engine: OcrEngine) -> tuple[Page, list[Word]]:
     """The zones of a flat page (H, W, 3) in reading order, and all words that the engine read on it."""
     gray = _gray(image)
-    words = _read_words(gray, engine) or []
+    readable = _readable(gray)
+    words = with_lost_lines(readable, engine.read_page(readable), engine)
     return segment_page(gray, words), words
 
 
@@ -176,7 +178,9 @@ def _read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
 
     An engine with a global threshold loses half of the words in shadows. A page with dark ground is not corrected.
     """
-    if engine is None:
-        return None
+    return None if engine is None else engine.read_page(_readable(gray))
+
+
+def _readable(gray: GrayImage) -> GrayImage:
     is_light = np.median(gray[::8, ::8]) >= LIGHT_GROUND
-    return engine.read_page(flatten_illumination(gray) if is_light else gray)
+    return flatten_illumination(gray) if is_light else gray

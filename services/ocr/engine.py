@@ -47,3 +47,12 @@ class DirectionDetector(Protocol):
     def detect_direction(self, image: GrayImage) -> ReadDirection | None:
         """Direction of dark print on a whole page; None if there is too little print."""
         ...
+
+
+@runtime_checkable
+class LineReader(Protocol):
+    """Optional part of an engine: reads a line crop as words, without looking for lines in it."""
+
+    def read_line_words(self, image: GrayImage) -> list[Word]:
+        """Words of one horizontal line; boxes are in pixels of `image` (H, W) uint8."""
+        ...

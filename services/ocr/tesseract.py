@@ -83,7 +83,7 @@ def _tell_once(reason: str) -> None:
 class TesseractEngine:
     """`OcrEngine` over Tesseract's LSTM; 1.4-2.4 CPU s a page. One object per thread or process.
 
-    The two page segmentation modes each keep an API object, made at first use (80 ms and 20-80 MB each).
+    Each page segmentation mode keeps an API object, made at first use (80 ms and 20-80 MB each).
 
     Raises
     ------
@@ -136,6 +136,14 @@ class TesseractEngine:
         confidence = sum(len(word.text) * word.confidence for word in words) / length
         return " ".join(word.text for word in words), confidence
 
+    def read_line_words(self, image: GrayImage) -> list[Word]:
+        """See `LineReader`."""
+        if min(image.shape) < _SMALLEST_SIDE_PX or max(image.shape) > _LARGEST_SIDE_PX:
+            return []
+        api = self._api("line words", self._library.PSM.RAW_LINE, self._language)
+        self._set_image(api, image)
+        return self._recognize(api)
+
     def detect_direction(self, image: GrayImage) -> ReadDirection | None:
         """Orientation of a page by Tesseract's own script detection; None without its data or enough text."""
         readable = min(image.shape) >= _SMALLEST_SIDE_PX and max(image.shape) <= _LARGEST_SIDE_PX
@@ -161,7 +169,7 @@ class TesseractEngine:
             folder = self._folder if language == self._language else find_tessdata(language)
             api = self._library.PyTessBaseAPI(path=str(folder), lang=language, psm=segmentation)
             api.SetVariable("debug_file", os.devnull)
-            if use == "line":
+            if use in ("line", "line words"):
                 # Polarity is settled before a line is read; trying both doubles the cost of unreadable lines.
                 api.SetVariable("tessedit_do_invert", "0")
                 api.SetVariable("user_defined_dpi", _LINE_DPI)

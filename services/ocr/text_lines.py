@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage
 from services.imaging.illumination import flatten_illumination
 
+_CROP_MARGIN = 0.2
+"""Above and below a line in its crop, in heights of the line: dots and tails that the line's box cuts off."""
+
 
 @dataclass(frozen=True, slots=True)
 class TextLineParameters:
@@ -266,16 +269,28 @@ def _lines_along_rows(
     return TextLines(lines, mass, inverted)
 
 
+def crop_place(line: TextLine, height_px: int) -> tuple[float, float]:
+    """Where `cut_line` begins on the page (x of the middle of its first pixel), and crop pixels per page pixel."""
+    margin = _CROP_MARGIN * line.height_px
+    return line.box[0] - 2 * margin, height_px / (line.height_px + 2 * margin)
+
+
 def cut_line(
-    page: GrayImage, line: TextLine, inverted: bool, height_px: int = 36, longest: float = 26.0
+    page: GrayImage,
+    line: TextLine,
+    inverted: bool,
+    height_px: int = 36,
+    longest: float = 26.0,
+    *,
+    stretched: bool = True,
 ) -> GrayImage:
     """Level crop (height_px, w) of one line, dark on white, from a line of any size on `page` (H, W) uint8.
 
-    Lines longer than `longest` times their height are cut there: their first words are enough.
+    Lines longer than `longest` times their height are cut there: their first words are enough. `stretched` evens the
+    light and clips the noise, which a flat-fielded page does not need.
     """
-    margin = 0.2 * line.height_px
-    zoom = height_px / (line.height_px + 2 * margin)
-    x0 = line.box[0] - 2 * margin
+    margin = _CROP_MARGIN * line.height_px
+    x0, zoom = crop_place(line, height_px)
     length = min(line.box[2] + 2 * margin - x0, longest * line.height_px)
     # The row of the line's middle at column x of the page.
     middle_y = (line.box[1] + line.box[3]) / 2 - line.slope * (line.box[0] + line.box[2]) / 2
@@ -302,7 +317,8 @@ def cut_line(
         flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    return _stretch(np.asarray(255 - crop if inverted else crop, dtype=np.uint8))
+    dark = np.asarray(255 - crop if inverted else crop, dtype=np.uint8)
+    return _stretch(dark) if stretched else dark
 
 
 def _stretch(crop: GrayImage) -> GrayImage:

@@ -11,6 +11,7 @@ from services.contract.images import Encoding, TextFormat
 from services.errors import InvalidOption
 from services.layout.page import Page, Zone
 from services.layout.pipeline import segment_read_page
+from services.layout.segmentation.reading_order import reading_order
 from services.ocr.engine import OcrEngine, Word
 from services.ocr.languages import language_tag
 from services.ocr.tesseract import default_language, installed_languages
@@ -93,7 +94,9 @@ def _believable_regions(page: Page, words: list[Word]) -> list[Region]:
     A dark photo with much desk in view can be taken for light print on dark ground. Its zones are then bits of the
     paper between letters.
     """
-    zones = [zone for zone in page.zones if zone.kind == "text"]
+    # Zones of `/layout` keep the order in which samples were measured.
+    order = reading_order([zone.box for zone in page.zones], heads_first=True)
+    zones = [page.zones[index] for index in order if page.zones[index].kind == "text"]
     held = sum(len(zone.words) for zone in zones)
     return [_region(zone) for zone in zones] if held >= LEAST_HELD * len(words) else []
 

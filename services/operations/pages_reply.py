@@ -29,21 +29,18 @@ from services.text.page_text import PageText
 class DescribedPage:
     """One page of an answer: its picture (H, W, 3) RGB, its HTTP document without `image`, its text if it was read.
 
-    `scale` is pixels of the picture per pixel of the flat view, below 1 for a reduced one. `dpi` is the resolution of
-    the picture if the true size of the page is known; None: that of the upload.
+    `dpi` is the resolution of the picture, by the true size of the page or by the resolution of the upload; None if
+    neither is known.
     """
 
     image: RgbImage
     document: Mapping[str, object]
     text: PageText | None = None
-    scale: float = 1.0
     dpi: float | None = None
 
     def source(self, upload: SourceFacts) -> SourceFacts:
         """Facts of the upload, with the resolution of this picture."""
-        if self.dpi is not None:
-            return replace(upload, dpi=self.dpi)
-        return upload if upload.dpi is None else replace(upload, dpi=upload.dpi * self.scale)
+        return replace(upload, dpi=self.dpi)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

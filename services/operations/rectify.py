@@ -208,7 +208,18 @@ def _document(
         "quality": quality,
         "timings_ms": timings_ms,
     }
-    return DescribedPage(view.image, document, None, scale, dpi)
+    if dpi is None and photo.dpi is not None:
+        dpi = float(round(photo.dpi * _pixels_per_photo_pixel(view)))
+    return DescribedPage(view.image, document, None, dpi)
+
+
+def _pixels_per_photo_pixel(view: RectifyResult) -> float:
+    """Median length of a step on the flat view over that in the photo: small print is drawn larger."""
+    height, width = view.image.shape[:2]
+    rows, columns = view.mesh.shape[:2]
+    across = np.linalg.norm(np.diff(view.mesh, axis=1), axis=2) / ((width - 1) / (columns - 1))
+    down = np.linalg.norm(np.diff(view.mesh, axis=0), axis=2) / ((height - 1) / (rows - 1))
+    return 1 / max(float(np.nanmedian(np.concatenate([across.ravel(), down.ravel()]))), 1e-9)
 
 
 def describe_flat_page(result: RectifyResult, photo_size: tuple[int, int]) -> dict[str, object]:

@@ -24,6 +24,12 @@ def reject_constant(name: str) -> None:
     raise AssertionError(f"{name} is not JSON")
 
 
+def turned_mesh(photo: np.ndarray, scale: float = 1.0) -> np.ndarray:
+    """The mesh of the photo turned by 90 degrees; its steps in the photo are `scale` times those on the flat view."""
+    foot, right = scale * (photo.shape[0] - 1), scale * (photo.shape[1] - 1)
+    return np.array([[[right, 0], [right, foot]], [[0, 0], [0, foot]]], np.float64)
+
+
 class RectifyPipeline:
     """Stands for the pipeline: remembers how it was called, answers with the photo turned by 90 degrees."""
 
@@ -32,6 +38,7 @@ class RectifyPipeline:
         self.field_of_view_rad: float | None = math.pi / 3
         self.convergence: float | None = 0.0123
         self.pages = 2
+        self.mesh = np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64)
         self.surface: PlaneSurface | StripsSurface | MeshSurface = PlaneSurface((0.0, 0.6, 0.8))
 
     def __call__(self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any) -> RectifyResult:
@@ -43,7 +50,7 @@ class RectifyPipeline:
             CameraEstimate(55.5, self.field_of_view_rad, "exif", (29.5, 19.25), "estimated"),
             self.surface,
             Orientation(270, False, 0.98),
-            np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64),
+            self.mesh,
             (Notice("focal-length-unknown", "Say it."),),
             {"text": 12.345, "remap": np.float64(3.0)},
         )

@@ -21,7 +21,7 @@ from services.operations.rectify import rectify_upload
 from services.progress import progress_to, report_progress
 from services.sheet.surfaces import MeshSurface
 from tests.services.imaging.files import make_exif, make_file
-from tests.services.operations.pipelines import RectifyPipeline, reject_constant
+from tests.services.operations.pipelines import RectifyPipeline, reject_constant, turned_mesh
 
 LIMITS = ImageLimits()
 PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
@@ -192,16 +192,23 @@ def test_json_can_hold_a_smaller_image_in_another_format() -> None:
         assert (picture.format, picture.size) == ("WEBP", (20, 30))
 
 
-@pytest.mark.usefixtures("pipeline")
-def test_a_smaller_scan_has_fewer_pixels_per_inch() -> None:
+def test_a_smaller_scan_has_fewer_pixels_per_inch(pipeline: RectifyPipeline) -> None:
+    pipeline.mesh = turned_mesh(PHOTO)
     upload = make_file(PHOTO, "PNG", dpi=(200, 200))
     reply = rectify_upload(upload, PARAMETERS, Encoding("jpeg", max_width=10), LIMITS)
     with Image.open(io.BytesIO(reply.body)) as picture:
         assert picture.info["dpi"] == (50, 50)
 
 
-@pytest.mark.usefixtures("pipeline")
-def test_the_scans_resolution_and_the_colour_profile_are_kept() -> None:
+def test_a_scan_that_is_drawn_larger_keeps_its_true_size(pipeline: RectifyPipeline) -> None:
+    pipeline.mesh = turned_mesh(PHOTO, 0.5)
+    reply = rectify_upload(make_file(PHOTO, "PNG", dpi=(200, 200)), PARAMETERS, Encoding("jpeg"), LIMITS)
+    with Image.open(io.BytesIO(reply.body)) as picture:
+        assert picture.info["dpi"] == (400, 400)
+
+
+def test_the_scans_resolution_and_the_colour_profile_are_kept(pipeline: RectifyPipeline) -> None:
+    pipeline.mesh = turned_mesh(PHOTO)
     profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
     upload = make_file(PHOTO, "PNG", dpi=(200, 200), icc_profile=profile)
     reply = rectify_upload(upload, PARAMETERS, Encoding("jpeg"), LIMITS)

@@ -15,7 +15,7 @@ from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NotAcceptable, TooLarge, UndecodableImage
 from services.operations.rectify_documents import rectify_uploads
 from tests.services.imaging.files import make_file
-from tests.services.operations.pipelines import RectifyPipeline
+from tests.services.operations.pipelines import RectifyPipeline, turned_mesh
 
 PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
 JPEG, PNG = make_file(PHOTO, "JPEG"), make_file(PHOTO[:30], "PNG")
@@ -59,7 +59,8 @@ def test_photos_are_pages_in_their_order() -> None:
     assert [page["width"] for page in pages_of(reply)] == [40, 30]
 
 
-def test_pages_of_files_are_pages_too() -> None:
+def test_pages_of_files_are_pages_too(pipeline: RectifyPipeline) -> None:
+    pipeline.mesh = turned_mesh(PHOTO)
     pdf = run(JPEG, PNG).body
     reply = run(
         tiff_of(PHOTO, PHOTO[:20], PHOTO[:10]), pdf, JPEG, encoding=Encoding("json", pages_format="json")

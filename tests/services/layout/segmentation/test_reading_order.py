@@ -28,6 +28,32 @@ def test_a_head_between_ends_the_columns_above() -> None:
     assert [boxes[index] for index in reading_order(boxes)] == [*upper, head, *lower]
 
 
+def test_a_centred_letterhead_comes_before_short_lines_at_the_margin_below_it() -> None:
+    letterhead, reference, greeting, body = (
+        (317.0, 60.0, 562.0, 95.0),
+        (103.0, 133.0, 222.0, 148.0),
+        (103.0, 336.0, 240.0, 352.0),
+        (103.0, 366.0, 800.0, 920.0),
+    )
+    boxes = [body, greeting, reference, letterhead]
+    assert [boxes[index] for index in reading_order(boxes, heads_first=True)] == [
+        letterhead,
+        reference,
+        greeting,
+        body,
+    ]
+
+
+def test_a_right_column_that_begins_higher_is_read_second() -> None:
+    left, right_head, right = (
+        (0.0, 150.0, 450.0, 800.0),
+        (550.0, 50.0, 800.0, 100.0),
+        (550.0, 120.0, 1000.0, 800.0),
+    )
+    boxes = [right, right_head, left]
+    assert [boxes[index] for index in reading_order(boxes, heads_first=True)] == [left, right_head, right]
+
+
 @pytest.mark.parametrize("count", [0, 1, 40, 500])
 def test_every_zone_comes_once(count: int) -> None:
     corner = np.random.default_rng(count).uniform(0, 1000, (count, 2))

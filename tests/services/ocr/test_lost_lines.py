@@ -1,0 +1,102 @@
+"""Lines that the page reading lost: read again as lines, and only those."""
+
+import numpy as np
+import pytest
+
+from services.arrays import GrayImage
+from services.ocr.engine import Word
+from services.ocr.lost_lines import with_lost_lines
+from tests.services.ocr.pages import blank, set_lines
+
+HEIGHT = 36
+
+
+class LineEngine:
+    """Reads every line crop as one word over all of its ink."""
+
+    name = "scripted"
+
+    def __init__(self, confidence: float = 0.9) -> None:
+        self.confidence = confidence
+        self.crops: list[GrayImage] = []
+
+    def read_page(self, image: GrayImage) -> list[Word]:
+        """Nothing: the words of the page are given."""
+        return []
+
+    def read_line(self, image: GrayImage) -> tuple[str, float]:
+        """Not used here."""
+        return "", 0.0
+
+    def read_line_words(self, image: GrayImage) -> list[Word]:
+        """One word, `read again`, from the first column with ink to the last."""
+        self.crops.append(image)
+        ink = np.flatnonzero((image < 128).any(axis=0))
+        return [Word("read again", (ink[0], 0.0, ink[-1] + 1.0, image.shape[0]), self.confidence)]
+
+
+class PageEngine:
+    """An engine that cannot read lines as words."""
+
+    name = "scripted"
+
+    def read_page(self, image: GrayImage) -> list[Word]:
+        """Nothing."""
+        return []
+
+    def read_line(self, image: GrayImage) -> tuple[str, float]:
+        """Nothing."""
+        return "", 0.0
+
+
+@pytest.fixture(scope="module")
+def page() -> tuple[GrayImage, list[tuple[float, float, float, float]]]:
+    """Three lines of print, and their boxes from the top down."""
+    canvas = blank(1000, 360)
+    boxes = set_lines(canvas, (60, 60), 3, HEIGHT, words=6)
+    return np.asarray(canvas, dtype=np.uint8), [
+        (float(x0), float(y0), float(x1), float(y1)) for x0, y0, x1, y1 in boxes
+    ]
+
+
+def read(box: tuple[float, float, float, float], confidence: float = 0.9) -> Word:
+    """A line that the page reading took for one word."""
+    return Word("first line read", box, confidence)
+
+
+def test_a_lost_line_is_read_where_it_is(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]],
+) -> None:
+    gray, boxes = page
+    engine = LineEngine()
+    found = with_lost_lines(gray, [read(boxes[0]), read(boxes[2])], engine)
+    assert [word.text for word in found] == ["first line read", "first line read", "read again"]
+    assert found[2].box == pytest.approx(boxes[1], abs=4)
+    assert len(engine.crops) == 1
+
+
+def test_two_lines_in_one_row_are_read_apart(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]],
+) -> None:
+    gray, boxes = page
+    fused = (boxes[0][0], boxes[0][1], boxes[1][2], boxes[1][3])
+    found = with_lost_lines(gray, [read(fused), read(boxes[2])], LineEngine())
+    assert [word.text for word in found] == ["first line read", "read again", "read again"]
+    assert [word.box for word in found[1:]] == [pytest.approx(box, abs=4) for box in boxes[:2]]
+
+
+def test_an_unsure_line_gives_way_to_a_surer_reading(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]],
+) -> None:
+    gray, boxes = page
+    found = with_lost_lines(gray, [read(boxes[0]), read(boxes[1], 0.2), read(boxes[2])], LineEngine())
+    assert [word.text for word in found] == ["first line read", "first line read", "read again"]
+
+
+@pytest.mark.parametrize("engine", [LineEngine(confidence=0.4), PageEngine()])
+def test_words_stay_without_a_sure_second_reading(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]], engine: LineEngine | PageEngine
+) -> None:
+    gray, boxes = page
+    words = [read(boxes[0]), read(boxes[2], 0.3)]
+    assert with_lost_lines(gray, words, engine) == words
