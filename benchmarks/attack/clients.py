@@ -38,10 +38,14 @@ def request_head(path: str, length: int | None, method: str = "POST", content_ty
     return f"{method} {path} HTTP/1.1\r\nHost: attack\r\nContent-Type: {kind}\r\n{size}\r\n\r\n".encode()
 
 
+def part_head(name: str = "image") -> bytes:
+    """How a file of a form begins."""
+    return f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="{name}"; filename="a"\r\n\r\n'.encode()
+
+
 def file_part(name: str = "image", data: bytes = b"") -> bytes:
     """A file of a form, with the form's end."""
-    head = f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="{name}"; filename="a"\r\n\r\n'
-    return head.encode() + data + f"\r\n--{BOUNDARY}--\r\n".encode()
+    return part_head(name) + data + f"\r\n--{BOUNDARY}--\r\n".encode()
 
 
 def send_raw(url: str, *pieces: bytes, pause_s: float = 0.0) -> Answer:

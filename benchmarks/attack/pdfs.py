@@ -85,7 +85,7 @@ def strokes(count: int = 2_000_000) -> bytes:
     return page_of(b"[1] 0 d 1 w 0 0 m 595 842 l S\n" * count)
 
 
-def groups(levels: int = 20) -> bytes:
+def groups(levels: int = 30) -> bytes:
     """Transparency groups within groups, each with a bitmap of its own, on the largest page."""
     document = pikepdf.new()
     page = document.add_blank_page(page_size=(1440, 1440))

@@ -13,6 +13,7 @@ from benchmarks.attack.clients import (
     answer_of,
     hold_slowly,
     leave_early,
+    part_head,
     request_head,
     send_raw,
 )
@@ -81,6 +82,11 @@ def _options(**fields: Any) -> Callable[[str], Answer]:
     return send
 
 
+def _chunk(data: bytes) -> bytes:
+    """A chunk of a body without a length."""
+    return f"{len(data):x}\r\n".encode() + data + b"\r\n"
+
+
 DAMAGED, LARGE, INVALID = ("undecodable-image",), ("too-large",), ("invalid-option",)
 FOREIGN, BAD = ("unsupported-media-type",), ("bad-request",)
 
@@ -108,7 +114,7 @@ BODIES = (
     Attack("110 MB sent", _wire(request_head("/rectify", 110_000_000), *[_MB] * 110), LARGE, is_quick=False),
     Attack(
         "110 MB in chunks",
-        _wire(request_head("/rectify", None), *[b"f4240\r\n" + _MB + b"\r\n"] * 110),
+        _wire(request_head("/rectify", None), _chunk(part_head()), *[_chunk(_MB)] * 110),
         LARGE,
         is_quick=False,
     ),
@@ -199,7 +205,7 @@ PDFS = (
     Attack("84 MB behind three filters", _page(pdfs.flate_bomb), LARGE),
     Attack("ten million saved states", _page(pdfs.saved_states), LARGE, is_quick=False),
     Attack("two million dashed strokes", _page(pdfs.strokes), LARGE, is_quick=False),
-    Attack("transparency groups 20 deep", _page(pdfs.groups), LARGE, is_quick=False),
+    Attack("transparency groups 30 deep", _page(pdfs.groups), LARGE, is_quick=False),
     Attack("half a PDF", _page(lambda: pdfs.page_of(b"n")[:200]), DAMAGED),
     Attack("a header alone", _page(lambda: b"%PDF-1.7\n"), DAMAGED),
 )
