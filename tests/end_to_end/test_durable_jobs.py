@@ -11,7 +11,7 @@ import httpx
 from tests.app.scripted import upload
 from tests.end_to_end.processes import Service, running
 
-LEASE_S = 2
+LEASE_S = 4
 
 
 def accept(service: Service, script: str, key: str = "") -> str:
