@@ -52,7 +52,7 @@ help:
 	@echo 'make serve            set up, then serve on HOST:PORT (now $(HOST):$(PORT))'
 	@echo '             LANGUAGES="fra deu" installs what is needed to read these languages too'
 	@echo 'make worker           set up, then run jobs, without HTTP, for services that share DATABASE_URL and BLOB_URL'
-	@echo 'make test             set up, then run all tests (TEST_PROCESSES=3, TEST_OPTIONS=...)'
+	@echo 'make test             set up, then run all tests (TEST_PROCESSES=2, TEST_OPTIONS=...)'
 	@echo 'make test-fast        the tests of single steps: no service, no whole photo'
 	@echo 'make lint             formatting, lint and types'
 	@echo 'make check            lint and test'
@@ -77,8 +77,7 @@ serve: venv
 worker: venv
 	@exec $(BIN)/python -m app worker
 
-# More than two cores: tests of services wait for a third of their time.
-TEST_PROCESSES := 3
+TEST_PROCESSES := 2
 PYTEST := $(BIN)/python -m pytest -n $(TEST_PROCESSES) \
 	--dist loadgroup --no-loadscope-reorder
 test: venv-dev postgresql chromium typescript

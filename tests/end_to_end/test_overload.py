@@ -1,7 +1,6 @@
 """300 uploads of 2 MB at once: every one ends in 200 or a readable 503, and the probe answers throughout."""
 
 import json
-import statistics
 import subprocess
 import sys
 import time
@@ -49,7 +48,7 @@ def test_a_storm_of_uploads(tmp_path: Path) -> None:
                 assert 1 <= int(answer["headers"]["retry-after"]) <= 60
             else:
                 assert answer["body"] == "flat as jpeg"
-        assert statistics.median(latencies) < 1.0  # of some hundred: a stall of the machine is one or two
+        assert max(latencies) < 1.0
         calm = httpx.post(service.url + "/rectify", files={"image": upload("")})
         assert calm.status_code == 200
         logged = Counter(line["status"] for line in service.lines if line.get("path") == "/rectify")
