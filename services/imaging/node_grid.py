@@ -1,5 +1,7 @@
 """Maps that are exact on a grid of nodes and bilinear between them."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,8 @@ from services.arrays import Floats, Points
 GRID_STEP_PX = 16
 """A page's map is exact at every 16th output pixel: one that bends with a radius of a thousand pixels is then drawn
 within 0.03 pixels."""
+_NO_SECOND_MAP: Any = None
+"""OpenCV's own annotations demand one; an empty array is not the same, it gives wrong values."""
 
 
 def node_grid(left: int, top: int, width: int, height: int) -> tuple[Points, tuple[int, int]]:
@@ -30,6 +34,16 @@ def between_nodes(nodes: NDArray[np.float32], width: int, height: int) -> NDArra
     dense = cv2.resize(nodes, size, interpolation=cv2.INTER_LINEAR)
     # The first node is half a step before the rectangle, and values begin half a step before the first node.
     return np.asarray(dense[GRID_STEP_PX:, GRID_STEP_PX:][:height, :width], np.float32)
+
+
+def take_values(
+    image: NDArray[Any], at: NDArray[np.float32], interpolation: int, border: int, outside: float = 0.0
+) -> NDArray[Any]:
+    """Values (H, W, ...) of `image` at its pixels `at` (H, W, 2), (x, y); `border` is OpenCV's mode beyond its edges.
+
+    OpenCV takes both coordinates in one array, so that they need not be split.
+    """
+    return np.asarray(cv2.remap(image, at, _NO_SECOND_MAP, interpolation, None, border, outside))
 
 
 def continuous_nodes(nodes: Floats, max_reduction: float) -> NDArray[np.bool_]:

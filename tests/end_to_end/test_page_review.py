@@ -94,7 +94,9 @@ def test_the_key_stays_in_its_tab(office: httpx.Client) -> None:
         assert violations(page) == []
         page.get_by_role("button", name="API key").click()
         page.get_by_role("button", name="Forget the key").click()
-        page.wait_for_function("sessionStorage.length === 0")  # the dialog tells its answer after it has closed
+        page.wait_for_function(
+            "sessionStorage.length === 0"
+        )  # the dialog tells its answer after it has closed
 
 
 def test_a_page_of_100_zones_is_shown_soon_after_the_answer(office: httpx.Client) -> None:

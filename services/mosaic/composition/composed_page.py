@@ -140,20 +140,28 @@ def _draw_tile(
         share = _enlarge(box, weight, part, grid, pixels)
         share[found.covered == 0] = 0
         parts.append((draw_patch(patch, found), share, pixels.within(tile)))
-    if not parts:
-        return
+    if len(parts) == 1:
+        drawn, share, at = parts[0]
+        into[at] = cv2.copyTo(drawn, _positive(share), into[at])
+    elif parts:
+        _mix_parts(parts, into)
+
+
+def _mix_parts(parts: Sequence[tuple[RgbImage, FloatMap, tuple[slice, slice]]], into: RgbImage) -> None:
+    """Draw the mean of `parts`, weighted by their shares, where these are positive; each has its place in `into`."""
     total = np.zeros(into.shape[:2], np.float32)
     for _, share, at in parts:
         total[at] += share
-    if len(parts) == 1:
-        drawn, share, at = parts[0]
-        np.copyto(into[at], drawn, where=(share > 0)[..., None])
-        return
     mean = np.zeros(into.shape, np.float32)
     for drawn, share, at in parts:
-        relative = share / np.maximum(total[at], 1e-6)
-        mean[at] += cv2.multiply(drawn.astype(np.float32), cv2.merge([relative, relative, relative]))
-    np.copyto(into, (mean + 0.5).astype(np.uint8), where=(total > 0)[..., None])
+        relative = share / np.maximum(total[at], np.float32(1e-6))
+        mean[at] += cv2.multiply(drawn, cv2.merge([relative] * 3), dtype=cv2.CV_32F)
+    into[:] = cv2.copyTo(cv2.convertScaleAbs(mean), _positive(total), into)
+
+
+def _positive(values: FloatMap) -> GrayImage:
+    """Mask of the positive values, 255."""
+    return np.asarray(values > 0).view(np.uint8) * np.uint8(255)
 
 
 def _weighted_part(box: Rectangle, weight: GrayImage, cells: Rectangle) -> Rectangle:

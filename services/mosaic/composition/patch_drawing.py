@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Points, RgbImage
-from services.imaging.node_grid import GRID_STEP_PX, between_nodes, continuous_nodes, node_grid
+from services.imaging.node_grid import GRID_STEP_PX, between_nodes, continuous_nodes, node_grid, take_values
 from services.mosaic.light.tones import apply_tones
 from services.mosaic.placed_photo import PlacedPhoto
 
@@ -142,7 +142,7 @@ def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
         covered = _cover(patch, source, safe_flat.reshape(*shape, 2), known, scale)
         if not covered.any():
             return None
-    return PatchMap(np.ascontiguousarray(source), covered, np.where(np.isfinite(flat), flat, 0.0), shape)
+    return PatchMap(source, covered, np.where(np.isfinite(flat), flat, 0.0), shape)
 
 
 def draw_gray_patch(gray_source: GrayImage, patch_map: PatchMap) -> GrayImage:
@@ -157,8 +157,8 @@ def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
     if (tones.coefficients == np.array([1, 1, 1, 1, 0, 0], np.float32)).all():
         return drawn
     height, width = drawn.shape[:2]
-    coefficients = tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6)
-    return apply_tones(drawn, between_nodes(coefficients, width, height))
+    coefficients = np.moveaxis(tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6), -1, 0)
+    return apply_tones(drawn, [between_nodes(plane, width, height) for plane in coefficients])
 
 
 def _cover(
@@ -174,8 +174,7 @@ def _cover(
     low = (RIM_PX + 0.5) * scale - 0.5
     high = (np.array([photo_width, photo_height]) - 0.5 - RIM_PX) * scale - 0.5
     covered = cv2.inRange(source, low, high)
-    dense = np.ascontiguousarray(between_nodes(flat_nodes, width, height))
-    shown = _look_up(patch.shown, dense)
+    shown = _look_up(patch.shown, between_nodes(flat_nodes, width, height))
     cv2.bitwise_and(covered, shown, dst=covered)
     if not known.all():
         share = between_nodes(known.astype(np.float32), width, height)
@@ -185,15 +184,12 @@ def _cover(
 
 def _draw(image: NDArray[np.uint8], at: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Values of `image` at pixels `at` (H, W, 2)."""
-    x, y = cv2.split(at)
-    return np.asarray(cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+    return np.asarray(take_values(image, at, cv2.INTER_CUBIC, cv2.BORDER_REPLICATE), np.uint8)
 
 
 def _look_up(mask: GrayImage, at: NDArray[np.float32]) -> GrayImage:
     """Values (H, W) of `mask` at flat pixels `at` (H, W, 2), 0 outside of it."""
-    x, y = cv2.split(at)
-    found = cv2.remap(mask, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
-    return np.asarray(found, np.uint8)
+    return np.asarray(take_values(mask, at, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT), np.uint8)
 
 
 def _outline(shown: GrayImage) -> Points:

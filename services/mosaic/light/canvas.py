@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.imaging.node_grid import GRID_STEP_PX, between_nodes, node_grid, take_values
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import Placement
 
@@ -20,8 +21,6 @@ BLOCK_PX = 24
 """Side of a block, canvas pixels. Views start and end at blocks, so that the cells of all views coincide."""
 LARGEST_SIDE_PX = 2400
 """Largest side of the canvas, for any number and size of photos."""
-NODE_STEP_PX = 16
-"""The map from a view to its photo is exact at every 16th pixel, as in `rectify.drawing`."""
 RIM_PX = 2
 """Border of the shown part that is left out; its pixels mix with the outside."""
 
@@ -123,34 +122,24 @@ def draw_reduced(
 
     The photo is first reduced by area averages to the view's resolution, to avoid aliasing.
     """
-    columns, rows = -(-width // NODE_STEP_PX) + 2, -(-height // NODE_STEP_PX) + 2
-    x = (np.arange(columns) - 0.5) * NODE_STEP_PX - 0.5
-    y = (np.arange(rows) - 0.5) * NODE_STEP_PX - 0.5
-    flat = to_flat(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    nodes, (rows, columns) = node_grid(0, 0, width, height)
+    flat = to_flat(nodes)
     seen = photo.to_photo(flat).reshape(rows, columns, 2)
     flat = flat.reshape(rows, columns, 2)
     seen = np.where(np.isfinite(seen).all(axis=-1, keepdims=True), seen, OUTSIDE_PX)
     steps = np.linalg.norm(np.diff(seen, axis=1), axis=-1)
     within = _inside(seen[:, 1:], photo.photo.shape) & _inside(seen[:, :-1], photo.photo.shape)
-    step = float(np.median(steps[within])) / NODE_STEP_PX if within.any() else 1.0
+    step = float(np.median(steps[within])) / GRID_STEP_PX if within.any() else 1.0
     factor = min(1.0, 1.0 / max(step, 1e-6))
     source = photo.photo
     if factor < 1.0:
         size = (max(round(source.shape[1] * factor), 1), max(round(source.shape[0] * factor), 1))
         source = np.asarray(cv2.resize(source, size, interpolation=cv2.INTER_AREA), np.uint8)
     ratio = np.array([source.shape[1] / photo.photo.shape[1], source.shape[0] / photo.photo.shape[0]])
-    dense = _between_nodes((seen + 0.5) * ratio - 0.5, width, height)
-    x_source, y_source = cv2.split(dense)
-    image = cv2.remap(source, x_source, y_source, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    flat_x, flat_y = cv2.split(_between_nodes(flat, width, height))
-    on_page = cv2.remap(
-        photo.shown.view(np.uint8),
-        flat_x,
-        flat_y,
-        cv2.INTER_NEAREST,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=0.0,
-    )
+    dense = between_nodes(((seen + 0.5) * ratio - 0.5).astype(np.float32), width, height)
+    image = take_values(source, dense, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
+    flat_places = between_nodes(flat.astype(np.float32), width, height)
+    on_page = take_values(photo.shown.view(np.uint8), flat_places, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT)
     shown = (on_page > 0) & _inside(dense, source.shape)
     rim = np.ones((2 * RIM_PX + 1,) * 2, np.uint8)
     shown = cv2.erode(shown.astype(np.uint8), rim, borderType=cv2.BORDER_REPLICATE) > 0
@@ -161,11 +150,3 @@ def _inside(points: Floats | FloatImage, shape: tuple[int, ...]) -> Mask:
     """Which of `points` (..., 2) lie in an image of the given shape."""
     x, y = points[..., 0], points[..., 1]
     return np.asarray((x >= 0) & (y >= 0) & (x <= shape[1] - 1) & (y <= shape[0] - 1))
-
-
-def _between_nodes(nodes: Floats, width: int, height: int) -> FloatImage:
-    """Values (height, width, 2) at all pixels, interpolated from those at every `NODE_STEP_PX`-th pixel."""
-    size = (nodes.shape[1] * NODE_STEP_PX, nodes.shape[0] * NODE_STEP_PX)
-    dense = cv2.resize(nodes.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
-    dense = dense[NODE_STEP_PX : NODE_STEP_PX + height, NODE_STEP_PX : NODE_STEP_PX + width]
-    return np.ascontiguousarray(dense)

@@ -15,6 +15,7 @@ from services.imaging.illumination import (
     level_coefficients,
     measure_levels,
 )
+from services.imaging.node_grid import take_values
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.light.canvas import (
     CELL_PX,
@@ -257,11 +258,7 @@ class _FlatGrid:
         """Samples (rows, columns, C) of `values`, each of which covers `step` canvas pixels, from (left, top) on."""
         places = (self.points - (left, top) + 0.5) / step - 0.5
         places = places.reshape(self.rows, self.columns, 2).astype(np.float32)
-        x, y = cv2.split(places)
-        return np.asarray(
-            cv2.remap(values, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE),
-            np.float32,
-        )
+        return np.asarray(take_values(values, places, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE), np.float32)
 
 
 def _normalizations(

@@ -17,12 +17,13 @@ MOST_BETWEEN = 3
 """Largest number of photos between two others along which errors may accumulate."""
 
 
-def find_ways(pairs: Pairs, order: Sequence[int]) -> Ways:
+def find_ways(pairs: Pairs, order: Sequence[int], starts: Sequence[int] | None = None) -> Ways:
     """Chains with the fewest photos; among equal ones, the chain that starts with the strongest pairs.
 
-    `order` sorts the photos by content; it decides between equally strong pairs.
+    `order` sorts the photos by content, which decides between equally strong pairs. Chains begin at `starts`, else at
+    every photo.
     """
-    return _follow(pairs, order, _by_strength(pairs, order))
+    return _follow(pairs, order if starts is None else starts, _by_strength(pairs, order))
 
 
 def drop_contradictions(
@@ -86,10 +87,10 @@ def _by_strength(pairs: Pairs, order: Sequence[int]) -> list[tuple[int, int]]:
     return sorted(pairs, key=weakness)
 
 
-def _follow(pairs: Pairs, order: Sequence[int], edges: Sequence[tuple[int, int]]) -> Ways:
-    """Chains along `edges`, breadth first, from every photo."""
+def _follow(pairs: Pairs, starts: Sequence[int], edges: Sequence[tuple[int, int]]) -> Ways:
+    """Chains along `edges`, breadth first, from each of `starts`."""
     ways: Ways = {}
-    for start in order:
+    for start in starts:
         reached: dict[int, tuple[int, Homography]] = {start: (-1, np.eye(3))}
         queue = [start]
         for here in queue:

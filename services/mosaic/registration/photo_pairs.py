@@ -12,9 +12,10 @@ from services.geometry.homographies import scaling, transform_points, translatio
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.photo_graph import connect_photos, overlap_fraction
 from services.mosaic.registration.displacement_vote import CompatibleGroup, vote_displacements
-from services.mosaic.registration.features import FeatureMatches, match_features
+from services.mosaic.registration.features import FeatureMatches, Features, match_features
 from services.mosaic.registration.homography_fit import FitParameters, fit_homography, is_sane
 from services.mosaic.registration.pair_consistency import (
+    MOST_BETWEEN,
     Pairs,
     drop_contradictions,
     drop_lonely_lines,
@@ -51,6 +52,9 @@ class RegistrationParameters:
     """Largest scale between two views, by their text sizes; text below a quarter can hardly be read."""
     ambiguity: float = 0.7
     """A result is ambiguous if a second place has at least this share of the found blocks."""
+    rival_votes: float = 0.25
+    """Least size of a group, relative to one that was verified, that is verified too: a second place with nearly as
+    many blocks has nearly as many votes."""
     least_overlap: float = 0.01
     """Least predicted overlap, as a share of the smaller view, that is searched."""
     guided_search: float = 2.5
@@ -97,7 +101,8 @@ def register_pair(
     a: FlatPhoto, b: FlatPhoto, turns: int = 0, fineness: float = 1.0
 ) -> PairRegistration | Unregistered:
     """Registration of b, rotated counter-clockwise by `turns` quarters, to a."""
-    return _register(PreparedPhoto(a), PreparedPhoto(b), turns, fineness, RegistrationParameters())
+    p = RegistrationParameters()
+    return _register(_vote(PreparedPhoto(a), PreparedPhoto(b), turns, fineness, p), p)
 
 
 def register_photos(
@@ -125,8 +130,12 @@ def register_photos(
             apart = [(i, j) for i, j in apart if min(len(part_of[i]), len(part_of[j])) == 1]
         if number > 1 and len(apart) > p.most_retries:
             continue
-        for i, j in apart:
-            registered = _register(prepared[i], prepared[j], turns, fineness, p)
+        candidates = [_vote(prepared[i], prepared[j], turns, fineness, p) for i, j in apart]
+        # The surest pairs come first: others, which by these do not overlap, need no verification.
+        for candidate in sorted(candidates, key=lambda candidate: -candidate.evidence.votes):
+            if _is_known_to_be_apart(candidate, pairs, order, p):
+                continue
+            registered = _register(candidate, p)
             if isinstance(registered, PairRegistration):
                 pairs[registered.a, registered.b] = registered
         if len(connect_photos(order, pairs)) == 1:
@@ -149,9 +158,27 @@ def register_photos(
     return tuple(pairs[key] for key in sorted(pairs))
 
 
-def _register(
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """Two photos, b turned by `turns` quarters, their matches and the groups of compatible ones, surest first."""
+
+    a: PreparedPhoto
+    b: PreparedPhoto
+    turns: int
+    features: tuple[Features, Features]
+    matches: FeatureMatches
+    groups: tuple[CompatibleGroup, ...]
+
+    @property
+    def evidence(self) -> Evidence:
+        """Numbers of the vote: matches, largest and second largest group."""
+        votes = sorted((group.votes for group in self.groups), reverse=True)
+        return Evidence(len(self.matches.points_a), *(*votes, 0, 0)[:2])
+
+
+def _vote(
     a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: RegistrationParameters
-) -> PairRegistration | Unregistered:
+) -> Candidate:
     if b.key < a.key:
         a, b, turns = b, a, -turns % 4
     features = a.features(fineness, 0), b.features(fineness, turns)
@@ -159,21 +186,37 @@ def _register(
     expected = a.photo.text_height_px / max(b.photo.text_height_px, 1e-6)
     expected = float(np.clip(expected, 1 / p.largest_scale, p.largest_scale))
     groups = vote_displacements(matches, float(np.hypot(*a.photo.size)), expected_scale=expected)
-    votes = sorted((group.votes for group in groups), reverse=True)
-    evidence = Evidence(len(matches.points_a), *(*votes, 0, 0)[:2])
+    return Candidate(a, b, turns, features, matches, groups)
+
+
+def _is_known_to_be_apart(
+    candidate: Candidate, pairs: Pairs, order: Sequence[int], p: RegistrationParameters
+) -> bool:
+    """Whether by the pairs registered so far the two photos do not overlap."""
+    a, b = candidate.a.photo, candidate.b.photo
+    way = find_ways(pairs, order, [a.index]).get((a.index, b.index))
+    return way is not None and way[0] <= MOST_BETWEEN and overlap_fraction(a, b, way[1]) < p.least_overlap
+
+
+def _register(candidate: Candidate, p: RegistrationParameters) -> PairRegistration | Unregistered:
+    a, b, turns = candidate.a, candidate.b, candidate.turns
+    groups, matches, evidence = candidate.groups, candidate.matches, candidate.evidence
     if not groups:
         return Unregistered("few-matches", evidence.matches, evidence.votes, evidence.runner_up_votes)
     H_turned_b = quarter_turn(turns, *b.photo.size)
+    features = candidate.features
     loss = p.group_loss_px / features[0].reduction
     overlaps: list[tuple[CompatibleGroup, Overlap]] = []
     for group in groups:
+        if group.votes < p.rival_votes * max((verified.votes for verified, _ in overlaps), default=0):
+            continue
         H_a_turned = _fit_group(group, matches, loss, features[1].width, features[1].height, p)
         if H_a_turned is not None:
             overlap = verify_overlap(a, b, H_a_turned @ H_turned_b, turns)
             if overlap is not None:
                 overlaps.append((group, overlap))
     verification = VerificationParameters()
-    if not overlaps and votes[0] >= max(p.skewed_votes, p.skewed_lead * (*votes, 0, 0)[1]):
+    if not overlaps and evidence.votes >= max(p.skewed_votes, p.skewed_lead * evidence.runner_up_votes):
         verification = VerificationParameters(fit=p.skewed)
         group = max(groups, key=lambda group: group.votes)
         H_a_turned = _fit_skewed(group, matches, loss, p)

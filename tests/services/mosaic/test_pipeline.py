@@ -19,8 +19,7 @@ from services.mosaic.flattening import flatten_photo
 from services.mosaic.pipeline import mosaic
 from services.mosaic.registration import photo_pairs
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.mosaic.registration.pair_verification import PreparedPhoto
-from services.mosaic.registration.photo_pairs import RegistrationParameters, Unregistered
+from services.mosaic.registration.photo_pairs import Candidate, RegistrationParameters, Unregistered
 from services.mosaic.results import MosaicResult
 from services.progress import progress_to
 from services.rectify.stage_clock import StageClock
@@ -117,13 +116,12 @@ def _register_each_pair_once() -> Iterator[None]:
     known: dict[tuple[object, ...], PairRegistration | Unregistered] = {}
     register = photo_pairs._register
 
-    def register_once(
-        a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: RegistrationParameters
-    ) -> PairRegistration | Unregistered:
+    def register_once(candidate: Candidate, p: RegistrationParameters) -> PairRegistration | Unregistered:
+        a, b = candidate.a, candidate.b
         first, second = a.photo.index, b.photo.index
-        key = (a.key, b.key, turns, fineness, first < second)
+        key = (a.key, b.key, candidate.turns, candidate.features[0].reduction, first < second)
         if key not in known:
-            known[key] = register(a, b, turns, fineness, p)
+            known[key] = register(candidate, p)
         found = known[key]
         if isinstance(found, Unregistered):
             return found

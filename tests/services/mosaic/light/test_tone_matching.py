@@ -106,10 +106,9 @@ def toned(photo: FlatPhoto, tones: ToneMap) -> RgbImage:
     width, height = photo.size
     x, y = np.meshgrid(np.arange(1.5, width, 4), np.arange(1.5, height, 4))
     coarse = tones.at(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(*x.shape, 6)
-    dense = [
-        cv2.resize(part, (4 * x.shape[1], 4 * x.shape[0])) for part in (coarse[..., :3], coarse[..., 3:])
-    ]
-    return apply_tones(photo.photo, np.dstack(dense)[:height, :width])
+    size = (4 * x.shape[1], 4 * x.shape[0])
+    planes = (cv2.resize(plane, size)[:height, :width] for plane in np.moveaxis(coarse, -1, 0))
+    return apply_tones(photo.photo, [np.asarray(plane, np.float32) for plane in planes])
 
 
 def on_page(photos: list[tuple[FlatPhoto, Placement]], illumination: str) -> list[NDArray[np.float32]]:

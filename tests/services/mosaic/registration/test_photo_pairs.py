@@ -2,6 +2,7 @@
 
 import functools
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -9,8 +10,14 @@ import pytest
 
 from services.geometry.homographies import translation
 from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.registration import photo_pairs
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.mosaic.registration.pair_verification import PreparedPhoto, shows_otherwise
+from services.mosaic.registration.pair_verification import (
+    Overlap,
+    PreparedPhoto,
+    shows_otherwise,
+    verify_overlap,
+)
 from services.mosaic.registration.photo_pairs import Unregistered, register_pair, register_photos
 from tests.services.mosaic.warped_views import Flaws, draw_view, page, part, registration_error
 
@@ -81,6 +88,24 @@ def test_different_pages_in_the_same_type_are_refused() -> None:
 def test_photo_of_another_page_stays_alone() -> None:
     photos = [*quarters()[:2], draw_view(page(3), part(0, 0), (760, 1080), 2, Flaws(seed=5))]
     assert [(pair.a, pair.b) for pair in register_photos(photos)] == [(0, 1)]
+
+
+def test_views_that_do_not_overlap_by_the_others_are_not_verified(monkeypatch: pytest.MonkeyPatch) -> None:
+    tops = (0, 400, 800)
+    views = [draw_view(page(), part(0, top), (760, 560), n, Flaws(seed=n + 1)) for n, top in enumerate(tops)]
+    verified: list[tuple[int, ...]] = []
+
+    def count(a: PreparedPhoto, b: PreparedPhoto, *rest: Any) -> Overlap | None:
+        verified.append(tuple(sorted((a.photo.index, b.photo.index))))
+        return verify_overlap(a, b, *rest)
+
+    apart = register_pair(views[0], views[2])
+    assert isinstance(apart, Unregistered)
+    assert apart.reason == "not-verified"  # they have compatible matches, by chance
+
+    monkeypatch.setattr(photo_pairs, "verify_overlap", count)
+    assert [(pair.a, pair.b) for pair in register_photos(views)] == [(0, 1), (1, 2)]
+    assert sorted(verified) == [(0, 1), (1, 2)]
 
 
 def test_identical_photos_lie_on_each_other() -> None:
