@@ -74,7 +74,7 @@ def threshold_of(verdicts: Sequence[Verdict], tolerated: float) -> float | None:
 def _is_shown(verdicts: Sequence[Verdict], candidate: float, tolerated: float, certainty: float) -> bool:
     """Whether the `upper_bound` of the error above the candidate is at most the tolerated one.
 
-    The probability of few errors falls with the rate, so one value tells it without the bound itself.
+    The probability of few errors falls with the rate, so one value decides it without the bound itself.
     """
     chosen = [right for _, confidence, right in verdicts if confidence >= candidate]
     wrong = chosen.count(False)

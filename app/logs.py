@@ -48,7 +48,7 @@ def configure_logs(level: str) -> None:
     handler = logging.StreamHandler(sys.stdout)
     handler.setFormatter(JsonFormatter())
     logging.basicConfig(level=level, handlers=[handler], force=True)
-    for library in ("procrastinate", "alembic"):  # they tell every step
+    for library in ("procrastinate", "alembic"):  # they log every step
         logging.getLogger(library).setLevel(logging.WARNING)
 
 

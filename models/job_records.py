@@ -9,7 +9,7 @@ FINAL_STATES: Final = ("succeeded", "failed", "cancelled")
 JOB_BLOBS: Final = "jobs"
 """First part of the keys of all blobs of jobs."""
 CHANGES: Final = "document_job_changes"
-"""Channel on which PostgreSQL tells changes of jobs, as `ID REVISION`."""
+"""Channel on which PostgreSQL notifies of changes of jobs, as `ID REVISION`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class JobDraft:
     """A job to be stored. Its input is in the blobs already.
 
     `request` is what the job is to do, as JSON. `repeat_key` is equal for requests that ask for the same job, and
-    `digest` tells whether they ask for the same work; None: the job is never repeated. Jobs of a higher `priority` run
+    `digest` shows whether they ask for the same work; None: the job is never repeated. Jobs of a higher `priority` run
     first.
     """
 

@@ -106,6 +106,6 @@ def add_delivery(row: JobRow, delivery: Delivery) -> None:
 
 
 def tell_change(session: Session, row: JobRow) -> None:
-    """With the commit, PostgreSQL tells those who listen to `CHANGES` the job's id and its revision."""
+    """With the commit, PostgreSQL sends the job's id and its revision to those who listen to `CHANGES`."""
     if session.get_bind().dialect.name == "postgresql":
         session.execute(select(func.pg_notify(CHANGES, f"{row.id} {row.revision}")))

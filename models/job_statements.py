@@ -33,12 +33,12 @@ _MAY_START: Final = (JOBS.c.state == "queued") & (JOBS.c.ready_at <= _NOW)
 
 
 class Change:
-    """An update of one row with a new revision. PostgreSQL tells it, with the commit, to those who listen."""
+    """An update of one row with a new revision. PostgreSQL notifies those who listen of it with the commit."""
 
     def __init__(self, statement: Update) -> None:
         changed = statement.values(revision=JOBS.c.revision + 1).returning(*JOBS.c)
-        told = func.pg_notify(CHANGES, func.concat(JOBS.c.id, " ", JOBS.c.revision))
-        self._by_dialect = {"postgresql": changed.returning(told), "sqlite": changed}
+        notified = func.pg_notify(CHANGES, func.concat(JOBS.c.id, " ", JOBS.c.revision))
+        self._by_dialect = {"postgresql": changed.returning(notified), "sqlite": changed}
 
     def execute(self, session: Session, values: Mapping[str, object]) -> Row[Any] | None:
         """The changed row; None if there was none to change."""

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 AT_ONCE = 4
 """Callbacks that are sent at once."""
-LOOK_EVERY_S = 1.0
+POLL_EVERY_S = 1.0
 STEP_TIMEOUT_S = 10.0
 """Time for the connection, and for the answer."""
 TIMEOUT_S = 25.0
@@ -82,7 +82,7 @@ class Callbacks:
                 log.warning("callbacks cannot be sent: %s", error.detail)
             except Exception:
                 log.exception("a callback could not be sent")
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(POLL_EVERY_S)
 
     async def deliver(self, job: StoredJob) -> None:
         """Send the callback of a job once, and note what became of it."""

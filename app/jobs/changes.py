@@ -1,4 +1,4 @@
-"""Changes of jobs, as PostgreSQL tells them with the commit that made them."""
+"""Changes of jobs, as PostgreSQL notifies of them with the commit that made them."""
 
 import asyncio
 import logging
@@ -36,9 +36,9 @@ class ChangeListener:
             try:
                 await self._listen()
             except Failure as error:
-                log.warning("changes of jobs are not told: %s", error)
+                log.warning("no notifications of changes of jobs: %s", error)
             finally:
-                self._followers.expect(is_told=False)
+                self._followers.expect(is_notified=False)
             await asyncio.sleep(RESTART_PAUSE_S)
 
     async def _listen(self) -> None:
@@ -46,7 +46,7 @@ class ChangeListener:
         connection = await psycopg.AsyncConnection.connect(self._conninfo, autocommit=True, **CONNECT)
         async with connection:
             await connection.execute(sql.SQL("LISTEN {}").format(sql.Identifier(CHANGES)))
-            self._followers.expect(is_told=True)
+            self._followers.expect(is_notified=True)
             async for change in connection.notifies():
                 job_id, _, revision = change.payload.partition(" ")
                 if revision.isdecimal():  # anybody with the database's password may send there

@@ -1,4 +1,4 @@
-"""Who tells the runner that there is work: here the store itself, asked again and again."""
+"""The runner's source of work: here the store itself, polled."""
 
 import asyncio
 import logging

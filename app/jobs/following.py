@@ -1,7 +1,7 @@
 """Who follows a job hears of its changes, whichever process made them.
 
-A process that shares PostgreSQL is told of changes (`changes`). Rows are looked at besides: often where nobody tells,
-seldom where somebody does.
+A process that shares PostgreSQL is notified of changes (`changes`). The rows are polled as well: often where there are
+no notifications, seldom where there are.
 """
 
 import asyncio
@@ -18,10 +18,10 @@ log = logging.getLogger(__name__)
 
 COME_AGAIN_S = 5
 """`Retry-After` of a request that finds no free place."""
-LOOK_FIRST_S, LOOK_EVERY_S, LOOK_GROWTH = 0.01, 0.1, 1.5
-"""Pauses between looks at the rows of followed jobs: short at first, for short jobs, then longer by this factor."""
-LOOK_WHEN_TOLD_S = 1.0
-"""Pause between looks while changes are told: what is not heard, because a connection broke, is seen then."""
+POLL_FIRST_S, POLL_EVERY_S, POLL_GROWTH = 0.01, 0.1, 1.5
+"""Pauses between polls of the rows of followed jobs: short at first, for short jobs, then longer by this factor."""
+POLL_WHEN_NOTIFIED_S = 1.0
+"""Pause between polls while changes are notified: a notification that was lost with its connection is made up then."""
 _GONE = -1
 """In place of the revision of a job that is deleted."""
 
@@ -36,12 +36,12 @@ class Followers:
         self._heartbeat_s = heartbeat_s
         self._entered = 0
         self._closed = False
-        self._is_told = False
+        self._is_notified = False
         self._followed: dict[str, int] = {}
         self._revisions: dict[str, int] = {}
-        self._looked = asyncio.Event()  # replaced by a new one with every change
+        self._changed = asyncio.Event()  # replaced by a new one with every change
         self._due = asyncio.Event()
-        self._looker: asyncio.Task[None] | None = None
+        self._poller: asyncio.Task[None] | None = None
 
     def enter(self) -> None:
         """Count one more listener.
@@ -88,47 +88,47 @@ class Followers:
                 self._revisions.pop(job.id, None)
 
     def hear(self, job_id: str, revision: int) -> None:
-        """Somebody tells that a job has this revision now."""
+        """Take notice that a job has this revision now."""
         if job_id in self._followed:
             self._note(job_id, revision)
-            self._tell()
+            self._wake()
 
-    def expect(self, *, is_told: bool) -> None:
-        """From now on changes are told, or no longer. What happened before is looked for at once."""
-        self._is_told = is_told
+    def expect(self, *, is_notified: bool) -> None:
+        """From now on changes are notified, or no longer. What happened before is polled at once."""
+        self._is_notified = is_notified
         self._due.set()
 
     def close(self) -> None:
         """Disconnect the listeners."""
         self._closed = True
         self._due.set()
-        self._tell()
+        self._wake()
 
     def _note(self, job_id: str, revision: int) -> None:
-        """Revisions only grow: a look that has begun earlier does not take a newer one back."""
+        """Revisions only grow: a poll that has begun earlier does not take a newer one back."""
         if revision != _GONE:
             revision = max(revision, self._revisions.get(job_id, 0))
         self._revisions[job_id] = revision
 
-    def _tell(self) -> None:
-        looked, self._looked = self._looked, asyncio.Event()
-        looked.set()
+    def _wake(self) -> None:
+        changed, self._changed = self._changed, asyncio.Event()
+        changed.set()
 
     async def _has_changed(self, job: StoredJob) -> bool:
         """Wait for a change; False after a heartbeat without one."""
-        if self._looker is None or self._looker.done():
-            self._looker = asyncio.create_task(self._look())
+        if self._poller is None or self._poller.done():
+            self._poller = asyncio.create_task(self._poll())
         try:
             async with asyncio.timeout(self._heartbeat_s):
                 while self._revisions.get(job.id, job.revision) == job.revision and not self._closed:
-                    await self._looked.wait()
+                    await self._changed.wait()
         except TimeoutError:
             return False
         return True
 
-    async def _look(self) -> None:
+    async def _poll(self) -> None:
         """Read the revisions of all followed jobs, again and again, while there are any."""
-        pause_s = LOOK_FIRST_S
+        pause_s = POLL_FIRST_S
         while self._followed and not self._closed:
             self._due.clear()
             ids = list(self._followed)
@@ -138,8 +138,8 @@ class Followers:
                     self._note(id, found.get(id, _GONE))
             except StoreError as error:
                 log.warning("jobs cannot be followed: %s", error)
-            self._tell()
+            self._wake()
             with suppress(TimeoutError):
-                async with asyncio.timeout(LOOK_WHEN_TOLD_S if self._is_told else pause_s):
+                async with asyncio.timeout(POLL_WHEN_NOTIFIED_S if self._is_notified else pause_s):
                     await self._due.wait()
-            pause_s = LOOK_FIRST_S if self._due.is_set() else min(LOOK_GROWTH * pause_s, LOOK_EVERY_S)
+            pause_s = POLL_FIRST_S if self._due.is_set() else min(POLL_GROWTH * pause_s, POLL_EVERY_S)

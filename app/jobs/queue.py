@@ -93,7 +93,7 @@ class QueueDispatch:
             raise StoreUnavailable(f"the queue of jobs cannot be used: {error}") from error
 
     async def announce(self) -> None:
-        """Nothing: the ticket came with the job, and the database tells it to workers."""
+        """Nothing: the ticket came with the job, and the database notifies workers of it."""
 
     async def settle(self) -> None:
         """Add missing tickets, and delete those of dead workers.

@@ -90,7 +90,7 @@ class JobService:
             self._queue = None
 
     def facts(self) -> JobFacts:
-        """What metrics tell of jobs; the queue as `read_queue` found it."""
+        """Figures of jobs for the metrics; the queue as `read_queue` found it."""
         runner = self._runner
         return JobFacts(self._queue, runner.starts, runner.leases_lost, self.callbacks.failures)
 

@@ -218,7 +218,7 @@ def level_coefficients(
 def measure_levels(image: RgbImage, parameters: NormalizationParameters | None = None) -> Levels | None:
     """Levels of paper and ink over `image` (H, W, 3) RGB uint8; None where nothing looks like print on paper.
 
-    They are measured on a copy of at most `working_long_side_px`, and told on the background's copy.
+    They are measured on a copy of at most `working_long_side_px`, and given on the background's copy.
     """
     parameters = parameters or NormalizationParameters()
     small, _ = _reduce(image, parameters.working_long_side_px)

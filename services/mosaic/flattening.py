@@ -88,8 +88,8 @@ def take_as_flat(
         factor = min(1.0, p.long_side_px / max(width, height))
         text = identify_text(flatten_illumination(reduce_image(gray, factor)))
         characters = len(text.components.sizes)
-    told = text.text_height_px / factor if characters >= p.min_components else None
-    text_height_px = told or p.text_height * max(width, height)
+    measured = text.text_height_px / factor if characters >= p.min_components else None
+    text_height_px = measured or p.text_height * max(width, height)
     with clock.stage("framing"):
         return view_photo(
             index, photo, FlatFrame(np.eye(3), width, height), text_height_px, float(characters)

@@ -139,7 +139,7 @@ def test_followers_hear_of_the_end(tmp_path: Path) -> None:
 
 
 def test_followers_are_told_without_a_look(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(following, "LOOK_WHEN_TOLD_S", 3600.0)
+    monkeypatch.setattr(following, "POLL_WHEN_NOTIFIED_S", 3600.0)
     service = Service(tmp_path, done)
     followers = service.jobs.followers
 
@@ -153,7 +153,7 @@ def test_followers_are_told_without_a_look(tmp_path: Path, monkeypatch: pytest.M
             return read(store, ids)
 
         monkeypatch.setattr(Store, "job_revisions", count)
-        followers.expect(is_told=True)
+        followers.expect(is_notified=True)
         heard = followers.follow(job)
         assert await anext(heard) is job
         next_one = asyncio.ensure_future(anext(heard))
@@ -168,7 +168,7 @@ def test_followers_are_told_without_a_look(tmp_path: Path, monkeypatch: pytest.M
         # A look that has begun before takes nothing back; a connection that breaks is a reason to look.
         next_one = asyncio.ensure_future(anext(heard))
         followers._note(job.id, 0)
-        followers.expect(is_told=False)
+        followers.expect(is_notified=False)
         await looks.get()
         assert not next_one.done()
         await service.jobs.cancel(job, tell(Busy("cancelled"), "the request"))

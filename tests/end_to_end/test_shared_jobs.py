@@ -80,8 +80,8 @@ def test_a_ticket_comes_with_its_job_and_changes_are_told(
     news = asyncio.Queue[object]()
 
     class Heard:
-        def expect(self, *, is_told: bool) -> None:
-            news.put_nowait(is_told)
+        def expect(self, *, is_notified: bool) -> None:
+            news.put_nowait(is_notified)
 
         def hear(self, job_id: str, revision: int) -> None:
             news.put_nowait((job_id, revision))

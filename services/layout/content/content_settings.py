@@ -24,7 +24,7 @@ BASE_LANGUAGE = "eng"
 LANGUAGE_FILES = {file.stem: file for file in sorted(PACKAGED.with_name("languages").glob("*.toml"))}
 """Settings files of the other languages; they change no set of features, so that all pages can be compared."""
 FUNCTION_WORDS = "prose"
-"""The feature whose phrases are the words that hold sentences together; they tell the language of a page."""
+"""The feature whose phrases are the words that hold sentences together; they show the language of a page."""
 Place = Literal["start", "line", "anywhere", "whole"]
 PLACES: tuple[Place, ...] = get_args(Place)
 LISTS = ("phrases", "weak_phrases", "patterns", "weak_patterns")

@@ -27,7 +27,7 @@ PIECE_FEATURES = (
 USUAL_WEIGHTS = (-1.05, -0.09, 0.72, 2.87, -0.15, 0.07, 0.38, 1.77, -0.69, -0.48, 1.64)
 """Log odds for each feature: a logistic regression on 2423 pairs of zones that segmentation found on title pages of
 three publications, letters, memos and fax sheets; each set weighs the root of its number of pairs. On a set that is
-left out 65 to 93 % of the pairs are told rightly."""
+left out 65 to 93 % of the pairs are decided correctly."""
 
 
 MOST_ZONES = 300
