@@ -21,6 +21,8 @@ MAX_REDUCTION = 12.0
 
 MARGIN_STEPS = 1.5
 """Margin within the shown part, steps of the map's grid: interpolation reaches one node beyond a pixel."""
+KNOWN = 0.999
+"""Weight, interpolated between nodes, from which all nodes around a pixel are known."""
 OUTSIDE_PX = -1e4
 """Place of points that a photo does not show: outside of it, also after interpolation."""
 
@@ -178,7 +180,7 @@ def _cover(
     cv2.bitwise_and(covered, shown, dst=covered)
     if not known.all():
         share = between_nodes(known.astype(np.float32), width, height)
-        covered[share < 0.999] = 0
+        cv2.bitwise_and(covered, cv2.inRange(share, KNOWN, np.inf), dst=covered)
     return np.asarray(covered, np.uint8)
 
 
