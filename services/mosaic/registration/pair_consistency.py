@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from services.arrays import Homography, Points
+from services.arrays import Homography, Vector
 from services.geometry.homographies import transform_points
 from services.mosaic.photo_graph import connect_photos
 from services.mosaic.registration.pair_registration import PairRegistration
@@ -64,8 +64,8 @@ def drop_lonely_lines(
     then overlap.
     """
 
-    def size(edge: tuple[int, int]) -> Points:
-        return np.asarray(np.ptp(pairs[edge].points_a, axis=0) / text_heights_px[edge[0]])
+    def size(edge: tuple[int, int]) -> Vector:
+        return matched_extent(pairs[edge], text_heights_px)
 
     kept = {edge: pair for edge, pair in pairs.items() if size(edge)[1] >= lines}
     for edge in _by_strength(pairs, order):
@@ -75,6 +75,11 @@ def drop_lonely_lines(
         if one == other or (size(edge)[0] >= phrase and not contradicted(joined, one, other)):
             kept = joined
     return {edge: pair for edge, pair in pairs.items() if edge in kept}
+
+
+def matched_extent(pair: PairRegistration, text_heights_px: Mapping[int, float]) -> Vector:
+    """Extent (2,) of the matches, along the lines and perpendicular to them, text heights."""
+    return np.asarray(np.ptp(pair.points_a, axis=0) / text_heights_px[pair.a])
 
 
 def _by_strength(pairs: Pairs, order: Sequence[int]) -> list[tuple[int, int]]:

@@ -20,6 +20,7 @@ from services.mosaic.registration.pair_consistency import (
     drop_contradictions,
     drop_lonely_lines,
     find_ways,
+    matched_extent,
 )
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.registration.pair_verification import (
@@ -65,6 +66,9 @@ class RegistrationParameters:
     """Extent of matches perpendicular to the lines, text heights, from which they are not of one line only ..."""
     phrase: float = 15.0
     """... and least extent along a single line (about 25 characters) that may connect two parts."""
+    sure_agreement: float = 0.9
+    """Least share of found blocks of a pair by which others are known to lie apart; its matches extend over `lines`
+    too. A piece of a line that is printed twice reached 0.73."""
     contradicting_overlap: float = 0.03
     """Least overlap, as a share of the smaller view, in which two connected parts are compared."""
     skewed_votes: int = 40
@@ -121,6 +125,7 @@ def register_photos(
     order = sorted(prepared, key=lambda index: prepared[index].key)
     heights = {index: one.photo.text_height_px for index, one in prepared.items()}
     pairs: dict[tuple[int, int], PairRegistration] = {}
+    sure: dict[tuple[int, int], PairRegistration] = {}
     looks = (0, 1.0), (2, 1.0), (0, p.finer), (2, p.finer), (1, 1.0), (3, 1.0)
     for number, (turns, fineness) in enumerate(looks):
         part_of = {i: part for part in connect_photos(order, pairs) for i in part}
@@ -133,11 +138,13 @@ def register_photos(
         candidates = [_vote(prepared[i], prepared[j], turns, fineness, p) for i, j in apart]
         # The surest pairs come first: others, which by these do not overlap, need no verification.
         for candidate in sorted(candidates, key=lambda candidate: -candidate.evidence.votes):
-            if _is_known_to_be_apart(candidate, pairs, order, p):
+            if _are_apart(candidate, sure, order, p):
                 continue
             registered = _register(candidate, p)
             if isinstance(registered, PairRegistration):
                 pairs[registered.a, registered.b] = registered
+                if _is_sure(registered, heights, p):
+                    sure[registered.a, registered.b] = registered
         if len(connect_photos(order, pairs)) == 1:
             break
     pairs = drop_contradictions(pairs, order, heights, p.contradiction)
@@ -189,12 +196,15 @@ def _vote(
     return Candidate(a, b, turns, features, matches, groups)
 
 
-def _is_known_to_be_apart(
-    candidate: Candidate, pairs: Pairs, order: Sequence[int], p: RegistrationParameters
-) -> bool:
-    """Whether by the pairs registered so far the two photos do not overlap."""
+def _is_sure(pair: PairRegistration, heights_px: Mapping[int, float], p: RegistrationParameters) -> bool:
+    """Whether two photos have more in common than a piece of a line, which may be printed twice."""
+    return pair.agreement >= p.sure_agreement and matched_extent(pair, heights_px)[1] >= p.lines
+
+
+def _are_apart(candidate: Candidate, sure: Pairs, order: Sequence[int], p: RegistrationParameters) -> bool:
+    """Whether the two photos do not overlap, by the `sure` pairs between them."""
     a, b = candidate.a.photo, candidate.b.photo
-    way = find_ways(pairs, order, [a.index]).get((a.index, b.index))
+    way = find_ways(sure, order, [a.index]).get((a.index, b.index))
     return way is not None and way[0] <= MOST_BETWEEN and overlap_fraction(a, b, way[1]) < p.least_overlap
 
 

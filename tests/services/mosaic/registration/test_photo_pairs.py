@@ -18,7 +18,12 @@ from services.mosaic.registration.pair_verification import (
     shows_otherwise,
     verify_overlap,
 )
-from services.mosaic.registration.photo_pairs import Unregistered, register_pair, register_photos
+from services.mosaic.registration.photo_pairs import (
+    RegistrationParameters,
+    Unregistered,
+    register_pair,
+    register_photos,
+)
 from tests.services.mosaic.warped_views import Flaws, draw_view, page, part, registration_error
 
 pytestmark = pytest.mark.pipeline
@@ -106,6 +111,17 @@ def test_views_that_do_not_overlap_by_the_others_are_not_verified(monkeypatch: p
     monkeypatch.setattr(photo_pairs, "verify_overlap", count)
     assert [(pair.a, pair.b) for pair in register_photos(views)] == [(0, 1), (1, 2)]
     assert sorted(verified) == [(0, 1), (1, 2)]
+
+
+def test_only_sure_pairs_say_that_others_lie_apart() -> None:
+    """A phrase that is printed twice once laid two photos wrongly, and by it a true pair seemed to lie apart."""
+    p, heights = RegistrationParameters(), {0: 20.0, 1: 20.0}
+    block = np.array([[0.0, 0.0], [300.0, 0.0], [0.0, 90.0], [300.0, 90.0]])
+    pair = PairRegistration(0, 1, np.eye(3), block, block, np.ones(4), 40, 20, 4, 0.95)
+    assert photo_pairs._is_sure(pair, heights, p)
+    assert not photo_pairs._is_sure(replace(pair, agreement=0.73), heights, p)
+    line = block * [1.0, 0.2]
+    assert not photo_pairs._is_sure(replace(pair, points_a=line, points_b=line), heights, p)
 
 
 def test_identical_photos_lie_on_each_other() -> None:
