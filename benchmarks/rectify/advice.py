@@ -76,7 +76,8 @@ def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> Err
     found = minimize(loss, np.array([-2.0, 1.0, 1.0, 0.3, 0.0]), bounds=bounds, constraints=[letters]).x
     slopes = found[1:] / spread
     constant = float(found[0] - slopes @ middle)
-    return ErrorModel(round(constant, 2), *(round(float(slope), 2) for slope in slopes), _UNEVEN_LIGHT)
+    detail, blur, noise, few_pixels = (round(float(slope), 2) for slope in slopes)
+    return ErrorModel(round(constant, 2), detail, blur, noise, few_pixels, _UNEVEN_LIGHT)
 
 
 def left_out(

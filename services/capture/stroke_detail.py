@@ -87,9 +87,8 @@ def _cut(gray: GrayImage, at: Points, half: int, step: int) -> Patches:
 
 def _smooth(patches: Patches, sigma: float) -> Patches:
     count, side = patches.shape[:2]
-    return cv2.GaussianBlur(patches.reshape(count * side, side), (0, 0), max(sigma, 0.1)).reshape(
-        patches.shape
-    )
+    smooth = cv2.GaussianBlur(patches.reshape(count * side, side), (0, 0), max(sigma, 0.1))
+    return np.asarray(smooth, np.float32).reshape(patches.shape)
 
 
 def _noise(patches: Patches, p: StrokeParameters) -> float:
