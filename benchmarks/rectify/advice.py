@@ -149,7 +149,9 @@ def _report_chance(damages: NDArray[np.intp], errors: NDArray[np.float64]) -> No
 
 def _development() -> tuple[list[CaptureQuality], NDArray[np.float64], NDArray[np.float64]]:
     qualities, errors, focus = [], [], []
-    for text in sorted((data_folder(None) / "photos").glob("*.txt")):
+    folder = data_folder(None)
+    texts = sorted(file for name in ("photos", "photos_more") for file in (folder / name).glob("*.txt"))
+    for text in texts:
         pictures = [
             text.with_suffix(suffix) for suffix in (".jpg", ".png") if text.with_suffix(suffix).is_file()
         ]
