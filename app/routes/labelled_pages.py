@@ -9,6 +9,7 @@ from typing import Any
 from fastapi import Request
 from starlette.datastructures import FormData, UploadFile
 
+from app.routes.ocr_languages import chosen_language
 from app.settings import Settings
 from services.contract.layout import LayoutSettings
 from services.errors import DocumentError, InvalidOption, TooLarge
@@ -66,6 +67,7 @@ def layout_settings(settings: Settings) -> LayoutSettings:
         content_features=settings.content_features,
         max_pages=settings.max_pages,
         max_document_megapixels=settings.max_document_megapixels,
+        language=chosen_language(None, settings),
     )
 
 

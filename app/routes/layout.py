@@ -19,6 +19,7 @@ from app.routes.known_options import known_parts, with_format
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
+from app.routes.ocr_languages import chosen_language
 from app.routes.state import AppState, State
 from app.schemas.layout import (
     DocumentResult,
@@ -124,6 +125,7 @@ async def layout(
     check_parts(form, settings.max_pages)
     chosen = choose_described_format(form.format, request.headers.get("accept"), MEDIA_TYPES)
     images = form.image or []
+    language = chosen_language(form.language, settings)
     models = await state.store.ready_models(None if form.models is None else parse_names(form.models))
     zones = zones_upload(form.zones, "zones", settings.max_zones_bytes)
     zones_file = zones_upload(form.zones_file, "zones_file", settings.max_zones_file_bytes)
@@ -148,6 +150,7 @@ async def layout(
                 page=form.page,
                 format_named=form.format is not None,
                 keep_image_bytes=settings.max_kept_image_bytes if keeps_image else 0,
+                language=language,
             ),
             _limits(settings),
             time_limit=time_limit,

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response
 
+from app.callers import caller_of
+from app.camera_memory import known_cameras
 from app.engine.base import TimeLimit
 from app.form_parts import FormRoute
 from app.routes.known_options import known_parts, with_format
@@ -54,14 +56,15 @@ async def mosaic(
     parameters = form.parameters()
     language = chosen_language(form.language, state.settings)
     parameters = replace(parameters, text=form.text or encoding.needs_text, language=language)
-    settings = state.settings
+    settings, caller = state.settings, caller_of(request)
     photo_limits = replace(settings.image_limits, max_bytes=settings.max_mosaic_upload_bytes)
 
     async def work(progress: ProgressSink | None) -> Response:
+        cameras = await known_cameras(state.store, caller) if settings.camera_memory else ()
         reply = await state.engine.submit(
             state.operations.mosaic,
             form.images,
-            parameters,
+            replace(parameters, cameras=cameras),
             encoding,
             MosaicLimits(photo_limits, settings.max_mosaic_megapixels),
             time_limit=TimeLimit(settings.mosaic_timeout_s, "MOSAIC_TIMEOUT_S"),

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.schemas.options import FORMAT, Absent, CallbackUrl, Switch
+from app.schemas.options import FORMAT, Absent, CallbackUrl, Language, Switch
 from app.schemas.page import Answer, FlatPage, Warning
 from app.schemas.review import Decision
 from services.contract.fields import FieldType, ValueProblem
@@ -77,6 +77,7 @@ class LayoutForm(BaseModel):
     ocr: Literal["auto", "off"] = Field(
         default="auto", description="auto: read the page if an OCR engine is installed."
     )
+    language: Language = None
     models: Annotated[str, AfterValidator(checked_names)] | Absent = Field(
         default=None,
         description="The models to compare, separated by commas; default: all.",

@@ -12,6 +12,7 @@ from app.schemas.options import (
     AskedFormat,
     AskedPdfVersion,
     CallbackUrl,
+    CameraName,
     Embed,
     EmbedFormat,
     Illumination,
@@ -86,6 +87,7 @@ class MosaicForm(BaseModel):
     )
     upright: Upright = True
     illumination: Illumination = "normalize"
+    camera: CameraName = None
     text: ReadText = False
     language: Language = None
     format: AskedFormat = None
@@ -120,6 +122,7 @@ class MosaicForm(BaseModel):
             upright=self.upright,
             text=self.text,
             language=self.language or None,
+            camera=self.camera or None,
         )
 
 

@@ -6,6 +6,7 @@ from pydantic import BeforeValidator, Field, StringConstraints
 from pydantic.json_schema import SkipJsonSchema
 
 from services.contract import rectify
+from services.contract.cameras import CAMERA_PATTERN
 from services.contract.images import (
     AnswerFormat,
     ArchiveContent,
@@ -91,6 +92,13 @@ Language = Annotated[
         description="Language of the text as Tesseract names it, several joined by `+`: `eng`, `deu`, `eng+fra`. "
         "Default: the first of OCR_LANGUAGES.",
         examples=["eng"],
+    ),
+]
+CameraName = Annotated[
+    Annotated[str, StringConstraints(pattern=CAMERA_PATTERN)] | Absent,
+    Field(
+        description="Name of the camera, any token: the focal length that its pages show is remembered, and used where "
+        "a page does not show it. Default: make, model and size of the photo by EXIF.",
     ),
 ]
 Title = Annotated[

@@ -6,7 +6,7 @@ import re
 from typing import Annotated, Literal
 
 from fastapi import UploadFile
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.schemas.capture import Quality as PhotoQuality
 from app.schemas.options import (
@@ -15,6 +15,7 @@ from app.schemas.options import (
     AskedPagesFormat,
     AskedPdfVersion,
     CallbackUrl,
+    CameraName,
     Embed,
     EmbedFormat,
     Illumination,
@@ -29,7 +30,6 @@ from app.schemas.options import (
 from app.schemas.page import Answer, Embedded, EmbeddedMediaType, FlatPage, Point, Warning
 from app.schemas.page_text import ReadText as PageText
 from app.schemas.problem import Problem
-from services.contract.cameras import CAMERA_PATTERN
 from services.contract.rectify import Crop, OnNoText, PageKind, Pages, RectifyParameters
 
 REGION_POINTS = (3, 200)
@@ -140,11 +140,7 @@ class RectifyForm(BaseModel):
         description="With format=json, for live use: mesh, outline, quality and advice from a reduced photo. Nothing "
         "is drawn, read or turned upright.",
     )
-    camera: Annotated[str, StringConstraints(pattern=CAMERA_PATTERN)] | Absent = Field(
-        default=None,
-        description="Name of the camera, any token: the focal length that its pages show is remembered, and used where "
-        "a page does not show it. Default: make, model and size of the photo by EXIF.",
-    )
+    camera: CameraName = None
     text: ReadText = False
     language: Language = None
     format: AskedPagesFormat = None

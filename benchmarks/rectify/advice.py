@@ -1,5 +1,8 @@
 """Predicted and measured character error of photos: rank correlation, and the coefficients of the model.
 
+Of each damage there are two photos, with other text and other noise: the rank correlation of their errors says how well
+any figures of the photo could predict the error (about its square root, since both errors have a part of chance).
+
 python -m benchmarks advice [--photos N] [--seed S] [--fit] [--development]
 """
 
@@ -34,10 +37,16 @@ _UNEVEN_LIGHT = 4.0
 
 def simulated(count: int, seed: int) -> list[Measured]:
     """Measured photos, from the cache if they were measured before."""
-    path = OUTPUT / f"advice_{seed}_{count}.json"
+    path = OUTPUT / f"advice_{seed}_{count}_pairs.json"
     if path.is_file():
         return [
-            Measured(CaptureQuality(**row["quality"]), row["error"], tuple(row["focus"]), row["group"])
+            Measured(
+                CaptureQuality(**row["quality"]),
+                row["error"],
+                tuple(row["focus"]),
+                row["group"],
+                row["damage"],
+            )
             for row in json.loads(path.read_text(encoding="utf-8"))
         ]
     rows = list(measure_photos(count, seed))
@@ -47,21 +56,28 @@ def simulated(count: int, seed: int) -> list[Measured]:
 
 
 def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> ErrorModel:
-    """Coefficients of least squared logit distance, weights not below 0, drawn to 0 by a ridge."""
+    """Coefficients of least squared logit distance, drawn to 0 by a ridge.
+
+    No weight is below 0, so that worse figures never make a better photo; that of few pixels may be, as long as smaller
+    letters with the same blur are worse all in all.
+    """
     cut = np.array([quality.cut_off_fraction for quality in qualities])
     misread = np.clip(1 - (1 - errors) / np.maximum(1 - cut, 0.05), 0.003, 0.997)
-    features = np.column_stack([np.ones(len(errors)), [features_of(q)[:2] for q in qualities]])
-    spread = np.maximum(features[:, 1:].std(axis=0), 1e-9)
+    features = np.array([features_of(quality)[:4] for quality in qualities])
+    middle, spread = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-9)
+    combined = np.column_stack([np.ones(len(errors)), (features - middle) / spread])
     logits = np.log(misread / (1 - misread))
 
     def loss(weights: NDArray[np.float64]) -> float:
-        ridge = _RIDGE * np.sum((weights[1:] * spread) ** 2)
-        return float(np.mean((features @ weights - logits) ** 2) + ridge)
+        return float(np.mean((combined @ weights - logits) ** 2) + _RIDGE * np.sum(weights[1:] ** 2))
 
-    bounds = [(None, None), *[(0.0, None)] * 2]
-    found = minimize(loss, np.array([-6.0, 20.0, 1.0]), bounds=bounds).x
-    constant, blur, faint_print = (round(float(weight), 2) for weight in found)
-    return ErrorModel(constant, blur, faint_print, _UNEVEN_LIGHT)
+    letters = {"type": "ineq", "fun": lambda w: w[2] / spread[1] + w[4] / spread[3]}
+    bounds = [(None, None), *[(0.0, None)] * 3, (None, None)]
+    found = minimize(loss, np.array([-2.0, 1.0, 1.0, 0.3, 0.0]), bounds=bounds, constraints=[letters]).x
+    slopes = found[1:] / spread
+    constant = float(found[0] - slopes @ middle)
+    detail, blur, noise, few_pixels = (round(float(slope), 2) for slope in slopes)
+    return ErrorModel(round(constant, 2), detail, blur, noise, few_pixels, _UNEVEN_LIGHT)
 
 
 def left_out(
@@ -97,7 +113,9 @@ def measure(photo: NDArray[np.uint8], lines: Sequence[str]) -> tuple[CaptureQual
 def main(arguments: Sequence[str]) -> int:
     """Print rank correlations, and the fitted coefficients with `--fit`."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks advice", description=__doc__)
-    parser.add_argument("--photos", type=int, default=215, help="simulated photos, about 1 CPU s each")
+    parser.add_argument(
+        "--photos", type=int, default=192, help="simulated pairs of photos, about 1 CPU s each"
+    )
     parser.add_argument("--seed", type=int, default=19)
     parser.add_argument(
         "--fit", action="store_true", help="print coefficients that are fitted to all of them"
@@ -108,7 +126,9 @@ def main(arguments: Sequence[str]) -> int:
     qualities, errors = [row.quality for row in rows], np.array([row.error for row in rows])
     _report("simulated", qualities, errors, np.array([row.focus for row in rows]))
     groups = np.unique([row.group for row in rows], return_inverse=True)[1]
-    for name, parts in (("tenths", np.arange(len(rows)) % _PARTS), ("kinds of damage", groups)):
+    damages = np.array([row.damage for row in rows])
+    _report_chance(damages, errors)
+    for name, parts in (("tenths", damages % _PARTS), ("kinds of damage", groups)):
         found = spearmanr(left_out(qualities, errors, parts), errors).statistic
         print(f"  of models without the photo's part, {name}: {found:.3f}")
     if asked.fit:
@@ -118,9 +138,20 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
+def _report_chance(damages: NDArray[np.intp], errors: NDArray[np.float64]) -> None:
+    pairs = np.array([errors[damages == one] for one in np.unique(damages) if (damages == one).sum() == 2])
+    itself = float(spearmanr(*pairs.T).statistic)
+    print(
+        f"  of the errors of two photos with one damage ({len(pairs)} pairs) {itself:.3f}; "
+        f"perfect figures could reach {np.sqrt(itself):.3f}"
+    )
+
+
 def _development() -> tuple[list[CaptureQuality], NDArray[np.float64], NDArray[np.float64]]:
     qualities, errors, focus = [], [], []
-    for text in sorted((data_folder(None) / "photos").glob("*.txt")):
+    folder = data_folder(None)
+    texts = sorted(file for name in ("photos", "photos_more") for file in (folder / name).glob("*.txt"))
+    for text in texts:
         pictures = [
             text.with_suffix(suffix) for suffix in (".jpg", ".png") if text.with_suffix(suffix).is_file()
         ]

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from rapidfuzz.distance import Levenshtein
 
-from services.arrays import Homography, Points, RgbImage
+from services.arrays import Floats, Homography, Points, RgbImage
 from services.capture.quality import CaptureQuality, measure_quality
 from services.errors import NoText
 from services.geometry.homographies import transform_points
@@ -28,8 +28,32 @@ PHOTO = (600, 420)
 """Width and height of a photo of small print; more pixels of large print, up to three times as many."""
 PAGE_LETTER_PX = 42 * 0.5
 """Height of small letters on a page of `own_pages()`, whose print has 42 pixels an em."""
-_LETTERS = {"distance": (3.5, 12.0), "noise": (6.0, 16.0), "contrast": (7.0, 26.0)}
+GROUPS = ("distance", "blur", "motion", "noise", "contrast", "all")
+_LETTERS = {"distance": (2.8, 9.0), "noise": (5.0, 16.0), "contrast": (6.0, 24.0)}
 """Heights of small letters in the photo, where they are not 6 to 26 pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """How a photo is taken and spoilt; lengths in heights of small letters, angles in radians.
+
+    `seed` fixes the shadow and the direction of the motion, so that photos with one damage differ by their text and
+    their noise alone.
+    """
+
+    group: str
+    letter_px: float
+    tilt_rad: float
+    azimuth_rad: float
+    roll_rad: float
+    ink: float
+    blur: float
+    motion: float
+    noise_sigma: float
+    shadow: float
+    jpeg_quality: int
+    gain: float
+    seed: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +65,8 @@ class Measured:
     focus: tuple[float, float, float]
     group: str
     """What the photo suffers from most."""
+    damage: int = 0
+    """Number of its damage; photos with one number differ by their text and their noise alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,13 +79,48 @@ class CropPhoto:
     group: str
 
 
-def make_photos(count: int, seed: int = 19) -> Iterator[CropPhoto]:
-    """Photos with letters of 6 to 40 pixels; a fifth each is only small, blurred, moved, noisy or faint, or all."""
+def make_photos(count: int, seed: int = 19, repeats: int = 1) -> Iterator[tuple[CropPhoto, ...]]:
+    """Photos with letters of 2 to 26 pixels; a sixth each is small, blurred, moved, noisy or faint above all, or all.
+
+    Of each damage there are `repeats` photos, with other text and other noise.
+    """
     rng = np.random.default_rng(seed)
     pages = [readable(page) for page in own_pages()]
-    groups = ("distance", "blur", "motion", "noise", "contrast", "all")
     for index in range(count):
-        yield _crop(pages[index % len(pages)], groups[index % len(groups)], rng)
+        damage = draw_damage(GROUPS[index % len(GROUPS)], rng)
+        yield tuple(
+            _crop(pages[(index + again) % len(pages)], damage, np.random.default_rng([seed, index, again]))
+            for again in range(repeats)
+        )
+
+
+def draw_damage(group: str, rng: np.random.Generator) -> Damage:
+    """A damage of this kind. Its ranges are such that the errors lie anywhere between none and all characters."""
+    every = group == "all"
+    low, high = _LETTERS.get(group, (6.0, 26.0))
+    ink = 0.9
+    if group == "contrast":
+        ink = float(np.exp(rng.uniform(np.log(0.03), np.log(0.3))))
+    elif every:
+        ink = rng.uniform(0.15, 1.0)
+    blur = {"blur": rng.uniform(0.1, 0.4), "all": rng.uniform(0.02, 0.25)}.get(group, 0.04)
+    motion = {"motion": rng.uniform(0.2, 1.2), "all": float(rng.choice([0, 0, 0.5]))}.get(group, 0.0)
+    noise = {"noise": rng.uniform(15, 90), "contrast": rng.uniform(2, 8), "all": rng.uniform(1, 25)}
+    return Damage(
+        group,
+        float(np.exp(rng.uniform(np.log(low), np.log(high)))),
+        rng.uniform(0, 0.6),
+        rng.uniform(0, 2 * np.pi),
+        rng.uniform(-0.1, 0.1),
+        ink,
+        blur,
+        motion,
+        noise.get(group, rng.uniform(1, 4)),
+        rng.uniform(0, 0.6) if every or group == "contrast" else 0.0,
+        int(rng.integers(15, 60)) if every or group == "noise" else 85,
+        float(rng.uniform(0.6, 1.02)),
+        int(rng.integers(2**32)),
+    )
 
 
 def readable(page: Page) -> Page:
@@ -76,19 +137,17 @@ def readable(page: Page) -> Page:
     return replace(page, lines=lines)
 
 
-def _crop(page: Page, group: str, rng: np.random.Generator) -> CropPhoto:
-    """One photo of a part of `page`."""
-    every = group == "all"
-    low, high = _LETTERS.get(group, (6.0, 26.0))
-    letter = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+def _crop(page: Page, damage: Damage, rng: np.random.Generator) -> CropPhoto:
+    """One photo of a part of `page`; `rng` draws the part and the noise."""
+    letter = damage.letter_px
     enlarged = float(np.clip(letter / 10, 1.0, 1.8))
     width, height = round(PHOTO[0] * enlarged), round(PHOTO[1] * enlarged)
     scale = letter / PAGE_LETTER_PX
-    tilt, azimuth, roll = rng.uniform(0, 0.6), rng.uniform(0, 2 * np.pi), rng.uniform(-0.1, 0.1)
     across, down = width / scale, height / scale
     x = rng.uniform(0.1 * page.width, max(0.9 * page.width - across, 0.1 * page.width + 1))
     y = rng.uniform(0.1 * page.height, max(0.9 * page.height - down, 0.1 * page.height + 1))
-    H = _view(x + across / 2, y + down / 2, scale, tilt, azimuth, roll, (width, height))
+    angles = (damage.tilt_rad, damage.azimuth_rad, damage.roll_rad)
+    H = _view(x + across / 2, y + down / 2, scale, *angles, (width, height))
     ink = page.image if page.image.ndim == 3 else cv2.cvtColor(page.image, cv2.COLOR_GRAY2RGB)
     # Area averages by a photo of twice the size, or small print would be aliased.
     fine = cv2.warpPerspective(
@@ -99,28 +158,17 @@ def _crop(page: Page, group: str, rng: np.random.Generator) -> CropPhoto:
         borderValue=(255, 255, 255),
     )
     photo = cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32)
-    faint = 0.9
-    if group == "contrast":
-        faint = float(np.exp(rng.uniform(np.log(0.02), np.log(0.3))))
-    elif every:
-        faint = rng.uniform(0.25, 1.0)
-    photo = 235 - (255 - photo) * faint * 0.9
-    blur = {"blur": rng.uniform(0.08, 0.5), "all": rng.uniform(0.02, 0.25)}.get(group, 0.04)
-    moved = {"motion": rng.uniform(0.1, 1.1), "all": float(rng.choice([0, 0, 0.5]))}.get(group, 0.0)
-    noise = {"noise": rng.uniform(15, 90), "contrast": rng.uniform(2, 8), "all": rng.uniform(1, 25)}
-    dirt = Degradation(
-        shadow=rng.uniform(0, 0.6) if every or group == "contrast" else 0.0,
-        blur_sigma_px=blur * letter,
-        motion_px=moved * letter,
-        noise_sigma=noise.get(group, rng.uniform(1, 4)),
-        jpeg_quality=int(rng.integers(15, 60)) if every or group == "noise" else 85,
+    photo = 235 - (255 - photo) * damage.ink * 0.9
+    optics = Degradation(
+        shadow=damage.shadow, blur_sigma_px=damage.blur * letter, motion_px=damage.motion * letter
     )
-    spoilt = degrade(np.clip(photo, 0, 255).astype(np.uint8), dirt, rng)
-    spoilt = expose(spoilt, Exposure(gain=float(rng.uniform(0.6, 1.02))))
+    sensor = Degradation(noise_sigma=damage.noise_sigma, jpeg_quality=damage.jpeg_quality)
+    seen = degrade(np.clip(photo, 0, 255).astype(np.uint8), optics, np.random.default_rng(damage.seed))
+    spoilt = expose(degrade(seen, sensor, rng), Exposure(gain=damage.gain))
     words = tuple(
         (word.text, word.box) for line in page.lines for word in line if _whole(H, word.box, width, height)
     )
-    return CropPhoto(spoilt, H, words, group)
+    return CropPhoto(spoilt, H, words, damage.group)
 
 
 def _step(scale: float) -> float:
@@ -212,15 +260,32 @@ def usual_focus_measures(gray: np.ndarray) -> tuple[float, float, float]:
     return float(cv2.Laplacian(gray, cv2.CV_32F).var()), float(np.mean(across**2 + down**2)), brenner
 
 
-def measure_photos(count: int, seed: int = 19) -> Iterator[Measured]:
+def page_mesh(photo: CropPhoto, nodes: int = 17) -> Floats:
+    """Photo points (nodes, nodes, 2) of the flat page over the photo's words, as the mesh of an answer has them."""
+    boxes = np.array([box for _, box in photo.words])
+    x = np.linspace(boxes[:, 0].min(), boxes[:, 2].max(), nodes)
+    y = np.linspace(boxes[:, 1].min(), boxes[:, 3].max(), nodes)
+    page = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return np.asarray(transform_points(photo.H_photo_page, page).reshape(nodes, nodes, 2))
+
+
+def measure_photos(count: int, seed: int = 19, repeats: int = 2) -> Iterator[Measured]:
     """Figures and errors of simulated photos; those without text that is found are left out."""
-    for photo in make_photos(count, seed):
-        gray = np.asarray(cv2.cvtColor(photo.image, cv2.COLOR_RGB2GRAY), np.uint8)
-        try:
-            text = find_text(photo.image)
-        except NoText:
-            continue
-        quality = measure_quality(gray, text.characters, print_heights(text.text) / text.factor)
-        error = measure_error(photo)
-        if quality is not None and error is not None:
-            yield Measured(quality, error, usual_focus_measures(gray), photo.group)
+    for number, photos in enumerate(make_photos(count, seed, repeats)):
+        for photo in photos:
+            error = measure_error(photo)
+            quality = None if error is None else measure_figures(photo)
+            if quality is not None and error is not None:
+                gray = np.asarray(cv2.cvtColor(photo.image, cv2.COLOR_RGB2GRAY), np.uint8)
+                yield Measured(quality, error, usual_focus_measures(gray), photo.group, number)
+
+
+def measure_figures(photo: CropPhoto) -> CaptureQuality | None:
+    """The figures that the product measures; None where it finds no text."""
+    gray = np.asarray(cv2.cvtColor(photo.image, cv2.COLOR_RGB2GRAY), np.uint8)
+    try:
+        text = find_text(photo.image)
+    except NoText:
+        return None
+    heights = print_heights(text.text) / text.factor
+    return measure_quality(gray, text.characters, heights, page_mesh(photo))

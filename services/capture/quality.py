@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
+from services.capture.letter_size import LetterSizeParameters, measure_letter_height, text_axes
 from services.capture.print_patches import PatchParameters, measure_patches
+from services.capture.stroke_detail import StrokeParameters, measure_strokes
 from services.imaging.reduction import reduce_image
 
 FEWEST_EDGES = 5
@@ -22,9 +24,11 @@ UNEVEN = 1.6
 class QualityParameters:
     """Where the figures are measured."""
 
-    patches: int = 150
+    patches: int = 100
     """Characters that are looked at; more do not change the medians."""
     patch: PatchParameters = field(default_factory=PatchParameters)
+    letters: LetterSizeParameters = field(default_factory=LetterSizeParameters)
+    strokes: StrokeParameters = field(default_factory=StrokeParameters)
     cells: int = 6
     """Of the grid on which the least text height is found, along each side."""
     cell_characters: int = 8
@@ -50,7 +54,9 @@ class CaptureQuality:
     the blur of edges, `worst_blur_px` that in the direction of the worst: motion blurs one direction only. `contrast`
     is that of ink against the paper next to it, `noise` the standard deviation of the paper as a share of that step.
     `cut_off_fraction` is the share of the characters at the photo's border or seen at more than 75 degrees.
-    `blurred_side` names the part of the photo that is less sharp than the rest, if there is one.
+    `blurred_side` names the part of the photo that is less sharp than the rest, if there is one. `letter_px` is the
+    height of small letters by the rows of text, which blur does not change; `detail_along`, `detail_across` and
+    `detail_least` are what is left of the strokes' detail (`StrokeDetail`).
     """
 
     text_height_min_px: float
@@ -63,6 +69,10 @@ class CaptureQuality:
     blurred_side: str | None = None
     worst_blur_px: float = 0.0
     noise: float = 0.0
+    letter_px: float = 1.0
+    detail_along: float = 1.0
+    detail_across: float = 1.0
+    detail_least: float = 1.0
 
     def enlarged(self, factor: int) -> "CaptureQuality":
         """Figures of the photo that is `factor` times as large as the one that was measured, by area averages."""
@@ -78,6 +88,7 @@ class CaptureQuality:
             blur_px=before(self.blur_px),
             worst_blur_px=before(self.worst_blur_px),
             noise=factor * self.noise,
+            letter_px=factor * self.letter_px,
         )
 
 
@@ -101,6 +112,9 @@ def measure_quality(
     height = float(np.median(sizes))
     chosen = np.unique(np.linspace(0, len(characters) - 1, min(p.patches, len(characters))).astype(int))
     at = characters[chosen]
+    axes = np.tile([1.0, 0.0], (len(at), 1)) if mesh is None else text_axes(mesh, at)
+    letter = measure_letter_height(gray, at, axes, height, p.letters)
+    strokes = measure_strokes(gray, at, axes, letter, p.strokes)
     print_ = measure_patches(gray, at, height, p.patch)
     blurs = print_.blurs
     seen = np.isfinite(blurs)
@@ -116,6 +130,10 @@ def measure_quality(
         blurred_side=_blurred_side(gray.shape, at[seen], blurs[seen]),
         worst_blur_px=print_.worst_blur_px if seen.any() else 0.0,
         noise=print_.noise,
+        letter_px=letter,
+        detail_along=strokes.along,
+        detail_across=strokes.across,
+        detail_least=strokes.least,
     )
 
 

@@ -1,8 +1,8 @@
 """The character error that a photo's figures let expect: a small logistic model.
 
-The coefficients are fitted to 136 small simulated photos of known text by `python -m benchmarks advice --fit`; that of
-glare and shadow is set by hand. What OCR misreads is decided by blur in relation to the letters above all; it reads
-sharp letters of 5 pixels, faint print and noise with few errors.
+The coefficients are fitted to simulated photos of known text by `python -m benchmarks advice --fit`; that of glare and
+shadow is set by hand. What OCR misreads is decided by how much detail of the strokes is left: blur, motion and few
+pixels take it away, noise hides it. Faint print alone is read with few errors.
 """
 
 import math
@@ -10,29 +10,39 @@ from dataclasses import dataclass
 
 from services.capture.quality import CaptureQuality
 
+PIXEL_BLUR_PX = 0.4
+"""Blur (standard deviation) of a sharp photo: a pixel is the mean over its square (0.29), optics add as much."""
+LEAST_NOISE = 0.03
+"""Noise, as a share of the step from ink to paper, that makes no difference to OCR."""
+LARGEST_LETTER_PX = 40.0
+"""Height of small letters above which more pixels are worth nothing; the photos of the fit end at 26."""
+
 
 @dataclass(frozen=True, slots=True)
 class ErrorModel:
-    """Logistic model: the logit of the error is the sum of these times the features of `features_of`.
+    """Logistic model: the logit of the error is the sum of these times the features of `features_of`."""
 
-    The size of sharp letters had no weight: that of the blur against it had nearly all.
-    """
-
-    constant: float = -6.27
-    blur: float = 23.72
-    faint_print: float = 0.85
+    constant: float = 4.28
+    lost_detail: float = 2.15
+    blur: float = 3.45
+    noise: float = 1.9
+    few_pixels: float = -2.0
+    """Below 0 because blur is already relative to the letters: small letters are worse by 1.45 all in all."""
     uneven_light: float = 4.0
 
 
-def features_of(quality: CaptureQuality) -> tuple[float, float, float]:
-    """Features of the model, 0 for a good photo: blur, faint print, uneven light.
+def features_of(quality: CaptureQuality) -> tuple[float, float, float, float, float]:
+    """Features of the model; the larger, the worse.
 
-    Blur in its worst direction as a share of the text height, contrast in octaves below full, and the share of glare
-    and clipped shadow.
+    Logarithms of the detail across the lines over that in the worst direction, of the blur in its worst direction over
+    the height of small letters, of the noise, of the letters' fewness of pixels; the share of glare and clipped shadow.
     """
+    letter_px = min(max(quality.letter_px, 1.0), LARGEST_LETTER_PX)
     return (
-        quality.worst_blur_px / max(quality.text_height_median_px, 1.0),
-        -math.log2(min(max(quality.contrast, 0.01), 1.0)),
+        math.log(max(quality.detail_across, quality.detail_least) / quality.detail_least),
+        math.log(math.hypot(quality.worst_blur_px, PIXEL_BLUR_PX) / letter_px),
+        math.log(quality.noise + LEAST_NOISE),
+        -math.log(letter_px),
         quality.glare_fraction + quality.shadow_fraction,
     )
 
@@ -40,7 +50,7 @@ def features_of(quality: CaptureQuality) -> tuple[float, float, float]:
 def predict_character_error(quality: CaptureQuality, model: ErrorModel | None = None) -> float:
     """Share of the characters, 0-1, that OCR will not read right. What is cut off is lost."""
     m = model or ErrorModel()
-    weights = (m.blur, m.faint_print, m.uneven_light)
+    weights = (m.lost_detail, m.blur, m.noise, m.few_pixels, m.uneven_light)
     logit = m.constant + sum(w * f for w, f in zip(weights, features_of(quality), strict=True))
     misread = 1.0 / (1.0 + math.exp(-max(min(logit, 50.0), -50.0)))
     return 1.0 - (1.0 - misread) * (1.0 - quality.cut_off_fraction)

@@ -32,6 +32,11 @@ class CameraMemory:
     photos: int
 
 
+def find_camera(cameras: Sequence[CameraMemory], name: str | None) -> CameraMemory | None:
+    """What is remembered of the camera of this name; None if nothing is."""
+    return next((memory for memory in cameras if memory.name == name), None)
+
+
 def remember(name: str, seen: Sequence[tuple[float, float]]) -> CameraMemory:
     """Robust mean of what the pages of a camera have shown: pairs (log focal length, its standard deviation).
 

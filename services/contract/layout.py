@@ -35,7 +35,8 @@ class LayoutOptions:
     `image_name` is the name of the first upload; PAGE-XML, ALTO and HTML files contain it. `image_names` are the names
     of all uploads. `words` adds the words of every zone to JSON and XML. `page` selects one page of several, counted
     from 1. `format_named` is False when `format` follows from the header `Accept`. `keep_image_bytes` is the largest
-    size of the picture of each page that is returned with its result; 0: none.
+    size of the picture of each page that is returned with its result; 0: none. `language` is what OCR reads
+    (`eng+fra`; None: the default).
     """
 
     rectify: bool = False
@@ -48,13 +49,15 @@ class LayoutOptions:
     page: int | None = None
     format_named: bool = True
     keep_image_bytes: int = 0
+    language: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class LayoutSettings:
     """Limits of one page (image, zones, zones file) and of one document, and the settings for content features.
 
-    `content_features` is the operator's settings file; None: the file of this package.
+    `content_features` is the operator's settings file; None: the file of this package. `language` is what OCR reads in
+    images of samples (None: the default).
     """
 
     image: ImageLimits = field(default_factory=ImageLimits)
@@ -63,6 +66,7 @@ class LayoutSettings:
     content_features: Path | None = None
     max_pages: int = 20
     max_document_megapixels: float = 200.0
+    language: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

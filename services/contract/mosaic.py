@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from services.contract.cameras import CameraMemory
 from services.contract.images import ImageLimits
 from services.contract.rectify import Illumination
 
@@ -17,7 +18,8 @@ class MosaicParameters:
     """Options of one mosaic. The fields have the names of the HTTP contract.
 
     `base` is an index of a photo. When the photos form several parts that do not overlap, the mosaic shows the part
-    with this photo. None: the largest part. `text` reads the page in `language`.
+    with this photo. None: the largest part. `text` reads the page in `language`. `camera` names the camera of all
+    photos, None: each as EXIF names it; `cameras` are those that are remembered.
     """
 
     rectify: bool = True
@@ -27,6 +29,8 @@ class MosaicParameters:
     upright: bool = True
     text: bool = False
     language: str | None = None
+    camera: str | None = None
+    cameras: tuple[CameraMemory, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
+from services.contract.cameras import CameraMemory
 from services.contract.rectify import RectifyParameters
 from services.geometry.page_frame import resize_frame
 from services.imaging.illumination import flatten_illumination
@@ -41,16 +42,25 @@ class FlatteningParameters:
 
 
 def flatten_photo(
-    index: int, photo: RgbImage, exif_focal_length_px: float | None, clock: StageClock
+    index: int,
+    photo: RgbImage,
+    exif_focal_length_px: float | None,
+    clock: StageClock,
+    memory: CameraMemory | None = None,
 ) -> FlatPhoto:
     """Flat view of photo number `index` by rectification. Text lines are horizontal, but may be upside down.
+
+    `memory` is what is remembered of the photo's camera.
 
     Raises
     ------
     NoText
         When the photo shows too little printed text to find the page's shape.
     """
-    page = estimate_page(photo, RectifyParameters(upright=False), exif_focal_length_px, clock)
+    parameters = RectifyParameters(upright=False)
+    if memory is not None:
+        parameters = replace(parameters, camera=memory.name, cameras=(memory,))
+    page = estimate_page(photo, parameters, exif_focal_length_px, clock)
     with clock.stage("framing"):
         characters = page.analysis.characters
         sheet = page.analysis.paper.outline(characters)

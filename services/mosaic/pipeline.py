@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage, RgbImage
+from services.contract.cameras import CameraMemory
 from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, MosaicParameters
 from services.contract.rectify import Illumination
 from services.errors import DocumentError, InvalidOption, NoText, NotOverlapping
@@ -47,8 +48,9 @@ def mosaic(
     parameters: MosaicParameters,
     exif_focal_lengths_px: Sequence[float | None] | None = None,
     ocr: OcrEngine | None = None,
+    cameras: Sequence[CameraMemory | None] | None = None,
 ) -> MosaicResult:
-    """The page of which `photos`, each (H, W, 3), show parts.
+    """The page of which `photos`, each (H, W, 3), show parts; `cameras` is what is remembered of each photo's camera.
 
     Raises
     ------
@@ -61,7 +63,7 @@ def mosaic(
     """
     check_parameters(len(photos), parameters)
     clock = StageClock(STAGE_BEGINS)
-    flats, textless = flatten_photos(photos, parameters.rectify, exif_focal_lengths_px, clock)
+    flats, textless = flatten_photos(photos, parameters.rectify, exif_focal_lengths_px, cameras, clock)
     with clock.stage("registration"):
         pairs = register_photos(list(flats.values()))
     with clock.stage("adjustment"):
@@ -121,6 +123,7 @@ def flatten_photos(
     photos: Sequence[RgbImage],
     rectify: bool,
     exif_focal_lengths_px: Sequence[float | None] | None,
+    cameras: Sequence[CameraMemory | None] | None,
     clock: StageClock,
 ) -> tuple[dict[int, FlatPhoto], Mapping[int, DocumentError]]:
     """Flat view of every photo by index, and the errors of photos that could not be rectified because they lack text.
@@ -129,11 +132,14 @@ def flatten_photos(
     """
     flats, textless = {}, {}
     focal_lengths_px = exif_focal_lengths_px or [None] * len(photos)
-    for index, (photo, focal_length_px) in enumerate(zip(photos, focal_lengths_px, strict=True)):
+    memories = cameras or [None] * len(photos)
+    for index, (photo, focal_length_px, memory) in enumerate(
+        zip(photos, focal_lengths_px, memories, strict=True)
+    ):
         report_progress("flattening", FLATTENED * index / len(photos))
         if rectify:
             try:
-                flats[index] = flatten_photo(index, photo, focal_length_px, clock)
+                flats[index] = flatten_photo(index, photo, focal_length_px, clock, memory)
                 continue
             except NoText as refusal:
                 textless[index] = refusal

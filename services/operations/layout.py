@@ -45,6 +45,7 @@ from services.ocr.tesseract import default_language
 from services.operations.kept_picture import KeptPicture, encode_kept_picture
 from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_recognition
+from services.operations.page_reading import check_installed
 from services.operations.page_zones import check_frame, read_file, read_zones
 from services.operations.reader import ocr_engine
 from services.operations.rectify import describe_flat_page
@@ -90,7 +91,7 @@ def recognize_upload(
     NoText
         When the image shall be rectified and shows too little printed text.
     InvalidOption
-        When the zones are invalid, or are not in pixels of the image.
+        When the zones are invalid, or are not in pixels of the image, or when the language is not installed.
     """
     decode = None if image is None else partial(_decode, image, settings)
     return recognize_picture(decode, zones, zones_file, models, options, settings)
@@ -111,7 +112,10 @@ def recognize_picture(
 ) -> LayoutReply:
     """Class and labels of a page; `decode` returns its picture. Otherwise like `recognize_upload`."""
     timings_ms: dict[str, float] = {}
-    engine = ocr_engine() if options.ocr else None
+    engine = None
+    if decode is not None:
+        check_installed(options.language)  # an error must come before the work
+        engine = ocr_engine(options.language) if options.ocr else None
     with timed("models", timings_ms, 0.0):
         versions = open_models(models)
     measured = measure_page(decode, zones, zones_file, engine, options, settings, timings_ms)
@@ -153,7 +157,7 @@ def describe_page(
     )
     document["part"] = placed.part
     document["document_class"] = placed.document_class
-    document["language"] = default_language() if was_read else None
+    document["language"] = (options.language or default_language()) if was_read else None
     document["page"] = measured.flat
     document["image"] = None if measured.kept is None else measured.kept.describe()
     document["warnings"] = describe_warnings(measured.notices)
@@ -209,7 +213,9 @@ def measure_page(
         picture = photo.pixels
         if options.rectify:
             with progress_within(0.05, FLATTENED):
-                flat = rectify(picture, RectifyParameters(), photo.focal_length_px, ocr_engine())
+                flat = rectify(
+                    picture, RectifyParameters(), photo.focal_length_px, ocr_engine(options.language)
+                )
             described = describe_flat_page(flat, (picture.shape[1], picture.shape[0]))
             picture, notices = flat.image, flat.warnings
             timings_ms |= flat.timings_ms

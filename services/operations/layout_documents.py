@@ -40,6 +40,7 @@ from services.operations.layout import (
 )
 from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_classes
+from services.operations.page_reading import check_installed
 from services.operations.reader import ocr_engine
 from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
 from services.operations.stored_models import open_models
@@ -72,7 +73,7 @@ def recognize_uploads(
         When a page shall be rectified and shows too little printed text.
     InvalidOption
         When the zones are invalid, or not in pixels of the image; when the page `options.page` does not exist; when the
-        format holds one page and there are several.
+        format holds one page and there are several; when the language is not installed.
     NotAcceptable
         When the format follows from `Accept`, holds one page, and there are several.
     """
@@ -83,6 +84,7 @@ def recognize_uploads(
         if len(pages) == 1:
             return recognize_picture(pages[0].decode, None, None, models, options, settings)
         _check_format(options, len(pages))
+        check_installed(options.language)  # an error must come before the work
         return _recognize_pages(pages, models, options, settings)
 
 
@@ -170,7 +172,7 @@ def _measure(
     source: PageSource, options: LayoutOptions, settings: LayoutSettings, timings_ms: dict[str, float]
 ) -> tuple[MeasuredPage, bytes]:
     """The measured page without its picture, since the pictures of all pages need much memory; for HTML as a JPEG."""
-    engine = ocr_engine() if options.ocr else None
+    engine = ocr_engine(options.language) if options.ocr else None
     try:
         measured = measure_page(source.decode, None, None, engine, options, settings, timings_ms)
     except DocumentError as error:

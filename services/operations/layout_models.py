@@ -18,6 +18,7 @@ from services.layout.model.layout_model import MOST_LABELS, LayoutModel
 from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.page import InvalidLayout, Page
 from services.layout.pipeline import complete_sample, content_features, initialize_model
+from services.operations.page_reading import check_installed
 from services.operations.page_zones import check_frame, exchange_limits, read_file, read_zones
 from services.operations.reader import ocr_engine
 from services.operations.replies import to_json_ready
@@ -68,7 +69,10 @@ def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSetti
 
 def _complete(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> dict[str, object]:
     check_frame(page, picture)
-    engine = None if picture is None else ocr_engine()
+    engine = None
+    if picture is not None:
+        check_installed(settings.language)
+        engine = ocr_engine(settings.language)
     verified, found = complete_sample(page, picture, engine, content_features(settings.content_features))
     document = sample_document(verified)
     if found is not None:

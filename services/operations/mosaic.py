@@ -5,6 +5,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from services.contract.cameras import find_camera
 from services.contract.images import Encoding, PageReply
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.errors import DocumentError, TooLarge
@@ -55,16 +56,16 @@ def mosaic_uploads(
     with timed("decode", timings_ms, 0.0):
         photos = _decode_photos(uploads, limits)
     focal_lengths_px = [photo.focal_length_px for photo in photos]
+    cameras = [find_camera(parameters.cameras, parameters.camera or photo.camera) for photo in photos]
     with progress_within(0.03, MOSAIC_READING_BEGINS if parameters.text else ENCODING_BEGINS):
-        result = mosaic(
-            [photo.pixels for photo in photos], parameters, focal_lengths_px, ocr_engine(parameters.language)
-        )
+        engine = ocr_engine(parameters.language)
+        result = mosaic([photo.pixels for photo in photos], parameters, focal_lengths_px, engine, cameras)
     timings_ms |= result.timings_ms
     text = None
     if parameters.text:
-        engine, language = reading_engine(parameters.language)
+        reader, language = reading_engine(parameters.language)
         with timed("reading", timings_ms, MOSAIC_READING_BEGINS):
-            text = read_flat_page(result.image, engine, language)
+            text = read_flat_page(result.image, reader, language)
     result = reduce_mosaic(result, encoding)
     if text is not None:
         text = text.resized(result.image.shape[1], result.image.shape[0])

@@ -37,8 +37,7 @@ def reading_engine(language: str | None) -> tuple[OcrEngine, str]:
     InvalidOption
         When no OCR engine or no language data is installed.
     """
-    if language is not None:
-        _check_installed(language)
+    check_installed(language)
     engine = ocr_engine(language)
     if engine is None:
         raise InvalidOption(
@@ -49,7 +48,15 @@ def reading_engine(language: str | None) -> tuple[OcrEngine, str]:
     return engine, language or default_language()
 
 
-def _check_installed(language: str) -> None:
+def check_installed(language: str | None) -> None:
+    """Raise `InvalidOption`, with the installed languages, unless all of `language` are (None: the default).
+
+    Raises
+    ------
+    InvalidOption
+    """
+    if language is None:
+        return
     installed = installed_languages()
     missing = [name for name in language.split("+") if name not in installed]
     if missing:

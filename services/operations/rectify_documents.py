@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from services.contract.images import DocumentLimits, Encoding, PageReply
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError, InvalidOption
+from services.heap import release_freed_memory
 from services.imaging.page_images import PageLimits, PagePicture, PageSource, open_pages
 from services.operations.page_reading import reading_engine
 from services.operations.pages_reply import (
@@ -76,10 +77,16 @@ def _rectify_pages(
                     raise
                 failures.append(FailedPage(len(encoded) + len(failures), _named(error, source)))
                 continue
-            for page in pages:
-                # The pixels of a page are not needed any more when the next page begins.
+            del picture
+            # Pixels are let go before more memory is taken: those of the photo before encoding, those of a page before
+            # the next page begins.
+            while pages:
+                page = pages.pop(0)
+                release_freed_memory()
                 encoded.append(encode_page(page, target, facts, encoding))
                 _add_timings(timings_ms, page)
+                del page
+            release_freed_memory()
     if not encoded or target is None:
         raise failures[0].error
     return bind_pages(encoded, target, encoding, timings_ms, _notices(failures), failures)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from services.contract.cameras import CLEAR_DEVIATION, FEWEST_PHOTOS, CameraMemory
+from services.contract.cameras import CLEAR_DEVIATION, FEWEST_PHOTOS, CameraMemory, find_camera
 from services.contract.rectify import RectifyParameters
 from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.photo_frame import PhotoFrame
@@ -16,7 +16,7 @@ EXIF_DEVIATION = 0.03
 
 def remembered(parameters: RectifyParameters) -> CameraMemory | None:
     """What is remembered of the camera that `parameters` name."""
-    return next((memory for memory in parameters.cameras if memory.name == parameters.camera), None)
+    return find_camera(parameters.cameras, parameters.camera)
 
 
 def focal_prior(

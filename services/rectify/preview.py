@@ -1,20 +1,22 @@
 """A quick look at a photo: where its page is, from a reduced photo and without drawing.
 
 The sides of the sheet decide where all four are certain, because they are found in less time than the directions of the
-text; a bent sheet is then a mesh between its sides. Else the text decides, and the page is taken for a plane.
+text; a bent sheet is then a mesh between its sides. Else the text decides: a plane, or a bent sheet by one short fit.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, Points, RgbImage
-from services.contract.rectify import RectifyParameters
+from services.contract.rectify import PageKind, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_frame import mesh_of
+from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis import AnalysisParameters, FoundText, analyse_text, find_text
 from services.rectify.focal_length import focal_prior, remembered
@@ -30,6 +32,7 @@ from services.rectify.pipeline import (
 from services.rectify.planarity import discriminate_surface
 from services.rectify.pose import choose_pose
 from services.rectify.print_sample import print_heights
+from services.rectify.quick_bend import bend_quickly
 from services.rectify.results import Notice, Orientation, PrintSample, RectifyResult
 from services.rectify.sheet_corners import corners_by_view
 from services.rectify.sheet_cut import cut_to_outline, within_polygon
@@ -47,7 +50,7 @@ from services.sheet.ridged_page import (
     sides_bend,
     turn_outline,
 )
-from services.sheet.surfaces import MeshSurface
+from services.sheet.surfaces import MeshSurface, StripsSurface
 
 SEEMS_CURVED = Notice(
     "curved-page",
@@ -118,7 +121,7 @@ def preview_page(
     if page is None:
         if text is None:
             raise refusal or NoText("neither text nor a sheet's edges are seen.")
-        page = _plane_of_text(text, view, prior, outline, clock, p)
+        page = _page_of_text(text, view, prior, outline, parameters.kind, clock, p)
     with clock.stage("framing"):
         if isinstance(page, TextlessPage):
             frame = frame_textless(page)
@@ -216,20 +219,31 @@ def _bent_sheet(
     return None if mesh is None else RidgedPage(mesh, focal, prior.source, 0, 0.0, 0.0, 0.0)
 
 
-def _plane_of_text(
+def _page_of_text(
     text: FoundText,
     view: PhotoFrame,
     prior: FocalPrior,
     outline: SheetOutline | None,
+    kind: PageKind,
     clock: StageClock,
     p: PreviewParameters,
 ) -> FlatPage:
+    """The page by its text: a plane, or a bent sheet where a short fit explains the directions of the text better."""
     with clock.stage("texture_flow"):
         analysis = analyse_text(text, p.analysis)
     with clock.stage("shape"):
         evidence = analysis.evidence(view)
-        seems = discriminate_surface(evidence.vanishing_points, evidence.text.height_px)
+        seems: Literal["planar", "curved"] = (
+            discriminate_surface(evidence.vanishing_points, evidence.text.height_px)
+            if kind == "auto"
+            else kind
+        )
         pose = choose_pose(evidence, prior, seems)
+        if seems == "curved" and not pose.sides_believed:
+            plane = PlaneMap(np.linalg.inv(view.H_photo_centred) @ pose.H_photo_plane)
+            bent = bend_quickly(evidence, prior, plane)
+            if bent is not None:
+                return FlatPage(analysis, view, evidence.vanishing_points, bent, (), outline)
     notices = pose.notices if seems == "planar" or pose.sides_believed else (SEEMS_CURVED, *pose.notices)
     return FlatPage(analysis, view, evidence.vanishing_points, pose, notices, outline)
 
@@ -274,6 +288,13 @@ def enlarge(result: RectifyResult, factor: float) -> RectifyResult:
     surface = result.surface
     if isinstance(surface, MeshSurface):
         surface = replace(surface, points=moved(surface.points))
+    elif isinstance(surface, StripsSurface):
+        grown = np.array(
+            [[factor, 0.0, 0.5 * (factor - 1)], [0.0, factor, 0.5 * (factor - 1)], [0.0, 0.0, 1.0]]
+        )
+        surface = replace(
+            surface, points=moved(surface.points), vanishing_points=surface.vanishing_points @ grown.T
+        )
     printed = result.print
     if printed is not None:
         printed = PrintSample(moved(printed.characters), printed.heights_px * factor)

@@ -43,6 +43,21 @@ def test_a_camera_is_remembered_by_its_key(client: httpx.Client) -> None:
     assert "cameras=()" in notices(flatten(client, BOB, "another"))["options"]
 
 
+def test_a_mosaic_knows_the_cameras_of_its_key(client: httpx.Client) -> None:
+    for _ in range(3):
+        flatten(client, ALICE, "wide")
+    files = [("images", upload("")), ("images", upload(""))]
+    for key, known in ((ALICE, True), (BOB, False)):
+        data = {"format": "json", "camera": "wide"}
+        told = notices(client.post("/mosaic", files=files, data=data, headers=key))["options"]
+        assert "camera='wide'" in told
+        assert ("CameraMemory(name='wide'" in told) is known
+    counts = {
+        each["name"]: each["photos"] for each in client.get("/cameras", headers=ALICE).json()["cameras"]
+    }
+    assert counts["wide"] == 3, "photos of a mosaic show parts of a page, and teach nothing"
+
+
 def test_a_camera_is_forgotten_by_its_key_only(client: httpx.Client) -> None:
     flatten(client, ALICE, "phone")
     assert_problem(client.delete("/cameras/phone", headers=BOB), 404, "not-found")

@@ -16,6 +16,7 @@ from tests.app.raw import connect, form, head, read_answer
 from tests.app.scripted import OPERATIONS, PAGE, model_document, upload
 from tests.app.serving import serving
 from tests.app.test_health import sample
+from tests.app.test_jobs import until
 from tests.app.test_problems import assert_problem
 from tests.app.test_uploads import code, until_sample
 
@@ -118,6 +119,39 @@ def test_what_may_be_sent(
 ) -> None:
     contents = {name: ZONES.encode() if name == "zones" else upload("") for name in files}
     assert notices(post(client, data, **contents))["parts"] == str(parts)
+
+
+def test_the_language_reaches_the_operation(client: httpx.Client) -> None:
+    told = notices(post(client, {"language": "eng+fra"}, image=upload("")))["options"]
+    assert "language='eng+fra'" in told
+    assert "language=None" in notices(post(client, {"language": ""}, image=upload("")))["options"]
+    for wrong in ("../eng", "eng+", "e", "eng fra"):
+        problem = assert_problem(post(client, {"language": wrong}, image=upload("")), 422, "invalid-option")
+        assert problem["field"] == "language"
+
+
+def test_a_job_reads_in_its_language(client: httpx.Client) -> None:
+    accepted = client.post(
+        "/layout",
+        files={"image": ("page.png", upload(""))},
+        data={"language": "fra"},
+        headers={"Prefer": "respond-async"},
+    )
+    assert accepted.status_code == 202
+    assert until(client, accepted.headers["location"])["state"] == "succeeded"
+    told = notices(client.get(f"{accepted.headers['location']}/result"))
+    assert "language='fra'" in told["options"]
+
+
+def test_an_operator_chooses_languages() -> None:
+    with serving(ocr_languages="deu, eng") as client:
+        told = notices(post(client, image=upload("")))
+        assert "language='deu'" in told["options"]
+        assert "language='deu'" in told["settings"], "samples are read as pages are"
+        refused = assert_problem(
+            post(client, {"language": "eng+fra"}, image=upload("")), 422, "invalid-option"
+        )
+        assert refused["detail"] == "language: fra is not read by this server; OCR_LANGUAGES has deu, eng."
 
 
 def test_nothing_to_work_on(client: httpx.Client) -> None:

@@ -208,13 +208,25 @@ def test_the_form_is_documented_field_by_field() -> None:
 def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["MosaicForm"]["properties"]
     assert list(fields) == [
-        "images", "rectify", "base", "composition", "upright", "illumination", "text", "language", "format",
+        "images", "rectify", "base", "composition", "upright", "illumination", "camera", "text", "language", "format",
         "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)
     assert fields["base"]["default"] == "auto"
     assert fields["illumination"]["default"] == "normalize"
+
+
+def test_the_form_of_a_layout_is_documented_field_by_field() -> None:
+    schemas = DOCUMENT["components"]["schemas"]
+    fields = schemas["LayoutForm"]["properties"]
+    assert list(fields) == [
+        "image", "zones", "zones_file", "rectify", "ocr", "language", "models", "format", "keep_image", "page",
+        "explain", "words", "callback_url",
+    ]  # fmt: skip
+    assert all(field["description"] for field in fields.values())
+    assert fields["language"] == schemas["RectifyForm"]["properties"]["language"]
+    assert fields["language"] == schemas["MosaicForm"]["properties"]["language"]
 
 
 def test_files_are_binary_and_no_form_has_a_condition_on_its_parts() -> None:

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
+from services.contract.cameras import CameraMemory
+from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.homographies import jacobians, scaling, transform_points
+from services.mosaic import flattening
 from services.mosaic.flattening import flatten_photo, take_as_flat, view_photo
+from services.rectify.focal_length import remembered
 from services.rectify.framing import FlatFrame
 from services.rectify.stage_clock import StageClock
 from tests.services.mosaic.views import look_at, page_image, photograph
@@ -38,6 +42,21 @@ def test_a_tilted_photo_becomes_a_view_that_differs_from_the_page_by_a_similarit
     assert np.median(flat.gray[flat.shown]) > 250
     assert (flat.gray[flat.shown] < 100).mean() > 0.02
     assert flat.weight > 500
+
+
+def test_the_remembered_camera_takes_part_in_the_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[RectifyParameters] = []
+
+    def estimate(photo: object, parameters: RectifyParameters, *rest: object) -> None:
+        asked.append(parameters)
+        raise NoText("enough")
+
+    monkeypatch.setattr(flattening, "estimate_page", estimate)
+    memory = CameraMemory("phone", 0.3, 0.02, 5)
+    for known in (memory, None):
+        with pytest.raises(NoText):
+            flatten_photo(0, page_image(), None, StageClock(), known)
+    assert [remembered(parameters) for parameters in asked] == [memory, None]
 
 
 def test_native_scale_tells_how_far_the_view_was_reduced() -> None:

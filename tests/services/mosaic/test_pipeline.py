@@ -99,7 +99,10 @@ def _flatten_each_photo_once() -> Iterator[None]:
     """A photo's flat view depends on the photo alone, and takes a third of the time of a mosaic."""
     known: dict[bytes, FlatPhoto] = {}
 
-    def flatten(index: int, photo: RgbImage, focal_length_px: float | None, clock: StageClock) -> FlatPhoto:
+    def flatten(
+        index: int, photo: RgbImage, focal_length_px: float | None, clock: StageClock, memory: None
+    ) -> FlatPhoto:
+        assert memory is None, "no test of this module names a camera"
         key = hashlib.sha256(photo.tobytes() + repr((photo.shape, focal_length_px)).encode()).digest()
         if key not in known:
             known[key] = flatten_photo(index, photo, focal_length_px, clock)

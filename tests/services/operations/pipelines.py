@@ -73,8 +73,11 @@ class MosaicPipeline:
         self.calls: list[tuple[Any, ...]] = []
         self.scale = 1.23456
 
-    def __call__(self, photos: Any, parameters: Any, exif_focal_lengths_px: Any, ocr: Any) -> MosaicResult:
-        self.calls.append(([photo.shape for photo in photos], parameters, exif_focal_lengths_px, ocr))
+    def __call__(
+        self, photos: Any, parameters: Any, exif_focal_lengths_px: Any, ocr: Any, cameras: Any
+    ) -> MosaicResult:
+        shapes = [photo.shape for photo in photos]
+        self.calls.append((shapes, parameters, exif_focal_lengths_px, ocr, cameras))
         mesh = np.array([[[0, 1 / 3], [9, 0]], [[0, 9], [9, 9]]], np.float64)
         return MosaicResult(
             photos[0],

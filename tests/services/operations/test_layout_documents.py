@@ -55,8 +55,8 @@ def models() -> list[ModelDocument]:
 @pytest.fixture(autouse=True)
 def eyes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages are seen by their widths: 60, 61 and 62 are those of the letter."""
-    monkeypatch.setattr(layout, "ocr_engine", lambda: None)
-    monkeypatch.setattr(layout_documents, "ocr_engine", lambda: None)
+    monkeypatch.setattr(layout, "ocr_engine", lambda language: None)
+    monkeypatch.setattr(layout_documents, "ocr_engine", lambda language: None)
     monkeypatch.setattr(layout, "read_fine_page", lambda image, *_: (LETTER[image.shape[1] - 60], None))
 
 

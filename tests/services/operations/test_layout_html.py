@@ -123,7 +123,7 @@ def test_dates_are_machine_readable() -> None:
 @pytest.fixture
 def eyes(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (layout, layout_documents):
-        monkeypatch.setattr(module, "ocr_engine", lambda: None)
+        monkeypatch.setattr(module, "ocr_engine", lambda language: None)
     monkeypatch.setattr(layout, "read_fine_page", lambda *_: (PAGE, None))
 
 

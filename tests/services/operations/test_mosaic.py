@@ -5,12 +5,14 @@ import io
 import json
 import math
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
+from services.contract.cameras import CameraMemory
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.errors import DocumentError, TooLarge, UndecodableImage, UnsupportedMediaType
@@ -68,11 +70,23 @@ def test_the_pipeline_gets_upright_photos_in_their_order_and_all_that_is_known(
 ) -> None:
     turned = make_file(PHOTOS[0], "JPEG", exif=make_exif(6, {0xA405: 26}))
     run([PNGS[0], turned])
-    ((shapes, parameters, focal_lengths_px, ocr),) = mosaic_pipeline.calls
+    ((shapes, parameters, focal_lengths_px, ocr, cameras),) = mosaic_pipeline.calls
     assert shapes == [(40, 60, 3), (60, 40, 3)]
     assert parameters is PARAMETERS
     assert focal_lengths_px == [None, pytest.approx(26 / math.hypot(36, 24) * math.hypot(60, 40))]
     assert ocr == "an engine"
+    assert cameras == [None, None]
+
+
+def test_each_photo_has_the_memory_of_its_camera(mosaic_pipeline: MosaicPipeline) -> None:
+    exif = make_exif()
+    exif[0x010F], exif[0x0110] = "Maker", "M 1"
+    named = make_file(PHOTOS[0], "JPEG", exif=exif)
+    phone, tablet = CameraMemory("Maker M 1 60x40", 0.3, 0.02, 5), CameraMemory("tablet", 0.1, 0.02, 5)
+    for name in (None, "tablet"):
+        asked = replace(PARAMETERS, camera=name, cameras=(phone, tablet))
+        mosaic_uploads([PNGS[0], named], asked, Encoding(), LIMITS)
+    assert [call[-1] for call in mosaic_pipeline.calls] == [[None, phone], [tablet, tablet]]
 
 
 @pytest.mark.parametrize(

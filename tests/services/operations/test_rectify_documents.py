@@ -2,6 +2,7 @@
 
 import io
 import json
+import weakref
 import zipfile
 from typing import Any
 
@@ -13,6 +14,7 @@ from PIL import Image
 from services.contract.images import DocumentLimits, Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NotAcceptable, TooLarge, UndecodableImage
+from services.operations import rectify
 from services.operations.rectify_documents import rectify_uploads
 from tests.services.imaging.files import make_file
 from tests.services.operations.pipelines import RectifyPipeline, turned_mesh
@@ -69,6 +71,25 @@ def test_pages_of_files_are_pages_too(pipeline: RectifyPipeline) -> None:
     single = run(tiff_of(PHOTO), encoding=Encoding("tiff", pages_format="tiff"))
     with Image.open(io.BytesIO(single.body)) as picture:
         assert picture.info["dpi"] == (150, 150)
+
+
+@pytest.mark.parametrize("pages", ["main", "both"])
+def test_pixels_are_let_go_before_the_next_page_begins(
+    pipeline: RectifyPipeline, monkeypatch: pytest.MonkeyPatch, pages: str
+) -> None:
+    kept: list[weakref.ref[Any]] = []
+    alive: list[int] = []
+
+    def watch(photo: Any, *rest: Any) -> Any:
+        alive.append(sum(known() is not None for known in kept))
+        found = pipeline.rectify_spread(photo, *rest) if pages == "both" else pipeline(photo, *rest)
+        results = found.pages if pages == "both" else (found,)
+        kept.extend(weakref.ref(pixels) for pixels in (photo, *(result.image for result in results)))
+        return found
+
+    monkeypatch.setattr(rectify, "rectify_spread" if pages == "both" else "rectify", watch)
+    run(JPEG, JPEG, JPEG, pages=pages)
+    assert alive == [0, 0, 0]
 
 
 def test_a_tiff_and_an_archive_hold_all() -> None:

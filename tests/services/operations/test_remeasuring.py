@@ -39,7 +39,7 @@ def test_another_segmentation_has_another_name() -> None:
 
 
 def test_a_sample_is_measured_again_as_if_it_came_today(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(layout_models, "ocr_engine", lambda: None)
+    monkeypatch.setattr(layout_models, "ocr_engine", lambda language: None)
     image = (EXAMPLES / "letter-2.png").read_bytes()
     today: Any = measure_sample(image, (EXAMPLES / "letter-2.json").read_bytes(), SETTINGS)
     assert today["segmentation"] == SEGMENTATION

@@ -4,14 +4,21 @@ import cv2
 import numpy as np
 import pytest
 
-from services.contract.rectify import RectifyParameters
+from services.contract.rectify import PageKind, RectifyParameters
 from services.errors import NoText
-from services.rectify.preview import enlarge, line_direction, preview_page, reduce_parameters
+from services.rectify.preview import (
+    SEEMS_CURVED,
+    enlarge,
+    line_direction,
+    preview_page,
+    reduce_parameters,
+)
 from services.rectify.results import RectifyResult
+from services.sheet.surfaces import StripsSurface
 from simulation.degradation import Degradation
 from simulation.pages import own_pages
-from simulation.photo import SimulatedPhoto
-from simulation.scenes import BOOK, PLANE, POSES, photograph
+from simulation.photo import SimulatedPhoto, simulate_photo
+from simulation.scenes import BOOK, PLANE, POSES, WAVE, photograph
 from simulation.surfaces import Shape
 from tests.services.rectify.test_pipeline import mesh_residual
 
@@ -55,6 +62,48 @@ def test_a_bent_sheet_is_a_mesh_between_its_sides() -> None:
     result = preview_page(photo.image, AS_IT_LIES)
     assert result.kind == "curved"
     assert mesh_residual(result, photo) < 0.05, "the whole work leaves 0.002; a plane leaves 0.1"
+
+
+@pytest.fixture(scope="module", params=[(WAVE, 0.0), (BOOK, np.pi / 2)], ids=["across", "along"])
+def bent(request: pytest.FixtureRequest) -> tuple[SimulatedPhoto, RectifyResult]:
+    """A sheet that is bent, its rulings across or along the lines of text; its sides are out of view."""
+    page, view, (shape, skew_rad) = own_pages(800, 1250)[1], POSES[3], request.param
+    camera = view.camera(840, 1080)
+    pose = view.pose(page, shape, camera, margin=-0.06)
+    photo = simulate_photo(page, shape, skew_rad, pose, camera)
+    # Rulings along straight lines leave the directions of text nearly those of a plane, so they are demanded.
+    kind: PageKind = "auto" if skew_rad == 0.0 else "curved"
+    return photo, preview_page(photo.image, RectifyParameters(upright=False, kind=kind))
+
+
+def test_text_alone_shows_how_a_sheet_is_bent(bent: tuple[SimulatedPhoto, RectifyResult]) -> None:
+    photo, result = bent
+    assert (result.kind, result.evidence.source) == ("curved", ("text",))
+    assert isinstance(result.surface, StripsSurface)
+    assert SEEMS_CURVED not in result.warnings
+    plane = preview_page(photo.image, RectifyParameters(upright=False, kind="planar"))
+    assert plane.kind == "planar"
+    assert mesh_residual(plane, photo) > 0.015
+    assert mesh_residual(result, photo) < min(0.02, 0.5 * mesh_residual(plane, photo))
+
+
+def test_a_flat_page_is_not_bent(planar: tuple[SimulatedPhoto, RectifyResult]) -> None:
+    region = tuple((float(x), float(y)) for x, y in planar[1].mesh[[3, 3, -4, -4], [3, -4, -4, 3]])
+    result = preview_page(planar[0].image, RectifyParameters(upright=False, region=region, kind="curved"))
+    assert mesh_residual(result, planar[0]) < 0.02, "also where a bent sheet is demanded"
+
+
+def test_rulings_grow_with_the_photo(bent: tuple[SimulatedPhoto, RectifyResult]) -> None:
+    small = bent[1].surface
+    large = enlarge(bent[1], 2).surface
+    assert isinstance(small, StripsSurface)
+    assert isinstance(large, StripsSurface)
+    np.testing.assert_allclose(large.points + 0.5, 2 * (small.points + 0.5))
+    np.testing.assert_allclose(large.angles_rad, small.angles_rad)
+    # The direction from a point to its vanishing point stays that of the ruling.
+    way = large.vanishing_points[:, :2] - large.points * large.vanishing_points[:, 2:]
+    turned = np.sin(np.arctan2(way[:, 1], way[:, 0]) - large.angles_rad)
+    np.testing.assert_allclose(turned, 0.0, atol=1e-6)
 
 
 def test_all_lengths_grow_with_the_photo(planar: tuple[SimulatedPhoto, RectifyResult]) -> None:
