@@ -57,9 +57,11 @@ def _find_titles(page: Page) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     cues = np.array([[zone.content.get(name, 0.0) for name in names] for zone in page.zones])
     cues = np.clip(cues.reshape(-1, len(names)), 0.0, 1.0)
     titled = cues.max(axis=1, initial=0.0)
-    # Titles of abstracts, keywords and references are titles of sections, too: a text section has none of these.
-    special = cues[:, [0, *range(2, len(names))]]
-    text = np.maximum(0.0, cues[:, 1] - special.max(axis=1, initial=0.0))
-    shares = np.column_stack([cues[:, 0], text])
+    # Titles of abstracts, keywords and references are titles of sections, too: a section of text has none of these.
+    special, title = cues[:, [0, *range(2, len(names))]], cues[:, 1]
+    text = np.maximum(0.0, title - special.max(axis=1, initial=0.0))
+    # A sure title of a section that is a weak cue of an abstract ("Summary") mostly begins a text.
+    special = np.maximum(0.0, special - np.maximum(0.0, title[:, None] - special))
+    shares = np.column_stack([special[:, 0], text])
     total = special.sum(axis=1) + text
     return titled, shares / np.maximum(total, 1e-9)[:, None]

@@ -64,6 +64,11 @@ def test_titles_of_another_column_name_nothing() -> None:
     assert found == [TEXT, NEITHER, TEXT]
 
 
+def test_a_summary_is_a_section_like_others() -> None:
+    """The word is a weak cue of an abstract, and a sure title."""
+    assert sections(zone("Summary", 100), zone(PROSE, 200)) == [TEXT, TEXT]
+
+
 def test_titles_in_other_languages() -> None:
     german = (
         "Die Verfahren, die wir hier beschreiben, sind nicht neu, aber sie werden von den meisten "
