@@ -7,8 +7,11 @@ import pytest
 
 from services.layout.graph.layout_graph import DERIVED_FEATURES, build_graph
 from services.layout.graph.section_features import SECTION_FEATURES, measure_sections
+from services.layout.learning.statistics_update import update_statistics
 from services.layout.model.compiled_model import content_scale_name
-from services.layout.model.layout_model import LayoutModel
+from services.layout.model.layout_model import LayoutModel, ModelNode
+from services.layout.model.learning_model import begin_learning
+from services.layout.model.statistics import LabelledGraph
 from services.layout.page import Box, Page, Zone
 from services.layout.pipeline import VersionedModel, content_features, initialize_model, recognize
 
@@ -133,48 +136,65 @@ def test_only_the_title_above_tells_the_abstract_from_the_text() -> None:
     model = initialize_model("class", [sample(100 + 10 * n, both if n % 2 else both[::-1]) for n in range(6)])
     for asked in (both, both[::-1]):
         true = sample(125, asked)
-        seen = recognize(
-            replace(true, zones=tuple(replace(each, label=None) for each in true.zones)),
-            [VersionedModel(model, 1)],
-        )
+        seen = recognize(unlabelled(true), [VersionedModel(model, 1)])
         assert [each.label for each in seen.zones] == [each.label for each in true.zones]
 
 
-def without_sections(model: LayoutModel) -> LayoutModel:
-    """The model as it was stored before graphs had sections."""
-    names = {content_scale_name(name) for name in SECTION_FEATURES}
-    nodes = tuple(
-        replace(
-            node,
-            content={name: value for name, value in node.content.items() if name not in SECTION_FEATURES},
+def unlabelled(labelled: Page) -> Page:
+    return replace(labelled, zones=tuple(replace(each, label=None) for each in labelled.zones))
+
+
+def without(model: LayoutModel, cues: tuple[str, ...] = ()) -> LayoutModel:
+    """The model as it was stored before graphs had sections; without the content features `cues`, too."""
+    left_out = {*SECTION_FEATURES, *cues}
+    scales = {content_scale_name(name) for name in left_out}
+
+    def kept(node: ModelNode) -> ModelNode:
+        return replace(
+            node, content={name: each for name, each in node.content.items() if name not in left_out}
         )
-        for node in model.nodes
+
+    stored = model.statistics
+    assert stored is not None
+    sums = tuple(
+        replace(node, content={name: each for name, each in node.content.items() if name not in left_out})
+        for node in stored.nodes
     )
     return replace(
-        model, nodes=nodes, scales={name: value for name, value in model.scales.items() if name not in names}
+        model,
+        nodes=tuple(map(kept, model.nodes)),
+        scales={name: each for name, each in model.scales.items() if name not in scales},
+        statistics=replace(stored, nodes=sums),
     )
 
 
 def test_a_model_without_sections_gives_them_no_cost() -> None:
-    true = sample(100, ("Abstract", "1 Introduction"))
-    old = without_sections(initialize_model("class", [true]))
-    asked = replace(true, zones=tuple(replace(each, label=None) for each in true.zones))
-    moved = replace(
+    """The cost of a page is the same whatever the titles are, where the model knows neither them nor sections."""
+    asked = unlabelled(sample(100, ("Abstract", "1 Introduction")))
+    cues = ("abstract", "heading")
+    old = without(initialize_model("class", [sample(100, ("Abstract", "1 Introduction"))]), cues)
+    blank = replace(
         asked,
         zones=tuple(
-            replace(each, content={**each.content, "abstract": 0.0, "heading": 0.0}) for each in asked.zones
+            replace(each, content={**each.content, **dict.fromkeys(cues, 0.0)}) for each in asked.zones
         ),
     )
-    kept = {name for name in ("abstract", "heading")}
-    blind = replace(
-        old,
-        nodes=tuple(
-            replace(node, content={n: v for n, v in node.content.items() if n not in kept})
-            for node in old.nodes
-        ),
-    )
-    seen, other = (recognize(each, [VersionedModel(blind, 1)]) for each in (asked, moved))
-    assert seen.match is not None
-    assert other.match is not None
-    assert seen.match.cost == pytest.approx(other.match.cost)
-    assert set(SECTION_FEATURES) < set(DERIVED_FEATURES)
+    found = [recognize(each, [VersionedModel(old, 1)]).match for each in (asked, blank)]
+    assert found[0] is not None
+    assert found[1] is not None
+    assert found[0].cost == pytest.approx(found[1].cost)
+
+
+def test_a_model_without_sections_learns_them() -> None:
+    """From the next page that it is taught, without the pages before."""
+    titles = ("Abstract", "1 Introduction")
+    names = (*content_features().names, *DERIVED_FEATURES)
+    old = begin_learning(without(initialize_model("class", [sample(100, titles)])), names)
+    column = names.index("section:abstract")
+    assert np.isnan(old.model.content[:, column]).all()
+    taught = sample(110, titles)
+    graph = build_graph(taught, content_features().names)
+    learned = update_statistics(old, LabelledGraph(graph, tuple(each.label for each in taught.zones)))
+    expected = dict(zip(learned.labels, learned.model.content[:, column].tolist(), strict=True))
+    assert expected["abstract"] > 2 * expected["body"]
+    assert np.isnan(expected[None]), "no zone of the page was null"
