@@ -150,23 +150,41 @@ def regroup(
 ) -> Recognition:
     """A recognition of the zones of `fine`, regrouped as the model of the page's class explains them best.
 
-    Zones are first cut and joined where that changes labels (`regroup_page`), then pieces with one label are put
-    together. The class stays. So does a page that fits no model.
+    Zones are first cut and joined where that changes labels (`regroup_page`). Then pieces with one label are put
+    together; what is whole now is labelled again, and pieces that only then have one label follow. The class stays. So
+    does a page that fits no model.
     """
     if seen.chosen is None:
         return seen
     features = features or content_features()
+    parameters = parameters or RecognitionParameters()
     best = next(each for each in models if each.model.name == seen.chosen.name)
     lines = compose_with_lines(fine)[1]
     page, lines = regroup_page(fine, seen.page, lines, best.model, features)
     if page is not seen.page:
-        seen = relabelled(seen, page, best, features.names, parameters or RecognitionParameters())
-    joining = {node.label: node.joining for node in best.model.nodes if node.label is not None}
+        seen = relabelled(seen, page, best, features.names, parameters)
+    joined, lines = _join_pieces(fine, seen, lines, best, features)
+    if joined is seen:
+        return seen
+    seen = relabelled(joined, joined.page, best, features.names, parameters)
+    return _join_pieces(fine, seen, lines, best, features)[0]
+
+
+def _join_pieces(
+    fine: FinePage,
+    seen: Recognition,
+    lines: tuple[tuple[int, ...], ...],
+    model: VersionedModel,
+    features: ContentFeatures,
+) -> tuple[Recognition, tuple[tuple[int, ...], ...]]:
+    """The recognition with pieces of one zone put together, and the lines of its zones; the same where none are."""
+    joining = {node.label: node.joining for node in model.model.nodes if node.label is not None}
     groups = find_groups(seen.zones, seen.page, joining)
     if len(groups) == len(seen.page.zones):
-        return seen
+        return seen, lines
     page, ordered = join_page(fine, seen.page, lines, groups)
-    return join_recognition(seen, features.measure_page(page), ordered)
+    own = tuple(tuple(line for place in group for line in lines[place]) for group in ordered)
+    return join_recognition(seen, features.measure_page(page), ordered), own
 
 
 def _gray(image: RgbImage) -> GrayImage:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from services.contract.layout_models import MOST_COMPARED_SAMPLES
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.matching import MatchingParameters, match_directly
-from services.layout.model.compiled_model import CompiledModel, default_scales
+from services.layout.model.compiled_model import CompiledModel, comparable_scales
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
@@ -54,7 +54,7 @@ class ClassSamples:
     def model(self, statistics: LabelStatistics | None = None) -> CompiledModel:
         """The model of all samples, or of those in `statistics`, with the default weights, which all classes share."""
         total = self.total if statistics is None else statistics
-        return estimate_model(total, self.labels, default_scales(self.content_names))
+        return estimate_model(total, self.labels, comparable_scales(self.content_names))
 
 
 def gather_samples(

@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from services.layout.graph.layout_graph import LayoutGraph
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, robust_difference
-from services.layout.model.compiled_model import default_scales
+from services.layout.model.compiled_model import comparable_scales
 from services.layout.model.cost import USUAL_CONTENT
 
 SPREAD_OF_DIFFERENCE = 3.0
@@ -68,7 +68,7 @@ def zone_evidence(one: LayoutGraph, other: LayoutGraph) -> NDArray[np.float64]:
         middle = (x + y) / 2
         evidence += robust_difference(middle, means, variances / 2)
         evidence -= robust_difference(middle, means, variances + spreads / 2)
-    scales = default_scales(one.content_names)
+    scales = comparable_scales(one.content_names)
     attributes, features = np.split(scales, [len(NUMERIC_ATTRIBUTES)])
     numeric = np.nan_to_num(evidence) @ attributes
     content = _content_evidence(one, other) @ features[: len(one.content_names)]

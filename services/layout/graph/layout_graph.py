@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.layout.graph.edge_attributes import RELATIONS, measure_pairs, pair_zones
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, describe_zones
+from services.layout.graph.section_features import SECTION_FEATURES, measure_sections
 from services.layout.page import Page
 
 MOST_NEIGHBOURS = 40
@@ -15,6 +16,9 @@ MOST_NEIGHBOURS = 40
 
 KIND_FEATURES = {"kind:rule": "rule", "kind:noise": "noise"}
 """Content features from the kind of a zone: rules and noise, which mostly have no label."""
+
+DERIVED_FEATURES = (*SECTION_FEATURES, *KIND_FEATURES)
+"""Features that every graph has after those of its zones' content; a model made without one gives it no cost."""
 
 RELATION_OFFSETS = np.concatenate([[0], np.cumsum([len(relation.descriptors) for relation in RELATIONS])])
 """Index of the first descriptor of each relation in an array of the descriptors of all relations."""
@@ -25,7 +29,7 @@ class LayoutGraph:
     """The graph of a page with N zones.
 
     `numeric` (N, A) in the order of `NUMERIC_ATTRIBUTES`, NaN where unknown; `content` (N, C) confidences of the
-    features `content_names`, the last ones being `KIND_FEATURES`, the others NaN on a page that was not read;
+    features `content_names`, the last ones being `DERIVED_FEATURES`, all but the kinds NaN on a page that was not read;
     `pairs` (E, 2) of (upper, lower) zones; `relations` (E, R) descriptors in the order of `RELATIONS`.
     """
 
@@ -60,6 +64,7 @@ def build_graph(
     content = np.array(
         [[zone.content.get(name, 0.0) for name in content_names] for zone in page.zones], dtype=np.float64
     ).reshape(len(page.zones), len(content_names))
+    content = np.hstack([content, measure_sections(page, measures.boxes)])
     if not any(zone.content or zone.text for zone in page.zones):
         content[:] = np.nan
     kinds = np.array(
@@ -69,5 +74,5 @@ def build_graph(
     pair_measures = measure_pairs(measures, pairs)
     relations = np.stack([relation.measure(pair_measures) for relation in RELATIONS], axis=1)
     return LayoutGraph(
-        numeric, np.hstack([content, kinds]), (*content_names, *KIND_FEATURES), pairs, relations
+        numeric, np.hstack([content, kinds]), (*content_names, *DERIVED_FEATURES), pairs, relations
     )

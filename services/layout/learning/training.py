@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from services.contract.layout_learning import Learner, TrainingReport
 from services.layout.content.content_features import ContentFeatures
-from services.layout.graph.layout_graph import KIND_FEATURES
+from services.layout.graph.layout_graph import DERIVED_FEATURES
 from services.layout.learning.initialization import begin_calibrated, begin_model, labels_of, make_views
 from services.layout.learning.rounds import run_rounds
 from services.layout.model.layout_model import LayoutModel
@@ -60,7 +60,7 @@ def train_in_rounds(
     def begin(indices: Sequence[int]) -> LearningModel:
         if has_all:
             return begin_model(model.name, [seen[index] for index in indices], labels)
-        return begin_learning(model, (*content.names, *KIND_FEATURES))
+        return begin_learning(model, (*content.names, *DERIVED_FEATURES))
 
     pages = [[view.labelled for view in views] for views in seen]
     trained, training = run_rounds(begin, pages, rounds, learner, report=report, hold_out=has_all)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import KIND_FEATURES, RELATION_OFFSETS
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.graph.section_features import SECTION_FEATURES
 from services.layout.model.layout_model import LayoutModel
 
 CONTENT_SCALE = 0.6
@@ -74,6 +75,17 @@ def default_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
             COUNT_SCALE,
         ]
     )
+
+
+def comparable_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
+    """The weights by which classes, and pages without labels, are compared: the default ones, without sections.
+
+    Most zones of any publication lie under a title, so sections tell labels of one class apart, not classes. With them
+    a page of a withheld class passed for another one more often (1.3 to 2.5 % of 308 pages).
+    """
+    names = scale_names(content_names)
+    left_out = [content_scale_name(name) for name in SECTION_FEATURES]
+    return np.where(np.isin(names, left_out), 0.0, default_scales(content_names))
 
 
 _COMPILED: WeakKeyDictionary[LayoutModel, tuple[tuple[str, ...], CompiledModel]] = WeakKeyDictionary()

@@ -18,7 +18,7 @@ from services.layout.matching import (
     match_in_two_steps,
 )
 from services.layout.matching.cost_tables import CostTables, Matching
-from services.layout.model.compiled_model import CompiledModel, compile_model, default_scales
+from services.layout.model.compiled_model import CompiledModel, comparable_scales, compile_model
 from services.layout.model.cost import build_cost_tables, explain_cost, labelling_cost
 from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
@@ -180,7 +180,7 @@ def match_graph(
 
 def comparable_cost(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp]) -> float:
     """Cost of a labelling by the usual weights, which are the same for all models."""
-    return sum(labelling_cost(graph, model, labels, default_scales(graph.content_names)))
+    return sum(labelling_cost(graph, model, labels, comparable_scales(graph.content_names)))
 
 
 def _graph_for(page: Page, models: Sequence[VersionedModel], content_names: tuple[str, ...]) -> LayoutGraph:

@@ -164,7 +164,7 @@ def test_a_page_is_read_in_even_light() -> None:
     np.testing.assert_array_equal(engine.seen, inverse)
 
 
-def test_pieces_are_put_together_and_class_and_labels_stay() -> None:
+def test_pieces_are_put_together_and_the_class_stays() -> None:
     """A model joins labels that it has learned to come in pieces, and no others."""
     page = memo_page(np.random.default_rng(1000))
     seen, fine = read_fine_page(rgb(page), TruthfulEngine(page))
@@ -178,7 +178,9 @@ def test_pieces_are_put_together_and_class_and_labels_stay() -> None:
     apart, joined = (regroup(fine, first, taught(value)) for value in (-20.0, 20.0))
     assert apart.page == first.page
     assert len(joined.page.zones) < len(first.page.zones)
-    assert joined.chosen == first.chosen
+    assert joined.chosen is not None
+    assert joined.match is not None
+    assert joined.chosen == replace(first.chosen, cost=joined.match.cost), "what is whole was labelled again"
     assert len(joined.zones) == len(joined.page.zones)
     for found in (first, joined):
         assert [each.zone.id for each in found.zones] == [zone.id for zone in found.page.zones]
@@ -191,7 +193,6 @@ def test_pieces_are_put_together_and_class_and_labels_stay() -> None:
             and each.zone.box[3] >= zone.zone.box[3]
             for each in joined.zones
         )
-    assert joined.match is not None
     assert set(joined.match.backbone.values()) <= {zone.id for zone in joined.page.zones}
     unknown = replace(first, chosen=None)
     assert regroup(fine, unknown, taught(20.0)) is unknown

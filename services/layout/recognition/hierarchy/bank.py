@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import RELATION_OFFSETS, LayoutGraph
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, Values
-from services.layout.model.compiled_model import CompiledModel, default_scales
+from services.layout.model.compiled_model import CompiledModel, comparable_scales
 from services.layout.model.cost import COLUMNS_BY_COST, content_cost, relation_weight
 
 Floats = NDArray[np.float32]
@@ -61,7 +61,7 @@ class ModelBank:
         self._variances = np.concatenate([model.variances for model in models]).astype(np.float32)
         content = np.concatenate([model.content for model in models])
         label_costs = np.concatenate([model.label_costs for model in models])
-        usual = np.tile(default_scales(content_names), (len(models), 1))
+        usual = np.tile(comparable_scales(content_names), (len(models), 1))
         own = np.stack([model.scales for model in models])
         learned = np.concatenate([model.weights for model in models])
         self._own, self._usual = (

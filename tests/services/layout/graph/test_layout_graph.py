@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.layout.graph.edge_attributes import RELATIONS
-from services.layout.graph.layout_graph import KIND_FEATURES, RELATION_OFFSETS, LayoutGraph, build_graph
+from services.layout.graph.layout_graph import (
+    DERIVED_FEATURES,
+    KIND_FEATURES,
+    RELATION_OFFSETS,
+    LayoutGraph,
+    build_graph,
+)
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.page import KINDS, Page, Zone
 from tests.services.layout.samples import MAKERS, labelled_page, page_of, permuted, scaled
@@ -79,16 +85,17 @@ def test_equal_boxes_are_told_apart_by_their_order_alone() -> None:
 
 def test_content_is_unknown_only_where_nothing_was_read() -> None:
     graph = build_graph(page_of((0, 0, 9, 9), (0, 20, 9, 29)), NAMES)
-    assert graph.content_names == (*NAMES, *KIND_FEATURES)
-    assert np.isnan(graph.content[:, :2]).all()
-    assert (graph.content[:, 2:] == 0).all(), "kinds are known without reading"
+    assert graph.content_names == (*NAMES, *DERIVED_FEATURES)
+    kinds = len(KIND_FEATURES)
+    assert np.isnan(graph.content[:, :-kinds]).all()
+    assert (graph.content[:, -kinds:] == 0).all(), "kinds are known without reading"
     read = Page(100, 100, (Zone("a", (0, 0, 9, 9), content={"date": 0.7}), Zone("b", (0, 20, 9, 29))))
     np.testing.assert_array_equal(build_graph(read, NAMES).content[:, :2], [[0.7, 0.0], [0.0, 0.0]])
 
 
 def test_kinds_of_zones_are_content() -> None:
     zones = tuple(Zone(kind, (0, k, 9, k + 1), kind=kind) for k, kind in enumerate(KINDS))
-    content = build_graph(Page(100, 100, zones), ()).content
+    content = build_graph(Page(100, 100, zones), ()).content[:, -len(KIND_FEATURES) :]
     assert content.tolist() == [[0, 0], [0, 0], [1, 0], [0, 1]]
     assert KINDS == ("text", "figure", "rule", "noise")
 
@@ -98,7 +105,7 @@ def test_shapes_of_pages_of_no_and_one_zone() -> None:
         graph = build_graph(page_of(*[(0.0, 0.0, 9.0, 9.0)] * zones), NAMES)
         assert graph.zones == zones
         assert graph.numeric.shape == (zones, len(NUMERIC_ATTRIBUTES))
-        assert graph.content.shape == (zones, 2 + len(KIND_FEATURES))
+        assert graph.content.shape == (zones, 2 + len(DERIVED_FEATURES))
         assert graph.relations.shape == (0, len(RELATIONS))
         assert graph.descriptor_indicators().shape == (0, RELATION_OFFSETS[-1])
 

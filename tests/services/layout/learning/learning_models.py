@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 
-from services.layout.graph.layout_graph import KIND_FEATURES, build_graph
+from services.layout.graph.layout_graph import DERIVED_FEATURES, build_graph
 from services.layout.model.learning_model import LearningModel, begin_learning
 from services.layout.model.statistics import LabelledGraph, label_indices
 from services.layout.pipeline import content_features
 from tests.services.layout.samples import FIRST_UNSEEN, MAKERS, labelled_page, model_of
 
 NAMES = content_features().names
-ALL_NAMES = (*NAMES, *KIND_FEATURES)
+ALL_NAMES = (*NAMES, *DERIVED_FEATURES)
 
 
 def learning_model(document_class: str, samples: int = 2) -> LearningModel:

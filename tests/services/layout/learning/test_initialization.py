@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.layout.graph.layout_graph import KIND_FEATURES
+from services.layout.graph.layout_graph import DERIVED_FEATURES
 from services.layout.learning.initialization import initialize_model
 from services.layout.model.layout_model import LayoutModel
 from services.layout.model.model_document import model_from_document, model_to_document
@@ -33,7 +33,7 @@ def test_a_model_has_a_node_of_every_label(name: str) -> None:
     assert model.samples == 3
     assert sum(node.zones for node in model.nodes) == sum(len(page.zones) for page in pages)
     assert all(scale >= 0 for scale in model.scales.values())
-    assert set(model.nodes[1].content) == {*NAMES, *KIND_FEATURES}
+    assert set(model.nodes[1].content) == {*NAMES, *DERIVED_FEATURES}
     body = next(node for node in model.nodes if node.label == ("field" if name == "fax" else "body"))
     assert 0 < body.numeric["width"].value <= 1
     assert model_to_document(model_from_document(model_to_document(model))) == model_to_document(model)

@@ -5,9 +5,17 @@ from dataclasses import replace
 import numpy as np
 
 from services.layout.graph.edge_attributes import RELATIONS
-from services.layout.graph.layout_graph import RELATION_OFFSETS
+from services.layout.graph.layout_graph import DERIVED_FEATURES, RELATION_OFFSETS
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
-from services.layout.model.compiled_model import SUREST, compile_model, default_scales, scale_names
+from services.layout.graph.section_features import SECTION_FEATURES
+from services.layout.model.compiled_model import (
+    SUREST,
+    comparable_scales,
+    compile_model,
+    content_scale_name,
+    default_scales,
+    scale_names,
+)
 from services.layout.model.layout_model import (
     Calibration,
     LayoutModel,
@@ -73,3 +81,12 @@ def test_a_model_without_content_works_without_features() -> None:
     compiled = compile_model(replace(MODEL, edges=()), ())
     assert compiled.content.shape == (2, 0)
     assert not compiled.relations.any()
+
+
+def test_classes_are_compared_without_sections() -> None:
+    known = ("date", *DERIVED_FEATURES)
+    usual, compared = default_scales(known), comparable_scales(known)
+    differ = {
+        name for name, one, other in zip(scale_names(known), usual, compared, strict=True) if one != other
+    }
+    assert differ == {content_scale_name(name) for name in SECTION_FEATURES}

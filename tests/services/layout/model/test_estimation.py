@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from services.layout.graph.edge_attributes import RELATIONS
-from services.layout.graph.layout_graph import KIND_FEATURES, RELATION_OFFSETS, LayoutGraph
+from services.layout.graph.layout_graph import DERIVED_FEATURES, RELATION_OFFSETS, LayoutGraph
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.model.compiled_model import compile_model, default_scales
 from services.layout.model.estimation import EstimationParameters, estimate_model, name_parts
 from services.layout.model.layout_model import Calibration
 from services.layout.model.statistics import MOST_COUNTED, LabelledGraph, gather_statistics, total_statistics
 
-NAMES = ("date", *KIND_FEATURES)
+NAMES = ("date", *DERIVED_FEATURES)
 USUAL = np.array([attribute.spread**2 for attribute in NUMERIC_ATTRIBUTES])
 DATE = 0
 
@@ -29,7 +29,7 @@ def rows(*values: float) -> np.ndarray:
 
 
 def content(*date: float) -> np.ndarray:
-    return np.hstack([np.array(date)[:, None], np.zeros((len(date), len(KIND_FEATURES)))])
+    return np.hstack([np.array(date)[:, None], np.zeros((len(date), len(DERIVED_FEATURES)))])
 
 
 def estimated(graph: LayoutGraph, labels: tuple[str | None, ...], known: tuple[str | None, ...]):

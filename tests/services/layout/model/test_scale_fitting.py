@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import approx_fprime, minimize
 
 from services.layout.graph.edge_attributes import RELATIONS
-from services.layout.graph.layout_graph import KIND_FEATURES, LayoutGraph, build_graph
+from services.layout.graph.layout_graph import DERIVED_FEATURES, LayoutGraph, build_graph
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.matching import conditional_costs
 from services.layout.model.compiled_model import default_scales, scale_names
@@ -92,7 +92,7 @@ def test_a_strong_prior_keeps_the_usual_weights() -> None:
     np.testing.assert_allclose(near, usual, atol=1e-4)
 
 
-NAMES = tuple(KIND_FEATURES)
+NAMES = tuple(DERIVED_FEATURES)
 
 
 def page_with(rng: np.random.Generator) -> LabelledGraph:

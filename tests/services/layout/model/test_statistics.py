@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from services.layout.graph.layout_graph import RELATION_OFFSETS, build_graph
+from services.layout.graph.layout_graph import KIND_FEATURES, RELATION_OFFSETS, build_graph
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.model.statistics import (
     MOST_COUNTED,
@@ -58,9 +58,10 @@ def test_sums_of_one_page_by_hand() -> None:
 def test_a_page_that_was_not_read_tells_nothing_of_words() -> None:
     page = page_of((0, 0, 9, 9), (0, 20, 9, 29), label="body")
     found = gather_statistics(labelled(page), (None, "body"))
-    assert found.read[:, : len(NAMES)].sum() == 0
-    assert found.content[:, : len(NAMES)].sum() == 0
-    assert found.read[1, len(NAMES) :].tolist() == [2, 2], "kinds are seen without reading"
+    kinds = len(KIND_FEATURES)
+    assert found.read[:, :-kinds].sum() == 0
+    assert found.content[:, :-kinds].sum() == 0
+    assert found.read[1, -kinds:].tolist() == [2, 2], "kinds are seen without reading"
 
 
 def test_many_zones_of_a_label_count_as_the_most() -> None:

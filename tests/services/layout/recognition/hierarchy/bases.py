@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from services.layout.graph.layout_graph import KIND_FEATURES, LayoutGraph, build_graph
+from services.layout.graph.layout_graph import DERIVED_FEATURES, LayoutGraph, build_graph
 from services.layout.model.compiled_model import CompiledModel, compile_model
 from services.layout.model.layout_model import LayoutModel, ModelNode, NumericExpectation
 from services.layout.pipeline import content_features
@@ -13,7 +13,7 @@ from services.layout.recognition.hierarchy import Competitor
 from services.layout.recognition.page_recognition import VersionedModel
 from tests.services.layout.samples import MAKERS, labelled_page, model_of
 
-NAMES = (*content_features().names, *KIND_FEATURES)
+NAMES = (*content_features().names, *DERIVED_FEATURES)
 
 
 def publication(model: LayoutModel, seed: int, deviations: float = 2.0) -> LayoutModel:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.matching import MatchingParameters, match_directly
-from services.layout.model.compiled_model import CompiledModel, default_scales
+from services.layout.model.compiled_model import CompiledModel, comparable_scales
 from services.layout.model.cost import build_cost_tables, labelling_cost, node_terms
 from services.layout.model.layout_model import LayoutModel
 from services.layout.pipeline import content_features
@@ -20,12 +20,12 @@ from tests.services.layout.samples import MAKERS, model_of, page_of
 
 
 def alone(graph: LayoutGraph, model: CompiledModel) -> tuple[float, float]:
-    """Costs of one model by its own weights and by the usual ones."""
+    """Costs of one model by its own weights and by those that compare classes."""
     terms = node_terms(graph, model)
     labels = (terms @ model.scales[: terms.shape[2]]).argmin(axis=1)
     return (
         sum(labelling_cost(graph, model, labels, model.scales)),
-        sum(labelling_cost(graph, model, labels, default_scales(NAMES))),
+        sum(labelling_cost(graph, model, labels, comparable_scales(NAMES))),
     )
 
 
