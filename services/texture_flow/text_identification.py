@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import GrayImage, Mask, Points, Vector
+from services.imaging.components import label_components
 from services.imaging.row_bands import row_bands
 from services.robust import robust_scale
 
@@ -158,18 +159,15 @@ def identify_text(
     if region is not None:
         area &= region
     ink = binarize_niblack(gray, area, p.niblack_window * diagonal, p.niblack_k, p.ink_contrast)
-    count, found_labels, found_stats, centroids = cv2.connectedComponentsWithStats(
-        ink.astype(np.uint8), connectivity=8
-    )
-    label_image, stats = np.asarray(found_labels, np.int32), np.asarray(found_stats, np.int32)
-    kept = _select_characters(ink, label_image, stats, np.asarray(centroids, np.float64), p)
+    count, label_image, stats, centroids = label_components(ink)
+    kept = _select_characters(ink, label_image, stats, centroids, p)
     chosen = np.zeros(count, bool)
     chosen[kept] = True
     text_ink = chosen[label_image]
     found, taken = int(ink.sum()), int(text_ink.sum())
     components = TextComponents(
-        centroids[kept].astype(np.float64),
-        stats[kept, :4].astype(np.int32),
+        centroids[kept],
+        stats[kept, :4],
         _sizes(stats[kept]),
         kept.astype(np.int32),
     )
