@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from services.arrays import Floats, Mask, Points, RgbImage
-from services.imaging.reduction import reduce_image
+from services.imaging.reduction import Halves, reduce_image
 from services.robust import cauchy_weights, fit_reweighted, narrowing
 
 
@@ -158,15 +158,18 @@ def sharpen_corners(hull: Points, parameters: PaperParameters | None = None) -> 
     )
 
 
-def model_paper(photo: RgbImage, text_points: Points, parameters: PaperParameters | None = None) -> Paper:
+def model_paper(
+    photo: RgbImage | Halves, text_points: Points, parameters: PaperParameters | None = None
+) -> Paper:
     """Paper round `text_points` (N, 2) in `photo` (H, W, 3).
 
     The photo is reduced and freed of print by a closing. The paper's brightness is known at the text and
     continued from there, its hue is the text's median.
     """
     p = parameters or PaperParameters()
-    factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
-    small = reduce_image(photo, factor, least_side_px=8)
+    halves = Halves.of(photo)
+    factor = min(1.0, p.long_side_px / max(halves.image.shape[:2]))
+    small = reduce_image(halves, factor, least_side_px=8)
     size = (small.shape[1], small.shape[0])
     side = max(int(p.closing * max(size)) | 1, 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
