@@ -12,8 +12,9 @@ from services.arrays import Mask, Points
 class Components(NamedTuple):
     """Components of a mask (H, W), joined along sides and corners; number 0 is the ground.
 
-    There are `total` with the ground. `labels` (H, W) is the number of the component of each pixel. Of each number, `stats` (N, 5) has left, top, width,
-    height and area, as OpenCV's `CC_STAT_...`, and `centres` (N, 2) the mean (x, y) of its pixels.
+    There are `total` with the ground. `labels` (H, W) is the number of the component of each pixel. Of each number,
+    `stats` (N, 5) has left, top, width, height and area, as OpenCV's `CC_STAT_...`, and `centres` (N, 2) the mean
+    (x, y) of its pixels.
     """
 
     total: int
