@@ -20,7 +20,6 @@ from services.imaging.row_bands import row_bands
 from services.texture_flow.field import FlowField, FlowSamples, doubled_difference
 from services.texture_flow.regression import reject_outliers, smooth_samples
 
-
 LIKELY_SHARE = 0.5
 """Edges that are weaker than this share of what is strong in the first bands are not kept ..."""
 ENOUGH_SHARE = 0.03
@@ -122,8 +121,8 @@ def _strong_edges(
 ) -> tuple[list[_Edges] | None, float]:
     """Edges of all bands that may be strong, and the least gradient of a strong one.
 
-    After the first bands, edges below `likely_share` of what is strong in these are not kept. None if strong ones may be
-    among them.
+    After the first bands, edges below `likely_share` of what is strong in these are not kept. None if strong ones may
+    be among them.
     """
     taps = np.arange(-4, 5, dtype=np.float64)
     smooth = np.exp(-0.5 * (taps / p.derivative_sigma_px) ** 2)

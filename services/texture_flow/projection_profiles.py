@@ -53,7 +53,7 @@ def scan_directions(
 def _deviations(values: NDArray[np.float32]) -> Vector:
     """Standard deviations (N,) of rows (N, M)."""
     rest = values - values.mean(axis=1, keepdims=True)
-    return np.sqrt(np.einsum("ij,ij->i", rest, rest) / values.shape[1])
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", rest, rest) / values.shape[1]))
 
 
 def sample_windows(
