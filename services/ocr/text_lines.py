@@ -240,9 +240,9 @@ def _lines_along_rows(
     slope = np.bincount(label, dx * dy, count) / np.maximum(np.bincount(label, dx * dx, count), 1e-9)
     residual = dy - slope[label] * dx
     edges = np.zeros((count, 4))
-    for column, values, extreme in ((0, dx, np.minimum), (1, residual, np.minimum), (2, dx, np.maximum)):
-        extreme.at(edges[:, column], label, values)
-    np.maximum.at(edges[:, 3], label, residual)
+    for column, values in ((0, dx), (1, residual)):
+        np.minimum.at(edges[:, column], label, values)
+        np.maximum.at(edges[:, column + 2], label, values)
     width, height = edges[:, 2] - edges[:, 0] + 1, edges[:, 3] - edges[:, 1] + 1
     fill = n / (width * height)
     low, high = (limit * height_px for limit in parameters.height_range)
