@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
+from services.imaging.channels import mean_of_channels
 from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
 from services.imaging.paper import Paper, PaperParameters
 from services.imaging.reduction import Halves, reduce_image
@@ -229,9 +230,7 @@ def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoicePara
     factor = min(1.0, p.long_side_px / max(text.size))
     small = reduce_image(photo, factor, least_side_px=8)
     size = (small.shape[1], small.shape[0])
-    # A sum along three values is slow in numpy.
-    red, green, blue = cv2.split(small.astype(np.float32))
-    brightness = np.log((red + green + blue) / np.float32(3) + p.black)
+    brightness = np.log(mean_of_channels(small.astype(np.float32)) + p.black)
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
     found = []
     for slope in p.slopes:

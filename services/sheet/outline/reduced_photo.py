@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.imaging.channels import length_of_channels
 from services.imaging.reduction import Halves
 
 
@@ -103,7 +104,7 @@ def _edge_contrast(colors: NDArray[Any], window: tuple[int, int, int, int], p: R
     x0, y0, x1, y1 = window
     shown = np.asarray(cv2.blur(colors[y0 : y1 + 1, x0 : x1 + 1], (3, 3)))
     steps = [shown[3:, :-3] - shown[:-3, :-3], shown[:-3, 3:] - shown[:-3, :-3]]
-    difference = np.maximum(*(np.linalg.norm(step, axis=2) for step in steps))
+    difference = np.maximum(*(length_of_channels(step) for step in steps))
     return float(np.clip(p.unrest_factor * np.percentile(difference, p.unrest_percentile), *p.contrast))
 
 
