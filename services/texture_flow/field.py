@@ -16,15 +16,6 @@ def angle_difference(a: Vector, b: Vector | float) -> Vector:
     return np.asarray((a - b + np.pi / 2) % np.pi - np.pi / 2)
 
 
-def doubled_difference(a: Floats, b: Floats) -> Vector:
-    """Difference (N,) of the directions a - b, given as cosines and sines (N, 2) of doubled angles of any length.
-
-    One arc tangent in place of three takes the place of `angle_difference` where there are many points.
-    """
-    (a_cos, a_sin), (b_cos, b_sin) = a.T, b.T
-    return np.asarray(0.5 * np.arctan2(a_sin * b_cos - a_cos * b_sin, a_cos * b_cos + a_sin * b_sin))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class FlowSamples:
     """Directions measured at points: `points` (N, 2) px, `angles` (N,) rad modulo pi, `weights` (N,) 0-1."""
@@ -67,13 +58,9 @@ class FlowField:
 
     def at(self, points: Points) -> Vector:
         """Direction at `points` (N, 2), rad in [-pi/2, pi/2), bilinear between nodes, constant beyond them."""
-        value = self.doubled_at(points)
-        return np.asarray(0.5 * np.arctan2(value[:, 1], value[:, 0]))
-
-    def doubled_at(self, points: Points) -> Floats:
-        """As `at`, but cosine and sine of the doubled direction (N, 2), which are shorter than 1 between nodes."""
         table = TabulatedValues(self.doubled, self.origin, self.spacing_px)
-        return table.at(points, border=cv2.BORDER_REPLICATE)
+        value = table.at(points, border=cv2.BORDER_REPLICATE)
+        return np.asarray(0.5 * np.arctan2(value[:, 1], value[:, 0]))
 
 
 def resize_field(field: FlowField, factor: float) -> FlowField:

@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter
 
 from services.arrays import Floats, GrayImage, Mask, Vector
 from services.imaging.row_bands import row_bands
-from services.texture_flow.field import FlowField, FlowSamples, doubled_difference
+from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.regression import reject_outliers, smooth_samples
 
 LIKELY_SHARE = 0.5
@@ -55,19 +55,11 @@ class MinorFlowParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrokeEdges:
-    """Edge pixels that cross the major flow.
-
-    `points` (E, 2); `doubled` (E, 2), cosine and sine of the tangent's doubled angle; `strengths` (E,).
-    """
+    """Edge pixels that cross the major flow: `points` (E, 2), tangent `angles` (E,) rad, `strengths` (E,)."""
 
     points: NDArray[np.float32]
-    doubled: NDArray[np.float32]
+    angles: NDArray[np.float32]
     strengths: NDArray[np.float32]
-
-    @property
-    def angles(self) -> Vector:
-        """Direction (E,) of the tangent, rad in [-pi/2, pi/2]."""
-        return np.asarray(0.5 * np.arctan2(self.doubled[:, 1], self.doubled[:, 0]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,13 +99,10 @@ def detect_stroke_edges(
     at, gx, gy, strengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
     y, x = np.divmod(at, gray.shape[1])
     points = np.stack([x, y], axis=1, dtype=np.float32)
-    # The tangent (-g_y, g_x) is perpendicular to the gradient.
-    doubled = np.stack([gy * gy - gx * gx, -2 * gx * gy], axis=1) / (strengths * strengths)[:, None]
-    flow = major.doubled_at(points)
-    cosine = np.einsum("ij,ij->i", doubled, flow)
-    length = np.sqrt(np.einsum("ij,ij->i", flow, flow))
-    clear = np.flatnonzero(cosine < np.cos(2 * p.crossing_rad) * length)
-    return StrokeEdges(points[clear], doubled[clear], strengths[clear])
+    # The tangent is perpendicular to the gradient.
+    angles = np.arctan2(gx, -gy)
+    clear = np.flatnonzero(np.abs(angle_difference(angles, major.at(points))) > p.crossing_rad)
+    return StrokeEdges(points[clear], angles[clear].astype(np.float32), strengths[clear])
 
 
 def _strong_edges(
@@ -225,8 +214,8 @@ def estimate_minor_flow(
     alive = population >= p.min_edges
     if not alive.any():
         return None
-    # From the perpendicular of the major flow, whose doubled angle is turned by pi.
-    deviation = doubled_difference(edges.doubled, -major.doubled_at(edges.points))
+    perpendicular = major.at(edges.points) + np.pi / 2
+    deviation = angle_difference(edges.angles, perpendicular)
     curves, directions = strength_curves(
         which, count, deviation, edges.strengths, np.pi / 2, p.coarse_bin_rad
     )
@@ -238,7 +227,7 @@ def estimate_minor_flow(
     samples = reject_outliers(samples, 1.5 * sigma, shape, 3 * p.outlier_rad)
     field = smooth_samples(samples, shape, block, 1.5 * sigma)
     for _ in range(2):
-        deviation = doubled_difference(edges.doubled, field.doubled_at(edges.points))
+        deviation = angle_difference(edges.angles, field.at(edges.points))
         curves, directions = strength_curves(
             which, count, deviation, edges.strengths, p.fine_range_rad, p.fine_bin_rad
         )

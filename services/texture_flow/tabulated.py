@@ -27,7 +27,8 @@ class TabulatedValues:
         width = min(count, _REMAP_WIDTH)
         where = np.zeros((2, -(-count // width) * width), np.float32)
         for axis in (0, 1):
-            where[axis, :count] = (np.asarray(points)[:, axis] - self.origin[axis]) / self.spacing
+            place = np.asarray(points)[:, axis].astype(np.float64)
+            where[axis, :count] = (place - self.origin[axis]) / self.spacing
         x, y = where.reshape(2, -1, width)
         found = cv2.remap(self.values.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=border)
         return np.asarray(found.reshape(-1, *self.values.shape[2:])[:count], np.float64)
