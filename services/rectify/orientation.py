@@ -60,8 +60,6 @@ class OrientationParameters:
     """Of Tesseract's script detection, wrong at up to 4 on print, and at up to 11.5 on mirrored print."""
     detection_long_side_px: int = 1600
     crop_height_px: int = 36
-    crop_length: float = 17.0
-    """Longest crop in heights of its line: some 30 letters tell a direction, and reading takes as long as the crop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,8 +210,7 @@ class _LineReader:
     def _read(self, index: int, way: _Way) -> tuple[float, float]:
         """Weighted number of letters in one crop, and their confidence."""
         if (index, way) not in self._readings:
-            p = self._parameters
-            crop = cut_line(self._page, self._order[index], self._inverted, p.crop_height_px, p.crop_length)
+            crop = cut_line(self._page, self._order[index], self._inverted, self._parameters.crop_height_px)
             # From the axis's frame back to the page's, and on to the candidate's.
             crop = np.rot90(crop, self.turn_deg // 90)
             crop = apply_orientation(crop, Orientation(way.rotation_deg, way.mirrored, None))
