@@ -17,30 +17,31 @@ def halve(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 class Halves:
-    """An image, its half, the half of that and so on by area averages, each made when it is first asked for.
+    """An image, its half, the half of that and so on by area averages; from the quarter on, each is made once.
 
-    Several steps reduce the same photo: a half of 12 megapixels takes 5 ms.
+    Several steps reduce the same photo: a half of 12 megapixels takes 5 ms. The half itself is not kept: its 9 MB would
+    add to the peak of the whole work.
     """
 
     def __init__(self, image: NDArray[np.uint8]) -> None:
         """`image` is (H, W) or (H, W, 3)."""
-        self._levels = [image]
+        self.image = image
+        self._quarters: list[NDArray[np.uint8]] = []
 
     @classmethod
     def of(cls, image: "NDArray[np.uint8] | Halves") -> "Halves":
         """Those of `image`, which may be known already."""
         return image if isinstance(image, Halves) else cls(image)
 
-    @property
-    def image(self) -> NDArray[np.uint8]:
-        """The whole image."""
-        return self._levels[0]
-
     def halved(self, times: int) -> NDArray[np.uint8]:
         """The image after `times` halvings, without odd last rows and columns."""
-        while len(self._levels) <= times:
-            self._levels.append(halve(self._levels[-1]))
-        return self._levels[times]
+        if times < 2:
+            return halve(self.image) if times else self.image
+        if not self._quarters:
+            self._quarters.append(halve(halve(self.image)))
+        while len(self._quarters) < times - 1:
+            self._quarters.append(halve(self._quarters[-1]))
+        return self._quarters[times - 2]
 
 
 def reduce_image(
@@ -56,9 +57,10 @@ def reduce_image(
     seen = halves.image
     if factor >= 1.0:
         return seen
-    while 2 * factor <= _LEFT_AFTER_HALVES and min(seen.shape[:2]) >= 2 * least_side_px:
-        times, factor = times + 1, 2 * factor
-        seen = halves.halved(times)
+    least = min(seen.shape[:2])
+    while 2 * factor <= _LEFT_AFTER_HALVES and least >= 2 * least_side_px:
+        times, factor, least = times + 1, 2 * factor, least // 2
+    seen = halves.halved(times)
     height, width = (max(round(side * factor), least_side_px) for side in seen.shape[:2])
     if (height, width) == seen.shape[:2]:
         return seen

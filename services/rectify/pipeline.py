@@ -212,8 +212,7 @@ def find_page(
     """
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
-    outline: SheetOutline | None = None
-    sought, halves = False, Halves(photo)
+    outline, sought, halves = None, False, Halves(photo)
     try:
         analysis = analyse_photo(halves, parameters.region, clock=clock)
         release_freed_memory()

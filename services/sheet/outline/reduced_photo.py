@@ -111,7 +111,7 @@ def _edge_contrast(colors: NDArray[Any], window: tuple[int, int, int, int], p: R
 def _halved(halves: Halves, long_side_px: int) -> tuple[RgbImage, float]:
     """The first of the `halves` whose long side is at most `long_side_px`, and its factor."""
     times = 0
-    while max(halves.halved(times).shape[:2]) > long_side_px:
+    while max(halves.image.shape[:2]) >> times > long_side_px:
         times += 1
     return halves.halved(times), 0.5**times
 
