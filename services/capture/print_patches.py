@@ -66,23 +66,24 @@ def measure_patches(
     stacked = cv2.GaussianBlur(raw.reshape(count * side, side), (0, 0), p.smoothing_px)
     inner = slice(margin, side - margin)
     smooth = np.asarray(stacked, np.float32).reshape(count, side, side)[:, inner, inner]
-    dark, light = np.percentile(smooth.reshape(count, -1), p.levels, axis=1)
+    ordered = np.sort(smooth.reshape(count, -1), axis=1)
+    dark, light = (percentile_of_sorted(ordered, level) for level in p.levels)
     step = light - dark
     contrasts = step / np.maximum(light, 1.0)
     across = np.diff(smooth, axis=2)[:, :-1]
     down = np.diff(smooth, axis=1)[:, :, :-1]
-    slope = np.hypot(across, down).reshape(count, -1)
-    steepest = np.percentile(slope, p.steepest_percentile, axis=1)
+    slope = np.sqrt(across * across + down * down).reshape(count, -1)
+    steepest = percentile_of_sorted(np.sort(slope, axis=1), p.steepest_percentile)
     seen = (step > p.least_step) & (steepest > 0)
     blurs = np.full(count, np.nan)
     blurs[seen] = _blur_of(steepest[seen] / step[seen], p)
     if not seen.any():
         return PatchFigures(blurs, contrasts, float("nan"), 0.0)
-    angle = np.arctan2(down[seen], across[seen]).reshape(int(seen.sum()), -1) % np.pi
-    worst = _worst_blur(slope[seen] / step[seen, None], angle, p)
+    bins = _directions(across[seen].ravel(), down[seen].ravel(), p.directions)
+    worst = _worst_blur((slope[seen] / step[seen, None]).ravel(), bins, p)
     rest = (raw[:, inner, inner] - smooth)[seen]
-    lightness = (smooth[seen] - dark[seen, None, None]) / step[seen, None, None]
-    paper = np.abs(rest[lightness > p.paper])
+    lightest = (dark + p.paper * step)[seen, None, None]
+    paper = np.abs(rest[smooth[seen] > lightest])
     # The blur takes this share of white noise out of a pixel; the rest is what remains in the difference.
     kept = np.sqrt(1 - 2 * _centre(p.smoothing_px) + 1 / (4 * np.pi * p.smoothing_px**2))
     noise = 1.4826 * float(np.median(paper)) / kept if paper.size else 0.0
@@ -113,17 +114,42 @@ def _blur_of(steepness: Vector, p: PatchParameters) -> Vector:
     return np.asarray(np.sqrt(np.maximum(sigma**2 - p.smoothing_px**2, 0.0)))
 
 
-def _worst_blur(slope: Vector, angle: Vector, p: PatchParameters) -> float:
-    """Blur (px) in the direction of the least steep edges, from gradients (N, K) with directions (N, K)."""
-    strong = slope > p.edge * float(np.percentile(slope, p.direction_percentile))
-    bins = np.floor(angle / np.pi * p.directions + 0.5).astype(int) % p.directions
+def percentile_of_sorted(ordered: Patches | Vector, percent: float) -> Vector:
+    """Percentile (...) of values (..., K) in ascending order, linear between them as `np.percentile`'s.
+
+    Sorting rows of single precision takes a fifth of the time of partitioning them.
+    """
+    place = percent / 100 * (ordered.shape[-1] - 1)
+    below = int(place)
+    low, high = ordered[..., below], ordered[..., min(below + 1, ordered.shape[-1] - 1)]
+    return np.asarray(low + (high - low) * np.float32(place - below))
+
+
+def _directions(across: Vector, down: Vector, count: int) -> NDArray[np.int8]:
+    """Number (E,) of the direction of gradients, of `count` over a half turn; the first one's middle is across."""
+    turn = np.where(down < 0, np.float32(-1), np.float32(1))
+    across, down = across * turn, down * turn
+    number = np.zeros(len(across), np.int8)
+    for border in (np.arange(count) + 0.5) * np.pi / count:
+        number += down * np.float32(np.cos(border)) >= across * np.float32(np.sin(border))
+    return np.asarray(number % np.int8(count), np.int8)
+
+
+def _worst_blur(slope: Vector, bins: NDArray[np.int8], p: PatchParameters) -> float:
+    """Blur (px) in the direction of the least steep edges, from gradients (E,) with the numbers (E,) of directions."""
+
+    def count_above(ordered: Vector, level: float) -> int:
+        return len(ordered) - int(np.searchsorted(ordered, level, side="right"))
+
+    ordered = np.sort(slope)
+    strong = count_above(ordered, p.edge * float(percentile_of_sorted(ordered, p.direction_percentile)))
     # A direction in which all edges are blurred has no strong gradients, so each has a scale of its own.
     steepest = []
     for number in range(p.directions):
-        own = slope[bins == number]
+        own = np.sort(slope[bins == number])
         if own.size == 0:
             continue
-        top = float(np.percentile(own, p.direction_percentile))
-        if (own > p.edge * top).sum() > p.least_share * strong.sum():
-            steepest.append(float(np.percentile(own[own > p.edge * top], p.steepest_edge_percentile)))
+        edges = count_above(own, p.edge * float(percentile_of_sorted(own, p.direction_percentile)))
+        if edges > p.least_share * strong:
+            steepest.append(float(percentile_of_sorted(own[len(own) - edges :], p.steepest_edge_percentile)))
     return float(_blur_of(np.array([min(steepest)]), p)[0]) if steepest else float("nan")

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from services.arrays import Floats, Mask, Points, RgbImage
-from services.imaging.reduction import reduce_image
+from services.imaging.channels import length_of_channels, mean_of_channels
+from services.imaging.reduction import Halves, reduce_image
 from services.robust import cauchy_weights, fit_reweighted, narrowing
 
 
@@ -158,24 +159,27 @@ def sharpen_corners(hull: Points, parameters: PaperParameters | None = None) -> 
     )
 
 
-def model_paper(photo: RgbImage, text_points: Points, parameters: PaperParameters | None = None) -> Paper:
+def model_paper(
+    photo: RgbImage | Halves, text_points: Points, parameters: PaperParameters | None = None
+) -> Paper:
     """Paper round `text_points` (N, 2) in `photo` (H, W, 3).
 
     The photo is reduced and freed of print by a closing. The paper's brightness is known at the text and
     continued from there, its hue is the text's median.
     """
     p = parameters or PaperParameters()
-    factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
-    small = reduce_image(photo, factor, least_side_px=8)
+    halves = Halves.of(photo)
+    factor = min(1.0, p.long_side_px / max(halves.image.shape[:2]))
+    small = reduce_image(halves, factor, least_side_px=8)
     size = (small.shape[1], small.shape[0])
     side = max(int(p.closing * max(size)) | 1, 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     blank = cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5)
     at = np.clip(np.round((text_points + 0.5) * factor - 0.5).astype(int), 0, [size[0] - 1, size[1] - 1])
     lab = cv2.cvtColor(blank, cv2.COLOR_RGB2LAB).astype(np.float64)
-    log_brightness = np.log(blank.astype(np.float64).mean(axis=2) + 1.0)
+    log_brightness = np.log(mean_of_channels(blank.astype(np.float64)) + 1.0)
     hue = np.median(lab[at[:, 1], at[:, 0], 1:], axis=0)
-    chroma = np.asarray(np.linalg.norm(lab[..., 1:] - hue, axis=2))
+    chroma = length_of_channels(lab[..., 1:] - hue)
     contrast = log_brightness - continue_smoothly(log_brightness, at)
     on_paper = (np.abs(contrast[at[:, 1], at[:, 0]]) < p.text_contrast) & (
         chroma[at[:, 1], at[:, 0]] < p.text_chroma
@@ -210,5 +214,8 @@ def continue_smoothly(values: Floats, at: NDArray[np.int_]) -> Floats:
     c = fit_reweighted(
         design, value, cauchy_weights, narrowing(0.3, 0.6, 0.08), 8, start=level, damping=damping
     )
-    x, y = np.meshgrid(np.arange(columns, dtype=np.float64), np.arange(rows, dtype=np.float64))
-    return np.asarray(terms(x, y) @ c)
+    # Row by column: the products over the whole image are two.
+    x, y = np.arange(columns, dtype=np.float64), np.arange(rows, dtype=np.float64)
+    across, down = terms(x, np.full_like(x, rows / 2)) @ c, terms(np.full_like(y, columns / 2), y) @ c
+    u, v = (x - columns / 2) / unit, (y - rows / 2) / unit
+    return np.asarray(across + (down - c[0])[:, None] + np.multiply.outer(c[4] * v, u))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.imaging.channels import mean_of_channels
 from services.imaging.long_edges import LongEdgeParameters, find_long_edges
 
 UPRIGHT = LongEdgeParameters()
@@ -102,7 +103,7 @@ def find_sheet_edges(
     text = text_points[np.isfinite(text_points).all(axis=1)]
     if len(text) < p.min_characters:
         return SheetEdges()
-    brightness = np.log(view.astype(np.float32).mean(axis=2) + p.black)
+    brightness = np.log(mean_of_channels(view.astype(np.float32)) + p.black)
     shown = np.ones((height, width), bool) if seen is None else seen
     low = np.percentile(text, p.outliers, axis=0) - text_height_px
     high = np.percentile(text, 100 - p.outliers, axis=0) + text_height_px

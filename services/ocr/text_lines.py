@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage
+from services.imaging.components import label_components
 from services.imaging.illumination import flatten_illumination
 
 _CROP_MARGIN = 0.2
@@ -170,9 +171,9 @@ class _Components:
 
 
 def _measure_components(ink: NDArray[np.uint8]) -> _Components:
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(ink, connectivity=8)
+    _, labels, stats, _ = label_components(ink)
     columns = (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT, cv2.CC_STAT_AREA)
-    return _Components(np.asarray(labels, dtype=np.int32), *(stats[:, c].astype(np.float64) for c in columns))
+    return _Components(labels, *(stats[:, c].astype(np.float64) for c in columns))
 
 
 def _text_heights(components: _Components, parameters: TextLineParameters) -> list[float]:
@@ -239,9 +240,9 @@ def _lines_along_rows(
     slope = np.bincount(label, dx * dy, count) / np.maximum(np.bincount(label, dx * dx, count), 1e-9)
     residual = dy - slope[label] * dx
     edges = np.zeros((count, 4))
-    for column, values, extreme in ((0, dx, np.minimum), (1, residual, np.minimum), (2, dx, np.maximum)):
-        extreme.at(edges[:, column], label, values)
-    np.maximum.at(edges[:, 3], label, residual)
+    for column, values in ((0, dx), (1, residual)):
+        np.minimum.at(edges[:, column], label, values)
+        np.maximum.at(edges[:, column + 2], label, values)
     width, height = edges[:, 2] - edges[:, 0] + 1, edges[:, 3] - edges[:, 1] + 1
     fill = n / (width * height)
     low, high = (limit * height_px for limit in parameters.height_range)

@@ -11,7 +11,7 @@ from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import Paper, model_paper
-from services.imaging.reduction import reduce_image
+from services.imaging.reduction import Halves, reduce_image
 from services.rectify.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
 from services.sheet.evidence import PageEvidence
@@ -115,7 +115,7 @@ def region_mask(region: tuple[tuple[float, float], ...], shape: tuple[int, int],
 
 
 def analyse_photo(
-    photo: RgbImage,
+    photo: RgbImage | Halves,
     region: tuple[tuple[float, float], ...] | None = None,
     parameters: AnalysisParameters | None = None,
     clock: StageClock | None = None,
@@ -147,7 +147,7 @@ def analyse_photo(
 
 
 def analyse_spread(
-    photo: RgbImage,
+    photo: RgbImage | Halves,
     region: tuple[tuple[float, float], ...] | None = None,
     parameters: AnalysisParameters | None = None,
     clock: StageClock | None = None,
@@ -163,7 +163,7 @@ def analyse_spread(
 
 
 def _analyse(
-    photo: RgbImage,
+    photo: RgbImage | Halves,
     region: tuple[tuple[float, float], ...] | None,
     parameters: AnalysisParameters | None,
     clock: StageClock | None,
@@ -177,7 +177,8 @@ def _analyse(
     # The steps expect dark print on light paper; in the negative, light print on dark paper is that.
     for negative in (False, True):
         try:
-            seen = np.asarray(255 - photo, np.uint8) if negative else photo
+            halves = Halves.of(photo)
+            seen = Halves(np.asarray(255 - halves.image, np.uint8)) if negative else halves
             found.append(_analyse_dark_print(seen, region, p, clock, is_spread=is_spread))
         except NoText as refusal:
             refusals.append(refusal)
@@ -210,7 +211,7 @@ class FoundText:
 
 
 def _analyse_dark_print(
-    photo: RgbImage,
+    photo: RgbImage | Halves,
     region: tuple[tuple[float, float], ...] | None,
     p: AnalysisParameters,
     clock: StageClock,
@@ -299,7 +300,7 @@ def _analysis_of(
 
 
 def find_text(
-    photo: RgbImage,
+    photo: RgbImage | Halves,
     region: tuple[tuple[float, float], ...] | None = None,
     parameters: AnalysisParameters | None = None,
 ) -> FoundText:
@@ -311,14 +312,15 @@ def find_text(
         When there are too few characters.
     """
     p = parameters or AnalysisParameters()
-    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+    halves = Halves.of(photo)
+    gray = np.asarray(cv2.cvtColor(halves.image, cv2.COLOR_RGB2GRAY), np.uint8)
     factor = min(1.0, p.long_side_px / max(gray.shape))
     reduced = flatten_illumination(reduce_image(gray, factor))
     guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
     text = identify_text(reduced, guide)
     paper = None
     if len(text.components.sizes) >= p.min_components:
-        paper = model_paper(photo, characters_in_photo(text, factor))
+        paper = model_paper(halves, characters_in_photo(text, factor))
         on_paper = paper.holds(characters_in_photo(text, factor))
         # Print on many grounds (posters, boxes) is not clutter: at most a minority is dropped.
         text = keep_characters(text, on_paper) if on_paper.mean() > 0.6 else text

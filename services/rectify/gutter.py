@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
+from services.imaging.channels import mean_of_channels
 from services.imaging.reduction import reduce_image
 from services.robust import cauchy_weights, fit_reweighted
 from services.texture_flow.field import FlowSamples, angle_difference
@@ -178,7 +179,7 @@ def find_gutter(
         return None
     widest = max(high - low for _, low, high in found)
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
-    small = reduce_image(photo, factor, least_side_px=8).astype(np.float32).mean(axis=2)
+    small = mean_of_channels(reduce_image(photo, factor, least_side_px=8).astype(np.float32))
     brightness = np.asarray(np.log(small + p.black), np.float32)
     gutters = []
     for slope, low, high in found:

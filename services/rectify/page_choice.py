@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
+from services.imaging.channels import mean_of_channels
 from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
 from services.imaging.paper import Paper, PaperParameters
-from services.imaging.reduction import reduce_image
+from services.imaging.reduction import Halves, reduce_image
 from services.rectify.gutter import Gutter, direction_jump, find_gutter, row_gap
 from services.texture_flow.field import FlowSamples
 
@@ -120,7 +121,7 @@ class _Divide:
 
 
 def choose_page(
-    photo: RgbImage,
+    photo: RgbImage | Halves,
     characters: Points,
     text_height_px: float,
     major: FlowSamples,
@@ -155,13 +156,15 @@ def choose_page(
         Which characters are on which page, and the lines between the pages.
     """
     p = parameters or PageChoiceParameters()
-    text = _Text(characters, text_height_px, major, (photo.shape[1], photo.shape[0]))
+    halves = Halves.of(photo)
+    size = (halves.image.shape[1], halves.image.shape[0])
+    text = _Text(characters, text_height_px, major, size)
     direction = _reading_direction(major, minor)
-    divides = _divides(photo, text, direction, p)
+    divides = _divides(halves, text, direction, p)
     everything = np.ones(len(characters), bool)
     choice = _divide(everything, divides, text, paper, p)
     if is_spread and not choice.facing_page:
-        gutter = find_gutter(photo, characters, text_height_px, major, direction)
+        gutter = find_gutter(halves.image, characters, text_height_px, major, direction)
         choice = choice if gutter is None else _split(gutter, choice.kept, text, p)
     if choice.facing_page:
         # Characters beyond the facing page's own edges are not on it.
@@ -222,12 +225,12 @@ def _reading_direction(major: FlowSamples, minor: FlowSamples | None) -> float:
     return 0.5 * float(np.angle(doubled))
 
 
-def _divides(photo: RgbImage, text: _Text, direction_rad: float, p: PageChoiceParameters) -> list[_Divide]:
+def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoiceParameters) -> list[_Divide]:
     """Long edges across the text lines, near to which there are almost no characters."""
     factor = min(1.0, p.long_side_px / max(text.size))
     small = reduce_image(photo, factor, least_side_px=8)
     size = (small.shape[1], small.shape[0])
-    brightness = np.log(small.astype(np.float32).mean(axis=2) + p.black)
+    brightness = np.log(mean_of_channels(small.astype(np.float32)) + p.black)
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
     found = []
     for slope in p.slopes:

@@ -17,6 +17,7 @@ from services.geometry.vanishing_points import FlowVanishingPoints
 from services.heap import release_freed_memory
 from services.imaging.illumination import normalize_illumination
 from services.imaging.paper import certain_sheet
+from services.imaging.reduction import Halves
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
 from services.rectify.drawing import draw_flat_view, draw_gray_view
@@ -211,20 +212,19 @@ def find_page(
     """
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
-    outline: SheetOutline | None = None
-    sought = False
+    outline, sought, halves = None, False, Halves(photo)
     try:
-        analysis = analyse_photo(photo, parameters.region, clock=clock)
+        analysis = analyse_photo(halves, parameters.region, clock=clock)
         release_freed_memory()
         # The outline of an opened book is not that of a single page.
         if not analysis.facing_page and parameters.region is None:
             with clock.stage("outline"):
-                outline, sought = find_outline(photo, analysis.characters, analysis.text_height_px), True
+                outline, sought = find_outline(halves, analysis.characters, analysis.text_height_px), True
         return shape_page(analysis, view, prior, parameters, clock, outline)
     except NoText as refusal:
         if not sought:
             with clock.stage("outline"):
-                outline = find_outline(photo)
+                outline = find_outline(halves)
         with clock.stage("shape"):
             return find_textless_page(photo, outline, view, prior, refusal)
 

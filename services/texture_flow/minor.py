@@ -20,6 +20,11 @@ from services.imaging.row_bands import row_bands
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.regression import reject_outliers, smooth_samples
 
+LIKELY_SHARE = 0.5
+"""Edges that are weaker than this share of what is strong in the first bands are not kept ..."""
+ENOUGH_SHARE = 0.03
+"""... when these contain this share of the image, over `LIKELY_SHARE`, as text."""
+
 
 @dataclass(frozen=True, slots=True)
 class MinorFlowParameters:
@@ -73,7 +78,7 @@ class _Edges(NamedTuple):
     y: NDArray[np.float32]
     strength: NDArray[np.float32]
 
-    def take(self, which: NDArray[np.bool_] | slice) -> "_Edges":
+    def take(self, which: NDArray[np.intp]) -> "_Edges":
         return _Edges(self.at[which], self.x[which], self.y[which], self.strength[which])
 
 
@@ -82,12 +87,38 @@ def detect_stroke_edges(
 ) -> StrokeEdges:
     """Strong edges in the text `area` whose tangents differ enough from the major flow."""
     p = parameters
+    found, strong = _strong_edges(gray, area, p, LIKELY_SHARE)
+    if found is None:  # the first bands had far stronger edges than the others
+        found, strong = _strong_edges(gray, area, p, 0.0)
+    assert found is not None
+    kept = [np.flatnonzero(edges.strength > strong) for edges in found]
+    step, passed = sum(map(len, kept)) // p.max_edges + 1, 0
+    for k, edges in enumerate(found):
+        found[k] = edges.take(kept[k][-passed % step :: step])
+        passed += len(kept[k])
+    at, gx, gy, strengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    y, x = np.divmod(at, gray.shape[1])
+    points = np.stack([x, y], axis=1, dtype=np.float32)
+    # The tangent is perpendicular to the gradient.
+    angles = np.arctan2(gx, -gy)
+    clear = np.flatnonzero(np.abs(angle_difference(angles, major.at(points))) > p.crossing_rad)
+    return StrokeEdges(points[clear], angles[clear].astype(np.float32), strengths[clear])
+
+
+def _strong_edges(
+    gray: GrayImage, area: Mask, p: MinorFlowParameters, likely_share: float
+) -> tuple[list[_Edges] | None, float]:
+    """Edges of all bands that may be strong, and the least gradient of a strong one.
+
+    After the first bands, edges below `likely_share` of what is strong in these are not kept. None if strong ones may
+    be among them.
+    """
     taps = np.arange(-4, 5, dtype=np.float64)
     smooth = np.exp(-0.5 * (taps / p.derivative_sigma_px) ** 2)
     smooth /= smooth.sum()
     slope = taps * smooth / float((taps**2 * smooth).sum())
-    sampled, found = [np.zeros(0, np.float32)], list[_Edges]()
-    step, passed, width = max(int(area.sum()) // 100_000, 1), 0, gray.shape[1]
+    sampled, found = list[NDArray[np.float32]](), list[_Edges]()
+    step, passed, least, strong = max(int(area.sum()) // 100_000, 1), 0, p.edge_floor, 0.0
     for rows, seen, inner in row_bands(len(gray), len(taps) // 2):
         gx, gy = (
             np.asarray(cv2.sepFilter2D(gray[seen], cv2.CV_32F, *kernels), np.float32)[inner].ravel()
@@ -97,22 +128,18 @@ def detect_stroke_edges(
         inside = strength[within]
         sampled.append(inside[-passed % step :: step].copy())  # a view would keep all of them
         passed += inside.size
-        at = np.flatnonzero((strength > p.edge_floor) & within)
-        found.append(_Edges(at + rows.start * width, gx[at], gy[at], strength[at]))
+        at = np.flatnonzero((strength > least) & within)
+        found.append(_Edges(at + rows.start * gray.shape[1], gx[at], gy[at], strength[at]))
+        if least == p.edge_floor and likely_share * passed > ENOUGH_SHARE * area.size:
+            least = max(p.edge_floor, likely_share * _strong_gradient(sampled, p))
+    strong = _strong_gradient(sampled, p)
+    return (None if least > max(strong, p.edge_floor) else found), strong
+
+
+def _strong_gradient(sampled: list[NDArray[np.float32]], p: MinorFlowParameters) -> float:
+    """Least gradient of a strong edge among samples (E,) of several bands."""
     strengths = np.concatenate(sampled)
-    strong = p.edge_share * float(np.percentile(strengths, 99)) if strengths.size else 0.0
-    found = [edges.take(edges.strength > strong) for edges in found]
-    step, passed = sum(len(edges.at) for edges in found) // p.max_edges + 1, 0
-    for k, edges in enumerate(found):
-        found[k] = edges.take(slice(-passed % step, None, step))
-        passed += len(edges.at)
-    y, x = np.divmod(np.concatenate([edges.at for edges in found]), width)
-    points = np.stack([x, y], axis=1).astype(np.float32)
-    # The tangent is perpendicular to the gradient.
-    angles = np.concatenate([np.arctan2(edges.x, -edges.y) for edges in found])
-    clear = np.abs(angle_difference(angles, major.at(points))) > p.crossing_rad
-    strengths = np.concatenate([edges.strength for edges in found])
-    return StrokeEdges(points[clear], angles[clear].astype(np.float32), strengths[clear])
+    return p.edge_share * float(np.percentile(strengths, 99)) if strengths.size else 0.0
 
 
 def strength_curves(

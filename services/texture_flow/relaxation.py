@@ -67,16 +67,20 @@ def label_by_relaxation(candidates: Candidates, iterations: int, step: float) ->
     present = candidates.energies > 0
     top = candidates.energies.max(axis=-1, keepdims=True)
     confidence = np.where(present, candidates.energies / np.where(top > 0, top, 1.0), 0.0)
-    cos2, sin2 = np.cos(candidates.angles), np.sin(candidates.angles)
-    for _ in range(iterations):
-        support = np.zeros_like(confidence)
-        for down, right in NEIGHBOURS:
-            other = _shifted(confidence, down, right)
-            c, s = _shifted(cos2, down, right), _shifted(sin2, down, right)
-            compatibility = np.abs(
-                cos2[..., :, None] * c[..., None, :] + sin2[..., :, None] * s[..., None, :]
+    cos, sin = np.cos(candidates.angles), np.sin(candidates.angles)
+    compatibility = np.concatenate(
+        [
+            np.abs(
+                cos[..., :, None] * _shifted(cos, down, right)[..., None, :]
+                + sin[..., :, None] * _shifted(sin, down, right)[..., None, :]
             )
-            support += np.einsum("rckl,rcl->rck", compatibility, other)
+            for down, right in NEIGHBOURS
+        ],
+        axis=-1,
+    )
+    for _ in range(iterations):
+        others = np.concatenate([_shifted(confidence, down, right) for down, right in NEIGHBOURS], axis=-1)
+        support = (compatibility @ others[..., None])[..., 0]
         confidence = np.where(present, confidence + step * support * confidence, 0.0)
         total = confidence.sum(axis=-1, keepdims=True)
         confidence = confidence / np.where(total > 0, total, 1.0)

@@ -24,14 +24,11 @@ class TabulatedValues:
         count = len(points)
         if count == 0:
             return np.zeros((0, *self.values.shape[2:]))
-        where = ((np.asarray(points) - self.origin) / self.spacing).astype(np.float32)
         width = min(count, _REMAP_WIDTH)
-        where = np.pad(where, ((0, -count % width), (0, 0)), mode="edge").reshape(-1, width, 2)
-        found = cv2.remap(
-            self.values.astype(np.float32),
-            where[..., 0],
-            where[..., 1],
-            cv2.INTER_LINEAR,
-            borderMode=border,
-        )
+        where = np.zeros((2, -(-count // width) * width), np.float32)
+        for axis in (0, 1):
+            place = np.asarray(points)[:, axis].astype(np.float64)
+            where[axis, :count] = (place - self.origin[axis]) / self.spacing
+        x, y = where.reshape(2, -1, width)
+        found = cv2.remap(self.values.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=border)
         return np.asarray(found.reshape(-1, *self.values.shape[2:])[:count], np.float64)

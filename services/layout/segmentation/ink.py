@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage
+from services.imaging.components import label_components
 from services.imaging.illumination import flatten_illumination
 from services.layout.segmentation.parameters import SegmentationParameters
 
@@ -84,13 +85,13 @@ def _is_inverted(small: GrayImage) -> bool:
 
 def find_components(ink: Ink, parameters: SegmentationParameters) -> Components:
     """Components of two pixels and more, at most `most_components`: the largest then."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(ink.mask, connectivity=8)
+    count, labels, stats, _ = label_components(ink.mask)
     area = stats[:, cv2.CC_STAT_AREA]
     kept = np.flatnonzero(area > 2)
     kept = kept[kept > 0]
     if kept.size > parameters.most_components:
         kept = np.sort(kept[np.argsort(area[kept])[-parameters.most_components :]])
-    runs = _count_runs(np.asarray(labels, dtype=np.int32), count)
+    runs = _count_runs(labels, count)
     x, y = stats[kept, cv2.CC_STAT_LEFT], stats[kept, cv2.CC_STAT_TOP]
     w, h = stats[kept, cv2.CC_STAT_WIDTH], stats[kept, cv2.CC_STAT_HEIGHT]
     # Strokes of all directions: rows and columns cross a stroke of length l 4 l / pi times in the mean.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Mask
+from services.imaging.components import label_components
 from services.mosaic.composition.patch_drawing import Rectangle
 from services.mosaic.composition.sharpness import FloatMap, PatchMaps, compare_sharpness
 
@@ -113,8 +114,7 @@ def decide_words(
             todo = np.asarray(_thin(todo, text_height) & (ink > 255 * strength))
         kernel = np.ones((2 * _reach(down, text_height) + 1, 2 * _reach(across, text_height) + 1), np.uint8)
         mask = np.asarray(cv2.dilate(todo.astype(np.uint8), kernel), np.uint8)
-        count, found, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
-        components = np.asarray(found, np.int32)
+        count, components, stats, _ = label_components(mask)
         votes, shown = _votes(maps, components, count, cells, mask)
         held = np.where(shown == stats[:, cv2.CC_STAT_AREA][:, None], votes, -1)
         choice = held.argmax(axis=1)

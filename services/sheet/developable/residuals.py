@@ -160,16 +160,16 @@ class PageResiduals:
         """All observed points unrolled, and derivatives (N, 2, M) of the page points by all parameters."""
         surface = self.surface(x)
         at = surface.unroll(self.points - self.principal_point(x))
-        moved = vary_page(surface, at)
-        moved[:, :, :3] = moved[:, :, :3] @ (
-            self.rotation @ rotation_from_vector(x[:3]) @ _right_jacobian(x[:3])
-        )
-        moved = np.insert(moved, SLANT, 0.0, axis=2)
+        turn = self.rotation @ rotation_from_vector(x[:3]) @ _right_jacobian(x[:3])
+        moved = vary_page(surface, at, turn)
+        by_slant = np.zeros((len(moved), 2, 1))
+        parts = [moved[:, :, :SLANT], by_slant, moved[:, :, SLANT:]]
         if self.observed.principal_point:
             # The origin of the sheet keeps its place in the photo: points at its depth do not move.
             nearer = surface.focal / at.X[:, 2] - 1
-            moved = np.concatenate([moved, at.jacobians * nearer[:, None, None]], axis=2)
-        return at, moved
+            parts.append(at.jacobians * nearer[:, None, None])
+        # As in `vary_page` the points come last in memory.
+        return at, np.concatenate([part.transpose(2, 1, 0) for part in parts]).transpose(2, 1, 0)
 
     def parts(self, x: Vector) -> dict[str, Residual]:
         """Residuals of `major`, `minor`, `straight`, `spacing`, `margins`, `crossing` before any loss."""

@@ -170,13 +170,12 @@ class DevelopableSurface:
         """See `PageMap`. The sheet ends where its rulings cross, where it turns away, and behind the camera."""
         sheet = self.to_sheet(page)
         s, t = sheet.T
-        P, R = self.line_at(s)
-        X = P + t[:, None] * R
+        P, R, A = self._along(s)
+        X = P + t * R
         with np.errstate(divide="ignore", invalid="ignore"):
-            seen = self.focal * X[:, :2] / X[:, 2:]
-        facing = np.einsum("ij,ij->i", np.cross(self._direction_at(s), R), X)
+            seen = np.stack(list(self.focal * X[:2] / X[2]), axis=1)
         growth = 1 + t * self.slope_rate(s)
-        seen[(X[:, 2] <= 1e-6) | (growth < MIN_GROWTH) | (facing <= 0)] = np.nan
+        seen[(X[2] <= 1e-6) | (growth < MIN_GROWTH) | (dot(cross(A, R), X) <= 0)] = np.nan
         return np.asarray(seen)
 
     def to_page(self, centred: Points) -> Points:
@@ -194,49 +193,56 @@ class DevelopableSurface:
         moment P x R is the projected ruling. The root is bracketed among the nodes for all points at once, then
         found by Newton's method on the Hermite cubic between two nodes.
         """
-        d = np.column_stack([centred, np.full(len(centred), self.focal)])
+        x, y = np.ascontiguousarray(centred.T)
+        d = np.stack([x, y, np.full(len(centred), self.focal)])
         nodes = self.basis.nodes
         step = float(nodes[1] - nodes[0])
         front = slice(self.front[0], self.front[1] + 1)
-        P, A, R = self.P[front], self.A[front], self.R[front]
-        moment = np.cross(P, R)
-        rate = np.cross(A, R) + np.cross(P, self.slope_rate(nodes[front])[:, None] * A)
-        # Not `@`: BLAS is twenty times slower on an inner dimension of 3.
-        side = np.einsum("ij,jk->ik", d, np.ascontiguousarray(moment.T))
-        left = np.clip((side * np.sign(rate @ d.mean(axis=0)).mean() < 0).sum(axis=1) - 1, 0, len(P) - 2)
-        n = np.arange(len(d))
-        y0, y1 = side[n, left], side[n, left + 1]
-        m0, m1 = step * np.einsum("ij,ij->i", d, rate[left]), step * np.einsum("ij,ij->i", d, rate[left + 1])
-        x = y0 / _away_from_zero(y0 - y1)
+        P, A, R = (table[front].T for table in (self.P, self.A, self.R))
+        moment = cross(P, R)
+        rate = cross(A, R) + cross(P, self.slope_rate(nodes[front]) * A)
+        # Single precision is enough to find the interval: where the sign is unsure the root is at the node.
+        side = d.T.astype(np.float32) @ moment.astype(np.float32)
+        way = np.sign(d.mean(axis=1) @ rate).mean()
+        before = side < 0 if way > 0 else side > 0
+        left = np.clip(np.count_nonzero(before, axis=1) - (way != 0), 0, len(nodes[front]) - 2)
+        # Values and slopes of the moments at both nodes of the interval.
+        table = np.concatenate([moment, step * rate])
+        y0, m0 = dot(d, (here := table.take(left, axis=1))[:3]), dot(d, here[3:])
+        y1, m1 = dot(d, (next_ := table.take(left + 1, axis=1))[:3]), dot(d, next_[3:])
+        part = y0 / _away_from_zero(y0 - y1)
         c2, c3 = 3 * (y1 - y0) - 2 * m0 - m1, 2 * (y0 - y1) + m0 + m1
         for _ in range(3):
-            value = y0 + x * (m0 + x * (c2 + x * c3))
-            x = x - value / _away_from_zero(m0 + x * (2 * c2 + 3 * x * c3))
+            value = y0 + part * (m0 + part * (c2 + part * c3))
+            part = part - value / _away_from_zero(m0 + part * (2 * c2 + 3 * part * c3))
         # Beyond the table the last interval is continued; the surface is straight there.
-        s = nodes[front][left] + step * np.clip(x, -50.0, 50.0)
-        P, R = self.line_at(s)
-        dR, dP = np.cross(d, R), np.cross(d, P)
-        t = -np.einsum("ij,ij->i", dR, dP) / np.maximum(np.einsum("ij,ij->i", dR, dR), 1e-300)
-        X = P + t[:, None] * R
+        s = nodes[front][left] + step * np.clip(part, -50.0, 50.0)
+        P, R, A = self._along(s)
+        dR, dP = cross(d, R), cross(d, P)
+        t = -dot(dR, dP) / np.maximum(dot(dR, dR), 1e-300)
+        X = P + t * R
         grow = 1 + t * self.slope_rate(s)
-        A = self._direction_at(s)
         # d photo / d (s, t) = (f I | -x) (X_s X_t) / Z.
-        along, down = (
-            (self.focal * v[:, :2] - centred * v[:, 2:]) / X[:, 2:] for v in (grow[:, None] * A, R)
-        )
-        det = _away_from_zero(along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0])
+        scale, place = self.focal / X[2], d[:2] / X[2]
+        along, down = scale * R[:2], place * R[2]
+        along, down = grow * (scale * A[:2] - place * A[2]), along - down
+        det = _away_from_zero(along[0] * down[1] - along[1] * down[0])
         # d (a, b) = ((1 + t w', w), (0, 1)) d (s, t), then the turn by the skew.
         w = self.slope(s)
         c, e = np.cos(self.skew_rad), np.sin(self.skew_rad)
         u_s, u_t = c * grow / det, (c * w + e) / det
         v_s, v_t = -e * grow / det, (c - e * w) / det
-        J = np.empty((len(s), 2, 2))
-        J[:, 0, 0] = u_s * down[:, 1] - u_t * along[:, 1]
-        J[:, 0, 1] = u_t * along[:, 0] - u_s * down[:, 0]
-        J[:, 1, 0] = v_s * down[:, 1] - v_t * along[:, 1]
-        J[:, 1, 1] = v_t * along[:, 0] - v_s * down[:, 0]
+        J = np.stack(
+            [
+                u_s * down[1] - u_t * along[1],
+                u_t * along[0] - u_s * down[0],
+                v_s * down[1] - v_t * along[1],
+                v_t * along[0] - v_s * down[0],
+            ],
+            axis=1,
+        ).reshape(-1, 2, 2)
         sheet = np.stack([s, t], axis=1)
-        return Unrolled(centred, sheet, self.from_sheet(sheet), J, X, A, R)
+        return Unrolled(centred, sheet, self.from_sheet(sheet), J, X.T, A.T, R.T)
 
     def normals(self, centred: Points) -> Floats:
         """Unit normals (N, 3) at photo points (N, 2), camera frame, away from the viewer."""
@@ -247,35 +253,33 @@ class DevelopableSurface:
         N = np.stack([np.interp(s, self.basis.nodes, self.N[:, k]) for k in range(3)], axis=1)
         return np.asarray(N / np.linalg.norm(N, axis=1, keepdims=True))
 
-    def _span(self, s: Vector) -> tuple[Vector, Vector, float]:
+    def line_at(self, s: Vector) -> tuple[Floats, Floats]:
+        """P and R (N, 3 each) of the rulings at s, by Hermite's cubics: their derivatives are A and w' A."""
+        P, R, _ = self._along(s)
+        return P.T, R.T
+
+    def _along(self, s: Vector) -> tuple[Floats, Floats, Floats]:
+        """P, R and A (3, N each) at s: the rulings, and the direction of the a-axis, linear between the nodes.
+
+        Components come first, so that what has one value for each s is broadcast along memory.
+        """
         nodes = self.basis.nodes
         step = float(nodes[1] - nodes[0])
         left = np.clip(((s - nodes[0]) / step).astype(int), 0, len(nodes) - 2)
-        return left, (s - nodes[left]) / step, step
-
-    def line_at(self, s: Vector) -> tuple[Floats, Floats]:
-        """P and R (N, 3 each) of the rulings at s, by Hermite's cubics: their derivatives are A and w' A."""
-        left, x, step = self._span(s)
-        rate = self.slope_rate(self.basis.nodes)[:, None] * self.A
-        x = x[:, None]
+        x = (s - nodes[left]) / step
+        A = self.A.T
+        table = np.concatenate([self.P.T, self.R.T, A, self.slope_rate(nodes) * A])
+        here, there = table.take(left, axis=1), table.take(left + 1, axis=1)
         h1 = x * x * (3 - 2 * x)
         h2, h3 = step * x * (1 - x) ** 2, step * x * x * (x - 1)
-        before, after = np.flatnonzero(x[:, 0] < 0), np.flatnonzero(x[:, 0] > 1)
-
-        def between(value: Floats, slope: Floats) -> Floats:
-            a, b, m, n = value[left], value[left + 1], slope[left], slope[left + 1]
-            found = a + h1 * (b - a) + h2 * m + h3 * n
-            # Beyond the table the surface is straight.
-            found[before] = a[before] + x[before] * step * m[before]
-            found[after] = b[after] + (x[after] - 1) * step * n[after]
-            return np.asarray(found)
-
-        return between(self.P, self.A), between(self.R, rate)
-
-    def _direction_at(self, s: Vector) -> Floats:
-        left, x, _ = self._span(s)
-        x = np.clip(x, 0.0, 1.0)[:, None]
-        return np.asarray((1 - x) * self.A[left] + x * self.A[left + 1])
+        # The slopes of P and R are A and w' A.
+        found = here[:6] + h1 * (there[:6] - here[:6]) + h2 * here[6:] + h3 * there[6:]
+        # Beyond the table the surface is straight.
+        for out, end, far in ((x < 0, here, x), (x > 1, there, x - 1)):
+            if out.any():
+                found[:, out] = end[:6, out] + step * far[out] * end[6:, out]
+        inner = np.clip(x, 0.0, 1.0)
+        return found[:3], found[3:], (1 - inner) * here[6:9] + inner * there[6:9]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -293,6 +297,19 @@ class Unrolled:
     X: Floats
     A: Floats
     R: Floats
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Cross product (..., 3, N) of vectors whose components come first; numpy's own copies far more."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[..., j, :] * b[..., k, :], a[..., k, :] * b[..., j, :], out=out[..., i, :])
+    return out
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """Inner product (N,) of vectors (3, N) whose components come first."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 def _away_from_zero(value: Vector, least: float = 1e-9) -> Vector:

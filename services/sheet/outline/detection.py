@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from services.arrays import Points, RgbImage
+from services.imaging.reduction import Halves
 from services.sheet.outline.candidates import (
     Candidate,
     CandidateParameters,
@@ -61,7 +62,7 @@ class OutlineParameters:
 
 
 def find_outline(
-    photo: RgbImage,
+    photo: RgbImage | Halves,
     characters: Points | None = None,
     text_height_px: float | None = None,
     parameters: OutlineParameters | None = None,
@@ -76,9 +77,10 @@ def find_outline(
         Typical character size, photo pixels.
     """
     p = parameters or OutlineParameters()
-    if min(photo.shape[:2]) < 64:
+    halves = Halves.of(photo)
+    if min(halves.image.shape[:2]) < 64:
         return None
-    reduced = reduce_photo(photo, p.reduction)
+    reduced = reduce_photo(halves, p.reduction)
     candidates: list[Candidate] = []
     for print_places in (characters, None):
         place = place_print(reduced, print_places, p.print)
@@ -96,7 +98,7 @@ def find_outline(
     ]
     best: SheetOutline | None = None
     for candidate in distinct[: p.tried]:
-        outline = _measure(photo, reduced, candidate, p)
+        outline = _measure(halves.image, reduced, candidate, p)
         if outline is not None and (best is None or outline.confidence > best.confidence):
             best = outline
         if best is not None and best.confidence >= p.certain:

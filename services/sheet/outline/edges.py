@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
+from services.imaging.channels import length_of_channels
 from services.sheet.outline.paths import find_closed_paths, find_open_paths
 
 
@@ -131,8 +132,8 @@ def follow_edge(
     offsets = np.arange(-p.reach_px, p.reach_px + 0.5, 1.0)
     wide = np.arange(offsets[0] - 2, offsets[-1] + 2.5, 1.0)
     colors = _profiles(image, points, normals, wide, np.tile([-2.0, 0.0, 2.0], (count, 1)))
-    difference = np.linalg.norm(
-        0.5 * (colors[:, 3:-1] + colors[:, 4:]) - 0.5 * (colors[:, :-4] + colors[:, 1:-3]), axis=2
+    difference = length_of_channels(
+        0.5 * (colors[:, 3:-1] + colors[:, 4:]) - 0.5 * (colors[:, :-4] + colors[:, 1:-3])
     )
     strength = difference**2 / (difference**2 + p.contrast**2)
     at = points[:, None] + offsets[None, :, None] * normals[:, None]
@@ -229,7 +230,7 @@ def _measure(
     inner = (sums[:, inside - first + 1] - sums[:, inside - last]) / (last - first + 1)
     outer = (sums[:, inside + last + 1] - sums[:, inside + first]) / (last - first + 1)
     difference = outer - inner
-    contrast = np.linalg.norm(difference, axis=2)
+    contrast = length_of_channels(difference)
     blurred = np.asarray(cv2.sepFilter2D(colors, -1, np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16, np.ones(1)))
     slope = np.gradient(blurred, step, axis=1)[:, inside]
     along = np.einsum("nmk,nmk->nm", slope, difference) / np.maximum(contrast, 1e-6)

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from services.arrays import Floats, Mask, Points, Vector
+from services.imaging.components import label_components
 from services.sheet.outline.colors import color_codes, color_density
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
@@ -61,7 +62,7 @@ def place_print(reduced: ReducedPhoto, characters: Points | None, p: PrintParame
     radius = max(int(p.radius * max(height, width)), 1)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     mask = np.asarray(cv2.dilate(mask, kernel), np.uint8)
-    count, labels, _, _ = cv2.connectedComponentsWithStats(mask)
+    count, labels, _, _ = label_components(mask)
     held = np.bincount(labels[at[:, 1], at[:, 0]], minlength=count)
     large = held >= p.part * held.max()
     large[0] = False

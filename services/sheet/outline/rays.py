@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
+from services.imaging.channels import length_of_channels
 from services.sheet.outline.paths import find_closed_paths
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
@@ -145,6 +146,6 @@ def edge_strength(colors: Floats, contrast: float) -> Floats:
     wrapped = np.concatenate([colors[-2:], colors, colors[:2]])
     smooth = np.asarray(cv2.blur(wrapped, (2, 3), anchor=(0, 1)))[2 : rays + 2]
     difference = np.zeros(colors.shape[:2])
-    difference[:, 2:-2] = np.linalg.norm(smooth[:, 3:-1] - smooth[:, :-4], axis=2)
+    difference[:, 2:-2] = length_of_channels(smooth[:, 3:-1] - smooth[:, :-4])
     squared = difference**2
     return np.asarray(squared / (squared + contrast**2))

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
-from services.imaging.reduction import halve
+from services.imaging.channels import length_of_channels
+from services.imaging.reduction import Halves
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +73,15 @@ class ReducedPhoto:
         )
 
 
-def reduce_photo(photo: RgbImage, parameters: ReductionParameters | None = None) -> ReducedPhoto:
+def reduce_photo(photo: RgbImage | Halves, parameters: ReductionParameters | None = None) -> ReducedPhoto:
     """Reduce `photo` (H, W, 3) to the size at which its sheet is searched."""
     p = parameters or ReductionParameters()
-    medium, medium_factor = _halved(photo, p.medium_long_side_px)
-    factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
-    small, _ = _halved(medium, 2 * p.long_side_px)
-    small = _resized(small, round(photo.shape[1] * factor), round(photo.shape[0] * factor))
+    halves = Halves.of(photo)
+    height, width = halves.image.shape[:2]
+    medium, medium_factor = _halved(halves, p.medium_long_side_px)
+    factor = min(1.0, p.long_side_px / max(height, width))
+    small, _ = _halved(halves, 2 * p.long_side_px)
+    small = _resized(small, round(width * factor), round(height * factor))
     size = (small.shape[1], small.shape[0])
     x0, y0, x1, y1 = window = _without_bands(small, p)
     side = max(int(p.closing * max(size)) | 1, 3)
@@ -101,19 +104,16 @@ def _edge_contrast(colors: NDArray[Any], window: tuple[int, int, int, int], p: R
     x0, y0, x1, y1 = window
     shown = np.asarray(cv2.blur(colors[y0 : y1 + 1, x0 : x1 + 1], (3, 3)))
     steps = [shown[3:, :-3] - shown[:-3, :-3], shown[:-3, 3:] - shown[:-3, :-3]]
-    difference = np.maximum(*(np.linalg.norm(step, axis=2) for step in steps))
+    difference = np.maximum(*(length_of_channels(step) for step in steps))
     return float(np.clip(p.unrest_factor * np.percentile(difference, p.unrest_percentile), *p.contrast))
 
 
-def _halved(image: RgbImage, long_side_px: int) -> tuple[RgbImage, float]:
-    """`image` halved until its long side is at most `long_side_px`, and the factor.
-
-    An odd last row or column is left out.
-    """
-    factor = 1.0
-    while max(image.shape[:2]) > long_side_px:
-        image, factor = halve(image), factor / 2
-    return image, factor
+def _halved(halves: Halves, long_side_px: int) -> tuple[RgbImage, float]:
+    """The first of the `halves` whose long side is at most `long_side_px`, and its factor."""
+    times = 0
+    while max(halves.image.shape[:2]) >> times > long_side_px:
+        times += 1
+    return halves.halved(times), 0.5**times
 
 
 def _resized(image: RgbImage, width: int, height: int) -> RgbImage:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -10,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, Mask, Points, Vector
+from services.imaging.components import label_components
 from services.robust import geman_mcclure_weights
 
 EDGE_ROUNDS = 10
@@ -77,8 +77,7 @@ class CharacterRows:
 def chain_characters(ink: Mask, parameters: BaselineParameters | None = None) -> CharacterRows:
     """Characters of `ink` (H, W), chained from left to right into text lines."""
     p = parameters or BaselineParameters()
-    _, _, stats, _ = cv2.connectedComponentsWithStats(ink.astype(np.uint8), connectivity=8)
-    stats = stats[1:]
+    stats = label_components(ink).stats[1:]
     box = stats[:, :4].astype(np.float64)
     x0, y0, width, height = box.T
     unit = float(np.median(height[height > 3])) if (height > 3).any() else 0.0

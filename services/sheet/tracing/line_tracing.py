@@ -137,7 +137,8 @@ def trace_lines(
     seen = in_photo(points[:, :2])
     # A map may end with the text: what is traced beyond has no place in the photo.
     known = np.isfinite(seen).all(axis=1) & np.isfinite(page_map.to_page(seen)).all(axis=1)
-    known &= np.isfinite(page_map.jacobians(seen)).all(axis=(1, 2))
+    J = page_map.jacobians(seen)
+    known &= np.isfinite(J).all(axis=(1, 2))
     if not known.any():
         return NO_LINES
     seen, points, line = seen[known], points[known], line[known]
@@ -157,7 +158,7 @@ def trace_lines(
     centre = seen[np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1))][None]
     px_per_unit = flat.scale * float(np.sqrt(np.abs(np.linalg.det(page_map.jacobians(centre)[0]))))
     # Deviations are across the line in the photo: the local scale of the map converts them.
-    grow = np.linalg.norm(page_map.jacobians(seen)[:, 1], axis=1) * flat.scale
+    grow = np.linalg.norm(J[known, 1], axis=1) * flat.scale
     return LineObservations(
         seen,
         line,

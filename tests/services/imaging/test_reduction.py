@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.imaging.reduction import halve, reduce_image
+from services.imaging.reduction import Halves, halve, reduce_image
 
 
 @pytest.mark.parametrize("size", [(400, 300), (401, 303)])
@@ -44,3 +44,14 @@ def test_an_image_is_reduced_by_averages_and_never_enlarged() -> None:
     assert reduce_image(gray, 0.001).shape == (1, 1)
     assert reduce_image(gray, 0.001, least_side_px=8).shape == (8, 8)
     assert np.abs(float(reduce_image(gray, 0.3).mean()) - gray.mean()) < 2
+
+
+def test_halves_are_made_once_and_reduce_as_the_image_itself() -> None:
+    image = np.random.default_rng(2).integers(0, 255, (203, 301, 3), dtype=np.uint8)
+    halves = Halves(image)
+    assert halves.image is image
+    assert np.array_equal(halves.halved(2), halve(halve(image)))
+    assert halves.halved(2) is halves.halved(2)
+    assert Halves.of(halves) is halves
+    for factor in (0.9, 0.3, 0.11):
+        assert np.array_equal(reduce_image(halves, factor), reduce_image(image, factor))

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from services.texture_flow import minor
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.minor import (
     MinorFlowParameters,
@@ -188,3 +189,19 @@ def test_major_field_may_bend() -> None:
     assert flow is not None
     assert errors_deg(flow.samples.angles, np.pi / 2).max() < 0.3
     assert errors_deg(flow.field.at(points), np.pi / 2).max() < 0.3
+
+
+@pytest.mark.parametrize("order", [1, -1], ids=["strong edges first", "weak edges first"])
+def test_edges_do_not_depend_on_what_the_first_bands_show(
+    order: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bars = draw_bars(np.pi / 2, (900, 400)).astype(np.float64)
+    contrast = np.linspace(1.0, 0.08, 900)[::order, None]
+    gray = (255 - contrast * (255 - bars)).astype(np.uint8)
+    area = np.ones(gray.shape, bool)
+    found = detect_stroke_edges(gray, area, level_field(), MinorFlowParameters())
+    monkeypatch.setattr(minor, "LIKELY_SHARE", 0.0)
+    expected = detect_stroke_edges(gray, area, level_field(), MinorFlowParameters())
+    assert len(found.points) > 2000
+    for name in ("points", "angles", "strengths"):
+        assert np.array_equal(getattr(found, name), getattr(expected, name)), name

@@ -1,0 +1,31 @@
+"""Components of masks: against OpenCV's default algorithm, and against masks whose components are known."""
+
+import cv2
+import numpy as np
+import pytest
+
+from services.imaging.components import label_components
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_components_are_numbered_and_measured_as_by_the_default_algorithm(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    noise = cv2.GaussianBlur(rng.random(rng.integers(3, 300, 2)), (0, 0), rng.uniform(0.3, 2.0))
+    mask = noise > rng.uniform(0.45, 0.6)
+    count, labels, stats, centres = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    found = label_components(mask)
+    assert found.total == count
+    assert np.array_equal(found.labels, labels)
+    assert np.array_equal(found.stats, stats)
+    assert np.array_equal(found.centres, centres, equal_nan=True)
+
+
+def test_pixels_that_touch_at_corners_are_one_component() -> None:
+    mask = np.zeros((6, 8), bool)
+    mask[1, 1] = mask[2, 2] = True
+    mask[4, 5:7] = True
+    found = label_components(mask)
+    assert found.total == 3
+    assert found.labels[1, 1] == found.labels[2, 2] != found.labels[4, 5]
+    assert found.stats[found.labels[1, 1]].tolist() == [1, 1, 2, 2, 2]
+    assert found.centres[found.labels[4, 5]].tolist() == [5.5, 4.0]
