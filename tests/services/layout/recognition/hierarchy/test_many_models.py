@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from services.layout.matching.parameters import MatchingParameters
 from services.layout.pipeline import recognize
 from services.layout.recognition import page_recognition as recognition
 from services.layout.recognition.hierarchy.descent import MOST_CANDIDATES
@@ -16,8 +17,11 @@ from tests.services.layout.samples import MAKERS, labelled_page
 
 pytestmark = pytest.mark.pipeline
 
-FLAT = RecognitionParameters(most_candidates=1000)
-FEW = RecognitionParameters(most_candidates=4)
+UNHURRIED = MatchingParameters(max_ms=np.inf)
+"""Searches end by their steps alone; on a machine under load one had been stopped by its time."""
+USUAL = RecognitionParameters(matching=UNHURRIED)
+FLAT = RecognitionParameters(most_candidates=1000, matching=UNHURRIED)
+FEW = RecognitionParameters(most_candidates=4, matching=UNHURRIED)
 
 
 def same_labels(one: Recognition, other: Recognition) -> bool:
@@ -25,7 +29,7 @@ def same_labels(one: Recognition, other: Recognition) -> bool:
 
 
 @pytest.mark.parametrize("name", MAKERS)
-@pytest.mark.parametrize("parameters", [RecognitionParameters(), FEW])
+@pytest.mark.parametrize("parameters", [USUAL, FEW])
 def test_class_and_labels_are_those_of_the_whole_search(name: str, parameters: RecognitionParameters) -> None:
     models = base(5)
     page = labelled_page(name, 1000)
@@ -54,7 +58,7 @@ def test_few_models_are_all_searched_for() -> None:
     models = base(2)
     assert len(models) <= MOST_CANDIDATES
     page = labelled_page("fax", 1002)
-    found, flat = recognize(page, models), recognize(page, models, FLAT)
+    found, flat = recognize(page, models, USUAL), recognize(page, models, FLAT)
     assert replace(found, timings_ms={}) == replace(flat, timings_ms={})
 
 
@@ -75,7 +79,7 @@ def test_a_bounded_number_is_searched_for(monkeypatch: pytest.MonkeyPatch) -> No
 def test_the_order_of_many_models_changes_nothing() -> None:
     models, page = base(5), labelled_page("margin", 1004)
     order = np.random.default_rng(2).permutation(len(models))
-    found = recognize(page, models)
+    found = recognize(page, models, USUAL)
     other = recognize(page, [models[k] for k in order])
     assert found.classes[0].name == other.classes[0].name
     again = {each.name: each for each in other.classes}
@@ -89,18 +93,18 @@ def test_equal_models_share_the_probability() -> None:
     """More equal ones than may be candidates, or may be searched for thoroughly."""
     one = base(1)[0]
     models = [VersionedModel(replace(one.model, name=f"{k:02}"), 1) for k in range(20)]
-    found = recognize(labelled_page("letter", 1005), models)
+    found = recognize(labelled_page("letter", 1005), models, USUAL)
     assert found.match is not None
     assert {each.name for each in found.classes} == {each.model.name for each in models}
     assert found.classes[0].probability >= 1 / len(models) - 0.01
-    assert same_labels(found, recognize(labelled_page("letter", 1005), [one]))
+    assert same_labels(found, recognize(labelled_page("letter", 1005), [one], USUAL))
 
 
 def test_genres_that_users_name_change_no_answer() -> None:
     page = labelled_page("two-column", 1006)
     models = base(5)
     named = [replace(each, genre=each.model.name[0]) for each in models]
-    found, other = recognize(page, models), recognize(page, named)
+    found, other = recognize(page, models, USUAL), recognize(page, named, USUAL)
     assert found.chosen is not None
     assert other.chosen is not None
     assert found.chosen.name == other.chosen.name
@@ -112,7 +116,7 @@ def test_pages_of_no_class_get_the_same_answer(left_out: str) -> None:
     models = [each for each in base(5) if not each.model.name.startswith(left_out)]
     for seed in (1007, 1008):
         page = labelled_page(left_out, seed)
-        found, flat = recognize(page, models), recognize(page, models, FLAT)
+        found, flat = recognize(page, models, USUAL), recognize(page, models, FLAT)
         assert (found.chosen is None) == (flat.chosen is None)
         assert found.classes[0].name == flat.classes[0].name
         assert same_labels(found, flat)
