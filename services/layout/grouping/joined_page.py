@@ -8,6 +8,7 @@ from services.layout.grouping.piece_pairs import joined_box
 from services.layout.page import Page, Zone
 from services.layout.recognition.results import LabelledZone, Recognition
 from services.layout.segmentation import FinePage, text_zone
+from services.layout.segmentation.measures import order_by_rows
 from services.layout.segmentation.reading_order import reading_order
 
 
@@ -75,10 +76,8 @@ def _join(fine: FinePage, pieces: Sequence[Zone], lines: Sequence[Sequence[int]]
     box = pieces[0].box
     for piece in pieces[1:]:
         box = joined_box(box, piece.box)
-    rows = sorted(
-        (line for own in lines for line in own),
-        key=lambda line: (fine.lines[line].baseline, fine.boxes[line, 0]),
-    )
-    if not rows:
+    found = [line for own in lines for line in own]
+    if not found:
         return replace(pieces[0], box=box, kind="figure")
-    return replace(text_zone(fine, rows), box=box)
+    order = order_by_rows([fine.lines[line] for line in found], fine.boxes[found, 0].tolist())
+    return replace(text_zone(fine, [found[place] for place in order]), box=box)

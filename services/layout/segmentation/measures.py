@@ -1,6 +1,7 @@
 """Measures of a zone from its lines: font size, line spacing, weight, alignment."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,25 @@ def count_rows(lines: Sequence[Line]) -> int:
     return len(_row_steps(lines)) + 1
 
 
+def order_by_rows(lines: Sequence[Line], left: Sequence[float]) -> list[int]:
+    """Places of `lines`, whose left ends are `left`: row by row from the top, from left to right within a row."""
+    downwards = sorted(range(len(lines)), key=lambda place: lines[place].baseline)
+    least = _least_step(lines)
+    row_of, row = dict.fromkeys(downwards[:1], 0), 0
+    for above, place in pairwise(downwards):
+        row += lines[place].baseline - lines[above].baseline > least
+        row_of[place] = row
+    return sorted(downwards, key=lambda place: (row_of[place], left[place]))
+
+
 def _row_steps(lines: Sequence[Line]) -> NDArray[np.float64]:
     steps = np.diff(sorted(line.baseline for line in lines))
-    least = SAME_ROW * min(line.em for line in lines)
-    return np.asarray(steps[steps > least])
+    return np.asarray(steps[steps > _least_step(lines)])
+
+
+def _least_step(lines: Sequence[Line]) -> float:
+    """Least distance of the baselines of two rows, pixels of the working copy."""
+    return SAME_ROW * min(line.em for line in lines)
 
 
 def zone_weight(lines: Sequence[Line]) -> float:

@@ -1,5 +1,7 @@
 """The page of joined zones: boxes, lines, texts and words of all pieces, in reading order."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from services.layout.grouping.joined_page import join_page
 from services.layout.page import Page, Zone
 from services.layout.segmentation import FinePage, compose_with_lines, segment_finely
+from services.layout.segmentation.measures import order_by_rows
 from services.ocr.engine import Word
 
 LINES = ((60, "Acme and Sons"), (200, "Dear Ms Roe"), (340, "Yours truly"))
@@ -46,6 +49,14 @@ def test_lines_of_pieces_are_lines_of_their_zone(fine: FinePage) -> None:
     a, b = page.zones[first].box, page.zones[second].box
     assert zone.box == (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
     assert [each.id for each in joined.zones] == [f"z{number}" for number in range(1, len(joined.zones) + 1)]
+
+
+def test_a_caption_comes_before_its_value_that_stands_a_pixel_higher(fine: FinePage) -> None:
+    line = fine.lines[0]
+    value, caption, below = (
+        replace(line, baseline=baseline) for baseline in (100.0, 100.0 + 0.2 * line.em, 100.0 + 1.4 * line.em)
+    )
+    assert order_by_rows([value, below, caption], [300.0, 50.0, 80.0]) == [2, 0, 1]
 
 
 def test_a_picture_joined_with_text_is_text_in_the_box_of_both(fine: FinePage) -> None:
