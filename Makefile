@@ -179,10 +179,12 @@ chromium:
 	$(call install_packages, chromium,The tests with a real browser are left out.)
 
 # The programs that make and check TypeScript types, and axe-core, which checks the accessibility of the page.
+# By itself npm tries for a quarter of an hour where its registry does not answer.
 TYPESCRIPT := tests/end_to_end
+NPM_CI := npm ci --silent --no-audit --no-fund --fetch-retries=1 --fetch-retry-mintimeout=1000 --fetch-timeout=30000
 typescript:
 	@[ -x $(TYPESCRIPT)/node_modules/.bin/openapi-typescript ] && [ -f $(TYPESCRIPT)/node_modules/axe-core/axe.min.js ] && exit 0; \
-	command -v npm >/dev/null && npm ci --silent --no-audit --no-fund --prefix $(TYPESCRIPT) >/dev/null 2>&1 || \
+	command -v npm >/dev/null && $(NPM_CI) --prefix $(TYPESCRIPT) >/dev/null 2>&1 || \
 		echo 'openapi-typescript and axe-core could not be installed (they need npm). Tests of TypeScript types and accessibility are left out.' >&2
 
 python: system-packages
