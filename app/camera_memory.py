@@ -16,8 +16,10 @@ from services.contract.cameras import CameraMemory
 log = logging.getLogger(__name__)
 
 
-async def known_cameras(store: LayoutStore, caller: Caller) -> tuple[CameraMemory, ...]:
-    """Cameras of the caller; none while the store is not available."""
+async def known_cameras(store: LayoutStore, caller: Caller, *, is_enabled: bool) -> tuple[CameraMemory, ...]:
+    """Cameras of the caller; none where the memory is not enabled, or the store is not available."""
+    if not is_enabled:
+        return ()
     try:
         found = await store.call(lambda opened: opened.cameras(caller.name))
     except StoreError as error:

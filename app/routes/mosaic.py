@@ -60,7 +60,7 @@ async def mosaic(
     photo_limits = replace(settings.image_limits, max_bytes=settings.max_mosaic_upload_bytes)
 
     async def work(progress: ProgressSink | None) -> Response:
-        cameras = await known_cameras(state.store, caller) if settings.camera_memory else ()
+        cameras = await known_cameras(state.store, caller, is_enabled=settings.camera_memory)
         reply = await state.engine.submit(
             state.operations.mosaic,
             form.images,

@@ -81,7 +81,7 @@ async def rectify(
     time_limit = await document_time_limit(form.image, settings)
 
     async def work(progress: ProgressSink | None) -> Response:
-        cameras = await known_cameras(state.store, caller) if settings.camera_memory else ()
+        cameras = await known_cameras(state.store, caller, is_enabled=settings.camera_memory)
         reply = await state.engine.submit(
             state.operations.rectify,
             form.image,

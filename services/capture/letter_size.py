@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
+from services.imaging.node_grid import take_values
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +75,7 @@ def _from_rows(
     normal = np.column_stack([-axes[:, 1], axes[:, 0]])
     places = at[:, None, None] + axes[:, None, None] * u[:, None] + normal[:, None, None] * v[:, None, None]
     maps = places.reshape(-1, p.columns, 2).astype(np.float32)
-    x, y = (np.ascontiguousarray(maps[..., k]) for k in (0, 1))
-    seen = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    seen = take_values(gray, maps, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
     profiles = seen.reshape(len(at), p.rows, p.columns).mean(axis=2)
     shift = _half_shift(profiles - profiles.mean(axis=1, keepdims=True))
     return None if shift is None else shift * float(v[1] - v[0]) / p.half_share

@@ -5,7 +5,7 @@ from typing import Any
 
 import httpx
 
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 
 PHOTO = ("photo.jpg", upload(""))
 

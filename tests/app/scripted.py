@@ -1,11 +1,7 @@
 """Operations that do what the upload says, so that a test can have any fate befall a worker."""
 
 import base64
-import ctypes
 import json
-import os
-import signal
-import time
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
@@ -33,27 +29,9 @@ from services.contract.layout_models import ModelDifference, ModelDraft, StoredP
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
 from services.contract.rectify import RectifyParameters
-from services.progress import report_progress
 from tests.app.scripted_results import CREASED_SHEET, layout_document, mosaic_document
 from tests.app.scripted_results import document as rectified_document
-
-JPEG = b"\xff\xd8\xff\xe0" + b"\0" * 28
-"""What only looks like a JPEG; the scripted operation reads what follows it."""
-REFUSALS: dict[bytes, type[errors.DocumentError]] = {
-    error.code.encode(): error
-    for error in (
-        errors.NoText,
-        errors.NotOverlapping,
-        errors.TooLarge,
-        errors.UndecodableImage,
-        errors.UnsupportedMediaType,
-    )
-}
-
-
-def upload(script: str) -> bytes:
-    """An upload that makes the operation follow the script."""
-    return JPEG + b"do:" + script.encode()
+from tests.app.scripts import JPEG, follow, upload
 
 
 def rectify(
@@ -66,7 +44,7 @@ def rectify(
     """
     if len(uploads) > 1:
         return _reply_of_uploads(uploads, parameters, encoding)
-    verb = _follow(uploads[0], "image")
+    verb = follow(uploads[0], "image")
     if verb == b"unpicklable":
         return PageReply(lambda: None, "image/jpeg", {})  # type: ignore[arg-type]
     if parameters.pages == "both":
@@ -77,9 +55,9 @@ def rectify(
 
 def _reply_of_uploads(uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding) -> PageReply:
     pages: list[dict[str, object]] = []
-    for index, upload in enumerate(uploads):
+    for index, file in enumerate(uploads):
         try:
-            _follow(upload, f"image[{index}]")
+            follow(file, f"image[{index}]")
             pages.append(rectified_document(parameters, encoding, None))
         except errors.DocumentError as error:
             pages.append({"problem": {"code": error.code, "detail": error.detail, "field": error.field}})
@@ -109,8 +87,8 @@ def mosaic(
     uploads: list[bytes], parameters: MosaicParameters, encoding: Encoding, limits: MosaicLimits
 ) -> PageReply:
     """Follow the script in every upload, then answer with a document that tells what was asked."""
-    for index, upload in enumerate(uploads):
-        _follow(upload, f"images[{index}]")
+    for index, file in enumerate(uploads):
+        follow(file, f"images[{index}]")
     asked = {"options": parameters, "encoding": encoding, "limits": limits, "bytes": list(map(len, uploads))}
     return _reply(encoding, lambda image: mosaic_document(len(uploads), asked, image))
 
@@ -119,39 +97,6 @@ def _reply(encoding: Encoding, describe: Callable[[str | None], dict[str, object
     embedded = base64.b64encode(b"flat").decode() if encoding.embed and encoding.format == "json" else None
     body = b"" if encoding.format == "json" else f"flat as {encoding.format}".encode()
     return PageReply(body, MEDIA_TYPES[encoding.format or "jpeg"], describe(embedded))
-
-
-def _follow(upload: bytes, field: str) -> bytes:
-    """Do what the upload says; the verb."""
-    _, _, script = upload.partition(b"do:")
-    verb, _, object_ = script.partition(b" ")
-    if verb in REFUSALS:
-        raise REFUSALS[verb](f"{field}: scripted {verb.decode()}.", field)
-    if verb == b"fail":
-        raise ZeroDivisionError("secret of the house")
-    if verb == b"sleep":
-        time.sleep(float(object_))
-    elif verb == b"hang":
-        ctypes.PyDLL(None).sleep(3600)  # holds the interpreter lock, as a hang of native code does
-    elif verb == b"segfault":
-        ctypes.string_at(0)
-    elif verb == b"kill":
-        os.kill(os.getpid(), signal.SIGKILL)
-    elif verb == b"exit":
-        raise SystemExit(3)
-    elif verb == b"memory":
-        bytearray(int(object_))
-    elif verb == b"wait":
-        _announce_and_wait(Path(object_.decode()))
-    return verb
-
-
-def _announce_and_wait(folder: Path) -> None:
-    """Tell that the job runs, then wait until the folder says `go`."""
-    report_progress("waiting", 0.25)
-    (folder / "running").write_text(str(os.getpid()), encoding="ascii")
-    while not (folder / "go").exists():
-        time.sleep(0.01)
 
 
 PAGE: dict[str, Any] = {
@@ -174,7 +119,7 @@ def recognize_layout(
     Several images are pages of a document; `pages-N` in one of them makes N pages of it.
     """
     field = "image[{}]" if len(images) > 1 else "image"
-    verbs = [_follow(image, field.format(index)) for index, image in enumerate(images)]
+    verbs = [follow(image, field.format(index)) for index, image in enumerate(images)]
     count = sum(int(verb.removeprefix(b"pages-")) if verb.startswith(b"pages-") else 1 for verb in verbs)
     page = PAGE if zones is None else _page(zones)
     labels = [label for model in models[:1] for label in _labels(model.document)]
@@ -245,14 +190,14 @@ def measure_sample(
     image: bytes | None, zones: bytes, settings: LayoutSettings, any_format: bool = False
 ) -> dict[str, object]:
     """Follow the script in the image, then the page as it was sent; in the image the same zones are found."""
-    _follow(image or b"", "image")
+    follow(image or b"", "image")
     page = _page(zones)
     return page if image is None else {**page, "found": page}
 
 
 def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSettings) -> dict[str, object]:
     """Follow the script in the image, then the sample with the number of bytes of its image."""
-    _follow(image, "image")
+    follow(image, "image")
     return {**sample, "segmentation": f"of {len(image)} bytes"}
 
 
@@ -282,7 +227,7 @@ def initialize_model(name: str, samples: list[dict[str, Any]], settings: LayoutS
     zones = [zone for page in samples for zone in page["zones"]]
     labels = dict.fromkeys(zone["label"] for zone in zones if zone.get("label"))
     script = str(zones[0].get("text") or "")
-    _follow(upload(script.removeprefix("do:")) if script.startswith("do:") else b"", "samples")
+    follow(upload(script.removeprefix("do:")) if script.startswith("do:") else b"", "samples")
     return ModelDraft(model_document(name, *labels), list(labels))
 
 
@@ -302,7 +247,7 @@ def import_model(name: str, document: bytes) -> ModelDraft:
         raise errors.InvalidModel("format: this is not a layout model.", "format")
     if type(model.get("format_version")) is not int:
         raise errors.InvalidModel("format_version: this is not one.", "format_version")
-    _follow(str(model.get("script", "")).encode(), "model")
+    follow(str(model.get("script", "")).encode(), "model")
     nodes = [{"label": None}, *(model.get("nodes") or [])[1:]]
     labels = [node["label"] for node in nodes if node["label"]]
     return ModelDraft({**model, "nodes": nodes}, labels)
@@ -313,7 +258,7 @@ def adapt_models(
 ) -> Adaptation:
     """Follow the scripts in the labels; then every model has written the verified labels and its learner down."""
     for label in task.labels.values():
-        _follow((label or "").encode(), "labels")
+        follow((label or "").encode(), "labels")
     is_right = task.found_class == task.verified_class
     verified = {
         zone: task.labels.get(zone, found if is_right else None) for zone, found in task.found_labels.items()
@@ -357,7 +302,7 @@ def train_model(
     """Follow the script in the first sample; a round is better than the one before unless the script says `learned`."""
     document = json.loads(model.document)
     script = str(samples[0]["zones"][0].get("text") or "")
-    verb = _follow(script.encode(), "samples")
+    verb = follow(script.encode(), "samples")
     kept = 0 if verb == b"learned" else rounds
     errors = tuple(Round(index, 1 / (index + 2), None) for index in range(rounds + 1))
     trained = document if kept == 0 else {**document, "trained": [rounds, model.learner]}

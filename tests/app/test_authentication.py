@@ -8,7 +8,8 @@ import pytest
 from app.authentication import OPEN_PATHS
 from app.main import create_app
 from app.settings import Settings
-from tests.app.scripted import OPERATIONS, upload
+from tests.app.scripted import OPERATIONS
+from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 

@@ -3,7 +3,7 @@
 import httpx
 import pytest
 
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 

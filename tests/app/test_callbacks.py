@@ -16,7 +16,7 @@ from app.jobs import callbacks
 from app.jobs.callback_request import CallbackFailed, CallbackRequest, is_public, parse_callback_url
 from app.settings import Settings
 from services.errors import InvalidOption
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_jobs import LATER, until
 from tests.app.test_problems import assert_problem

@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from models.repository import Store
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 from tests.app.test_rectify import notices

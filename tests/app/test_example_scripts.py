@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 
 SCRIPTS = Path(__file__).parent.parent.parent / "examples" / "scripts"
 NEEDS_CURL = pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")

@@ -5,7 +5,7 @@ import pytest
 
 from app.routes.health import NotReady, ready
 from app.routes.state import AppState
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.app.serving import serving
 
 

@@ -14,7 +14,8 @@ import pytest
 from starlette.datastructures import Headers
 
 from app.wishes import prefers_async
-from tests.app.scripted import PAGE, upload
+from tests.app.scripted import PAGE
+from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving
 from tests.app.test_health import sample
 from tests.app.test_problems import assert_problem

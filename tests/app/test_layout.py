@@ -13,7 +13,8 @@ from app.schemas.layout import LayoutResult, parse_names
 from services.contract.layout import LayoutReply
 from tests.app.pools import named
 from tests.app.raw import connect, form, head, read_answer
-from tests.app.scripted import OPERATIONS, PAGE, model_document, upload
+from tests.app.scripted import OPERATIONS, PAGE, model_document
+from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_health import sample
 from tests.app.test_jobs import until

@@ -12,8 +12,9 @@ from app.schemas.layout import DocumentResult
 from models.repository import Store
 from services.contract.layout import DocumentReply, LayoutReply
 from tests.app.pools import named
-from tests.app.scripted import JPEG, OPERATIONS, PAGE, model_document, upload
+from tests.app.scripted import OPERATIONS, PAGE, model_document
 from tests.app.scripted_results import layout_document
+from tests.app.scripts import JPEG, upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 

@@ -12,7 +12,8 @@ import pytest
 from app.blobs import FOLDER
 from app.kept_images import KeptImages
 from models.errors import StoreUnavailable
-from tests.app.scripted import JPEG, PAGE, upload
+from tests.app.scripted import PAGE
+from tests.app.scripts import JPEG, upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 

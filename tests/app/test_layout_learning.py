@@ -9,7 +9,8 @@ import pytest
 from app.routes import model_samples
 from models.errors import VersionConflict
 from models.repository import Store
-from tests.app.scripted import model_document, upload
+from tests.app.scripted import model_document
+from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_layout_feedback import answer, give, recognize, version
 from tests.app.test_layout_models import add_samples, labelled

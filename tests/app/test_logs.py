@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from app.logs import JsonFormatter
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 
 
 @pytest.mark.parametrize("request_id", ["a", "01J-abc_DEF.~+/=:@9", "x" * 128])

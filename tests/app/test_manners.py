@@ -13,7 +13,8 @@ import pytest
 from app.authentication import Forbidden, key_of_token, make_token
 from app.representations import content_disposition
 from app.settings import Settings
-from tests.app.scripted import model_document, upload
+from tests.app.scripted import model_document
+from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 

@@ -10,7 +10,7 @@ import pytest
 from app.schemas.mosaic import MosaicResult
 from services.contract.images import AnswerFormat
 from tests.app.raw import connect, form, head, read_answer
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_health import sample
 from tests.app.test_problems import assert_problem

@@ -12,7 +12,8 @@ import pytest
 from app.key_names import name_of_key, spellings_of_key
 from app.layout_store import DATABASE
 from models.repository import Store
-from tests.app.scripted import PAGE, model_document, upload
+from tests.app.scripted import PAGE, model_document
+from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving
 from tests.app.test_problems import assert_problem
 from tests.models.whole_database import everything

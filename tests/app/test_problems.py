@@ -15,7 +15,7 @@ from app.problems import MEANING_OF_CODE, STATUS_OF_CODE, documented, refusal_of
 from models.errors import NotFound, StoreError, VersionConflict
 from services.errors import DocumentError, InvalidOption
 from tests.app.pools import named
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.app.serving import serving
 
 

@@ -7,8 +7,8 @@ import httpx
 import pytest
 
 from app.schemas.rectify import CreasedSheet, PagesResult, RectifyResult
-from tests.app.scripted import upload
 from tests.app.scripted_results import CREASED_SHEET
+from tests.app.scripts import upload
 from tests.app.serving import serving
 
 

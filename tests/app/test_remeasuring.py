@@ -11,7 +11,8 @@ from app.blobs import FOLDER
 from app.main import create_app
 from app.remeasuring import remeasure
 from app.settings import Settings
-from tests.app.scripted import OPERATIONS, PAGE, upload
+from tests.app.scripted import OPERATIONS, PAGE
+from tests.app.scripts import upload
 from tests.app.serving import SETTINGS, serving
 from tests.app.test_layout_sample_archives import archive
 

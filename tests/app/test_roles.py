@@ -19,7 +19,8 @@ from app.roles import (
     read_keys_file,
 )
 from app.settings import Settings
-from tests.app.scripted import OPERATIONS, model_document, upload
+from tests.app.scripted import OPERATIONS, model_document
+from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_jobs import until
 from tests.app.test_layout_feedback import give, recognize

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from tests.app.raw import form, head
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 
 CLIENTS = 300
 UPLOAD_BYTES = 2_000_000

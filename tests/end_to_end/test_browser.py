@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import httpx
 from playwright.sync_api import expect
 
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.end_to_end.browser import NEEDS_CHROMIUM, SECONDS, browsing
 from tests.end_to_end.forked import ROOT
 from tests.end_to_end.page_visit import DESKTOP, chromium

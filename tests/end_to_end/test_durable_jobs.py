@@ -8,7 +8,7 @@ from typing import Any
 
 import httpx
 
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.end_to_end.processes import Service, running
 
 LEASE_S = 4

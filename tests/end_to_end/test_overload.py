@@ -11,7 +11,7 @@ from pathlib import Path
 import httpx
 import psutil
 
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.app.test_health import sample
 from tests.end_to_end.forked import ROOT
 from tests.end_to_end.processes import Service, running

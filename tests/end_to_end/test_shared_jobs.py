@@ -20,7 +20,7 @@ from app.jobs.queue import QUEUE, QueueDispatch, _make_tables
 from benchmarks.common.postgresql import Cluster, running_cluster
 from models.job_records import JobBounds, JobDraft, JobEnd
 from models.repository import Store
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.end_to_end.processes import SCRIPTED, Service, running
 from tests.end_to_end.test_durable_jobs import LEASE_S, accept, until
 from tests.models.databases import KINDS

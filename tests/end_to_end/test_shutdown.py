@@ -10,7 +10,7 @@ import httpx
 import psutil
 import pytest
 
-from tests.app.scripted import upload
+from tests.app.scripts import upload
 from tests.end_to_end.processes import SCRIPTED, Service, running
 
 

@@ -160,8 +160,8 @@ def _mix_parts(parts: Sequence[tuple[RgbImage, FloatMap, tuple[slice, slice]]], 
 
 
 def _positive(values: FloatMap) -> GrayImage:
-    """Mask of the positive values, 255."""
-    return np.asarray(values > 0).view(np.uint8) * np.uint8(255)
+    """Mask of the positive values."""
+    return np.asarray(values > 0).view(np.uint8)
 
 
 def _weighted_part(box: Rectangle, weight: GrayImage, cells: Rectangle) -> Rectangle:

@@ -208,8 +208,9 @@ class DevelopableSurface:
         left = np.clip(np.count_nonzero(before, axis=1) - (way != 0), 0, len(nodes[front]) - 2)
         # Values and slopes of the moments at both nodes of the interval.
         table = np.concatenate([moment, step * rate])
-        y0, m0 = dot(d, (here := table.take(left, axis=1))[:3]), dot(d, here[3:])
-        y1, m1 = dot(d, (next_ := table.take(left + 1, axis=1))[:3]), dot(d, next_[3:])
+        here, there = table.take(left, axis=1), table.take(left + 1, axis=1)
+        y0, m0 = dot(d, here[:3]), dot(d, here[3:])
+        y1, m1 = dot(d, there[:3]), dot(d, there[3:])
         part = y0 / _away_from_zero(y0 - y1)
         c2, c3 = 3 * (y1 - y0) - 2 * m0 - m1, 2 * (y0 - y1) + m0 + m1
         for _ in range(3):
