@@ -67,7 +67,9 @@ def test_two_people_work_through_the_queue(office: httpx.Client) -> None:
         anna.page.keyboard.press("Control+Enter")  # the focus is on the least sure zone
         expect(anna.page.get_by_role("heading", name="What the models learned")).to_be_visible()
         assert violations(anna.page) == []
-        ben.page.get_by_role("button", name="Skip").click()
+        with ben.page.expect_response(lambda response: response.url.endswith("/skip")) as skipped:
+            ben.page.get_by_role("button", name="Skip").click()
+        assert skipped.value.ok
         expect(ben.page.locator(".zone").first).to_be_visible()
         states = {
             entry["id"]: entry["state"]
