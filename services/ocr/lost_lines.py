@@ -42,7 +42,7 @@ def with_lost_lines(gray: GrayImage, words: Sequence[Word], engine: OcrEngine) -
     An engine that cannot read single lines as words leaves them as they are.
     """
     p = LostLineParameters()
-    found = detect_text_lines(gray)[0]
+    found = detect_text_lines(gray).rows
     if not isinstance(engine, LineReader) or not found.lines or found.inverted:
         return list(words)
     boxes = np.array([line.box for line in found.lines])

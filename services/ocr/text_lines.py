@@ -1,6 +1,7 @@
 """Detection of text lines on a flat page without OCR, to cut crops that an OCR engine can read."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -79,17 +80,45 @@ class TextLines:
     inverted: bool
 
 
-def detect_text_lines(gray: GrayImage) -> tuple[TextLines, TextLines]:
+class PageLines:
+    """Lines of a flat page along its rows; those along its columns are sought only when they are asked for."""
+
+    def __init__(
+        self, small: GrayImage, scale: tuple[float, float], parameters: TextLineParameters, *, inverted: bool
+    ) -> None:
+        """`small` (h, w) has dark print, a negative of an `inverted` page; `scale` (x, y) leads to its pixels."""
+        self._components = _measure_components(_detect_ink(small, parameters))
+        self._heights_px = _text_heights(self._components, parameters)
+        self._scale, self._parameters, self._inverted = scale, parameters, inverted
+        self.rows = self._along(self._components.height_px, 0)
+
+    @cached_property
+    def columns(self) -> TextLines:
+        """Lines along the columns, in the frame of the page turned 90 degrees clockwise, where they are horizontal."""
+        return self._along(self._components.width_px, 1)
+
+    @property
+    def mass(self) -> float:
+        """That of the stronger direction."""
+        return max(self.rows.mass, self.columns.mass)
+
+    def _along(self, across_px: NDArray[np.float64], turns: int) -> TextLines:
+        """Lines of every size of print after `turns` quarters clockwise; `across_px` (N,) is a component's height."""
+        p, found = self._parameters, TextLines((), 0.0, self._inverted)
+        scale = self._scale[::-1] if turns else self._scale
+        for height_px in self._heights_px:
+            ink = np.rot90(_keep_print(self._components, across_px, height_px, p), -turns)
+            lines = _lines_along_rows(np.ascontiguousarray(ink), height_px, scale, self._inverted, p)
+            found = _unite(found, lines)
+        return found
+
+
+def detect_text_lines(gray: GrayImage) -> PageLines:
     """Lines along the rows and along the columns of a flat page.
 
     Parameters
     ----------
     gray : (H, W) uint8; print may be darker or lighter than its ground.
-
-    Returns
-    -------
-    (horizontal, vertical): the second in the frame of the page turned 90 degrees clockwise, in which
-    its lines are horizontal.
     """
     p = TextLineParameters()
     factor = min(1.0, p.working_long_side_px / max(gray.shape))
@@ -97,26 +126,12 @@ def detect_text_lines(gray: GrayImage) -> tuple[TextLines, TextLines]:
     small = gray if factor == 1.0 else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
     scale = (gray.shape[1] / size[0], gray.shape[0] / size[1])
     small = np.asarray(small, dtype=np.uint8)
-    dark = _lines_both_ways(small, False, scale, p)
-    if max(line.mass for line in dark) >= p.clear_mass or not _has_light_print(small, p):
+    dark = PageLines(small, scale, p, inverted=False)
+    if dark.rows.mass >= p.clear_mass or dark.mass >= p.clear_mass or not _has_light_print(small, p):
         return dark
-    light = _lines_both_ways(np.asarray(255 - small, dtype=np.uint8), True, scale, p)
+    light = PageLines(np.asarray(255 - small, dtype=np.uint8), scale, p, inverted=True)
     # Between dark letters lie light gaps, which make short lines too.
-    return light if max(line.mass for line in light) > 2 * max(line.mass for line in dark) else dark
-
-
-def _lines_both_ways(
-    small: GrayImage, inverted: bool, scale: tuple[float, float], parameters: TextLineParameters
-) -> tuple[TextLines, TextLines]:
-    components = _measure_components(_detect_ink(small, parameters))
-    rows, columns = TextLines((), 0.0, inverted), TextLines((), 0.0, inverted)
-    for height_px in _text_heights(components, parameters):
-        ink = _keep_print(components, components.height_px, height_px, parameters)
-        rows = _unite(rows, _lines_along_rows(ink, height_px, scale, inverted, parameters))
-        ink = np.rot90(_keep_print(components, components.width_px, height_px, parameters), -1)
-        ink = np.ascontiguousarray(ink)
-        columns = _unite(columns, _lines_along_rows(ink, height_px, scale[::-1], inverted, parameters))
-    return rows, columns
+    return light if light.mass > 2 * dark.mass else dark
 
 
 def _unite(first: TextLines, second: TextLines) -> TextLines:

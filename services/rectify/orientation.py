@@ -43,6 +43,9 @@ class OrientationParameters:
     """Below it the orientation is unknown."""
     certain_confidence: float = 0.7
     """Below it mirrored ways are tried too; print that reads well needs no such comparison."""
+    clear_mass: float = 2.0
+    """From this text-line mass on, lines along the rows are read before any along the columns are sought: letters make
+    lines of up to 1.2 across their own, a page of text has 2 to 13."""
     clear_axis: float = 0.4
     """The other axis is tried from the start where its text-line mass is at least this share."""
     certain_axis: float = 0.1
@@ -72,9 +75,9 @@ class _Way:
 def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     """Estimate the turn (and flip) after which a flat page can be read.
 
-    The axis is that of the greater text-line mass. In its two orientations one line crop is read and scored by
-    length-weighted word confidence, then three, then nine, until that is decisive. The other axis and mirrored
-    orientations are tried only where nothing can be read.
+    In both orientations of the rows one line crop is read and scored by length-weighted word confidence, then three,
+    then nine, until that is decisive. If it is not, the axis of the greater text-line mass is read, then the other one
+    and mirrored orientations.
 
     Parameters
     ----------
@@ -90,8 +93,14 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
         handwriting, a script that the engine does not know) it is lower, and nothing is turned.
     """
     parameters = OrientationParameters()
-    axes = [_LineReader(flat, lines, turn, ocr, parameters) for lines, turn in
-            zip(detect_text_lines(flat), (0, 90), strict=True)]  # fmt: skip
+    lines = detect_text_lines(flat)
+    rows = _LineReader(flat, lines.rows, 0, ocr, parameters)
+    if rows.mass >= parameters.clear_mass:
+        # A flat page has been turned until its lines run along the rows: mostly these can be read.
+        found = _decide([rows], (False,), parameters)
+        if (found.confidence or 0.0) >= parameters.certain_confidence:
+            return found
+    axes = [rows, _LineReader(flat, lines.columns, 90, ocr, parameters)]
     axes.sort(key=lambda axis: axis.mass, reverse=True)
     if axes[0].mass == 0.0:
         return Orientation(0, False, 0.0)

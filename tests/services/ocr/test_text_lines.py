@@ -24,7 +24,8 @@ def hits(found: TextLines, truth: tuple[int, int, int, int]) -> list[TextLine]:
 def test_every_line_is_found_within_a_share_of_its_height(scale: float) -> None:
     page = blank(round(900 * scale), round(1200 * scale))
     boxes = set_lines(page, (round(60 * scale), round(60 * scale)), 20, round(28 * scale))
-    rows, columns = detect_text_lines(np.asarray(page, dtype=np.uint8))
+    found = detect_text_lines(np.asarray(page, dtype=np.uint8))
+    rows, columns = found.rows, found.columns
     assert rows.mass > 10 * columns.mass
     assert not rows.inverted
     for box in boxes:
@@ -37,13 +38,14 @@ def test_every_line_is_found_within_a_share_of_its_height(scale: float) -> None:
 @pytest.mark.parametrize("turns", [1, 3])
 def test_turned_page_has_its_lines_along_the_columns(turns: int) -> None:
     page = text_page()
-    rows, columns = detect_text_lines(np.ascontiguousarray(np.rot90(page, turns)))
+    found = detect_text_lines(np.ascontiguousarray(np.rot90(page, turns)))
+    rows, columns = found.rows, found.columns
     assert columns.mass > 10 * rows.mass
     assert len([line for line in columns.lines if line.width_px > 300]) == 20
 
 
 def test_light_print_on_a_dark_ground() -> None:
-    rows, _ = detect_text_lines(text_page(ink=235, ground=30))
+    rows = detect_text_lines(text_page(ink=235, ground=30)).rows
     assert rows.inverted
     assert len([line for line in rows.lines if line.width_px > 300]) == 20
 
@@ -52,7 +54,7 @@ def test_lines_stay_within_their_column() -> None:
     page = blank(1000, 1200)
     set_lines(page, (50, 60), 30, 22, words=6)
     set_lines(page, (540, 60), 30, 22, words=6)
-    rows, _ = detect_text_lines(np.asarray(page, dtype=np.uint8))
+    rows = detect_text_lines(np.asarray(page, dtype=np.uint8)).rows
     for line in rows.lines:
         assert line.box[2] < 540 or line.box[0] > 500
 
@@ -65,7 +67,7 @@ def test_rules_of_a_table_do_not_join_its_cells() -> None:
         draw.line((50, 55 + 56 * row, 850, 55 + 56 * row), fill=0, width=3)
     for x in (50, 600, 850):
         draw.line((x, 55, x, 55 + 56 * 13), fill=0, width=3)
-    rows, _ = detect_text_lines(np.asarray(page, dtype=np.uint8))
+    rows = detect_text_lines(np.asarray(page, dtype=np.uint8)).rows
     for box in boxes:
         assert any(line.width_px > 0.8 * (box[2] - box[0]) for line in hits(rows, box))
     assert all(line.width_px < 600 for line in rows.lines)
@@ -75,7 +77,7 @@ def test_heading_and_small_print_are_both_found() -> None:
     page = blank(1000, 1000)
     heading = set_lines(page, (40, 40), 1, 90, words=3)
     small = set_lines(page, (40, 400), 12, 20)
-    rows, _ = detect_text_lines(np.asarray(page, dtype=np.uint8))
+    rows = detect_text_lines(np.asarray(page, dtype=np.uint8)).rows
     for box in [*heading, *small]:
         assert any(line.width_px > 0.8 * (box[2] - box[0]) for line in hits(rows, box))
 
@@ -84,7 +86,8 @@ def test_print_is_found_beside_a_large_dark_margin() -> None:
     page = np.full((1700, 1400), 12, np.uint8)
     page[200:1400, 200:1100] = text_page()
     noise = np.random.default_rng(0).normal(0, 5, page.shape)
-    rows, columns = detect_text_lines(np.clip(page + noise, 0, 255).astype(np.uint8))
+    found = detect_text_lines(np.clip(page + noise, 0, 255).astype(np.uint8))
+    rows, columns = found.rows, found.columns
     assert rows.mass > 5 * columns.mass
     assert len([line for line in rows.lines if line.width_px > 300]) >= 20
 
@@ -92,7 +95,8 @@ def test_print_is_found_beside_a_large_dark_margin() -> None:
 @pytest.mark.parametrize("value", [0, 128, 255])
 @pytest.mark.parametrize("shape", [(1, 1), (2, 300), (40, 40), (400, 300)])
 def test_blank_pages_have_no_lines(shape: tuple[int, int], value: int) -> None:
-    rows, columns = detect_text_lines(np.full(shape, value, np.uint8))
+    found = detect_text_lines(np.full(shape, value, np.uint8))
+    rows, columns = found.rows, found.columns
     assert rows.lines == columns.lines == ()
     assert rows.mass == columns.mass == 0.0
 
@@ -110,7 +114,7 @@ def test_sloping_line_is_cut_level(slope: float) -> None:
     shear = np.array([[1.0, 0.0, 0.0], [slope, 1.0, -500 * slope]])
     warped = cv2.warpAffine(level, shear, (1000, 300), flags=cv2.INTER_CUBIC, borderValue=255)
     sheared = np.asarray(warped, dtype=np.uint8)
-    (line,) = detect_text_lines(sheared)[0].lines
+    (line,) = detect_text_lines(sheared).rows.lines
     assert line.slope == pytest.approx(slope, abs=0.006)
     y, x = np.nonzero(cut_line(sheared, line, False) < 128)
     assert abs(np.polyfit(x, y, 1)[0]) < 0.006
@@ -123,20 +127,20 @@ def test_crop_has_the_asked_height_and_the_same_content_at_any_scale(scale: floa
     page = blank(round(1200 * scale), round(200 * scale))
     set_lines(page, (round(60 * scale), round(70 * scale)), 1, round(48 * scale), words=5)
     image = np.asarray(page, dtype=np.uint8)
-    (line,) = detect_text_lines(image)[0].lines
+    (line,) = detect_text_lines(image).rows.lines
     crop = cut_line(image, line, False, height_px=36)
     assert crop.shape[0] == 36
     assert crop.shape[1] <= 26 * 36
     assert crop.min() == 0
     assert np.median(crop) > 250
     reference = np.asarray(cv2.resize(image, (1200, 200), interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    (line,) = detect_text_lines(reference)[0].lines
+    (line,) = detect_text_lines(reference).rows.lines
     assert correlation(crop, cut_line(reference, line, False)) > 0.8
 
 
 def test_inverted_line_is_cut_dark_on_white() -> None:
     image = text_page(ink=235, ground=30, lines=3, height=300)
-    rows, _ = detect_text_lines(image)
+    rows = detect_text_lines(image).rows
     crop = cut_line(image, max(rows.lines, key=lambda line: line.width_px), rows.inverted)
     assert np.median(crop) == 255
     assert 0.05 < np.mean(crop < 128) < 0.4
