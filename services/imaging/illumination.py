@@ -80,6 +80,31 @@ def flatten_illumination(
     return flat
 
 
+def reduced_light(gray: GrayImage) -> GrayImage:
+    """Brightness of the bare page as in `estimate_background`, on the reduced copy that it is measured on."""
+    return _small_background(gray, None, BackgroundParameters())
+
+
+def divide_by_light(gray: GrayImage, light: GrayImage) -> GrayImage:
+    """`gray` (H, W) divided by its `reduced_light`: bare paper becomes 255."""
+    return np.asarray(cv2.divide(gray, _enlarge(light, *gray.shape), scale=255.0), dtype=np.uint8)
+
+
+def flatten_part(part: GrayImage, light: GrayImage, light_from_part: NDArray[np.float64]) -> GrayImage:
+    """`part` (H, W) of an image divided by the image's `reduced_light`.
+
+    `light_from_part` (2, 3) maps pixels of the part to pixels of the light.
+    """
+    background = cv2.warpAffine(
+        light,
+        light_from_part,
+        (part.shape[1], part.shape[0]),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(cv2.divide(part, background, scale=255.0), dtype=np.uint8)
+
+
 def _row_bands(height: int, width: int) -> list[slice]:
     rows = max(1, _BAND_PIXELS // max(1, width))
     return [slice(top, min(height, top + rows)) for top in range(0, height, rows)]

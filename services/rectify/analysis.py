@@ -4,20 +4,19 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
-from services.imaging.illumination import flatten_illumination
+from services.imaging.illumination import divide_by_light, flatten_part, reduced_light
 from services.imaging.paper import Paper, model_paper
 from services.imaging.reduction import Halves, reduce_image
 from services.rectify.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
 from services.sheet.evidence import PageEvidence
 from services.sheet.tracing.page_text import PageText
-from services.texture_flow.field import FlowField, FlowSamples, resize_field
+from services.texture_flow.field import FlowField, FlowSamples, move_field, resize_field
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
 from services.texture_flow.text_identification import (
@@ -33,6 +32,8 @@ PICTURE_SHARE = 0.8
 photo, a larger share is."""
 
 NO_DIRECTION = "the characters that were found do not form text lines of a common direction."
+MARGIN_TEXT_HEIGHTS = 5.0
+"""Round the text, in the image for strokes: nearly a block of the minor flow."""
 FEW_STROKES = 4
 """With fewer samples the minor flow is assumed to be at right angles to the major flow,"""
 UNSEEN_WEIGHT = 0.05
@@ -53,19 +54,32 @@ class AnalysisParameters:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PhotoPart:
+    """The flat-fielded part `image` (h, w) of a photo, from photo pixel `origin` (x, y) on, resized by `factor`."""
+
+    image: GrayImage
+    factor: float
+    origin: tuple[int, int]
+
+    def in_photo(self, samples: FlowSamples) -> FlowSamples:
+        """Samples of this image as samples in photo pixels."""
+        found = _to_photo(samples, self.factor)
+        return FlowSamples(found.points + self.origin, found.angles, found.weights)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PageAnalysis:
     """Text and flows of one page in a photo; samples and fields are in pixels of the photo.
 
-    A photo of light print on dark paper is analysed as a negative; then `reduced` and `strokes_image` are negatives.
-    `text` is in the frame of `reduced` (H, W), the flat-fielded photo resized by `factor`; `strokes_image` is
-    the flat-fielded photo resized by `strokes_factor`. `minor` is None where no strokes were found.
+    A photo of light print on dark paper is analysed as a negative; then `reduced` and `strokes` are negatives.
+    `text` is in the frame of `reduced` (H, W), the flat-fielded photo resized by `factor`; the minor flow was measured
+    on `strokes`. `minor` is None where no strokes were found.
     """
 
     paper: Paper
     reduced: GrayImage
     factor: float
-    strokes_image: GrayImage
-    strokes_factor: float
+    strokes: PhotoPart
     text: IdentifiedText
     major: FlowSamples
     major_field: FlowField
@@ -194,11 +208,15 @@ def _analyse(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundText:
-    """The gray photo, its flat-fielded copy reduced by `factor`, its `text` in that frame, the paper under the text."""
+    """The gray photo, its flat-fielded copy reduced by `factor`, its `text` in that frame, the paper under the text.
+
+    `light` is the brightness of the bare page on a smaller copy of the photo.
+    """
 
     gray: GrayImage
     factor: float
     reduced: GrayImage
+    light: GrayImage
     text: IdentifiedText
     paper: Paper
 
@@ -224,19 +242,19 @@ def _analyse_dark_print(
     """`analyse_photo` or `analyse_spread` for dark print on light paper."""
     with clock.stage("text"):
         seen = find_text(photo, region, p)
-    gray, factor, text = seen.gray, seen.factor, seen.text
+    factor, text = seen.factor, seen.text
     with clock.stage("texture_flow"):
-        major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
+        flows = _measure_flows(seen, text, p)
     facing, found = None, None
     if region is None or is_spread:
         with clock.stage("text"):
-            strokes = None if minor is None else _to_photo(minor.samples, strokes_factor)
+            major, minor, strokes = flows
             found = choose_page(
                 photo,
                 seen.characters,
                 seen.text_height_px,
                 _to_photo(major.samples, factor),
-                strokes,
+                None if minor is None else strokes.in_photo(minor.samples),
                 seen.paper,
                 is_spread=is_spread,
             )
@@ -249,14 +267,13 @@ def _analyse_dark_print(
             text = replace(keep_characters(text, found.kept), rejected_fraction=text.rejected_fraction)
         if left_out > p.other_page_share:
             with clock.stage("texture_flow"):
-                major, minor, strokes_image, strokes_factor = _measure_flows(gray, factor, text, p)
-    if len(major.samples) < p.min_flow_samples:
+                flows = _measure_flows(seen, text, p)
+    if len(flows[0].samples) < p.min_flow_samples:
         raise NoText(NO_DIRECTION)
-    flows = (major, minor, strokes_image, strokes_factor)
     pages = [_analysis_of(seen, text, flows, found)]
     if facing is not None:
         with clock.stage("texture_flow"):
-            flows = _measure_flows(gray, factor, facing, p)
+            flows = _measure_flows(seen, facing, p)
         if len(flows[0].samples) >= p.min_flow_samples:
             pages.append(_analysis_of(seen, facing, flows, found))
     return tuple(pages)
@@ -270,7 +287,7 @@ def analyse_text(found: FoundText, p: AnalysisParameters) -> PageAnalysis:
     NoText
         When its lines show no common direction.
     """
-    flows = _measure_flows(found.gray, found.factor, found.text, p)
+    flows = _measure_flows(found, found.text, p)
     if len(flows[0].samples) < p.min_flow_samples:
         raise NoText(NO_DIRECTION)
     return _analysis_of(found, found.text, flows, None)
@@ -279,24 +296,23 @@ def analyse_text(found: FoundText, p: AnalysisParameters) -> PageAnalysis:
 def _analysis_of(
     seen: FoundText,
     text: IdentifiedText,
-    flows: tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float],
+    flows: tuple[MajorFlow, MinorFlow | None, PhotoPart],
     choice: PageChoice | None,
 ) -> PageAnalysis:
     """Results for one page, in pixels of the photo."""
-    major, minor, strokes_image, strokes_factor = flows
+    major, minor, strokes = flows
     factor = seen.factor
     gutter = None if choice is None else choice.gutter_beside(characters_in_photo(text, factor))
     return PageAnalysis(
         seen.paper,
         seen.reduced,
         factor,
-        strokes_image,
-        strokes_factor,
+        strokes,
         text,
         _to_photo(major.samples, factor),
         resize_field(major.field, 1 / factor),
-        None if minor is None else _to_photo(minor.samples, strokes_factor),
-        None if minor is None else resize_field(minor.field, 1 / strokes_factor),
+        None if minor is None else strokes.in_photo(minor.samples),
+        None if minor is None else move_field(resize_field(minor.field, 1 / strokes.factor), strokes.origin),
         gutter,
     )
 
@@ -317,7 +333,9 @@ def find_text(
     halves = Halves.of(photo)
     gray = luminance(halves.image)
     factor = min(1.0, p.long_side_px / max(gray.shape))
-    reduced = flatten_illumination(reduce_image(gray, factor))
+    seen = reduce_image(gray, factor)
+    light = reduced_light(seen)
+    reduced = divide_by_light(seen, light)
     guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
     text = identify_text(reduced, guide)
     paper = None
@@ -332,25 +350,45 @@ def find_text(
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )
-    return FoundText(gray, factor, reduced, text, paper)
+    return FoundText(gray, factor, reduced, light, text, paper)
 
 
 def _measure_flows(
-    gray: GrayImage, factor: float, text: IdentifiedText, p: AnalysisParameters
-) -> tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float]:
-    """Both flows (each in the frame it was measured in) and the image for strokes with its factor."""
+    seen: FoundText, text: IdentifiedText, p: AnalysisParameters
+) -> tuple[MajorFlow, MinorFlow | None, PhotoPart]:
+    """The major flow in the frame of `seen.reduced`, and the minor flow in that of the part with strokes."""
     major = refine_major_flow(text, detect_coarse_flow(text))
-    strokes_factor = min(1.0, p.stroke_text_height_px * factor / text.text_height_px)
-    strokes_image = flatten_illumination(reduce_image(gray, strokes_factor))
-    enlarge = strokes_factor / factor
-    area = cv2.resize(
-        text.area.astype(np.uint8),
-        (strokes_image.shape[1], strokes_image.shape[0]),
-        interpolation=cv2.INTER_NEAREST,
-    ).astype(bool)
-    field = resize_field(major.field, enlarge)
-    minor = estimate_minor_flow(strokes_image, area, text.text_height_px * enlarge, field)
-    return major, minor, strokes_image, strokes_factor
+    strokes, area = _cut_text(seen, text, p)
+    enlarge = strokes.factor / seen.factor
+    field = move_field(resize_field(major.field, 1 / seen.factor), (-strokes.origin[0], -strokes.origin[1]))
+    field = resize_field(field, strokes.factor)
+    minor = estimate_minor_flow(strokes.image, area, text.text_height_px * enlarge, field)
+    return major, minor, strokes
+
+
+def _cut_text(seen: FoundText, text: IdentifiedText, p: AnalysisParameters) -> tuple[PhotoPart, Mask]:
+    """The part of the photo that holds the `text`, at the size for strokes, and the text's area (h, w) there."""
+    factor = min(1.0, p.stroke_text_height_px * seen.factor / text.text_height_px)
+    margin = int(np.ceil(MARGIN_TEXT_HEIGHTS * text.text_height_px))
+    left, top, width, height = cv2.boundingRect(text.area.view(np.uint8))
+    low = np.maximum(np.array([left, top]) - margin, 0)
+    high = np.minimum(np.array([left + width, top + height]) + margin, text.area.shape[::-1])
+    # Whole pixels of the photo and of the reduced photo, which differ by rounding only.
+    first = np.floor(low / seen.factor).astype(int)
+    last = np.minimum(np.ceil(high / seen.factor).astype(int), seen.gray.shape[::-1])
+    part = reduce_image(seen.gray[first[1] : last[1], first[0] : last[0]], factor)
+    # Pixel u of the part shows the photo's (u + 1/2) / factor - 1/2 + first, and the light likewise.
+    x, y = (np.array(seen.light.shape) / seen.gray.shape)[::-1]
+    light_from_part = np.array(
+        [
+            [x / factor, 0.0, (0.5 / factor + first[0]) * x - 0.5],
+            [0.0, y / factor, (0.5 / factor + first[1]) * y - 0.5],
+        ]
+    )
+    image = flatten_part(part, seen.light, light_from_part)
+    inside = np.ascontiguousarray(text.area[low[1] : high[1], low[0] : high[0]]).view(np.uint8)
+    area = cv2.resize(inside, (image.shape[1], image.shape[0]), interpolation=cv2.INTER_NEAREST)
+    return PhotoPart(image, factor, (int(first[0]), int(first[1]))), area.astype(bool)
 
 
 def _to_photo(samples: FlowSamples, factor: float) -> FlowSamples:

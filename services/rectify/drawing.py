@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, GrayImage, Points, RgbImage
-from services.geometry.homographies import resizing, transform_points
+from services.geometry.homographies import resizing, transform_points, translation
 from services.imaging.node_grid import GRID_STEP_PX, band_nodes, between_nodes, continuous_nodes, node_grid
 from services.imaging.paper import certain_sheet
 from services.rectify.framing import FlatFrame
@@ -23,19 +23,21 @@ BAND_PX = 16 * GRID_STEP_PX
 """Rows drawn at a time; this bounds the memory of the dense map."""
 
 
-def draw_gray_view(gray: GrayImage, factor: float, frame: FlatFrame | CurvedFrame) -> GrayImage:
-    """The view in gray, drawn from `gray`, the photo resized by `factor`; white outside the photo."""
+def draw_gray_view(
+    gray: GrayImage, factor: float, frame: FlatFrame | CurvedFrame, origin: tuple[float, float] = (0.0, 0.0)
+) -> GrayImage:
+    """The view in gray, drawn from `gray`, the photo from pixel `origin` on, resized by `factor`; white outside."""
     if isinstance(frame, FlatFrame):
         flat = cv2.warpPerspective(
             gray,
-            resizing(factor) @ frame.H_photo_flat,
+            resizing(factor) @ translation(-origin[0], -origin[1]) @ frame.H_photo_flat,
             (frame.width, frame.height),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderValue=255.0,
         )
         return np.asarray(flat, np.uint8)
     view = np.full((frame.height, frame.width), 255, np.uint8)
-    _remap(gray, photo_nodes(frame), factor, cv2.INTER_LINEAR, view)
+    _remap(gray, photo_nodes(frame) - origin, factor, cv2.INTER_LINEAR, view)
     return view
 
 

@@ -329,10 +329,9 @@ def orient_page(
     analysis: PageAnalysis, frame: FlatFrame | CurvedFrame, ocr: OcrEngine | None
 ) -> tuple[Orientation, Notice | None]:
     """Orientation of the flat view, and a notice if it is unknown."""
-    small = resize_frame(frame, min(1.0, analysis.strokes_factor))
-    return tell_orientation(
-        lambda: draw_gray_view(analysis.strokes_image, analysis.strokes_factor, small), ocr
-    )
+    text = analysis.strokes
+    small = resize_frame(frame, text.factor)
+    return tell_orientation(lambda: draw_gray_view(text.image, text.factor, small, text.origin), ocr)
 
 
 def tell_orientation(

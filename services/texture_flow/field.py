@@ -63,6 +63,11 @@ class FlowField:
         return np.asarray(0.5 * np.arctan2(value[:, 1], value[:, 0]))
 
 
+def move_field(field: FlowField, by: tuple[float, float]) -> FlowField:
+    """The same field in a frame whose pixels lie `by` (x, y) further."""
+    return FlowField(field.doubled, (field.origin[0] + by[0], field.origin[1] + by[1]), field.spacing_px)
+
+
 def resize_field(field: FlowField, factor: float) -> FlowField:
     """The same field in the frame of the image enlarged by `factor` (see conventions: pixel centres)."""
     shift = 0.5 * factor - 0.5

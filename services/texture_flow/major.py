@@ -98,24 +98,30 @@ def detect_coarse_flow(text: IdentifiedText) -> FlowSamples:
     6 to 18 degrees off (median) and the minor flow starts from its own strength curves instead.
     """
     p = MajorFlowParameters()
-    scale = min(p.coarse_text_height_px / text.text_height_px, 1.0)
-    ink = np.asarray(
-        cv2.resize(text.ink.astype(np.float32), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA),
-        np.float32,
-    )
     unit = text.text_height_px
+    scale = min(p.coarse_text_height_px / unit, 1.0)
+    # Beyond a window's reach from all print, images hold nothing.
+    x, y, columns, rows = cv2.boundingRect(text.ink.view(np.uint8))
+    margin = int(np.ceil(max(p.coarse_window) * unit))
+    first = np.maximum([x - margin, y - margin], 0)
+    last = np.minimum([x + columns + margin, y + rows + margin], text.ink.shape[::-1])
+    printed = text.ink[first[1] : last[1], first[0] : last[0]].astype(np.float32)
+    ink = np.asarray(cv2.resize(printed, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.float32)
     # Grids of a page-filling headline or of dust alike stay bounded.
     block = max(p.coarse_block * unit, max(text.ink.shape) / 64)
     centres, grid = block_centres(text.area, block)
-    reduced = (centres + 0.5) * scale - 0.5
+    reduced = (centres - first + 0.5) * scale - 0.5
     window = (p.coarse_window[0] * unit * scale, p.coarse_window[1] * unit * scale)
     presence = cv2.blur(ink, tuple(int(w) | 1 for w in window), borderType=cv2.BORDER_CONSTANT)
-    at = np.clip(np.round(reduced).astype(int), 0, [ink.shape[1] - 1, ink.shape[0] - 1])
-    amount = presence[at[:, 1], at[:, 0]]
+    at = np.round(reduced).astype(int)
+    within = ((at >= 0) & (at < ink.shape[::-1])).all(axis=1)
+    amount = np.zeros(len(at), np.float32)
+    amount[within] = presence[at[within, 1], at[within, 0]]
     alive = amount > 0.25 * float(np.median(amount[amount > 0])) if (amount > 0).any() else amount > 0
-    angles = np.arange(0.0, np.pi - 1e-9, p.coarse_step_rad)
+    quarter = np.arange(0.0, np.pi / 2 - 1e-9, p.coarse_step_rad)
+    angles = np.concatenate([quarter, quarter + np.pi / 2])
     energies = np.zeros((len(centres), len(angles)))
-    energies[alive] = scan_directions(ink, reduced[alive], angles, window)
+    energies[alive] = scan_directions(ink, reduced[alive], quarter, window)
     candidates = find_peaks(energies.reshape(*grid, -1), angles, p.candidates)
     confidence = label_by_relaxation(candidates, p.iterations, p.relaxation_step)
     best = np.argmax(confidence, axis=-1)[..., None]

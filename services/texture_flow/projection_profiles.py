@@ -15,31 +15,32 @@ Energies = Floats
 
 
 def scan_directions(
-    ink: NDArray[np.float32], centres: Points, angles: Vector, window: tuple[float, float]
+    ink: NDArray[np.float32], centres: Points, quarter: Vector, window: tuple[float, float]
 ) -> Energies:
-    """Energies (N, A) of windows (width along the direction, height across, px) at `centres` (N, 2).
+    """Energies (N, 2 A) of windows at `centres` (N, 2), along the directions `quarter` (A,) and those at right angles.
 
-    For each direction the image is rotated until that direction is horizontal. Box filters along the rows then give
-    every projection profile, and box filters over the profiles give their deviations, for all windows together.
+    `window` is its width along the direction and its height across, px. The image is rotated until a direction is
+    horizontal. Box filters along the rows then give the profiles of all windows together, box filters along the columns
+    those of the direction a quarter turn further.
     """
     rows, columns = ink.shape
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     width, height = (max(round(v) | 1, 3) for v in window)
     reach = np.arange(-(height // 2), height // 2 + 1)
-    side = int(np.ceil(np.hypot(rows, columns))) + 2
-    # Rows are added for the windows that reach beyond the turned image.
-    size = (side, side + 2 * (height // 2))
-    energies = np.empty((len(centres), len(angles)))
-    for k, angle in enumerate(angles):
+    # Half a window is added on all sides for the windows that reach beyond the turned image.
+    side = int(np.ceil(np.hypot(rows, columns))) + 2 + 2 * (height // 2)
+    energies = np.empty((len(centres), 2, len(quarter)))
+    for k, angle in enumerate(quarter):
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, s], [-s, c]])  # photo -> turned frame
-        shift = (side - 1) / 2 - turn @ middle + [0, height // 2]
-        turned = cv2.warpAffine(ink, np.column_stack([turn, shift]), size, flags=cv2.INTER_LINEAR)
+        shift = (side - 1) / 2 - turn @ middle
+        turned = cv2.warpAffine(ink, np.column_stack([turn, shift]), (side, side), flags=cv2.INTER_LINEAR)
+        x, y = np.round(centres @ turn.T + shift).astype(int).T
         profile = cv2.blur(turned, (width, 1), borderType=cv2.BORDER_CONSTANT)
-        at = np.round(centres @ turn.T + shift).astype(int)
-        values = profile[at[:, 1, None] + reach, at[:, 0, None]]
-        energies[:, k] = values.std(axis=1)
-    return energies
+        energies[:, 0, k] = profile[y[:, None] + reach, x[:, None]].std(axis=1)
+        profile = cv2.blur(turned, (1, width), borderType=cv2.BORDER_CONSTANT)
+        energies[:, 1, k] = profile[y[:, None], x[:, None] + reach].std(axis=1)
+    return energies.reshape(len(centres), -1)
 
 
 def sample_windows(

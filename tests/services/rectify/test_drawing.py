@@ -199,12 +199,11 @@ def test_bent_without_bends_is_drawn_as_the_plane_is(photo: RgbImage) -> None:
 @pytest.mark.parametrize("factor", [1.0, 0.4])
 def test_the_gray_view_is_the_same_view(album: Album, factor: float) -> None:
     shot = album["bent"]
-    image = shot.analysis.strokes_image
+    image = shot.analysis.reduced
     source = np.asarray(cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA), np.uint8)
-    analysis = replace(shot.analysis, strokes_image=source, strokes_factor=factor)
     surface = replace(SEEN.bent, bends=(0.3,) * 8).surface()
-    frame = resize_frame(frame_curved_page(surface, shot.frame, analysis.characters, 10.0, None), factor)
-    gray = draw_gray_view(analysis.strokes_image, analysis.strokes_factor, frame)
+    frame = resize_frame(frame_curved_page(surface, shot.frame, shot.analysis.characters, 10.0, None), factor)
+    gray = draw_gray_view(source, factor, frame)
     assert gray.shape == (frame.height, frame.width)
     x, y = np.meshgrid(np.arange(20.0, frame.width - 20, 31), np.arange(20.0, frame.height - 20, 29))
     pixels = np.stack([x.ravel(), y.ravel()], axis=1)
