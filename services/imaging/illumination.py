@@ -69,12 +69,11 @@ def flatten_illumination(
     use `normalize_illumination`. Returns a new array of the same shape.
     """
     gray = image if image.ndim == 2 else _luminance(image)
-    small = _small_background(gray, text_height_px, parameters)
+    background = estimate_background(gray, text_height_px, parameters)
     flat = np.empty_like(image)
     if image.ndim == 2:
-        cv2.divide(image, _enlarge(small, *gray.shape), dst=flat, scale=255.0)
+        cv2.divide(image, background, dst=flat, scale=255.0)
         return flat
-    background = _enlarge(small, *gray.shape)
     for rows in _row_bands(*gray.shape):
         cv2.divide(image[rows], cv2.merge([background[rows]] * 3), dst=flat[rows], scale=255.0)
     return flat

@@ -18,7 +18,6 @@ from services.layout.exchange.xml_reading import (
     measure_lines,
     number,
     polygon_box,
-    read_xml,
 )
 from services.layout.exchange.xml_writing import (
     SOFTWARE,
@@ -66,18 +65,13 @@ _ID = "id"
 """TYPE of the OtherTag with the zone's id, if that is not a valid XML name."""
 
 
-def read_alto(data: bytes, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
-    """Page of an ALTO file with one page, its zones in its reading order.
+def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
+    """Page of an ALTO document with one page, its zones in its reading order.
 
     The order comes from ReadingOrder, else from IDNEXT, else from the document. `pixels`, width and height of the
     page's image, is needed when the file measures in tenths of a millimetre or 1/1200 inch, or has no page size. Raises
     `InvalidLayout`; `zones[i]` counts the blocks from 0 in document order.
     """
-    return page_of_alto(read_xml(data, limits), limits, pixels)
-
-
-def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
-    """Page of a parsed ALTO document; otherwise like `read_alto`."""
     layout = next(children(root, "Layout"), None) if root.tag == "alto" else None
     pages = [] if layout is None else list(children(layout, "Page"))
     if len(pages) != 1:
