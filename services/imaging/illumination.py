@@ -166,7 +166,7 @@ class NormalizationParameters:
     """Level of ink in the result: deep dark."""
 
 
-def normalize_illumination(image: RgbImage, parameters: NormalizationParameters | None = None) -> RgbImage:
+def normalize_illumination(image: RgbImage) -> RgbImage:
     """Dark ink on white paper, light and shadow evened out, colours kept; a new image (H, W, 3) RGB uint8.
 
     Localized histogram normalization (dissertation 4.4): the two modes of every neighbourhood's histogram
@@ -175,7 +175,7 @@ def normalize_illumination(image: RgbImage, parameters: NormalizationParameters 
     (a picture, a desk) takes the light of the paper around it, and its dark levels stay unchanged, so that figures
     are neither bleached nor crushed. An image without print on paper is returned as it is.
     """
-    parameters = parameters or NormalizationParameters()
+    parameters = NormalizationParameters()
     levels = measure_levels(image, parameters)
     if levels is None:
         return image.copy()

@@ -86,11 +86,7 @@ class _Edge:
 
 
 def find_sheet_edges(
-    view: RgbImage,
-    text_points: Points,
-    text_height_px: float,
-    seen: Mask | None = None,
-    parameters: SheetEdgesParameters | None = None,
+    view: RgbImage, text_points: Points, text_height_px: float, seen: Mask | None = None
 ) -> SheetEdges:
     """Edges of the sheet in the flat `view` (H, W, 3), beyond its text.
 
@@ -98,7 +94,7 @@ def find_sheet_edges(
     their size, and `seen` (H, W) marks the pixels that the photo shows; all if it is None. Of every side the
     innermost certain edge is taken, None rather than a guess.
     """
-    p = parameters or SheetEdgesParameters()
+    p = SheetEdgesParameters()
     height, width = view.shape[:2]
     text = text_points[np.isfinite(text_points).all(axis=1)]
     if len(text) < p.min_characters:

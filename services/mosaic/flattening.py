@@ -87,11 +87,9 @@ def _has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:
     return is_outside_text(int(np.count_nonzero(inside[y, x] == 0)), 0, len(printed))
 
 
-def take_as_flat(
-    index: int, photo: RgbImage, clock: StageClock, parameters: FlatteningParameters | None = None
-) -> FlatPhoto:
+def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:
     """Photo number `index` as its own flat view: for scans, and for photos without text."""
-    p = parameters or FlatteningParameters()
+    p = FlatteningParameters()
     height, width = photo.shape[:2]
     with clock.stage("text"):
         gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
@@ -107,15 +105,10 @@ def take_as_flat(
 
 
 def view_photo(
-    index: int,
-    photo: RgbImage,
-    frame: FlatFrame | CurvedFrame,
-    text_height_px: float,
-    weight: float,
-    parameters: FlatteningParameters | None = None,
+    index: int, photo: RgbImage, frame: FlatFrame | CurvedFrame, text_height_px: float, weight: float
 ) -> FlatPhoto:
     """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
-    p = parameters or FlatteningParameters()
+    p = FlatteningParameters()
     frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
     shown = _shown(photo, frame, p.rim_px)
     scales = _photo_px_per_flat_px(frame, shown)

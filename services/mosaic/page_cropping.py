@@ -85,11 +85,9 @@ class PageCells:
     views: tuple[RgbImage, ...] = ()
 
 
-def see_sheet(
-    placed: Sequence[PlacedPhoto], width: int, height: int, parameters: PageCroppingParameters | None = None
-) -> PageCells:
+def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCells:
     """Maps of the sheet on a page of `width` x `height` mosaic pixels. In each cell the majority of photos decides."""
-    p = parameters or PageCroppingParameters()
+    p = PageCroppingParameters()
     factor = min(1.0, p.long_side_px / max(width, height))
     columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
     x, y = np.meshgrid((np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows)
@@ -110,9 +108,7 @@ def see_sheet(
     return PageCells(seen, paper, tuple(views))
 
 
-def find_page_crop(
-    page: RgbImage, cells: PageCells, parameters: PageCroppingParameters | None = None
-) -> PageCrop:
+def find_page_crop(page: RgbImage, cells: PageCells) -> PageCrop:
     """The part of the mosaic `page` (H, W, 3) that is the sheet.
 
     Background is what differs from paper in the photos or in the page. A bright desk differs in the photos' own
@@ -120,7 +116,7 @@ def find_page_crop(
     in places is recognized by the colour step across the edge. Everything beyond an edge is not the page. On a side
     without a visible edge the page extends to the end of the photos.
     """
-    p = parameters or PageCroppingParameters()
+    p = PageCroppingParameters()
     height, width = page.shape[:2]
     factor = cells.seen.shape[1] / width
     paper, printed = _paper_of_page(page, cells.seen, p)

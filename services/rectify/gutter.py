@@ -139,12 +139,7 @@ def _continue_directions(
 
 
 def find_gutter(
-    photo: RgbImage,
-    characters: Points,
-    text_height: float,
-    flow: FlowSamples,
-    direction_rad: float,
-    parameters: GutterParameters | None = None,
+    photo: RgbImage, characters: Points, text_height: float, flow: FlowSamples, direction_rad: float
 ) -> Gutter | None:
     """Find the gutter of an opened book: a dark straight line in a gap between the text of two pages.
 
@@ -162,15 +157,13 @@ def find_gutter(
         Major flow in photo pixels.
     direction_rad
         Mean direction of the text lines; the gutter is across it.
-    parameters
-        Limits of gaps and of darkness.
 
     Returns
     -------
     Gutter or None
         None if no gap between text is dark.
     """
-    p = parameters or GutterParameters()
+    p = GutterParameters()
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
     turn = np.array([[cos, sin], [-sin, cos]])
     at, samples = characters @ turn.T, flow.points @ turn.T

@@ -127,7 +127,6 @@ def choose_page(
     major: FlowSamples,
     minor: FlowSamples | None,
     paper: Paper,
-    parameters: PageChoiceParameters | None = None,
     *,
     is_spread: bool = False,
 ) -> PageChoice:
@@ -145,8 +144,6 @@ def choose_page(
         Texture flows in photo pixels; `minor` is None where no strokes were found.
     paper
         The paper that the text is on.
-    parameters
-        Limits of edges and gaps.
     is_spread
         The photo is known to show an opened book: then a gutter is searched also where no long edge shows it.
 
@@ -155,7 +152,7 @@ def choose_page(
     PageChoice
         Which characters are on which page, and the lines between the pages.
     """
-    p = parameters or PageChoiceParameters()
+    p = PageChoiceParameters()
     halves = Halves.of(photo)
     size = (halves.image.shape[1], halves.image.shape[0])
     text = _Text(characters, text_height_px, major, size)

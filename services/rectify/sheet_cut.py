@@ -57,16 +57,13 @@ class SheetCutParameters:
 
 
 def cut_to_outline(
-    frame: FlatFrame | CurvedFrame,
-    outline: SheetOutline,
-    characters: Points,
-    parameters: SheetCutParameters | None = None,
+    frame: FlatFrame | CurvedFrame, outline: SheetOutline, characters: Points
 ) -> tuple[FlatFrame | CurvedFrame, frozenset[str]]:
     """`frame` cut at the sides of the `outline` that are seen, and which sides these are.
 
     `characters` (N, 2), photo pixels, must be inside; a side that would cut text off is not used.
     """
-    p = parameters or SheetCutParameters()
+    p = SheetCutParameters()
     if outline.confidence < LEAST_CONFIDENCE:
         return frame, frozenset()
     if outline.confidence >= p.certain_confidence:
@@ -187,11 +184,7 @@ def _fine_structure(view: RgbImage, shown: Mask, size: int, p: SheetCutParameter
 
 
 def restore_detail(
-    frame: FlatFrame | CurvedFrame,
-    photo_pixels: int,
-    characters: Points,
-    text_height_px: float,
-    framing: FramingParameters | None = None,
+    frame: FlatFrame | CurvedFrame, photo_pixels: int, characters: Points, text_height_px: float
 ) -> FlatFrame | CurvedFrame:
     """Raise the resolution of `frame` to that of the photo, and above it where print is small.
 
@@ -216,7 +209,7 @@ def restore_detail(
     FlatFrame or CurvedFrame
         The same view with more pixels, or `frame` itself.
     """
-    f = framing or FramingParameters()
+    f = FramingParameters()
     at = view_points(frame, characters)
     at = at[np.isfinite(at).all(axis=1)]
     if not len(at):

@@ -80,12 +80,7 @@ class TextlessPage:
 
 
 def find_textless_page(
-    photo: RgbImage,
-    outline: SheetOutline | None,
-    view: PhotoFrame,
-    prior: FocalPrior,
-    refusal: NoText,
-    parameters: TextlessParameters | None = None,
+    photo: RgbImage, outline: SheetOutline | None, view: PhotoFrame, prior: FocalPrior, refusal: NoText
 ) -> TextlessPage:
     """The page in `photo` (H, W, 3), whose text was refused, by its `outline`, else by its straight print.
 
@@ -94,7 +89,7 @@ def find_textless_page(
     NoText
         `refusal` with what else was searched, when neither shows a plane.
     """
-    p = parameters or TextlessParameters()
+    p = TextlessParameters()
     # A sheet with bent sides is a bent sheet, even if a plane would fit them.
     if outline is not None and sides_bend(outline) > p.straight_side:
         ridged = estimate_ridged_page(outline, view, prior, 0.0, None, None)
@@ -163,11 +158,9 @@ def frame_textless(page: TextlessPage) -> FlatFrame | CurvedFrame:
     return frame_page(page.shape.H_photo_plane, size, page.extent, 0.0, page.border)
 
 
-def draw_for_reading(
-    photo: RgbImage, frame: FlatFrame | CurvedFrame, parameters: TextlessParameters | None = None
-) -> GrayImage:
+def draw_for_reading(photo: RgbImage, frame: FlatFrame | CurvedFrame) -> GrayImage:
     """Small flat view in gray under even light, in which words can be read to find which way is up."""
-    p = parameters or TextlessParameters()
+    p = TextlessParameters()
     factor = min(1.0, p.orientation_long_side_px / max(photo.shape))
     gray = reduce_image(np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8), factor)
     return draw_gray_view(flatten_illumination(gray), factor, resize_frame(frame, factor))

@@ -74,10 +74,7 @@ class ToneParameters:
 
 
 def match_tones(
-    photos: Sequence[FlatPhoto],
-    placements: Sequence[Placement],
-    illumination: Illumination,
-    parameters: ToneParameters | None = None,
+    photos: Sequence[FlatPhoto], placements: Sequence[Placement], illumination: Illumination
 ) -> tuple[ToneMap, ...]:
     """One tone map for each photo, such that the light of all photos agrees.
 
@@ -92,12 +89,10 @@ def match_tones(
         "normalize": in addition, paper becomes white, also in hue unless it is clearly coloured, and the ink of all
         photos becomes equally dark. The levels are those of the whole page, so a photo with little paper gets them
         from its neighbours. Pictures get the light of the paper around them.
-    parameters
-        Parameters of light matching and of levels.
     """
     if not photos:
         return ()
-    p = parameters or ToneParameters()
+    p = ToneParameters()
     canvas, boxes = frame_canvas(photos, placements, p.view_long_side_px)
     views = [
         draw_on_canvas(photo, placement, canvas, box)

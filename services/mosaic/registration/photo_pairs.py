@@ -79,9 +79,7 @@ class RegistrationParameters:
     one; false ones by at least words or lines."""
 
 
-def register_photos(
-    photos: Sequence[FlatPhoto], parameters: RegistrationParameters | None = None
-) -> tuple[PairRegistration, ...]:
+def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]:
     """All overlapping pairs, independent of the order of `photos`.
 
     The search starts at word scale with the same text direction. Photos in separate parts are then searched upside
@@ -89,7 +87,7 @@ def register_photos(
     A pair that contradicts stronger ones in a loop is dropped. So is a pair that connects two parts by a piece of a
     single line.
     """
-    p = parameters or RegistrationParameters()
+    p = RegistrationParameters()
     prepared = {photo.index: PreparedPhoto(photo) for photo in photos}
     # Everything below depends on the order of content, not on the order of the upload.
     order = sorted(prepared, key=lambda index: prepared[index].key)

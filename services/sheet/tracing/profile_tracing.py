@@ -79,13 +79,12 @@ def flatten_darkness(
     page_map: PageMap,
     text: Points,
     text_height: float,
-    parameters: ProfileParameters | None = None,
 ) -> FlatGray | None:
     """Darkness of the flat-fielded `gray` within `text_area` in the flat view of `page_map`; None without text.
 
     `text` (N, 2) are characters and `text_height` their size, both in centred units.
     """
-    p = parameters or ProfileParameters()
+    p = ProfileParameters()
     page = page_map.to_page(text)
     known = np.isfinite(page).all(axis=1)
     if known.sum() < 10:
@@ -220,11 +219,9 @@ def trace_by_profiles(text: PageText, view: PhotoFrame, page_map: PageMap) -> Li
     return NO_LINES if flat is None else trace_profiles(flat, page_map)
 
 
-def trace_profiles(
-    flat: FlatGray, page_map: PageMap, parameters: ProfileParameters | None = None
-) -> LineObservations:
+def trace_profiles(flat: FlatGray, page_map: PageMap) -> LineObservations:
     """Observations of all text lines of the flat view, in centred coordinates of the photo."""
-    p = parameters or ProfileParameters()
+    p = ProfileParameters()
     h = flat.height_px
     ridges, columns = find_ridges(flat, p)
     chains = link_ridges(ridges, h, p)
