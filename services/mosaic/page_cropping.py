@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import PaperParameters, model_paper
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.outside_text import find_characters, is_outside_text
 from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
-from services.texture_flow.text_identification import identify_text
+from services.texture_flow.text_identification import FEWEST_CHARACTERS, identify_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,6 @@ class PageCroppingParameters:
     """Size at which the sheet is detected: a cell is then half a millimetre of an A4 page."""
     text_long_side_px: int = 1600
     """As in `AnalysisParameters`."""
-    min_components: int = 30
     steepest: float = 0.04
     """Largest slope of an edge: sheets are cut parallel to their print within two degrees."""
     slopes: int = 41
@@ -182,11 +182,11 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
     factor = min(1.0, p.text_long_side_px / max(page.shape[:2]))
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
     small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
-    gray = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)
+    gray = luminance(small)
     even = flatten_illumination(gray)
     text = identify_text(even)
     characters = text.components.centres
-    if len(characters) < p.min_components:
+    if len(characters) < FEWEST_CHARACTERS:
         return np.ones(seen.shape, bool), []
     # Areas that no photo shows are white, but not paper.
     mask = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)

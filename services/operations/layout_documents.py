@@ -16,13 +16,11 @@ from services.contract.layout import (
 )
 from services.errors import DocumentError, InvalidOption, NotAcceptable
 from services.imaging.page_images import PageLimits, PageSource, open_pages
-from services.layout.content.content_features import ContentFeatures
 from services.layout.exchange.page_json import page_to_document
-from services.layout.pipeline import VersionedModel, content_features, regroup, with_believable_labels
+from services.layout.pipeline import complete_recognition, content_features
 from services.layout.recognition.documents import (
     DocumentParameters,
     DocumentRecognition,
-    PageInDocument,
     recognize_document,
 )
 from services.layout.recognition.page_recognition import RecognitionParameters
@@ -134,7 +132,12 @@ def _recognize_pages(
         recognition = replace(
             recognition,
             pages=tuple(
-                _regroup(placed, measured, versions, parameters, features)
+                replace(
+                    placed,
+                    recognition=complete_recognition(
+                        measured.fine, placed.recognition, versions, parameters, features
+                    ),
+                )
                 for placed, measured in zip(recognition.pages, measured_pages, strict=True)
             ),
         )
@@ -183,19 +186,6 @@ def _measure(
     if options.format == "html" and measured.image is not None:
         picture = encode_kept_picture(measured.image, MOST_PICTURE_BYTES).body
     return replace(measured, image=None), picture
-
-
-def _regroup(
-    placed: PageInDocument,
-    measured: MeasuredPage,
-    versions: Sequence[VersionedModel],
-    parameters: RecognitionParameters,
-    features: ContentFeatures,
-) -> PageInDocument:
-    recognition = placed.recognition
-    if measured.fine is not None:
-        recognition = regroup(measured.fine, recognition, versions, parameters, features)
-    return replace(placed, recognition=with_believable_labels(recognition, versions))
 
 
 def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:

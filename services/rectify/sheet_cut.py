@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Mask, Points, RgbImage
 from services.geometry.page_frame import FramingParameters, resize_frame
+from services.imaging.channels import luminance
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis import PageAnalysis
 from services.rectify.drawing import draw_flat_view
@@ -175,7 +176,7 @@ def blank_ground(
 
 def _fine_structure(view: RgbImage, shown: Mask, size: int, p: SheetCutParameters) -> Mask:
     """Pixels (H, W) of `view` that are darker than their surroundings and narrower than `size`: print, not shadows."""
-    gray = cv2.cvtColor(view, cv2.COLOR_RGB2GRAY)
+    gray = luminance(view)
     around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8)).astype(np.float32)
     # The border of the photo is not print.
     rim = 2 * size + 1

@@ -18,6 +18,9 @@ from services.imaging.components import label_components
 from services.imaging.row_bands import row_bands
 from services.robust import robust_scale
 
+FEWEST_CHARACTERS = 30
+"""Fewer characters do not show the shape of a page."""
+
 
 @dataclass(frozen=True, slots=True)
 class TextIdentificationParameters:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage
+from services.imaging.channels import luminance
 from services.mosaic.composition.patch_drawing import DrawablePatch, Rectangle, draw_gray_patch, map_patch
 
 FloatMap = NDArray[np.float32]
@@ -114,7 +115,7 @@ def measure_patch(patch: DrawablePatch, grid: CellGrid) -> PatchMaps:
     shape = (box.height, box.width)
     covered, gray = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
     energy = np.zeros((*shape, 2), np.float32)
-    gray_source = np.asarray(cv2.cvtColor(patch.source, cv2.COLOR_RGB2GRAY), np.uint8)
+    gray_source = luminance(patch.source)
     step = max(p.tile_px // grid.side, 1)
     for top in range(box.top, box.bottom, step):
         for left in range(box.left, box.right, step):

@@ -216,7 +216,8 @@ def refine_overlap(
     points_a, points_b = (near, far) if scale <= 1 else (far, near)
     points_a = transform_points(np.linalg.inv(fine_a.H_reduced_flat), points_a)
     points_b = transform_points(np.linalg.inv(fine_b.H_reduced_flat), points_b)
-    weights = np.clip((correlations - q.correlation) / (1 - q.correlation), p.least_weight, 1)
+    least = BlockParameters().correlation
+    weights = np.clip((correlations - least) / (1 - least), p.least_weight, 1)
     loss = p.fine_loss * a.photo.text_height_px
     left = np.linalg.norm(transform_points(overlap.H_a_b, points_b) - points_a, axis=1)
     loss = max(loss, float(np.median(left)))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
 from services.sheet.outline.colors import color_codes, color_log_odds
-from services.sheet.outline.corners import CornerParameters, split_sides
+from services.sheet.outline.corners import split_sides
 from services.sheet.outline.print_place import PrintPlace
 from services.sheet.outline.rays import RayParameters, Rays, cast_rays
 from services.sheet.outline.reduced_photo import ReducedPhoto
@@ -20,7 +20,6 @@ class CandidateParameters:
     """Where boundaries are searched."""
 
     rays: RayParameters = field(default_factory=RayParameters)
-    corners: CornerParameters = field(default_factory=CornerParameters)
     inside: float = 0.8
     """Share of the distance to the last print on a ray; a boundary is further out."""
     least_ground: float = 0.01
@@ -122,7 +121,7 @@ def _extend_sides(search: _Search, path: NDArray[np.intp]) -> None:
     """Paths that leave three sides where they are and go beyond the fourth: a heading on a ground of its own."""
     p = search.parameters
     inner = path < search.rays.last - 1
-    corners = split_sides(search.rays.at(path), np.asarray(inner), p.corners)
+    corners = split_sides(search.rays.at(path), np.asarray(inner))
     if corners is None:
         return
     count = len(path)

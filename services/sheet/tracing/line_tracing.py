@@ -46,6 +46,7 @@ class TracingParameters:
     deviation_floor: float = 0.02
     """Of a piece's place: what characters differ in by design."""
     alike: float = 0.05
+    """Paragraphs whose spacing differs by less have the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

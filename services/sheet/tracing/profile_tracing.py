@@ -17,7 +17,7 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
-from services.sheet.tracing.line_tracing import sampling_maps
+from services.sheet.tracing.line_tracing import TracingParameters, sampling_maps
 from services.sheet.tracing.page_text import PageText
 
 
@@ -53,8 +53,6 @@ class ProfileParameters:
     """Of all lines: of a dense page, windows are left out evenly."""
     max_groups: int = 8
     """Largest numbers of flush margins and of paragraphs that are used; those with most lines are kept."""
-    alike: float = 0.05
-    """Paragraphs whose spacing differs by less have the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -266,7 +264,7 @@ def trace_profiles(flat: FlatGray, page_map: PageMap) -> LineObservations:
         line,
         p.deviation * h / grow,
         runs,
-        group_alike(spacings, p.alike),
+        group_alike(spacings, TracingParameters().alike),
         [m for m in margins if len(m) > 1],
         float(np.median(rows.heights) / np.median(grow)),
     )
