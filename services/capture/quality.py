@@ -52,8 +52,8 @@ class CaptureQuality:
     is that of ink against the paper next to it, `noise` the standard deviation of the paper as a share of that step.
     `cut_off_fraction` is the share of the characters at the photo's border or seen at more than 75 degrees.
     `blurred_side` names the part of the photo that is less sharp than the rest, if there is one. `letter_px` is the
-    height of small letters by the rows of text, which blur does not change; `detail_along`, `detail_across` and
-    `detail_least` are what is left of the strokes' detail (`StrokeDetail`).
+    height of small letters by the rows of text, which blur does not change; `detail_across` and `detail_least` are what
+    is left of the strokes' detail (`StrokeDetail`).
     """
 
     text_height_min_px: float
@@ -67,7 +67,6 @@ class CaptureQuality:
     worst_blur_px: float = 0.0
     noise: float = 0.0
     letter_px: float = 1.0
-    detail_along: float = 1.0
     detail_across: float = 1.0
     detail_least: float = 1.0
 
@@ -128,7 +127,6 @@ def measure_quality(
         worst_blur_px=print_.worst_blur_px if seen.any() else 0.0,
         noise=print_.noise,
         letter_px=letter,
-        detail_along=strokes.along,
         detail_across=strokes.across,
         detail_least=strokes.least,
     )

@@ -262,7 +262,7 @@ def _analyse_dark_print(
     return tuple(pages)
 
 
-def analyse_text(found: FoundText, parameters: AnalysisParameters | None = None) -> PageAnalysis:
+def analyse_text(found: FoundText, p: AnalysisParameters) -> PageAnalysis:
     """Both texture flows of all the text that was found, without a choice of the page.
 
     Raises
@@ -270,7 +270,6 @@ def analyse_text(found: FoundText, parameters: AnalysisParameters | None = None)
     NoText
         When its lines show no common direction.
     """
-    p = parameters or AnalysisParameters()
     flows = _measure_flows(found.gray, found.factor, found.text, p)
     if len(flows[0].samples) < p.min_flow_samples:
         raise NoText(NO_DIRECTION)

@@ -41,14 +41,13 @@ def refine_matches(
     H_reference_other: Homography,
     points_reference: Points,
     displacements: Points,
-    parameters: RefinementParameters | None = None,
+    p: RefinementParameters,
 ) -> tuple[Points, Points, Vector]:
     """Matched points (M, 2) of reference and other, and their correlations (M,); M <= N, in reduced pixels.
 
     The block around each of `points_reference` (N, 2) is compared with the other view, warped by `H_reference_other`,
     at the same place plus `displacements` (N, 2).
     """
-    p = parameters or RefinementParameters()
     if not len(points_reference):
         return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
     height, width = reference.gray.shape

@@ -72,10 +72,9 @@ def find_candidates(
     reduced: ReducedPhoto,
     place: PrintPlace,
     rate: Callable[[Points], float],
-    parameters: CandidateParameters | None = None,
+    p: CandidateParameters,
 ) -> list[Candidate]:
     """Closed curves that may be the sheet's boundary; `rate` rates a curve (N, 2) on the reduced photo."""
-    p = parameters or CandidateParameters()
     rays = cast_rays(reduced, place.core, place.mask, p.rays)
     reach = rays.reach_of_mask(place.mask)
     search = _Search(rays, rate, p, 1.3 * float(np.median(reach)))
@@ -100,10 +99,9 @@ def find_candidates(
 
 
 def improve_candidate(
-    reduced: ReducedPhoto, start: Candidate, rate: Callable[[Points], float], parameters: CandidateParameters
+    reduced: ReducedPhoto, start: Candidate, rate: Callable[[Points], float], p: CandidateParameters
 ) -> list[Candidate]:
     """Curves near and outside of `start`, searched on rays from its own middle."""
-    p = parameters
     inside = _filled(start.curve, reduced.colors.shape[:2])
     if inside.sum() < 50:
         return []

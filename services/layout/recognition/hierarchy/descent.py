@@ -90,11 +90,6 @@ class Hierarchy:
         self._coarse = ModelBank([genre.pooled for genre in self._genres], content_names)
         self._coarse_means = np.array([genre.mean for genre in self._genres])
 
-    @property
-    def genres(self) -> tuple[tuple[int, ...], ...]:
-        """Indices of the models of each genre."""
-        return tuple(tuple(members.tolist()) for members in self._members)
-
     def rank(self, graph: LayoutGraph, most_candidates: int = MOST_CANDIDATES) -> ModelRanking:
         """Ranking of all models on a page of N >= 1 zones."""
         zones = graph.zones
