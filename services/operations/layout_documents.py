@@ -14,8 +14,8 @@ from services.contract.layout import (
     LayoutSettings,
     ModelDocument,
 )
-from services.errors import DocumentError, InvalidOption, NotAcceptable
-from services.imaging.page_images import PageLimits, PageSource, open_pages
+from services.errors import InvalidOption, NotAcceptable
+from services.imaging.page_images import PageLimits, PageSource, naming_page, open_pages
 from services.layout.exchange.page_json import page_to_document
 from services.layout.pipeline import complete_recognition, content_features
 from services.layout.recognition.documents import (
@@ -176,12 +176,8 @@ def _measure(
 ) -> tuple[MeasuredPage, bytes]:
     """The measured page without its picture, since the pictures of all pages need much memory; for HTML as a JPEG."""
     engine = ocr_engine(options.language) if options.ocr else None
-    try:
+    with naming_page(source.label, source.field):
         measured = measure_page(source.decode, None, None, engine, options, settings, timings_ms)
-    except DocumentError as error:
-        if error.detail.startswith(source.label):
-            raise
-        raise type(error)(f"{source.label}: {error.detail}", source.field or error.field) from error
     picture = b""
     if options.format == "html" and measured.image is not None:
         picture = encode_kept_picture(measured.image, MOST_PICTURE_BYTES).body
