@@ -119,13 +119,12 @@ def cut_to_page(
     known: frozenset[str],
     *,
     whole: bool,
-    parameters: SheetCutParameters | None = None,
 ) -> FlatFrame | CurvedFrame:
     """`frame` cut on the sides that are not `known` yet: at long edges next to the text, or where blank ground begins.
 
     With `whole` the sheet is certainly in the photo as a whole; then lines inside its outline are print, not edges.
     """
-    p = parameters or SheetCutParameters()
+    p = SheetCutParameters()
     if len(known) == len(SIDES):
         return frame
     factor = min(1.0, LONG_SIDE_PX / max(frame.width, frame.height))

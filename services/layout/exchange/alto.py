@@ -230,16 +230,7 @@ def write_alto(recognition: Recognition, file_name: str, created: datetime) -> b
     tags = _Tags(names)
     styles: dict[tuple[tuple[str, str], ...], str] = {}
 
-    root = Element(
-        "alto",
-        {
-            "xmlns": NAMESPACE,
-            "xmlns:xsi": XSI,
-            "xsi:schemaLocation": f"{NAMESPACE} {SCHEMA}",
-            "SCHEMAVERSION": SCHEMA_VERSION,
-        },
-    )
-    _describe(root, clean(file_name), created, step_id)
+    root = begin_alto(file_name, step_id, "layout structure recognition", created)
     style_list, tag_list = SubElement(root, "Styles"), SubElement(root, "Tags")
     if zones:
         group = SubElement(
@@ -300,15 +291,27 @@ class _Tags:
         return [self._ids[tag] for tag in found]
 
 
-def _describe(root: Element, file_name: str, created: datetime, step_id: str) -> None:
+def begin_alto(file_name: str, step_id: str, step_name: str, created: datetime | None = None) -> Element:
+    """The root of a document about the image `file_name`, with its description; the step of its making has an ID."""
+    root = Element(
+        "alto",
+        {
+            "xmlns": NAMESPACE,
+            "xmlns:xsi": XSI,
+            "xsi:schemaLocation": f"{NAMESPACE} {SCHEMA}",
+            "SCHEMAVERSION": SCHEMA_VERSION,
+        },
+    )
     description = SubElement(root, "Description")
     SubElement(description, "MeasurementUnit").text = "pixel"
-    SubElement(SubElement(description, "sourceImageInformation"), "fileName").text = file_name
+    SubElement(SubElement(description, "sourceImageInformation"), "fileName").text = clean(file_name)
     step = SubElement(description, "Processing", {"ID": step_id})
     SubElement(step, "processingCategory").text = "contentGeneration"
-    SubElement(step, "processingDateTime").text = created.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    SubElement(step, "processingStepDescription").text = "layout structure recognition"
+    if created is not None:
+        SubElement(step, "processingDateTime").text = created.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    SubElement(step, "processingStepDescription").text = step_name
     SubElement(SubElement(step, "processingSoftware"), "softwareName").text = SOFTWARE
+    return root
 
 
 def _style(zone: Zone) -> tuple[tuple[str, str], ...]:
