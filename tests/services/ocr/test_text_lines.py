@@ -35,6 +35,13 @@ def test_every_line_is_found_within_a_share_of_its_height(scale: float) -> None:
         assert abs(line.slope) < 0.01
 
 
+def test_columns_are_sought_only_when_asked_for() -> None:
+    found = detect_text_lines(text_page())
+    assert found.rows.mass > 1
+    assert "columns" not in vars(found)
+    assert found.mass == max(found.rows.mass, found.columns.mass)
+
+
 @pytest.mark.parametrize("turns", [1, 3])
 def test_turned_page_has_its_lines_along_the_columns(turns: int) -> None:
     page = text_page()

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 
 from services.errors import NoText
+from services.imaging.channels import luminance
+from services.imaging.illumination import flatten_illumination
+from services.imaging.reduction import reduce_image
 from services.rectify.analysis import (
     AnalysisParameters,
     analyse_photo,
@@ -38,6 +41,24 @@ def test_text_height_is_in_photo_pixels(album: Album, name: str) -> None:
     half = np.array([0.0, 0.53 * shot.truth.page.width / 38 / 2])
     tall = shot.truth.page_to_photo(middle + half) - shot.truth.page_to_photo(middle - half)
     assert shot.analysis.text_height_px == pytest.approx(np.median(np.linalg.norm(tall, axis=1)), rel=0.25)
+
+
+@pytest.mark.parametrize("name", ["plain", "large", "dirty"])
+def test_the_part_with_text_shows_what_the_photo_shows(album: Album, name: str) -> None:
+    shot = album[name]
+    strokes = shot.analysis.strokes
+    gray = luminance(shot.photo.image)
+    height, width = strokes.image.shape
+    assert height * width < 0.95 * gray.size * strokes.factor**2
+    whole = flatten_illumination(reduce_image(gray, strokes.factor))
+    left, top = (round(v * strokes.factor) for v in strokes.origin)
+    seen = whole[top : top + height, left : left + width].astype(int)
+    # At most a pixel's rounding apart, in place and in light.
+    assert np.abs(seen - strokes.image[: seen.shape[0], : seen.shape[1]]).mean() < (
+        0.5 if strokes.factor == 1 else 6
+    )
+    inside = (shot.analysis.characters - strokes.origin) * strokes.factor
+    assert ((inside > 0) & (inside < (width, height))).all()
 
 
 @pytest.mark.parametrize("name", ["large", "dirty"])
