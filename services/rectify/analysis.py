@@ -19,7 +19,12 @@ from services.sheet.tracing.page_text import PageText
 from services.texture_flow.field import FlowField, FlowSamples, resize_field
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
-from services.texture_flow.text_identification import IdentifiedText, identify_text, keep_characters
+from services.texture_flow.text_identification import (
+    IdentifiedText,
+    TextComponents,
+    identify_text,
+    keep_characters,
+)
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 
 PICTURE_SHARE = 0.8
@@ -63,6 +68,8 @@ class PageAnalysis:
     strokes_image: GrayImage
     strokes_factor: float
     text: IdentifiedText
+    printed: TextComponents
+    """All that looks like characters, in the frame of `reduced`: `text` is what lies on the page's paper."""
     major: FlowSamples
     major_field: FlowField
     minor: FlowSamples | None
@@ -191,12 +198,16 @@ def _analyse(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundText:
-    """The gray photo, its flat-fielded copy reduced by `factor`, its `text` in that frame, the paper under the text."""
+    """The gray photo, its flat-fielded copy reduced by `factor`, its `text` in that frame, the paper under the text.
+
+    `printed` is all that looks like characters, on paper or not.
+    """
 
     gray: GrayImage
     factor: float
     reduced: GrayImage
     text: IdentifiedText
+    printed: TextComponents
     paper: Paper
 
     @property
@@ -291,6 +302,7 @@ def _analysis_of(
         strokes_image,
         strokes_factor,
         text,
+        seen.printed,
         _to_photo(major.samples, factor),
         resize_field(major.field, 1 / factor),
         None if minor is None else _to_photo(minor.samples, strokes_factor),
@@ -318,7 +330,7 @@ def find_text(
     reduced = flatten_illumination(reduce_image(gray, factor))
     guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
     text = identify_text(reduced, guide)
-    paper = None
+    printed, paper = text.components, None
     if len(text.components.sizes) >= p.min_components:
         paper = model_paper(halves, characters_in_photo(text, factor))
         on_paper = paper.holds(characters_in_photo(text, factor))
@@ -330,7 +342,7 @@ def find_text(
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )
-    return FoundText(gray, factor, reduced, text, paper)
+    return FoundText(gray, factor, reduced, text, printed, paper)
 
 
 def _measure_flows(
