@@ -7,8 +7,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TypeVar
 
+from app.probe import Probe
 from models.blobs import Blobs
-from models.errors import StoreUnavailable
+from models.errors import StoreError, StoreUnavailable
 
 T = TypeVar("T")
 FOLDER = "blobs"
@@ -31,8 +32,7 @@ class BlobAccess:
         self._folder = data_dir / FOLDER
         self._timeout_s = timeout_s
         self._threads = ThreadPoolExecutor(MOST_THREADS, "blobs")
-        self._probe_thread = ThreadPoolExecutor(1, "blobs-probe")
-        self._probe: asyncio.Future[None] | None = None
+        self._probe = Probe(self._is_writable, "blobs-probe")
         self._blobs: Blobs | None = None
 
     async def open(self) -> None:
@@ -42,7 +42,7 @@ class BlobAccess:
     async def close(self) -> None:
         """Wait for calls that have begun, and take no more."""
         self._blobs = None
-        self._probe_thread.shutdown(wait=False, cancel_futures=True)
+        self._probe.close()
         await asyncio.to_thread(self._threads.shutdown)
 
     async def put(self, key: str, content: bytes | Iterable[bytes], most_bytes: int) -> int:
@@ -69,13 +69,14 @@ class BlobAccess:
 
     async def is_available(self) -> bool:
         """Whether a blob can be written now; False if that is not known within `PROBE_TIMEOUT_S`."""
-        if self._probe is None or self._probe.done():
-            if (blobs := self._blobs) is None:
-                return False
-            self._probe = asyncio.get_running_loop().run_in_executor(self._probe_thread, blobs.check)
-        probe = self._probe
-        await asyncio.wait((probe,), timeout=PROBE_TIMEOUT_S)
-        return probe.done() and probe.exception() is None
+        return self._blobs is not None and bool(await self._probe.result(PROBE_TIMEOUT_S))
+
+    def _is_writable(self) -> bool:
+        try:
+            self._opened().check()
+        except StoreError:
+            return False
+        return True
 
     async def _call(self, work: Callable[[Blobs], T]) -> T:
         blobs = self._opened()

@@ -19,7 +19,6 @@ CANDIDATES = (0.999, 0.99, 0.97, 0.9, 0.8, 0.5, 0.0)
 """Confidences among which a threshold is chosen; each one more costs evidence, ln(number) / error zones."""
 EVIDENCE = 400
 """Newest feedbacks of a class from which its threshold is computed: older ones are of older models."""
-_STEPS = 60  # of a bisection: more than the bits of a float
 
 Verdict = tuple[str | None, float, bool]
 """Found label of a zone, its confidence, and whether a person found it right."""
@@ -32,20 +31,6 @@ class Decision:
     action: str
     tolerated_error: float
     reasons: tuple[dict[str, Any], ...] = ()
-
-
-def upper_bound(wrong: int, total: int, certainty: float) -> float:
-    """Largest error rate under which `wrong` errors or fewer among `total` have the probability 1 - certainty."""
-    if total == 0 or wrong >= total:
-        return 1.0
-    low, high = wrong / total, 1.0
-    for _ in range(_STEPS):
-        middle = (low + high) / 2
-        if _at_most(wrong, total, middle) > 1.0 - certainty:
-            low = middle
-        else:
-            high = middle
-    return high
 
 
 def _at_most(wrong: int, total: int, rate: float) -> float:
@@ -72,7 +57,7 @@ def threshold_of(verdicts: Sequence[Verdict], tolerated: float) -> float | None:
 
 
 def _is_shown(verdicts: Sequence[Verdict], candidate: float, tolerated: float, certainty: float) -> bool:
-    """Whether the `upper_bound` of the error above the candidate is at most the tolerated one.
+    """Whether Clopper and Pearson's upper bound of the error above the candidate is at most the tolerated one.
 
     The probability of few errors falls with the rate, so one value decides it without the bound itself.
     """

@@ -10,6 +10,7 @@ from fastapi import Request
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.connection import while_connected
 from app.engine.base import Busy
 from app.jobs.registry import JobCancelled, Jobs
 from app.jobs.stored_request import describe_request
@@ -74,7 +75,7 @@ class JobAdmission:
         request = Request(scope)
         job = await self._store(request, receive)
         try:
-            job = await self._end(request, receive, job)
+            job = await while_connected(receive, self._wait(job))
             response = await self.jobs.answer(job)
             await response(scope, receive, send)
         finally:  # after the answer, which must not wait for it
@@ -104,28 +105,8 @@ class JobAdmission:
         finally:
             place.leave()
 
-    async def _end(self, request: Request, receive: Receive, job: StoredJob) -> StoredJob:
-        """The job at its end.
-
-        Raises
-        ------
-        Busy
-            When no worker takes it in time.
-        ClientGone
-        """
-        leaving = asyncio.ensure_future(_until_disconnected(receive))
-        ending = asyncio.ensure_future(self._wait(job))
-        try:
-            await asyncio.wait((leaving, ending), return_when=asyncio.FIRST_COMPLETED)
-            if not ending.done():
-                raise ClientGone("The client closed the connection before the work was done.")
-            return ending.result()
-        finally:
-            for task in (leaving, ending):
-                task.cancel()
-            await asyncio.gather(leaving, ending, return_exceptions=True)
-
     async def _wait(self, job: StoredJob) -> StoredJob:
+        """The job at its end. Raises `Busy` when no worker takes it in time."""
         async with asyncio.timeout(self.queue_timeout_s) as waiting:
             try:
                 async for changed in self.jobs.followers.follow(job):
@@ -147,11 +128,6 @@ class JobAdmission:
             problem = problem_response(JobCancelled("The client no longer waits."), request.scope)
             await self.jobs.cancel(job, problem)
         await self.jobs.delete(job)
-
-
-async def _until_disconnected(receive: Receive) -> None:
-    while (await receive())["type"] != "http.disconnect":
-        pass
 
 
 def _parts(file: IO[bytes]) -> Iterator[bytes]:

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from fastapi import APIRouter, Request, Response
 
 from app.callers import require_own_result
+from app.connection import while_connected
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
-from app.routes.connection import while_connected
 from app.routes.feedback_learning import learn_from_feedback
 from app.routes.feedback_undo import undo_feedback
 from app.routes.json_bodies import json_request, read_json
@@ -62,7 +62,7 @@ async def give_layout_feedback(
     limit = state.settings.max_zones_bytes
     body = await read_json(request, FeedbackBody, most_bytes=limit, setting="MAX_ZONES_BYTES")
     feedback = await while_connected(
-        request, learn_from_feedback(state, id, caller.scoped(idempotency_key), body, caller.name)
+        request.receive, learn_from_feedback(state, id, caller.scoped(idempotency_key), body, caller.name)
     )
     request.state.seat.release()
     warnings = [] if feedback.created else await _without_effect(state, feedback)
@@ -83,7 +83,7 @@ async def undo_layout_feedback(request: Request, state: State, id: str) -> Undon
     same feedback may be sent again.
     """
     await require_own_result(request, state, id)
-    undone = await while_connected(request, undo_feedback(state, id))
+    undone = await while_connected(request.receive, undo_feedback(state, id))
     return UndoneFeedback(
         result=id,
         feedback=list(undone.feedback_ids),

@@ -6,10 +6,10 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from app.callers import require_own_result
+from app.connection import while_connected
 from app.problems import documented
 from app.representations import check_accepted
 from app.routes.common_responses import STORE, WORK
-from app.routes.connection import while_connected
 from app.routes.state import AppState, State
 from app.schemas.options import MaxPixels
 from models.errors import ResultNotFound, StoreError
@@ -69,7 +69,7 @@ async def layout_result_image(
         seat = state.engine.admit()
         try:
             work = state.engine.submit(state.operations.resize_kept_picture, picture, width)
-            picture = await while_connected(request, work)
+            picture = await while_connected(request.receive, work)
         finally:
             seat.release()
     # Browsers may keep it, but must ask before they show it again: it may have been deleted.

@@ -7,11 +7,11 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Request, Response
 from pydantic import Field
 
+from app.connection import while_connected
 from app.engine.base import TimeLimit
 from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, STORE, WORK
-from app.routes.connection import while_connected
 from app.routes.json_bodies import refuse_body
 from app.routes.labelled_pages import count_labels, layout_settings
 from app.routes.layout_settings import health_of
@@ -139,7 +139,7 @@ async def import_layout_model(
     precondition = parse_precondition(if_match, if_none_match)
     document = await request.body()
     work = state.engine.submit(state.operations.import_model, name, document)
-    draft: ModelDraft = await while_connected(request, work)
+    draft: ModelDraft = await while_connected(request.receive, work)
     request.state.seat.release()
 
     before: int | None = None

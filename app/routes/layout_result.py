@@ -6,10 +6,10 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 
 from app.callers import require_own_result
+from app.connection import while_connected
 from app.problems import documented
 from app.representations import choose_described_format, content_disposition, layout_headers
 from app.routes.common_responses import STORE, WORK
-from app.routes.connection import while_connected
 from app.routes.state import AppState, State
 from app.schemas.layout import DocumentResult, LayoutResult, document_of, result_of
 from app.schemas.layout_results import RESULT_MEDIA_TYPES, ResultFormat
@@ -83,7 +83,7 @@ async def _answer_html(request: Request, state: AppState, kept: StoredResult) ->
     seat = state.engine.admit()
     try:
         work = state.engine.submit(state.operations.render_kept_pages, pages, "")
-        body = await while_connected(request, work)
+        body = await while_connected(request.receive, work)
     finally:
         seat.release()
     headers = layout_headers(kept.document["document" if "pages" in kept.document else "result"])

@@ -3,10 +3,10 @@
 from fastapi import APIRouter, Request, Response
 
 from app.callers import caller_of
+from app.connection import while_connected
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
-from app.routes.connection import while_connected
 from app.routes.labelled_pages import (
     LABELLED_PAGE_BODY,
     count_labels,
@@ -53,7 +53,7 @@ async def add_layout_sample(
         work = state.engine.submit(
             state.operations.measure_sample, page.image, page.zones, layout_settings(state.settings)
         )
-        document = await while_connected(request, work)
+        document = await while_connected(request.receive, work)
         picture = b"" if page.image is None else await read_upload(page.image)
     request.state.seat.release()
     sample = await state.store.call(

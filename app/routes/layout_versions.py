@@ -6,11 +6,11 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Request, Response
 from pydantic import Field
 
+from app.connection import while_connected
 from app.layout_store import document_of, labels_of
 from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
-from app.routes.connection import while_connected
 from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import ETAG, IfMatch
 from app.routes.paging import LINK, MOST_LISTED, Limit, first_of, link_next
@@ -107,7 +107,7 @@ async def layout_model_diff(
 
     old, new = await state.store.call(read)
     work = state.engine.submit(state.operations.compare_models, old, new, limit)
-    difference = await while_connected(request, work)
+    difference = await while_connected(request.receive, work)
     return Difference(
         name=name,
         version=new.version,

@@ -8,11 +8,11 @@ from fastapi import Request, Response
 from starlette.datastructures import Headers
 
 from app.callers import caller_of
+from app.connection import while_connected
 from app.form_parts import has_form
 from app.jobs.callback_request import parse_callback_url
 from app.jobs.registry import MOST_KEY_CHARACTERS, Repeatable
 from app.jobs.stored_request import RUN, JobRun
-from app.routes.connection import while_connected
 from app.routes.sent_request import digest_of
 from app.routes.state import AppState
 from app.schemas.jobs import JobDelivery, JobLinks, JobStatus
@@ -91,7 +91,7 @@ async def answer_now_or_later(request: Request, state: AppState, work: Work) -> 
         return await work(run.report)
     key, callback_url = _key_of(request.headers), await _callback_url(request, state)
     if not prefers_async(request.headers):
-        return await while_connected(request, work(None))
+        return await while_connected(request.receive, work(None))
     request.state.seat.release()
     owner, root_path = caller_of(request).name, state.settings.root_path
     repeated: Repeatable | None = None

@@ -135,10 +135,8 @@ async def choose_encoding(request: Request, asked: AskedEncoding, photo: UploadF
     NotAcceptable
         When `Accept` allows no format.
     """
-    head = await photo.read(SNIFFED_BYTES)
-    await photo.seek(0)
-    chosen = choose_format(asked.format, request.headers.get("accept"), sniff_format(head))
-    return _encoding_of(asked, photo, chosen, "pdf")
+    accept, own = request.headers.get("accept"), await _format_of(photo)
+    return _encoding_of(asked, photo, choose_format(asked.format, accept, own), "pdf")
 
 
 async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, photo: UploadFile) -> Encoding:
@@ -149,10 +147,16 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
     NotAcceptable
         When `Accept` allows no format.
     """
+    accept, own = request.headers.get("accept"), await _format_of(photo)
+    single, several = choose_pages_formats(asked.format, accept, own)
+    return replace(_encoding_of(asked, photo, single, several), archive=asked.archive)
+
+
+async def _format_of(photo: UploadFile) -> AnswerFormat | None:
+    """Format of an upload by its first bytes."""
     head = await photo.read(SNIFFED_BYTES)
     await photo.seek(0)
-    single, several = choose_pages_formats(asked.format, request.headers.get("accept"), sniff_format(head))
-    return replace(_encoding_of(asked, photo, single, several), archive=asked.archive)
+    return sniff_format(head)
 
 
 def _encoding_of(

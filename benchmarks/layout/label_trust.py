@@ -21,11 +21,10 @@ from benchmarks.common.options import make_parser
 from benchmarks.common.places import BASELINE, MEMORY, OUTPUT
 from benchmarks.common.workers import Progress, run_in_workers
 from benchmarks.layout.part import table
-from benchmarks.layout.protocols import draws, folds, make_model
+from benchmarks.layout.protocols import draws, folds, make_model, recognize_finely
 from benchmarks.layout.truth import LabelledPage, layout_folder
 from benchmarks.layout.word_labels import SETS, Photo, load_pages, read_photo
 from services.layout.learning.label_transfer import transfer_labels
-from services.layout.pipeline import VersionedModel, recognize_fine
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine
 
@@ -53,7 +52,7 @@ def judge_zones(photos: Sequence[Photo], size: str) -> Judged:
     for learned, tested in splits:
         model = make_model("class", [(photos[at].true, photos[at].own) for at in learned])
         for at in tested:
-            seen = recognize_fine(photos[at].fine, [VersionedModel(model, 1)])
+            seen = recognize_finely(photos[at].fine, model)
             true = transfer_labels(photos[at].true, seen.page)
             confidence += [each.confidence for each in seen.zones]
             is_right += [each.label == zone.label for each, zone in zip(seen.zones, true.zones, strict=True)]

@@ -9,9 +9,10 @@ import numpy as np
 from benchmarks.layout.specimens import Lesson
 from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
-from services.layout.pipeline import VersionedModel, initialize_model, recognize
+from services.layout.pipeline import VersionedModel, complete_recognition, initialize_model, recognize
 from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.results import Recognition
+from services.layout.segmentation import FinePage, compose_page
 
 Labels = tuple[str | None, ...]
 Labeller = Callable[[Sequence[Lesson], Sequence[Page]], list[Labels]]
@@ -51,6 +52,12 @@ def recognized(
 ) -> Recognition:
     """Class and labels of a page, which is taken without its labels."""
     return recognize(unlabelled(page), [VersionedModel(model, 1) for model in models.values()], parameters)
+
+
+def recognize_finely(fine: FinePage, model: LayoutModel) -> Recognition:
+    """Class and labels of a page in the zones of segmentation, regrouped by the model."""
+    models = [VersionedModel(model, 1)]
+    return complete_recognition(fine, recognize(compose_page(fine), models), models)
 
 
 def make_model(name: str, samples: Sequence[Lesson]) -> LayoutModel:

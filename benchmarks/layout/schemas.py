@@ -13,9 +13,10 @@ from datetime import UTC, datetime
 from lxml import etree
 
 from benchmarks.layout.truth import SETS, load_set
-from services.layout.exchange.alto import read_alto, write_alto
+from services.layout.exchange.alto import write_alto
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.exchange.page_xml import read_page_xml, write_page_xml
+from services.layout.exchange.page_xml import write_page_xml
+from services.layout.exchange.zones_file import read_zones_file
 from services.layout.page import ALIGNMENTS, KINDS, Page, Zone
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 
@@ -69,24 +70,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--data", help="folder of the shared data")
     options = parser.parse_args(arguments)
     limits, created = ExchangeLimits(), datetime.now(UTC)
-    asked: list[tuple[str, str, Callable[..., bytes], Callable[..., Page]]] = [
-        (name, path, write, read)
-        for name, path, write, read in (
-            ("PAGE-XML", options.page, write_page_xml, read_page_xml),
-            ("ALTO", options.alto, write_alto, read_alto),
+    asked: list[tuple[str, str, Callable[..., bytes]]] = [
+        (name, path, write)
+        for name, path, write in (
+            ("PAGE-XML", options.page, write_page_xml),
+            ("ALTO", options.alto, write_alto),
         )
         if path
     ]
     if not asked:
         parser.error("give --page or --alto")
     good = True
-    for name, path, write, read in asked:
+    for name, path, write in asked:
         schema = etree.XMLSchema(etree.parse(path))
         pages = invalid = changed = 0
         for recognition in recognitions(options.data):
             written = write(recognition, "page.png", created)
             pages += 1
-            back = read(written, limits)
+            back = read_zones_file(written, limits)
             told = [(zone.id, zone.label, zone.kind) for zone in recognition.page.zones]
             changed += told != [(zone.id, zone.label, zone.kind) for zone in back.zones]
             if not schema.validate(etree.fromstring(written)):

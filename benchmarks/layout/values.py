@@ -23,7 +23,7 @@ from benchmarks.common.options import make_parser
 from benchmarks.common.places import BASELINE, MEMORY, OUTPUT
 from benchmarks.common.workers import Progress, run_in_workers
 from benchmarks.layout.part import share, table
-from benchmarks.layout.protocols import draws, folds, make_model
+from benchmarks.layout.protocols import draws, folds, make_model, recognize_finely
 from benchmarks.layout.specimens import load_gray
 from benchmarks.layout.truth import LabelledPage, layout_folder, load_set
 from services.contract.fields import FieldSetting
@@ -31,7 +31,7 @@ from services.imaging.illumination import flatten_illumination
 from services.layout.content.zone_texts import fill_texts
 from services.layout.learning.label_transfer import transfer_labels
 from services.layout.page import Page
-from services.layout.pipeline import VersionedModel, content_features, recognize_fine
+from services.layout.pipeline import content_features
 from services.layout.recognition.fields import gather_fields
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 from services.layout.segmentation import FinePage, compose_page, segment_finely
@@ -129,7 +129,7 @@ def count_values(class_name: str, pages: Sequence[ReadPage], size: str) -> tuple
         model = make_model(class_name, [(pages[at].true, pages[at].own) for at in learned])
         for at in tested:
             page = pages[at]
-            seen = recognize_fine(page.fine, [VersionedModel(model, 1)])
+            seen = recognize_finely(page.fine, model)
             found = {field.label: field for field in gather_fields(seen, SETTINGS[class_name])}
             for label, value in page.truth.items():
                 if page.readable.get(label) != value:

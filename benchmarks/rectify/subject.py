@@ -18,13 +18,13 @@ from benchmarks.dissertation_chain.flow_regression import regress_flow
 from benchmarks.dissertation_chain.rulings.page_rulings import MAJOR_SIGMA, MINOR_SIGMA
 from benchmarks.dissertation_chain.strip_page import find_strips
 from services.arrays import RgbImage, Vector
-from services.contract.images import Encoding, ImageLimits
+from services.contract.images import DocumentLimits, Encoding, ImageLimits
 from services.contract.rectify import RectifyParameters
 from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.codec import decode_image
 from services.ocr.engine import OcrEngine
-from services.operations.rectify import rectify_upload
+from services.operations.rectify_documents import rectify_uploads
 from services.rectify import spread
 from services.rectify.analysis import PageAnalysis, analyse_photo
 from services.rectify.pipeline import rectify
@@ -67,7 +67,7 @@ def rectify_file(path: Path, ocr: OcrEngine | None) -> tuple[RgbImage, Callable[
 
 def rectify_bytes(upload: bytes) -> dict[str, float]:
     """All that a worker does with an upload: decode, rectify, encode. Returns the stages' milliseconds."""
-    reply = rectify_upload(upload, RectifyParameters(), Encoding(), ImageLimits())
+    reply = rectify_uploads([upload], RectifyParameters(), Encoding(), DocumentLimits())
     timings = reply.document["timings_ms"]
     assert isinstance(timings, dict)
     return {str(stage): float(spent) for stage, spent in timings.items()}

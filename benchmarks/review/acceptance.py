@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import beta
 
-from app.decisions import CANDIDATES, CERTAINTY, Verdict, threshold_of, upper_bound
+from app.decisions import CANDIDATES, CERTAINTY, Verdict, threshold_of
 from benchmarks.common.baseline import Figures
 from benchmarks.common.plots import draw_panels
 from benchmarks.layout.hierarchy import simulated_pages
@@ -140,7 +141,7 @@ def judge_class(
 
 def is_within(wrong: int, accepted: int, tolerated: float) -> bool:
     """Whether so many errors may come from an error rate of `tolerated`, with the certainty of decisions."""
-    return accepted == 0 or 1.0 - upper_bound(accepted - wrong, accepted, CERTAINTY) <= tolerated
+    return wrong == 0 or float(beta.ppf(1.0 - CERTAINTY, wrong, accepted - wrong + 1)) <= tolerated
 
 
 def _report(results: Results) -> str:

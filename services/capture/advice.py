@@ -28,9 +28,9 @@ class Advice:
     detail: str
 
 
-def advise(quality: CaptureQuality, parameters: AdviceParameters | None = None) -> tuple[Advice, ...]:
+def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
     """Advice, the most important first; none for a photo that reads well."""
-    p = parameters or AdviceParameters()
+    p = AdviceParameters()
     found: list[Advice] = []
     if quality.cut_off_fraction > p.cut_off:
         share = max(1, round(100 * quality.cut_off_fraction))

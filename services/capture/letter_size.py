@@ -47,19 +47,13 @@ def text_axes(mesh: Floats, points: Points) -> Floats:
     return np.asarray(found / np.hypot(found[:, 0], found[:, 1])[:, None])
 
 
-def measure_letter_height(
-    gray: GrayImage,
-    at: Points,
-    axes: Floats,
-    height_px: float,
-    parameters: LetterSizeParameters | None = None,
-) -> float:
+def measure_letter_height(gray: GrayImage, at: Points, axes: Floats, height_px: float) -> float:
     """Height (px) of small letters in the photo `gray` (H, W); `height_px` where no lines are seen.
 
     `at` (N, 2) are places of characters, `axes` (N, 2) the directions of the text lines there, and `height_px` is the
     usual height of the characters that were found.
     """
-    p = parameters or LetterSizeParameters()
+    p = LetterSizeParameters()
     chosen = np.unique(np.linspace(0, len(at) - 1, min(p.windows, len(at))).astype(int))
     found = _from_rows(gray, at[chosen], axes[chosen], height_px, p)
     if found is not None and not 1 / p.agreement < found / height_px < p.agreement:

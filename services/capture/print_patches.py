@@ -53,11 +53,9 @@ class PatchFigures:
     noise: float
 
 
-def measure_patches(
-    gray: GrayImage, at: Points, height_px: float, parameters: PatchParameters | None = None
-) -> PatchFigures:
+def measure_patches(gray: GrayImage, at: Points, height_px: float) -> PatchFigures:
     """Figures of the patches of `gray` (H, W) round the points `at` (N, 2), on text of the height `height_px`."""
-    p = parameters or PatchParameters()
+    p = PatchParameters()
     half = int(np.clip(round(p.heights * height_px), 3, p.most_px))
     margin = 4
     raw = cut_patches(gray, at, half + margin)

@@ -1,6 +1,6 @@
 """Figures of a photo that decide whether its text can be read: size of print, blur, contrast, missing text, light."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
-from services.capture.letter_size import LetterSizeParameters, measure_letter_height, text_axes
-from services.capture.print_patches import PatchParameters, measure_patches
-from services.capture.stroke_detail import StrokeParameters, measure_strokes
+from services.capture.letter_size import measure_letter_height, text_axes
+from services.capture.print_patches import measure_patches
+from services.capture.stroke_detail import measure_strokes
 from services.imaging.reduction import reduce_image
 
 FEWEST_EDGES = 5
@@ -26,9 +26,6 @@ class QualityParameters:
 
     patches: int = 100
     """Characters that are looked at; more do not change the medians."""
-    patch: PatchParameters = field(default_factory=PatchParameters)
-    letters: LetterSizeParameters = field(default_factory=LetterSizeParameters)
-    strokes: StrokeParameters = field(default_factory=StrokeParameters)
     cells: int = 6
     """Of the grid on which the least text height is found, along each side."""
     cell_characters: int = 8
@@ -55,8 +52,8 @@ class CaptureQuality:
     is that of ink against the paper next to it, `noise` the standard deviation of the paper as a share of that step.
     `cut_off_fraction` is the share of the characters at the photo's border or seen at more than 75 degrees.
     `blurred_side` names the part of the photo that is less sharp than the rest, if there is one. `letter_px` is the
-    height of small letters by the rows of text, which blur does not change; `detail_along`, `detail_across` and
-    `detail_least` are what is left of the strokes' detail (`StrokeDetail`).
+    height of small letters by the rows of text, which blur does not change; `detail_across` and `detail_least` are what
+    is left of the strokes' detail (`StrokeDetail`).
     """
 
     text_height_min_px: float
@@ -70,7 +67,6 @@ class CaptureQuality:
     worst_blur_px: float = 0.0
     noise: float = 0.0
     letter_px: float = 1.0
-    detail_along: float = 1.0
     detail_across: float = 1.0
     detail_least: float = 1.0
 
@@ -113,9 +109,9 @@ def measure_quality(
     chosen = np.unique(np.linspace(0, len(characters) - 1, min(p.patches, len(characters))).astype(int))
     at = characters[chosen]
     axes = np.tile([1.0, 0.0], (len(at), 1)) if mesh is None else text_axes(mesh, at)
-    letter = measure_letter_height(gray, at, axes, height, p.letters)
-    strokes = measure_strokes(gray, at, axes, letter, p.strokes)
-    print_ = measure_patches(gray, at, height, p.patch)
+    letter = measure_letter_height(gray, at, axes, height)
+    strokes = measure_strokes(gray, at, axes, letter)
+    print_ = measure_patches(gray, at, height)
     blurs = print_.blurs
     seen = np.isfinite(blurs)
     glare, shadow = _measure_light(gray, characters, height, p)
@@ -131,7 +127,6 @@ def measure_quality(
         worst_blur_px=print_.worst_blur_px if seen.any() else 0.0,
         noise=print_.noise,
         letter_px=letter,
-        detail_along=strokes.along,
         detail_across=strokes.across,
         detail_least=strokes.least,
     )

@@ -47,14 +47,12 @@ class StrokeDetail:
     least: float
 
 
-def measure_strokes(
-    gray: GrayImage, at: Points, axes: Floats, letter_px: float, parameters: StrokeParameters | None = None
-) -> StrokeDetail:
+def measure_strokes(gray: GrayImage, at: Points, axes: Floats, letter_px: float) -> StrokeDetail:
     """Detail of the print of `gray` (H, W) round the points `at` (N, 2).
 
     `axes` (N, 2) are the directions of the text lines there, `letter_px` is the height of small letters.
     """
-    p = parameters or StrokeParameters()
+    p = StrokeParameters()
     chosen = np.unique(np.linspace(0, len(at) - 1, min(p.patches, len(at))).astype(int))
     step = max(1, round(letter_px / (0.75 * p.most_px))) if letter_px > p.most_px else 1
     size = letter_px / step

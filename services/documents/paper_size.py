@@ -90,7 +90,6 @@ def measure_size(
     height: int,
     *,
     camera_assumed: bool,
-    parameters: PaperParameters | None = None,
 ) -> PageSize:
     """The size of the sheet in a flat view of `width` x `height` pixels.
 
@@ -105,7 +104,7 @@ def measure_size(
     camera_assumed
         Whether nothing showed the focal length.
     """
-    p = parameters or PaperParameters()
+    p = PaperParameters()
     sides = None
     if corners is not None and np.isfinite(corners).all():
         sides = _sides(places_in_view(corners, mesh, width, height))

@@ -1,8 +1,36 @@
-"""Sums over an image's channels: numpy's reductions along so short an axis take five times as long."""
+"""One channel of the three of an image.
 
+Sums are of whole channels: numpy's reductions along so short an axis take five times as long.
+"""
+
+from typing import TypeVar
+
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from services.arrays import Floats
+from services.arrays import Floats, GrayImage, RgbImage
+
+Number = TypeVar("Number", np.uint8, np.float32)
+
+BLACK_LEVELS = 8.0
+"""Gray levels added before the logarithm of a brightness, so that noise in the dark is no contrast."""
+
+
+def luminance(image: RgbImage) -> GrayImage:
+    """Luminance (H, W) of `image` (H, W, 3)."""
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+
+
+def strongest_channel(image: NDArray[Number]) -> NDArray[Number]:
+    """Largest of the three channels (H, W) of `image` (H, W, 3), in its own precision."""
+    red, green, blue = cv2.split(image)
+    return np.asarray(cv2.max(cv2.max(red, green), blue), image.dtype)
+
+
+def log_brightness(image: RgbImage) -> NDArray[np.float32]:
+    """Logarithm (H, W) of the mean of the channels of `image` (H, W, 3)."""
+    return np.asarray(np.log(mean_of_channels(image.astype(np.float32)) + BLACK_LEVELS), np.float32)
 
 
 def mean_of_channels(image: Floats) -> Floats:

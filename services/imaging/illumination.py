@@ -1,12 +1,13 @@
 """Uneven illumination: its estimation, its removal for analysis, and its removal for display."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Mask, RgbImage
+from services.imaging.channels import luminance, strongest_channel
 
 _NEIGHBOURS = tuple((rows, columns) for rows in range(3) for columns in range(3))
 _BAND_PIXELS = 1 << 20
@@ -68,26 +69,15 @@ def flatten_illumination(
     All channels of a colour image get the gain of the luminance, which keeps hues. For analysis and OCR; for display
     use `normalize_illumination`. Returns a new array of the same shape.
     """
-    gray = image if image.ndim == 2 else _luminance(image)
-    small = _small_background(gray, text_height_px, parameters)
+    gray = image if image.ndim == 2 else luminance(image)
+    background = estimate_background(gray, text_height_px, parameters)
     flat = np.empty_like(image)
     if image.ndim == 2:
-        cv2.divide(image, _enlarge(small, *gray.shape), dst=flat, scale=255.0)
+        cv2.divide(image, background, dst=flat, scale=255.0)
         return flat
-    background = _enlarge(small, *gray.shape)
     for rows in _row_bands(*gray.shape):
         cv2.divide(image[rows], cv2.merge([background[rows]] * 3), dst=flat[rows], scale=255.0)
     return flat
-
-
-def _luminance(image: NDArray[np.uint8]) -> GrayImage:
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-
-
-def _strongest(image: RgbImage) -> GrayImage:
-    """Largest of the three channels."""
-    red, green, blue = cv2.split(image)
-    return np.asarray(cv2.max(cv2.max(red, green), blue), dtype=np.uint8)
 
 
 def _row_bands(height: int, width: int) -> list[slice]:
@@ -138,8 +128,6 @@ def _odd(size_px: float, least: int, most: int) -> int:
 class NormalizationParameters:
     """Localized histogram normalization (dissertation 4.4); levels are shares of white or of paper, 0-1."""
 
-    background: BackgroundParameters = field(default_factory=BackgroundParameters)
-    """Separates paper from pictures: within its wide median a picture varies, and paper does not."""
     fine_median_fraction: float = 1 / 36
     """Median of the background that is divided out: it follows the corners of tinted boxes and shadows."""
     working_long_side_px: int = 1200
@@ -167,7 +155,7 @@ class NormalizationParameters:
     """Level of ink in the result: deep dark."""
 
 
-def normalize_illumination(image: RgbImage, parameters: NormalizationParameters | None = None) -> RgbImage:
+def normalize_illumination(image: RgbImage) -> RgbImage:
     """Dark ink on white paper, light and shadow evened out, colours kept; a new image (H, W, 3) RGB uint8.
 
     Localized histogram normalization (dissertation 4.4): the two modes of every neighbourhood's histogram
@@ -176,12 +164,11 @@ def normalize_illumination(image: RgbImage, parameters: NormalizationParameters 
     (a picture, a desk) takes the light of the paper around it, and its dark levels stay unchanged, so that figures
     are neither bleached nor crushed. An image without print on paper is returned as it is.
     """
-    parameters = parameters or NormalizationParameters()
-    levels = measure_levels(image, parameters)
+    levels = measure_levels(image)
     if levels is None:
         return image.copy()
     ink = levels.ink * levels.measured
-    return _apply_levels(image, level_coefficients(levels.paper, ink, parameters.black))
+    return _apply_levels(image, level_coefficients(levels.paper, ink))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,33 +187,32 @@ class Levels:
     measured: NDArray[np.float32]
 
 
-def level_coefficients(
-    paper: NDArray[np.float32], ink: NDArray[np.float32], black: float
-) -> NDArray[np.float32]:
-    """Affine map (h, w, 3) that shifts `paper` to white and `ink`, (h, w) as in `Levels`, to `black`.
+def level_coefficients(paper: NDArray[np.float32], ink: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Affine map (h, w, 3) that shifts `paper` to white and `ink`, (h, w) as in `Levels`, to black.
 
     Gain of every channel, slope of the strongest channel, offset: all channels take the gain 1 / paper. The strongest
     of them, v, then becomes (v - ink) contrast + black, and the others change by as much: chroma stays, and coloured
     ink, strong in one channel, hardly darkens. Where `ink` is 0 only the gain is left.
     """
-    target = np.minimum(black, ink)
+    target = np.minimum(NormalizationParameters().black, ink)
     contrast = (1.0 - target) / (1.0 - ink)
     gain = 255.0 / paper
     return np.dstack([gain, gain * (contrast - 1.0), 255.0 * (target - ink * contrast)]).astype(np.float32)
 
 
-def measure_levels(image: RgbImage, parameters: NormalizationParameters | None = None) -> Levels | None:
+def measure_levels(image: RgbImage) -> Levels | None:
     """Levels of paper and ink over `image` (H, W, 3) RGB uint8; None where nothing looks like print on paper.
 
     They are measured on a copy of at most `working_long_side_px`, and given on the background's copy.
     """
-    parameters = parameters or NormalizationParameters()
+    parameters = NormalizationParameters()
     small, _ = _reduce(image, parameters.working_long_side_px)
-    luminance = _luminance(small)
-    background = _small_background(luminance, None, parameters.background)
-    ground = _enlarge(background, *luminance.shape)
-    share = cv2.divide(luminance, ground, scale=200.0)  # 200: as light as its paper
-    height, width = luminance.shape
+    gray = luminance(small)
+    # Within the wide median of this background a picture varies, and paper does not.
+    background = _small_background(gray, None, BackgroundParameters())
+    ground = _enlarge(background, *gray.shape)
+    share = cv2.divide(gray, ground, scale=200.0)  # 200: as light as its paper
+    height, width = gray.shape
     tiles = min(parameters.tiles / max(height, width), 1 / 12)
     grid = (max(1, round(width * tiles)), max(1, round(height * tiles)))
     is_ink = (share < 200 * (1.0 - parameters.ink_contrast)).astype(np.uint8)
@@ -242,10 +228,11 @@ def measure_levels(image: RgbImage, parameters: NormalizationParameters | None =
         return None
     printed &= level >= parameters.darkest_paper * np.quantile(level[printed], 0.9)
     accepted = _grow_paper(level, printed, is_even, parameters.paper_step)
-    fine = replace(parameters.background, median_fraction=parameters.fine_median_fraction)
-    background = _small_background(luminance, None, fine)
+    fine = BackgroundParameters(median_fraction=parameters.fine_median_fraction)
+    background = _small_background(gray, None, fine)
     paper, is_accepted = _level_paper(background, level, accepted, parameters.paper_step)
-    strongest, weakest = _strongest(small), 255 - _strongest(np.asarray(255 - small, dtype=np.uint8))
+    strongest = strongest_channel(small)
+    weakest = 255 - strongest_channel(np.asarray(255 - small, dtype=np.uint8))
     is_neutral = (
         cv2.divide(cv2.subtract(strongest, weakest), ground, scale=200.0) < 200 * parameters.largest_chroma
     )
@@ -366,7 +353,7 @@ def _apply_levels(image: RgbImage, coefficients: NDArray[np.float32]) -> RgbImag
         stretched = cv2.resize(upper + (lower - upper) * part[rows], (width, rows.stop - rows.start))
         gain, slope, offset = cv2.split(stretched)
         band = image[rows]
-        added = cv2.add(cv2.multiply(_strongest(band).astype(np.float32), slope), offset)
+        added = cv2.add(cv2.multiply(strongest_channel(band).astype(np.float32), slope), offset)
         for channel in range(3):
             value = cv2.multiply(band[..., channel].astype(np.float32), gain)
             result[rows, :, channel] = np.clip(cv2.add(value, added) + 0.5, 0, 255)

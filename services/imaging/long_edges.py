@@ -97,13 +97,12 @@ def find_long_edges(
     shown: Mask,
     along: tuple[float, float],
     columns: int,
-    parameters: LongEdgeParameters | None = None,
+    p: LongEdgeParameters,
 ) -> list[LongEdge]:
     """Upright edges in the first `columns` columns of `brightness` (H, W), the logarithm of a picture.
 
     `shown` (H, W) marks the pixels that the photo shows, `along` the first and last row of the text.
     """
-    p = parameters or LongEdgeParameters()
     steps, weight = _band_steps(brightness, shown, p)
     steps, weight = steps[:, :columns], weight[:, :columns]
     rows = (np.arange(len(steps)) + 0.5) * p.band_px

@@ -80,7 +80,7 @@ class PageSource:
 
         An image may be reduced to a long side of `enough_px`.
         """
-        with _naming(self.label, self.field):
+        with naming_page(self.label, self.field):
             return self.file.decode(self.page, enough_px)
 
 
@@ -108,7 +108,7 @@ def open_pages(
         for index, upload in enumerate(uploads):
             file: _File
             try:
-                with _naming(*_label(index, 0, len(uploads), several=False)):
+                with naming_page(*_label(index, 0, len(uploads), several=False)):
                     file = stack.enter_context(_open_file(upload, limits, most + 1 - len(pages)))
                     sizes = file.sizes()
             except DocumentError as error:
@@ -280,8 +280,8 @@ def _label(upload: int, page: int, uploads: int, several: bool) -> tuple[str, st
 
 
 @contextmanager
-def _naming(label: str, field: str | None) -> Iterator[None]:
-    """Say of which page an error in the block speaks."""
+def naming_page(label: str, field: str | None) -> Iterator[None]:
+    """Add the name of the page, and its field, to an error that the block raises."""
     try:
         yield
     except DocumentError as error:

@@ -75,12 +75,12 @@ class Paper:
         outline = max(contours, key=len)[:, 0, :].astype(np.float64)
         return np.asarray((outline + 0.5) / self.factor - 0.5)
 
-    def hull(self, text_points: Points, parameters: PaperParameters | None = None) -> Points | None:
+    def hull(self, text_points: Points) -> Points | None:
         """Convex hull (N, 2), photo pixels, of all paper that holds text: a sheet that a picture divides.
 
         None when it is nearly all of the photo.
         """
-        p = parameters or PaperParameters()
+        p = PaperParameters()
         _, labels, _ = self._parts(p)
         found = labels[self._pixels(text_points)]
         counts = np.bincount(found, minlength=int(labels.max()) + 1)
@@ -114,12 +114,12 @@ class Paper:
         return mask if (found == label).mean() >= p.text_share and mask.mean() < 0.97 else None
 
 
-def certain_sheet(outline: Points, parameters: PaperParameters | None = None) -> Points | None:
+def certain_sheet(outline: Points) -> Points | None:
     """Convex hull (N, 2) of a sheet's outline when the sheet fills it, so that it is surely one whole sheet.
 
     None for ragged outlines: a sheet on a ground like itself, an opened book, a torn or folded page.
     """
-    p = parameters or PaperParameters()
+    p = PaperParameters()
     points = outline.astype(np.float32)
     hull = cv2.convexHull(points)
     filled = cv2.contourArea(points) / max(cv2.contourArea(hull), 1e-9)

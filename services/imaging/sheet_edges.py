@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import Floats, Mask, Points, RgbImage
-from services.imaging.channels import mean_of_channels
+from services.imaging.channels import log_brightness
 from services.imaging.long_edges import LongEdgeParameters, find_long_edges
 
 UPRIGHT = LongEdgeParameters()
@@ -21,8 +21,6 @@ LEVEL = LongEdgeParameters(contrast=0.15, share_of_view=0.85)
 class SheetEdgesParameters:
     """Contrasts are differences of the logarithm of brightness; lengths are pixels unless documented otherwise."""
 
-    upright: LongEdgeParameters = UPRIGHT
-    level: LongEdgeParameters = LEVEL
     outliers: float = 1.0
     """Per cent of the characters that may lie beyond an edge, where a desk or the edges of a page stack follow it."""
     stack_edges: int = 2
@@ -34,8 +32,6 @@ class SheetEdgesParameters:
     ground_share: float = 0.8
     outer_percentile: float = 25.0
     """Of an edge's columns along the text, counted from outside: where a sloping edge is cut."""
-    black: float = 8.0
-    """Gray levels added before the logarithm."""
     corner_px: float = 18.0
     """The upper and the lower edge meet the end of an upright one within this distance."""
     min_characters: int = 30
@@ -86,11 +82,7 @@ class _Edge:
 
 
 def find_sheet_edges(
-    view: RgbImage,
-    text_points: Points,
-    text_height_px: float,
-    seen: Mask | None = None,
-    parameters: SheetEdgesParameters | None = None,
+    view: RgbImage, text_points: Points, text_height_px: float, seen: Mask | None = None
 ) -> SheetEdges:
     """Edges of the sheet in the flat `view` (H, W, 3), beyond its text.
 
@@ -98,12 +90,12 @@ def find_sheet_edges(
     their size, and `seen` (H, W) marks the pixels that the photo shows; all if it is None. Of every side the
     innermost certain edge is taken, None rather than a guess.
     """
-    p = parameters or SheetEdgesParameters()
+    p = SheetEdgesParameters()
     height, width = view.shape[:2]
     text = text_points[np.isfinite(text_points).all(axis=1)]
     if len(text) < p.min_characters:
         return SheetEdges()
-    brightness = np.log(mean_of_channels(view.astype(np.float32)) + p.black)
+    brightness = log_brightness(view)
     shown = np.ones((height, width), bool) if seen is None else seen
     low = np.percentile(text, p.outliers, axis=0) - text_height_px
     high = np.percentile(text, 100 - p.outliers, axis=0) + text_height_px
@@ -149,7 +141,7 @@ def _innermost_edge(margin: _Margin, limit: float, p: SheetEdgesParameters) -> _
         margin.shown[:, beside],
         margin.along,
         columns,
-        p.level if margin.level else p.upright,
+        LEVEL if margin.level else UPRIGHT,
     )
     places = np.array([np.percentile(edge.columns[edge.beside_text], p.outer_percentile) for edge in found])
     for k in np.argsort(-places):

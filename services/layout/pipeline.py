@@ -4,10 +4,10 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from services.arrays import GrayImage, RgbImage
+from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.content.zone_texts import fill_texts
@@ -39,13 +39,13 @@ from services.ocr.lost_lines import with_lost_lines
 __all__ = [
     "VersionedModel",
     "complete_page",
+    "complete_recognition",
     "complete_sample",
     "content_features",
     "initialize_model",
     "read_fine_page",
     "read_page",
     "recognize",
-    "recognize_fine",
     "regroup",
     "segment_read_page",
     "with_believable_labels",
@@ -64,14 +64,14 @@ def read_fine_page(
     image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None
 ) -> tuple[Page, FinePage]:
     """`read_page`, and the lines that its zones are made of, so that they can be regrouped (`regroup`)."""
-    gray = _gray(image)
+    gray = luminance(image)
     fine = segment_finely(gray, _read_words(gray, engine))
     return (features or content_features()).measure_page(compose_page(fine)), fine
 
 
 def segment_read_page(image: RgbImage, engine: OcrEngine) -> tuple[Page, list[Word]]:
     """The zones of a flat page (H, W, 3) in reading order, and all words that the engine read on it."""
-    gray = _gray(image)
+    gray = luminance(image)
     readable = _readable(gray)
     words = with_lost_lines(readable, engine.read_page(readable), engine)
     return segment_page(gray, words), words
@@ -85,7 +85,7 @@ def complete_page(
     Values that the zones already have are kept.
     """
     if image is not None:
-        gray = _gray(image)
+        gray = luminance(image)
         # Only text zones without text are a reason to run OCR, since rules and figures usually have none.
         unread = any(zone.kind == "text" and not zone.text for zone in page.zones)
         unread |= not any(zone.text for zone in page.zones)
@@ -105,7 +105,7 @@ def complete_sample(
     """
     if image is None:
         return complete_page(page, None, None, features), None
-    gray = _gray(image)
+    gray = luminance(image)
     words = _read_words(gray, engine)
     features = features or content_features()
     verified = features.measure_page(fill_texts(measure_zones(gray, page), words or []))
@@ -130,15 +130,17 @@ def recognize(
     return replace(recognition, timings_ms={"content": measured_ms, **recognition.timings_ms})
 
 
-def recognize_fine(
-    fine: FinePage,
+def complete_recognition(
+    fine: FinePage | None,
+    seen: Recognition,
     models: Sequence[VersionedModel],
     parameters: RecognitionParameters | None = None,
     features: ContentFeatures | None = None,
 ) -> Recognition:
-    """Class and labels of a page in the zones of segmentation, regrouped by the model of its class."""
-    seen = recognize(compose_page(fine), models, parameters, features)
-    return with_believable_labels(regroup(fine, seen, models, parameters, features), models)
+    """A recognition with its zones regrouped, if we segmented the page, and with labels that can be believed."""
+    if fine is not None:
+        seen = regroup(fine, seen, models, parameters, features)
+    return with_believable_labels(seen, models)
 
 
 def regroup(
@@ -185,10 +187,6 @@ def _join_pieces(
     page, ordered = join_page(fine, seen.page, lines, groups)
     own = tuple(tuple(line for place in group for line in lines[place]) for group in ordered)
     return join_recognition(seen, features.measure_page(page), ordered), own
-
-
-def _gray(image: RgbImage) -> GrayImage:
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
 def _read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:

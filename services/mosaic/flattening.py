@@ -8,7 +8,8 @@ import numpy as np
 from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
 from services.contract.cameras import CameraMemory
 from services.contract.rectify import RectifyParameters
-from services.geometry.page_frame import resize_frame
+from services.geometry.page_frame import FramingParameters, resize_frame
+from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
@@ -28,8 +29,6 @@ class FlatteningParameters:
 
     view_pixels: float = 5e6
     """More pixels do not improve registration: block matches are accurate to a twentieth of these pixels."""
-    detail_percentile: float = 85.0
-    """Percentile over the view of photo pixels per flat pixel that sets the scale (as in `FramingParameters`)."""
     largest_reduction: float = 1.3
     """Photo pixels per flat pixel up to which interpolation skips no photo pixel."""
     long_side_px: int = 1600
@@ -87,14 +86,12 @@ def _has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:
     return is_outside_text(int(np.count_nonzero(inside[y, x] == 0)), 0, len(printed))
 
 
-def take_as_flat(
-    index: int, photo: RgbImage, clock: StageClock, parameters: FlatteningParameters | None = None
-) -> FlatPhoto:
+def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:
     """Photo number `index` as its own flat view: for scans, and for photos without text."""
-    p = parameters or FlatteningParameters()
+    p = FlatteningParameters()
     height, width = photo.shape[:2]
     with clock.stage("text"):
-        gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+        gray = luminance(photo)
         factor = min(1.0, p.long_side_px / max(width, height))
         text = identify_text(flatten_illumination(reduce_image(gray, factor)))
         characters = len(text.components.sizes)
@@ -107,20 +104,15 @@ def take_as_flat(
 
 
 def view_photo(
-    index: int,
-    photo: RgbImage,
-    frame: FlatFrame | CurvedFrame,
-    text_height_px: float,
-    weight: float,
-    parameters: FlatteningParameters | None = None,
+    index: int, photo: RgbImage, frame: FlatFrame | CurvedFrame, text_height_px: float, weight: float
 ) -> FlatPhoto:
     """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
-    p = parameters or FlatteningParameters()
+    p = FlatteningParameters()
     frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
     shown = _shown(photo, frame, p.rim_px)
     scales = _photo_px_per_flat_px(frame, shown)
-    reduction = float(np.percentile(scales, p.detail_percentile))
-    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+    reduction = float(np.percentile(scales, FramingParameters().detail_percentile))
+    gray = luminance(photo)
     usual = float(np.median(scales))
     factor = 1.0 / usual if usual > p.largest_reduction else 1.0
     view = draw_gray_view(reduce_image(gray, factor), factor, frame)

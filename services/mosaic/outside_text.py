@@ -23,18 +23,14 @@ class OutsideTextParameters:
     """Range of heights relative to the page's text; smaller components are texture, larger ones are objects."""
 
 
-def of_text_height(
-    components: TextComponents, text_height_px: float, parameters: OutsideTextParameters | None = None
-) -> Points:
+def of_text_height(components: TextComponents, text_height_px: float) -> Points:
     """Centres (N, 2) of the `components` that are about as high as the text."""
-    p = parameters or OutsideTextParameters()
+    p = OutsideTextParameters()
     low, high = (share * text_height_px for share in p.sizes)
     return np.asarray(components.centres[(components.sizes >= low) & (components.sizes <= high)])
 
 
-def is_outside_text(
-    dark: int, light: int, all_dark: int, parameters: OutsideTextParameters | None = None
-) -> bool:
+def is_outside_text(dark: int, light: int, all_dark: int) -> bool:
     """Whether these numbers of dark and light characters outside of an edge, and `all_dark` on the page, are text."""
-    p = parameters or OutsideTextParameters()
+    p = OutsideTextParameters()
     return dark >= p.characters or light >= max(p.characters, p.light_share * all_dark)

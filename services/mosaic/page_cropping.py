@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import PaperParameters, model_paper
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.outside_text import is_outside_text, of_text_height
 from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
-from services.texture_flow.text_identification import identify_text
+from services.texture_flow.text_identification import FEWEST_CHARACTERS, identify_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,6 @@ class PageCroppingParameters:
     """Size at which the sheet is detected: a cell is then half a millimetre of an A4 page."""
     text_long_side_px: int = 1600
     """As in `AnalysisParameters`."""
-    min_components: int = 30
     steepest: float = 0.04
     """Largest slope of an edge: sheets are cut parallel to their print within two degrees."""
     slopes: int = 41
@@ -85,11 +85,9 @@ class PageCells:
     views: tuple[RgbImage, ...] = ()
 
 
-def see_sheet(
-    placed: Sequence[PlacedPhoto], width: int, height: int, parameters: PageCroppingParameters | None = None
-) -> PageCells:
+def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCells:
     """Maps of the sheet on a page of `width` x `height` mosaic pixels. In each cell the majority of photos decides."""
-    p = parameters or PageCroppingParameters()
+    p = PageCroppingParameters()
     factor = min(1.0, p.long_side_px / max(width, height))
     columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
     x, y = np.meshgrid((np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows)
@@ -110,9 +108,7 @@ def see_sheet(
     return PageCells(seen, paper, tuple(views))
 
 
-def find_page_crop(
-    page: RgbImage, cells: PageCells, parameters: PageCroppingParameters | None = None
-) -> PageCrop:
+def find_page_crop(page: RgbImage, cells: PageCells) -> PageCrop:
     """The part of the mosaic `page` (H, W, 3) that is the sheet.
 
     Background is what differs from paper in the photos or in the page. A bright desk differs in the photos' own
@@ -120,7 +116,7 @@ def find_page_crop(
     in places is recognized by the colour step across the edge. Everything beyond an edge is not the page. On a side
     without a visible edge the page extends to the end of the photos.
     """
-    p = parameters or PageCroppingParameters()
+    p = PageCroppingParameters()
     height, width = page.shape[:2]
     factor = cells.seen.shape[1] / width
     paper, printed = _paper_of_page(page, cells.seen, p)
@@ -186,10 +182,10 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
     factor = min(1.0, p.text_long_side_px / max(page.shape[:2]))
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
     small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
-    gray = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)
+    gray = luminance(small)
     text = identify_text(flatten_illumination(gray))
     characters = text.components.centres
-    if len(characters) < p.min_components:
+    if len(characters) < FEWEST_CHARACTERS:
         return np.ones(seen.shape, bool), []
     # Areas that no photo shows are white, but not paper.
     mask = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)

@@ -13,6 +13,7 @@ from services.contract.rectify import Illumination
 from services.errors import DocumentError, InvalidOption, NoText, NotOverlapping
 from services.geometry.homographies import translation
 from services.geometry.page_frame import turning
+from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.mosaic.composition.composed_page import compose_page
 from services.mosaic.evidence import describe_pairs, describe_patches, notices_of, unplaced_notices
@@ -189,8 +190,8 @@ def draw_reading_view(page: RgbImage, text_height_px: float) -> GrayImage:
     """The page in gray, flat-fielded, at the size for text recognition."""
     factor = min(1.0, READING_TEXT_HEIGHT_PX / text_height_px)
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
-    gray = cv2.cvtColor(cv2.resize(page, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
-    return flatten_illumination(np.asarray(gray, np.uint8), text_height_px * factor)
+    small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return flatten_illumination(luminance(small), text_height_px * factor)
 
 
 def turn_image(page: RgbImage, orientation: Orientation) -> RgbImage:

@@ -79,9 +79,7 @@ class TextLines:
     inverted: bool
 
 
-def detect_text_lines(
-    gray: GrayImage, parameters: TextLineParameters = TextLineParameters()
-) -> tuple[TextLines, TextLines]:
+def detect_text_lines(gray: GrayImage) -> tuple[TextLines, TextLines]:
     """Lines along the rows and along the columns of a flat page.
 
     Parameters
@@ -93,15 +91,16 @@ def detect_text_lines(
     (horizontal, vertical): the second in the frame of the page turned 90 degrees clockwise, in which
     its lines are horizontal.
     """
-    factor = min(1.0, parameters.working_long_side_px / max(gray.shape))
+    p = TextLineParameters()
+    factor = min(1.0, p.working_long_side_px / max(gray.shape))
     size = (max(1, round(gray.shape[1] * factor)), max(1, round(gray.shape[0] * factor)))
     small = gray if factor == 1.0 else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
     scale = (gray.shape[1] / size[0], gray.shape[0] / size[1])
     small = np.asarray(small, dtype=np.uint8)
-    dark = _lines_both_ways(small, False, scale, parameters)
-    if max(line.mass for line in dark) >= parameters.clear_mass or not _has_light_print(small, parameters):
+    dark = _lines_both_ways(small, False, scale, p)
+    if max(line.mass for line in dark) >= p.clear_mass or not _has_light_print(small, p):
         return dark
-    light = _lines_both_ways(np.asarray(255 - small, dtype=np.uint8), True, scale, parameters)
+    light = _lines_both_ways(np.asarray(255 - small, dtype=np.uint8), True, scale, p)
     # Between dark letters lie light gaps, which make short lines too.
     return light if max(line.mass for line in light) > 2 * max(line.mass for line in dark) else dark
 

@@ -1,12 +1,10 @@
 """The `quality` of the HTTP contract: figures of a photo, the error to expect, advice."""
 
-import cv2
-import numpy as np
-
 from services.arrays import RgbImage
 from services.capture.advice import advise
 from services.capture.quality import measure_quality
 from services.capture.readability import predict_character_error
+from services.imaging.channels import luminance
 from services.operations.replies import rounded
 from services.rectify.results import RectifyResult
 
@@ -18,7 +16,7 @@ def describe_quality(photo: RgbImage, result: RectifyResult, reduction: int = 1)
     """
     if result.print is None:
         return None
-    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+    gray = luminance(photo)
     quality = measure_quality(gray, result.print.characters, result.print.heights_px, result.mesh)
     if quality is None:
         return None

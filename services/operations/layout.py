@@ -29,11 +29,10 @@ from services.layout.exchange.page_xml import write_page_xml
 from services.layout.page import Page
 from services.layout.pipeline import (
     complete_page,
+    complete_recognition,
     content_features,
     read_fine_page,
     recognize,
-    regroup,
-    with_believable_labels,
 )
 from services.layout.recognition.documents import PageInDocument, place_page
 from services.layout.recognition.page_recognition import RecognitionParameters
@@ -125,9 +124,7 @@ def recognize_picture(
         RecognitionParameters(explain=options.explain),
     )
     recognition = recognize(measured.page, versions, parameters, features)
-    if measured.fine is not None:
-        recognition = regroup(measured.fine, recognition, versions, parameters, features)
-    recognition = with_believable_labels(recognition, versions)
+    recognition = complete_recognition(measured.fine, recognition, versions, parameters, features)
     timings_ms |= recognition.timings_ms
     placed = place_page(recognition, versions)
     document = describe_page(placed, measured, options, models)

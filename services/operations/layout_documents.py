@@ -14,15 +14,13 @@ from services.contract.layout import (
     LayoutSettings,
     ModelDocument,
 )
-from services.errors import DocumentError, InvalidOption, NotAcceptable
-from services.imaging.page_images import PageLimits, PageSource, open_pages
-from services.layout.content.content_features import ContentFeatures
+from services.errors import InvalidOption, NotAcceptable
+from services.imaging.page_images import PageLimits, PageSource, naming_page, open_pages
 from services.layout.exchange.page_json import page_to_document
-from services.layout.pipeline import VersionedModel, content_features, regroup, with_believable_labels
+from services.layout.pipeline import complete_recognition, content_features
 from services.layout.recognition.documents import (
     DocumentParameters,
     DocumentRecognition,
-    PageInDocument,
     recognize_document,
 )
 from services.layout.recognition.page_recognition import RecognitionParameters
@@ -134,7 +132,12 @@ def _recognize_pages(
         recognition = replace(
             recognition,
             pages=tuple(
-                _regroup(placed, measured, versions, parameters, features)
+                replace(
+                    placed,
+                    recognition=complete_recognition(
+                        measured.fine, placed.recognition, versions, parameters, features
+                    ),
+                )
                 for placed, measured in zip(recognition.pages, measured_pages, strict=True)
             ),
         )
@@ -173,29 +176,12 @@ def _measure(
 ) -> tuple[MeasuredPage, bytes]:
     """The measured page without its picture, since the pictures of all pages need much memory; for HTML as a JPEG."""
     engine = ocr_engine(options.language) if options.ocr else None
-    try:
+    with naming_page(source.label, source.field):
         measured = measure_page(source.decode, None, None, engine, options, settings, timings_ms)
-    except DocumentError as error:
-        if error.detail.startswith(source.label):
-            raise
-        raise type(error)(f"{source.label}: {error.detail}", source.field or error.field) from error
     picture = b""
     if options.format == "html" and measured.image is not None:
         picture = encode_kept_picture(measured.image, MOST_PICTURE_BYTES).body
     return replace(measured, image=None), picture
-
-
-def _regroup(
-    placed: PageInDocument,
-    measured: MeasuredPage,
-    versions: Sequence[VersionedModel],
-    parameters: RecognitionParameters,
-    features: ContentFeatures,
-) -> PageInDocument:
-    recognition = placed.recognition
-    if measured.fine is not None:
-        recognition = regroup(measured.fine, recognition, versions, parameters, features)
-    return replace(placed, recognition=with_believable_labels(recognition, versions))
 
 
 def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:

@@ -1,15 +1,15 @@
 """The page that several photos show: check, decode, run the pipeline, encode."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
 import numpy as np
 
 from services.contract.cameras import find_camera
 from services.contract.images import Encoding, PageReply
 from services.contract.mosaic import MosaicLimits, MosaicParameters
-from services.errors import DocumentError, TooLarge
+from services.errors import TooLarge
 from services.imaging.codec import DecodedImage, count_pixels, decode_image
+from services.imaging.page_images import naming_page
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Pair, Patch
 from services.operations.page_reading import read_flat_page, reading_engine
@@ -76,7 +76,7 @@ def mosaic_uploads(
 def _decode_photos(uploads: Sequence[bytes], limits: MosaicLimits) -> list[DecodedImage]:
     pixels = 0
     for index, upload in enumerate(uploads):
-        with _naming(index):
+        with naming_page(f"images[{index}]", f"images[{index}]"):
             pixels += count_pixels(upload, limits.photo)
     if pixels > limits.max_megapixels * 1e6:
         raise TooLarge(
@@ -86,19 +86,9 @@ def _decode_photos(uploads: Sequence[bytes], limits: MosaicLimits) -> list[Decod
         )
     photos = []
     for index, upload in enumerate(uploads):
-        with _naming(index):
+        with naming_page(f"images[{index}]", f"images[{index}]"):
             photos.append(decode_image(upload, limits.photo))
     return photos
-
-
-@contextmanager
-def _naming(index: int) -> Iterator[None]:
-    """Add the name of the photo to an error that the block raises."""
-    try:
-        yield
-    except DocumentError as error:
-        field = f"images[{index}]"
-        raise type(error)(f"{field}: {error.detail}", field) from error
 
 
 def _colour_profile(photos: Sequence[DecodedImage]) -> bytes | None:

@@ -3,18 +3,16 @@
 import math
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from functools import partial
 
 import numpy as np
 
 from services.arrays import Points, Vector
-from services.contract.images import Encoding, ImageLimits, PageReply
+from services.contract.images import Encoding, PageReply
 from services.contract.rectify import RectifyParameters
 from services.documents.paper_size import measure_size
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
-from services.imaging.codec import decode_image
-from services.imaging.page_images import PagePicture, page_picture
+from services.imaging.page_images import PagePicture
 from services.operations.capture_reply import describe_quality
 from services.operations.page_reading import READING_BEGINS, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
@@ -40,10 +38,12 @@ from services.rectify.spread import RectifiedPages, page_timings, rectify_spread
 from services.sheet.surfaces import MeshSurface, StripsSurface
 
 
-def rectify_upload(
-    upload: bytes, parameters: RectifyParameters, encoding: Encoding, limits: ImageLimits
+def rectify_picture(
+    decode: Callable[[int | None], PagePicture], parameters: RectifyParameters, encoding: Encoding
 ) -> PageReply:
-    """Frontal flat view of the page in an uploaded photo, or of both pages of an open book.
+    """Frontal flat view of the page in a photo, or of both pages of an open book.
+
+    `decode` returns the photo, reduced to the given long side if that is not None.
 
     Raises
     ------
@@ -55,20 +55,6 @@ def rectify_upload(
         When `parameters` or `encoding` are not possible, or the page shall be read and no OCR engine is there.
     NotAcceptable
         When there are two pages and the client accepts no format that can hold both.
-    """
-    return rectify_picture(partial(_decode, upload, limits), parameters, encoding)
-
-
-def _decode(upload: bytes, limits: ImageLimits, enough_px: int | None) -> PagePicture:
-    return page_picture(decode_image(upload, limits, enough_px=enough_px))
-
-
-def rectify_picture(
-    decode: Callable[[int | None], PagePicture], parameters: RectifyParameters, encoding: Encoding
-) -> PageReply:
-    """The reply to one photo; raises what `rectify_upload` raises.
-
-    `decode` returns it, reduced to the given long side if that is not None.
     """
     if parameters.text or parameters.language is not None:
         reading_engine(parameters.language)  # an error must come before the work

@@ -29,7 +29,7 @@ def rectify_uploads(
 ) -> PageReply:
     """Frontal flat views of the pages in `uploads`: photos, TIFF files and PDFs of one page or more.
 
-    A single page is answered as by `rectify_upload`. Of several pages, one that fails does not lose the others: the
+    A single page is answered as by `rectify_picture`. Of several pages, one that fails does not lose the others: the
     document has its problem at its place, and a file of several pages leaves it out.
 
     Raises

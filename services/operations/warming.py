@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from services.arrays import RgbImage
-from services.contract.images import Encoding, ImageLimits
+from services.contract.images import DocumentLimits, Encoding
 from services.contract.layout import LayoutOptions, LayoutSettings
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
@@ -14,7 +14,7 @@ from services.imaging.codec import encode_image
 from services.ocr.tesseract import installed_languages
 from services.operations.layout import recognize_upload
 from services.operations.reader import ocr_engine
-from services.operations.rectify import rectify_upload
+from services.operations.rectify_documents import rectify_uploads
 
 
 def warm_up(content_features: Path | None = None) -> dict[str, object]:
@@ -31,7 +31,7 @@ def warm_up(content_features: Path | None = None) -> dict[str, object]:
     engine = ocr_engine()
     sheet = encode_image(_draw_sheet(), "jpeg")
     with suppress(DocumentError):  # the modules are loaded even if the pipeline finds no text
-        rectify_upload(sheet, RectifyParameters(), Encoding("jpeg"), ImageLimits())
+        rectify_uploads([sheet], RectifyParameters(), Encoding("jpeg"), DocumentLimits())
     recognize_upload(
         sheet, None, None, [], LayoutOptions(), LayoutSettings(content_features=content_features)
     )

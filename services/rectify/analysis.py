@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import Paper, model_paper
 from services.imaging.reduction import Halves, reduce_image
@@ -20,6 +21,7 @@ from services.texture_flow.field import FlowField, FlowSamples, resize_field
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
 from services.texture_flow.text_identification import (
+    FEWEST_CHARACTERS,
     IdentifiedText,
     TextComponents,
     identify_text,
@@ -46,10 +48,8 @@ class AnalysisParameters:
     """Text and major flow: text height is then about 8 px on a full page of small print."""
     stroke_text_height_px: float = 20.0
     """Minor flow: above this text height, strokes gain nothing from more pixels."""
-    picture_share: float = PICTURE_SHARE
     other_page_share: float = 0.02
     """If a larger share of the characters was left out as those of another page, the flows are measured again."""
-    min_components: int = 30
     min_flow_samples: int = 6
 
 
@@ -156,7 +156,6 @@ def analyse_photo(
 def analyse_spread(
     photo: RgbImage | Halves,
     region: tuple[tuple[float, float], ...] | None = None,
-    parameters: AnalysisParameters | None = None,
     clock: StageClock | None = None,
 ) -> tuple[PageAnalysis, ...]:
     """Analyse a photo of an opened book: the main page, and the facing page if its text shows its shape.
@@ -166,7 +165,7 @@ def analyse_spread(
     NoText
         When there are too few characters on the main page, or their lines show no common direction.
     """
-    return _analyse(photo, region, parameters, clock, is_spread=True)
+    return _analyse(photo, region, None, clock, is_spread=True)
 
 
 def _analyse(
@@ -189,7 +188,7 @@ def _analyse(
             found.append(_analyse_dark_print(seen, region, p, clock, is_spread=is_spread))
         except NoText as refusal:
             refusals.append(refusal)
-        if found and found[0][0].text.rejected_fraction <= p.picture_share:
+        if found and found[0][0].text.rejected_fraction <= PICTURE_SHARE:
             return found[0]
     if not found:
         raise refusals[0]
@@ -250,7 +249,7 @@ def _analyse_dark_print(
             )
             left_out = 1 - found.kept.mean()
             # Most of what was left out is text, so the share of other ink is not computed again.
-            if is_spread and found.facing.sum() >= p.min_components:
+            if is_spread and found.facing.sum() >= FEWEST_CHARACTERS:
                 facing = replace(
                     keep_characters(text, found.facing), rejected_fraction=text.rejected_fraction
                 )
@@ -270,7 +269,7 @@ def _analyse_dark_print(
     return tuple(pages)
 
 
-def analyse_text(found: FoundText, parameters: AnalysisParameters | None = None) -> PageAnalysis:
+def analyse_text(found: FoundText, p: AnalysisParameters) -> PageAnalysis:
     """Both texture flows of all the text that was found, without a choice of the page.
 
     Raises
@@ -278,7 +277,6 @@ def analyse_text(found: FoundText, parameters: AnalysisParameters | None = None)
     NoText
         When its lines show no common direction.
     """
-    p = parameters or AnalysisParameters()
     flows = _measure_flows(found.gray, found.factor, found.text, p)
     if len(flows[0].samples) < p.min_flow_samples:
         raise NoText(NO_DIRECTION)
@@ -325,20 +323,20 @@ def find_text(
     """
     p = parameters or AnalysisParameters()
     halves = Halves.of(photo)
-    gray = np.asarray(cv2.cvtColor(halves.image, cv2.COLOR_RGB2GRAY), np.uint8)
+    gray = luminance(halves.image)
     factor = min(1.0, p.long_side_px / max(gray.shape))
     reduced = flatten_illumination(reduce_image(gray, factor))
     guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
     text = identify_text(reduced, guide)
     printed, paper = text.components, None
-    if len(text.components.sizes) >= p.min_components:
+    if len(text.components.sizes) >= FEWEST_CHARACTERS:
         paper = model_paper(halves, characters_in_photo(text, factor))
         on_paper = paper.holds(characters_in_photo(text, factor))
         # Print on many grounds (posters, boxes) is not clutter: at most a minority is dropped.
         text = keep_characters(text, on_paper) if on_paper.mean() > 0.6 else text
-    if paper is None or len(text.components.sizes) < p.min_components:
+    if paper is None or len(text.components.sizes) < FEWEST_CHARACTERS:
         raise NoText(
-            f"only {len(text.components.sizes)} printed characters were found; at least {p.min_components} are "
+            f"only {len(text.components.sizes)} printed characters were found; at least {FEWEST_CHARACTERS} are "
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )

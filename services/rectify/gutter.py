@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
-from services.imaging.channels import mean_of_channels
+from services.imaging.channels import log_brightness
 from services.imaging.reduction import reduce_image
 from services.robust import cauchy_weights, fit_reweighted
 from services.texture_flow.field import FlowSamples, angle_difference
@@ -54,8 +54,6 @@ class GutterParameters:
     long_side_px: int = 700
     paper_percentile: float = 75.0
     """Of the brightness along a line through text: paper."""
-    black: float = 8.0
-    """Gray levels added before the logarithm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,12 +137,7 @@ def _continue_directions(
 
 
 def find_gutter(
-    photo: RgbImage,
-    characters: Points,
-    text_height: float,
-    flow: FlowSamples,
-    direction_rad: float,
-    parameters: GutterParameters | None = None,
+    photo: RgbImage, characters: Points, text_height: float, flow: FlowSamples, direction_rad: float
 ) -> Gutter | None:
     """Find the gutter of an opened book: a dark straight line in a gap between the text of two pages.
 
@@ -162,15 +155,13 @@ def find_gutter(
         Major flow in photo pixels.
     direction_rad
         Mean direction of the text lines; the gutter is across it.
-    parameters
-        Limits of gaps and of darkness.
 
     Returns
     -------
     Gutter or None
         None if no gap between text is dark.
     """
-    p = parameters or GutterParameters()
+    p = GutterParameters()
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
     turn = np.array([[cos, sin], [-sin, cos]])
     at, samples = characters @ turn.T, flow.points @ turn.T
@@ -179,8 +170,7 @@ def find_gutter(
         return None
     widest = max(high - low for _, low, high in found)
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
-    small = mean_of_channels(reduce_image(photo, factor, least_side_px=8).astype(np.float32))
-    brightness = np.asarray(np.log(small + p.black), np.float32)
+    brightness = log_brightness(reduce_image(photo, factor, least_side_px=8))
     gutters = []
     for slope, low, high in found:
         if high - low < p.likely_share * widest:

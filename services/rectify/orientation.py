@@ -1,7 +1,7 @@
 """Orientation of a flat page: a few of its lines are read in every possible orientation."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage
 from services.imaging.illumination import flatten_illumination
 from services.ocr.engine import DirectionDetector, OcrEngine
-from services.ocr.text_lines import TextLine, TextLineParameters, TextLines, cut_line, detect_text_lines
+from services.ocr.text_lines import TextLine, TextLines, cut_line, detect_text_lines
 from services.rectify.results import Orientation
 
 
@@ -23,7 +23,6 @@ class OrientationParameters:
     in the wrong ones (measured on English and French pages with Tesseract).
     """
 
-    text_lines: TextLineParameters = field(default_factory=TextLineParameters)
     first_lines: int = 1
     clear_score: float = 0.75
     clear_margin: float = 0.5
@@ -70,9 +69,7 @@ class _Way:
     mirrored: bool
 
 
-def estimate_orientation(
-    flat: GrayImage, ocr: OcrEngine, *, parameters: OrientationParameters = OrientationParameters()
-) -> Orientation:
+def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     """Estimate the turn (and flip) after which a flat page can be read.
 
     The axis is that of the greater text-line mass. In its two orientations one line crop is read and scored by
@@ -85,8 +82,6 @@ def estimate_orientation(
         (H, W) uint8, flat-fielded.
     ocr
         Reads line crops.
-    parameters
-        When more is read, and which scores are accepted.
 
     Returns
     -------
@@ -94,8 +89,9 @@ def estimate_orientation(
         Its confidence is at least 0.5 if one orientation can be read and the others cannot. Otherwise (blank pages,
         handwriting, a script that the engine does not know) it is lower, and nothing is turned.
     """
+    parameters = OrientationParameters()
     axes = [_LineReader(flat, lines, turn, ocr, parameters) for lines, turn in
-            zip(detect_text_lines(flat, parameters.text_lines), (0, 90), strict=True)]  # fmt: skip
+            zip(detect_text_lines(flat), (0, 90), strict=True)]  # fmt: skip
     axes.sort(key=lambda axis: axis.mass, reverse=True)
     if axes[0].mass == 0.0:
         return Orientation(0, False, 0.0)

@@ -1,5 +1,6 @@
 """The plane of a sheet from the sides of its outline, with its uncertainty."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,8 +64,7 @@ class OutlinePlane:
 
     `log_focal_deviation` is without the prior. `aspect` is the sheet's width over its height, None where a side is
     missing; `log_aspect_deviation` the standard deviation of its logarithm, or of the ratio of the plane's scales
-    along both axes where a side is missing. `tilt_deviation_rad` is that of the normal.
-    `misfit_rad` is the RMS angle between the sides and those of the rectangle.
+    along both axes where a side is missing. `misfit_rad` is the RMS angle between the sides and those of the rectangle.
     """
 
     plane: PagePlane
@@ -72,7 +72,6 @@ class OutlinePlane:
     aspect: float | None
     log_aspect_deviation: float
     log_focal_deviation: float
-    tilt_deviation_rad: float
     misfit_rad: float
 
 
@@ -228,10 +227,8 @@ def plane_from_lines(
     aspect = sheet_aspect(fit.plane, lines)
     if aspect is not None and not 1 / p.max_aspect < aspect < p.max_aspect:
         return NoOutlinePlane("it is too narrow for a sheet")
-    aspect_deviation, tilt_deviation = _deviations(fit, lines, prior)
-    return OutlinePlane(
-        fit.plane, lines, aspect, aspect_deviation, fit.log_focal_deviation, tilt_deviation, misfit
-    )
+    deviation = _aspect_deviation(fit, lines, prior)
+    return OutlinePlane(fit.plane, lines, aspect, deviation, fit.log_focal_deviation, misfit)
 
 
 def sheet_aspect(plane: PagePlane, lines: StraightLines) -> float | None:
@@ -244,14 +241,11 @@ def sheet_aspect(plane: PagePlane, lines: StraightLines) -> float | None:
     return float(np.ptp(x) / np.ptp(y))
 
 
-def _deviations(fit: LinePlane, lines: StraightLines, prior: FocalPrior) -> tuple[float, float]:
-    """Standard deviations of the logarithm of the aspect ratio, and of the normal's direction (rad)."""
-    aspect, tilt = 0.0, 0.0
+def _aspect_deviation(fit: LinePlane, lines: StraightLines, prior: FocalPrior) -> float:
+    """Standard deviation of the logarithm of the aspect ratio."""
     known = _log_aspect(fit.plane, fit.plane, lines)
-    for plane, moved in neighbouring_fits(fit, lines, prior):
-        aspect += (_log_aspect(plane, fit.plane, moved) - known) ** 2
-        tilt += float(np.sum((plane.rotation[:, 2] - fit.plane.rotation[:, 2]) ** 2))
-    return float(np.sqrt(aspect)), float(np.sqrt(tilt))
+    neighbours = neighbouring_fits(fit, lines, prior)
+    return math.sqrt(sum((_log_aspect(plane, fit.plane, moved) - known) ** 2 for plane, moved in neighbours))
 
 
 def _log_aspect(plane: PagePlane, reference: PagePlane, lines: StraightLines) -> float:

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
-from services.imaging.channels import mean_of_channels
+from services.imaging.channels import log_brightness
 from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
 from services.imaging.paper import Paper, PaperParameters
 from services.imaging.reduction import Halves, reduce_image
 from services.rectify.gutter import Gutter, direction_jump, find_gutter, row_gap
 from services.texture_flow.field import FlowSamples
+from services.texture_flow.text_identification import FEWEST_CHARACTERS
 
 Chosen = NDArray[np.bool_]
 
@@ -34,7 +35,6 @@ class PageChoiceParameters:
     """Lengths are multiples of the text height, contrasts differences of the logarithm of brightness."""
 
     long_side_px: int = 700
-    edges: LongEdgeParameters = EDGES
     slopes: tuple[float, ...] = (-0.2, 0.0, 0.2)
     """Of edges against the strokes; an edge may lean by 0.14 more."""
     near: float = 0.5
@@ -65,9 +65,6 @@ class PageChoiceParameters:
     """Of the characters beyond an edge, when they lie on paper like the main page's."""
     stray_share: float = 0.005
     """A smaller share of stray characters does no harm and is kept."""
-    min_characters: int = 30
-    black: float = 8.0
-    """Gray levels added before the logarithm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +124,6 @@ def choose_page(
     major: FlowSamples,
     minor: FlowSamples | None,
     paper: Paper,
-    parameters: PageChoiceParameters | None = None,
     *,
     is_spread: bool = False,
 ) -> PageChoice:
@@ -145,8 +141,6 @@ def choose_page(
         Texture flows in photo pixels; `minor` is None where no strokes were found.
     paper
         The paper that the text is on.
-    parameters
-        Limits of edges and gaps.
     is_spread
         The photo is known to show an opened book: then a gutter is searched also where no long edge shows it.
 
@@ -155,7 +149,7 @@ def choose_page(
     PageChoice
         Which characters are on which page, and the lines between the pages.
     """
-    p = parameters or PageChoiceParameters()
+    p = PageChoiceParameters()
     halves = Halves.of(photo)
     size = (halves.image.shape[1], halves.image.shape[0])
     text = _Text(characters, text_height_px, major, size)
@@ -188,7 +182,7 @@ def _divide(
         if not sides[0].any() or not sides[1].any():
             continue
         main, other = sorted(sides, key=lambda side: -_worth(side, text, p))
-        if main.sum() < p.min_characters:
+        if main.sum() < FEWEST_CHARACTERS:
             continue
         on_paper = float(paper.holds(text.characters[other], SAME_PAPER).mean()) >= p.same_paper_share
         is_few = other.sum() <= (p.few if on_paper else p.few_on_desk) * len(candidates)
@@ -230,7 +224,7 @@ def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoicePara
     factor = min(1.0, p.long_side_px / max(text.size))
     small = reduce_image(photo, factor, least_side_px=8)
     size = (small.shape[1], small.shape[0])
-    brightness = np.log(mean_of_channels(small.astype(np.float32)) + p.black)
+    brightness = log_brightness(small)
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
     found = []
     for slope in p.slopes:
@@ -251,7 +245,7 @@ def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoicePara
 
         at, samples = place(text.characters), place(text.major.points)
         along = (float(np.percentile(at[:, 1], 2)), float(np.percentile(at[:, 1], 98)))
-        for edge in find_long_edges(np.asarray(turned), shown, along, width, p.edges):
+        for edge in find_long_edges(np.asarray(turned), shown, along, width, EDGES):
             away = (at[:, 0] - edge.at(at[:, 1])) / factor
             if (np.abs(away) < p.near * text.height).sum() <= p.near_share * len(at):
                 across = (samples[:, 0] - edge.at(samples[:, 1])) / factor

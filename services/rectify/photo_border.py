@@ -32,18 +32,13 @@ def border_gaps(points: Points, width: int, height: int) -> Points:
 
 
 def find_cut_borders(
-    characters: Points,
-    text_height_px: float,
-    width: int,
-    height: int,
-    sheet: Points | None = None,
-    parameters: PhotoBorderParameters | None = None,
+    characters: Points, text_height_px: float, width: int, height: int, sheet: Points | None = None
 ) -> set[str]:
     """Those of the photo's `BORDERS` that `characters` (N, 2) run up to, on the `sheet` (M, 2) if its outline is given.
 
     Without it, the grain of a desk may count as print.
     """
-    p = parameters or PhotoBorderParameters()
+    p = PhotoBorderParameters()
     near = border_gaps(characters, width, height) < p.near * text_height_px
     if sheet is not None:
         contour, reach = sheet.astype(np.float32), p.beside_sheet * text_height_px
@@ -53,15 +48,9 @@ def find_cut_borders(
     return {border for border, count in zip(BORDERS, near.sum(axis=0), strict=True) if count >= p.characters}
 
 
-def leave_out_borders(
-    outline: SheetOutline,
-    borders: set[str],
-    width: int,
-    height: int,
-    parameters: PhotoBorderParameters | None = None,
-) -> SheetOutline:
+def leave_out_borders(outline: SheetOutline, borders: set[str], width: int, height: int) -> SheetOutline:
     """The outline, with those sides unseen that lie on one of `borders`: print shows that the sheet extends beyond."""
-    p = parameters or PhotoBorderParameters()
+    p = PhotoBorderParameters()
     corners, sides = outline.corners.copy(), list(outline.sides)
     for k, side in enumerate(outline.sides):
         if not len(side.points):

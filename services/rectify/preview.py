@@ -89,10 +89,7 @@ class PreviewParameters:
 
 
 def preview_page(
-    photo: RgbImage,
-    parameters: RectifyParameters,
-    exif_focal_length_px: float | None = None,
-    settings: PreviewParameters | None = None,
+    photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None = None
 ) -> RectifyResult:
     """Where the page lies in a reduced `photo` (H, W, 3): the result of `rectify` with a blank image.
 
@@ -103,7 +100,7 @@ def preview_page(
     NoText
         When neither text nor the sides of a sheet show the page's shape.
     """
-    p = settings or PreviewParameters()
+    p = PreviewParameters()
     clock = StageClock()
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))

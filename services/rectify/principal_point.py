@@ -123,12 +123,7 @@ class _Fitting:
     """Cost with the principal point in the middle and without the focal length of EXIF."""
 
 
-def find_principal_point(
-    evidence: PageEvidence,
-    prior: FocalPrior,
-    shape: object,
-    parameters: PrincipalPointParameters | None = None,
-) -> MovedEvidence | None:
+def find_principal_point(evidence: PageEvidence, prior: FocalPrior, shape: object) -> MovedEvidence | None:
     """Find the principal point of a cropped photo, if the page shows clearly that it is not in the middle.
 
     Parameters
@@ -140,8 +135,6 @@ def find_principal_point(
         Of the focal length.
     shape
         The shape that was fitted with the principal point in the middle.
-    parameters
-        Costs of the hypotheses.
 
     Returns
     -------
@@ -150,7 +143,7 @@ def find_principal_point(
         a bent sheet is explained by both. If the middle explains the page except for the focal length of EXIF, the
         evidence is returned without that.
     """
-    p = parameters or PrincipalPointParameters()
+    p = PrincipalPointParameters()
     doubted = moved_by_sides = evidence.view.principal_point_px is not None
     if doubted:
         # The sides of the sheet have moved it to the nearest place that explains them; the text shows more.

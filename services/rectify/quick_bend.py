@@ -41,14 +41,12 @@ class QuickBendParameters:
     """The bent sheet must bring the deviation of the flows below this share of the plane's."""
 
 
-def bend_quickly(
-    evidence: PageEvidence, prior: FocalPrior, plane: PageMap, parameters: QuickBendParameters | None = None
-) -> CurvedPage | None:
+def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> CurvedPage | None:
     """The bent sheet that the flows of `evidence` show; None where it explains them hardly better than the `plane`.
 
     The focal length stays that of the `prior`: few directions of a bent page do not show it.
     """
-    p, e = parameters or QuickBendParameters(), evidence
+    p, e = QuickBendParameters(), evidence
     usual = replace(CurvedParameters(), bends=p.bends)
     held = min(prior.deviation, usual.start_focal_deviation)
     observed = PageObservations(

@@ -43,14 +43,12 @@ class RuledPlaneParameters:
     max_residual_rad: float = float(np.deg2rad(0.6))
 
 
-def plane_from_rules(
-    gray: GrayImage, view: PhotoFrame, prior: FocalPrior, parameters: RuledPlaneParameters | None = None
-) -> OutlinePlane | NoOutlinePlane:
+def plane_from_rules(gray: GrayImage, view: PhotoFrame, prior: FocalPrior) -> OutlinePlane | NoOutlinePlane:
     """The plane on which the two dominant families of straight lines in `gray` (H, W) are at right angles.
 
     The photo `gray` has the size of `view`. Its axes are those that are nearest to the photo's.
     """
-    p = parameters or RuledPlaneParameters()
+    p = RuledPlaneParameters()
     starts, ends = find_segments(gray, view, p)
     angles = np.arctan2(*(ends - starts).T[::-1])
     lengths = np.linalg.norm(ends - starts, axis=1)

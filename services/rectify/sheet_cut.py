@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Mask, Points, RgbImage
 from services.geometry.page_frame import FramingParameters, resize_frame
+from services.imaging.channels import luminance
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis import PageAnalysis
 from services.rectify.drawing import draw_flat_view
@@ -57,16 +58,13 @@ class SheetCutParameters:
 
 
 def cut_to_outline(
-    frame: FlatFrame | CurvedFrame,
-    outline: SheetOutline,
-    characters: Points,
-    parameters: SheetCutParameters | None = None,
+    frame: FlatFrame | CurvedFrame, outline: SheetOutline, characters: Points
 ) -> tuple[FlatFrame | CurvedFrame, frozenset[str]]:
     """`frame` cut at the sides of the `outline` that are seen, and which sides these are.
 
     `characters` (N, 2), photo pixels, must be inside; a side that would cut text off is not used.
     """
-    p = parameters or SheetCutParameters()
+    p = SheetCutParameters()
     if outline.confidence < LEAST_CONFIDENCE:
         return frame, frozenset()
     if outline.confidence >= p.certain_confidence:
@@ -121,13 +119,12 @@ def cut_to_page(
     known: frozenset[str],
     *,
     whole: bool,
-    parameters: SheetCutParameters | None = None,
 ) -> FlatFrame | CurvedFrame:
     """`frame` cut on the sides that are not `known` yet: at long edges next to the text, or where blank ground begins.
 
     With `whole` the sheet is certainly in the photo as a whole; then lines inside its outline are print, not edges.
     """
-    p = parameters or SheetCutParameters()
+    p = SheetCutParameters()
     if len(known) == len(SIDES):
         return frame
     factor = min(1.0, LONG_SIDE_PX / max(frame.width, frame.height))
@@ -178,7 +175,7 @@ def blank_ground(
 
 def _fine_structure(view: RgbImage, shown: Mask, size: int, p: SheetCutParameters) -> Mask:
     """Pixels (H, W) of `view` that are darker than their surroundings and narrower than `size`: print, not shadows."""
-    gray = cv2.cvtColor(view, cv2.COLOR_RGB2GRAY)
+    gray = luminance(view)
     around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8)).astype(np.float32)
     # The border of the photo is not print.
     rim = 2 * size + 1
@@ -187,11 +184,7 @@ def _fine_structure(view: RgbImage, shown: Mask, size: int, p: SheetCutParameter
 
 
 def restore_detail(
-    frame: FlatFrame | CurvedFrame,
-    photo_pixels: int,
-    characters: Points,
-    text_height_px: float,
-    framing: FramingParameters | None = None,
+    frame: FlatFrame | CurvedFrame, photo_pixels: int, characters: Points, text_height_px: float
 ) -> FlatFrame | CurvedFrame:
     """Raise the resolution of `frame` to that of the photo, and above it where print is small.
 
@@ -216,7 +209,7 @@ def restore_detail(
     FlatFrame or CurvedFrame
         The same view with more pixels, or `frame` itself.
     """
-    f = framing or FramingParameters()
+    f = FramingParameters()
     at = view_points(frame, characters)
     at = at[np.isfinite(at).all(axis=1)]
     if not len(at):

@@ -110,12 +110,12 @@ def _shape_pages(
     return [_without_facing_notice(page) for page in pages]
 
 
-def shared_prior(page: FlatPage, prior: FocalPrior, parameters: SpreadParameters | None = None) -> FocalPrior:
+def shared_prior(page: FlatPage, prior: FocalPrior) -> FocalPrior:
     """Prior of the focal length after `page` was fitted with `prior`; `prior` if the page does not show it.
 
     The fitted value includes the prior already, so only their deviations are combined.
     """
-    p = parameters or SpreadParameters()
+    p = SpreadParameters()
     shape = page.shape
     deviation = float("inf") if isinstance(shape, RidgedPage) else shape.log_focal_deviation
     if prior.source in ("given", "exif") or deviation >= p.determined:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import cv2
 import numpy as np
 
 from services.arrays import GrayImage, Points, RgbImage
@@ -12,12 +11,13 @@ from services.geometry.focal_prior import FOCAL, FocalLengthSource, FocalPrior
 from services.geometry.homographies import transform_points
 from services.geometry.page_frame import resize_frame
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame, frame_page
 from services.rectify.outline_plane import NoOutlinePlane, OutlinePlane, OutlinePlaneParameters, read_sides
-from services.rectify.pose import PagePose
+from services.rectify.pose import PagePose, PoseParameters
 from services.rectify.results import Notice, ShapeSource
 from services.rectify.ruled_plane import plane_from_rules
 from services.sheet.framing import CurvedFrame, frame_mesh
@@ -40,8 +40,6 @@ class TextlessParameters:
     """Long side of the photo in which a few words are read to find which way is up."""
     straight_side: float = 0.006
     """RMS bend of a side, as a share of the sheet's size: without text a bend must be obvious."""
-    aspect_deviation: float = 0.03
-    """As in `PoseParameters`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,12 +78,7 @@ class TextlessPage:
 
 
 def find_textless_page(
-    photo: RgbImage,
-    outline: SheetOutline | None,
-    view: PhotoFrame,
-    prior: FocalPrior,
-    refusal: NoText,
-    parameters: TextlessParameters | None = None,
+    photo: RgbImage, outline: SheetOutline | None, view: PhotoFrame, prior: FocalPrior, refusal: NoText
 ) -> TextlessPage:
     """The page in `photo` (H, W, 3), whose text was refused, by its `outline`, else by its straight print.
 
@@ -94,7 +87,7 @@ def find_textless_page(
     NoText
         `refusal` with what else was searched, when neither shows a plane.
     """
-    p = parameters or TextlessParameters()
+    p = TextlessParameters()
     # A sheet with bent sides is a bent sheet, even if a plane would fit them.
     if outline is not None and sides_bend(outline) > p.straight_side:
         ridged = estimate_ridged_page(outline, view, prior, 0.0, None, None)
@@ -104,7 +97,7 @@ def find_textless_page(
     if sheet is not None and outline is not None and isinstance(sheet.plane, OutlinePlane):
         shape = pose_of(sheet.plane, sheet.view, prior, "outline", p)
         return TextlessPage(sheet.view, shape, outline.polygon, outline, sheet.plane.aspect)
-    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
+    gray = luminance(photo)
     ruled = plane_from_rules(gray, view, prior)
     if isinstance(ruled, OutlinePlane):
         extent = transform_points(
@@ -131,7 +124,7 @@ def pose_of(
 ) -> PagePose:
     """The plane in pixels, with notices about its uncertainty."""
     notices: tuple[Notice, ...] = ()
-    if found.log_aspect_deviation > p.aspect_deviation:
+    if found.log_aspect_deviation > PoseParameters().aspect_deviation:
         notices = (
             Notice(
                 "aspect-ratio-uncertain",
@@ -163,11 +156,9 @@ def frame_textless(page: TextlessPage) -> FlatFrame | CurvedFrame:
     return frame_page(page.shape.H_photo_plane, size, page.extent, 0.0, page.border)
 
 
-def draw_for_reading(
-    photo: RgbImage, frame: FlatFrame | CurvedFrame, parameters: TextlessParameters | None = None
-) -> GrayImage:
+def draw_for_reading(photo: RgbImage, frame: FlatFrame | CurvedFrame) -> GrayImage:
     """Small flat view in gray under even light, in which words can be read to find which way is up."""
-    p = parameters or TextlessParameters()
+    p = TextlessParameters()
     factor = min(1.0, p.orientation_long_side_px / max(photo.shape))
-    gray = reduce_image(np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8), factor)
+    gray = reduce_image(luminance(photo), factor)
     return draw_gray_view(flatten_illumination(gray), factor, resize_frame(frame, factor))

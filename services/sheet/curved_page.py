@@ -162,9 +162,7 @@ def thin(samples: FlowSamples, count: int) -> FlowSamples:
     )
 
 
-def estimate_curved_page(
-    evidence: PageEvidence, prior: FocalPrior, parameters: CurvedParameters | None = None
-) -> CurvedPage | NoSheet:
+def estimate_curved_page(evidence: PageEvidence, prior: FocalPrior) -> CurvedPage | NoSheet:
     """Fit a bent sheet to the text of a page.
 
     The fit starts from flat sheets, first to the flows alone. Then the text lines are traced in the flat view, and
@@ -177,15 +175,13 @@ def estimate_curved_page(
         Text and flows, in centred unit coordinates.
     prior
         Of the focal length.
-    parameters
-        Starts, rounds and limits.
 
     Returns
     -------
     CurvedPage or NoSheet
         The page, or the reason why no bent sheet is plausible.
     """
-    p, e = parameters or CurvedParameters(), evidence
+    p, e = CurvedParameters(), evidence
     if e.start:
         held = PageObservations(
             e.major, e.minor, NO_LINES, page_hull(e.characters), prior.log_focal, prior.deviation

@@ -102,15 +102,13 @@ def frame_curved_page(
     return CurvedFrame(page_map, view, H_page_flat, width, height)
 
 
-def frame_mesh(
-    mesh: SheetMesh, view: PhotoFrame, text_points: Points | None, framing: FramingParameters | None = None
-) -> CurvedFrame:
+def frame_mesh(mesh: SheetMesh, view: PhotoFrame, text_points: Points | None) -> CurvedFrame:
     """View of a whole sheet, cut at its sides, at the resolution of the text in the photo.
 
     `text_points` (N, 2) are centres of characters in photo pixels; with None or few, the resolution is that of the
     whole sheet.
     """
-    f = framing or FramingParameters()
+    f = FramingParameters()
     points = None if text_points is None else (text_points - view.centre) / view.unit_px
     if points is None or len(points) < f.min_characters:
         points = mesh.project(mesh.nodes.reshape(-1, 3))

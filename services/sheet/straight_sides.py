@@ -90,10 +90,7 @@ class StraightSidedPage:
 
 
 def straighten_sides(
-    page_map: PageMap,
-    sides: tuple[Points, Points, Points, Points],
-    characters: Points,
-    parameters: StraightSidesParameters | None = None,
+    page_map: PageMap, sides: tuple[Points, Points, Points, Points], characters: Points
 ) -> PageMap:
     """`page_map` with straight `sides`; `page_map` itself where a side is too far off to be the sheet's.
 
@@ -104,7 +101,7 @@ def straighten_sides(
     characters
         (N, 2) centres of the printed characters, centred.
     """
-    p = parameters or StraightSidesParameters()
+    p = StraightSidesParameters()
     text = page_map.to_page(characters)
     text = text[np.isfinite(text).all(axis=1)]
     if len(text) < p.min_points:

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement
 
-from services.layout.exchange.alto import NAMESPACE, SCHEMA, SCHEMA_VERSION
-from services.layout.exchange.xml_writing import SOFTWARE, XSI, clean, decimal, document
+from services.layout.exchange.alto import begin_alto
+from services.layout.exchange.xml_writing import clean, decimal, document
 from services.text.page_text import Box, PageText, TextBlock, needs_space
 
 
@@ -14,24 +14,7 @@ def write_alto_pages(pages: Sequence[PageText], image_name: str, tag: str) -> by
     `image_name` is the name of the upload, `tag` the language as BCP 47 tag (empty: unknown). Blocks follow each other
     in reading order.
     """
-    root = Element(
-        "alto",
-        {
-            "xmlns": NAMESPACE,
-            "xmlns:xsi": XSI,
-            "xsi:schemaLocation": f"{NAMESPACE} {SCHEMA}",
-            "SCHEMAVERSION": SCHEMA_VERSION,
-        },
-    )
-    description = SubElement(root, "Description")
-    SubElement(description, "MeasurementUnit").text = "pixel"
-    source = SubElement(description, "sourceImageInformation")
-    SubElement(source, "fileName").text = clean(image_name)
-    step = SubElement(description, "Processing", {"ID": "reading"})
-    SubElement(step, "processingCategory").text = "contentGeneration"
-    SubElement(step, "processingStepDescription").text = "optical character recognition of the flat page"
-    software = SubElement(step, "processingSoftware")
-    SubElement(software, "softwareName").text = SOFTWARE
+    root = begin_alto(image_name, "reading", "optical character recognition of the flat page")
     layout = SubElement(root, "Layout")
     for number, page in enumerate(pages, 1):
         size = {"WIDTH": str(page.width), "HEIGHT": str(page.height)}

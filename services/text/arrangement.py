@@ -36,15 +36,13 @@ class Region:
     rows: tuple[tuple[Box, ...], ...]
 
 
-def arrange_words(
-    words: Sequence[Word], regions: Sequence[Region], parameters: ArrangementParameters | None = None
-) -> tuple[TextBlock, ...]:
+def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[TextBlock, ...]:
     """Blocks of all `words` (in the engine's order), in the order of `regions`.
 
     A word belongs to the region that segmentation put it in, else to the smallest region that contains its centre.
     Words in no region make blocks of their own at the end, but for those that the engine probably made up.
     """
-    p = parameters or ArrangementParameters()
+    p = ArrangementParameters()
     region_of = {box: index for index, region in enumerate(regions) for row in region.rows for box in row}
     held: list[list[Word]] = [[] for _ in regions]
     others: list[Word] = []

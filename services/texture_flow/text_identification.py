@@ -18,6 +18,9 @@ from services.imaging.components import label_components
 from services.imaging.row_bands import row_bands
 from services.robust import robust_scale
 
+FEWEST_CHARACTERS = 30
+"""Fewer characters do not show the shape of a page."""
+
 
 @dataclass(frozen=True, slots=True)
 class TextIdentificationParameters:
@@ -138,11 +141,7 @@ def keep_characters(text: IdentifiedText, kept: NDArray[np.bool_]) -> Identified
     )
 
 
-def identify_text(
-    gray: GrayImage,
-    region: Mask | None = None,
-    parameters: TextIdentificationParameters | None = None,
-) -> IdentifiedText:
+def identify_text(gray: GrayImage, region: Mask | None = None) -> IdentifiedText:
     """Printed text of a flat-fielded photo (dark on light), in its own pixel frame.
 
     Parameters
@@ -152,7 +151,7 @@ def identify_text(
     region
         (H, W) guide: only text inside of it counts.
     """
-    p = parameters or TextIdentificationParameters()
+    p = TextIdentificationParameters()
     diagonal = float(np.hypot(*gray.shape))
     area = find_text_area(detect_edges(gray, p), p.closing * diagonal)
     if region is not None:

@@ -1,11 +1,10 @@
 """Decisions: bounds against exact binomial sums, thresholds that keep their promise, reasons."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import beta
 
 from app.decisions import (
     CANDIDATES,
@@ -13,7 +12,6 @@ from app.decisions import (
     decide,
     place_in_queue,
     threshold_of,
-    upper_bound,
     verdicts_of,
 )
 from app.settings import Settings
@@ -27,20 +25,6 @@ RESULT = {
 }
 
 
-def at_most(wrong: int, total: int, rate: float) -> float:
-    return sum(math.comb(total, k) * rate**k * (1 - rate) ** (total - k) for k in range(wrong + 1))
-
-
-@given(st.integers(0, 20), st.integers(1, 200), st.floats(0.5, 0.999))
-def test_the_bound_is_that_of_clopper_and_pearson(wrong: int, total: int, certainty: float) -> None:
-    """Under the bound the seen number of errors, or fewer, have just the probability 1 - certainty."""
-    bound = upper_bound(wrong, total, certainty)
-    if wrong >= total:
-        assert bound == 1.0
-    else:
-        assert at_most(wrong, total, bound) == pytest.approx(1 - certainty, rel=1e-6)
-
-
 def test_without_evidence_nothing_is_accepted() -> None:
     assert threshold_of([], 0.01) is None
     assert threshold_of([("date", 1.0, True)] * 100, 0.01) is None  # 100 right zones show an error of 5 %
@@ -50,7 +34,9 @@ def test_without_evidence_nothing_is_accepted() -> None:
 @given(st.integers(0, 20), st.integers(1, 600), st.floats(0.001, 0.5))
 def test_zones_are_accepted_where_the_bound_allows_it(wrong: int, total: int, tolerated: float) -> None:
     verdicts = [(None, 1.0, number >= wrong) for number in range(total)]
-    bound = upper_bound(min(wrong, total), total, 1 - (1 - CERTAINTY) / len(CANDIDATES))
+    """By Clopper and Pearson's bound, which scipy has as a quantile of the beta distribution."""
+    certainty = 1 - (1 - CERTAINTY) / len(CANDIDATES)
+    bound = beta.ppf(certainty, wrong + 1, total - wrong) if wrong < total else 1.0
     assert (threshold_of(verdicts, tolerated) is not None) == (bound <= tolerated)
 
 

@@ -28,12 +28,7 @@ def own_words(words: Mapping[str, Iterable[str]]) -> dict[str, frozenset[str]]:
     }
 
 
-def find_language(
-    texts: Iterable[str],
-    words: Mapping[str, frozenset[str]],
-    base: str,
-    parameters: LanguageParameters = LanguageParameters(),
-) -> str:
+def find_language(texts: Iterable[str], words: Mapping[str, frozenset[str]], base: str) -> str:
     """The language whose own function words are most in `texts`; `base` where none is clear.
 
     Parameters
@@ -44,11 +39,10 @@ def find_language(
         Function words of every language, as from `own_words`; `base` among them.
     base
         The language of pages with few words.
-    parameters
-        When another language is clear.
     """
+    p = LanguageParameters()
     counts = dict.fromkeys(words, 0)
-    left = parameters.most_characters
+    left = p.most_characters
     for text in texts:
         if left <= 0:
             break
@@ -57,5 +51,5 @@ def find_language(
                 counts[language] += word in listed
         left -= len(text)
     best = max(counts, key=lambda language: counts[language])
-    enough = max(parameters.least_words, parameters.least_ratio * counts[base])
+    enough = max(p.least_words, p.least_ratio * counts[base])
     return best if counts[best] >= enough else base

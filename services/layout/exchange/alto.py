@@ -18,7 +18,6 @@ from services.layout.exchange.xml_reading import (
     measure_lines,
     number,
     polygon_box,
-    read_xml,
 )
 from services.layout.exchange.xml_writing import (
     SOFTWARE,
@@ -66,18 +65,13 @@ _ID = "id"
 """TYPE of the OtherTag with the zone's id, if that is not a valid XML name."""
 
 
-def read_alto(data: bytes, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
-    """Page of an ALTO file with one page, its zones in its reading order.
+def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
+    """Page of an ALTO document with one page, its zones in its reading order.
 
     The order comes from ReadingOrder, else from IDNEXT, else from the document. `pixels`, width and height of the
     page's image, is needed when the file measures in tenths of a millimetre or 1/1200 inch, or has no page size. Raises
     `InvalidLayout`; `zones[i]` counts the blocks from 0 in document order.
     """
-    return page_of_alto(read_xml(data, limits), limits, pixels)
-
-
-def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
-    """Page of a parsed ALTO document; otherwise like `read_alto`."""
     layout = next(children(root, "Layout"), None) if root.tag == "alto" else None
     pages = [] if layout is None else list(children(layout, "Page"))
     if len(pages) != 1:
@@ -236,16 +230,7 @@ def write_alto(recognition: Recognition, file_name: str, created: datetime) -> b
     tags = _Tags(names)
     styles: dict[tuple[tuple[str, str], ...], str] = {}
 
-    root = Element(
-        "alto",
-        {
-            "xmlns": NAMESPACE,
-            "xmlns:xsi": XSI,
-            "xsi:schemaLocation": f"{NAMESPACE} {SCHEMA}",
-            "SCHEMAVERSION": SCHEMA_VERSION,
-        },
-    )
-    _describe(root, clean(file_name), created, step_id)
+    root = begin_alto(file_name, step_id, "layout structure recognition", created)
     style_list, tag_list = SubElement(root, "Styles"), SubElement(root, "Tags")
     if zones:
         group = SubElement(
@@ -306,15 +291,27 @@ class _Tags:
         return [self._ids[tag] for tag in found]
 
 
-def _describe(root: Element, file_name: str, created: datetime, step_id: str) -> None:
+def begin_alto(file_name: str, step_id: str, step_name: str, created: datetime | None = None) -> Element:
+    """The root of a document about the image `file_name`, with its description; the step of its making has an ID."""
+    root = Element(
+        "alto",
+        {
+            "xmlns": NAMESPACE,
+            "xmlns:xsi": XSI,
+            "xsi:schemaLocation": f"{NAMESPACE} {SCHEMA}",
+            "SCHEMAVERSION": SCHEMA_VERSION,
+        },
+    )
     description = SubElement(root, "Description")
     SubElement(description, "MeasurementUnit").text = "pixel"
-    SubElement(SubElement(description, "sourceImageInformation"), "fileName").text = file_name
+    SubElement(SubElement(description, "sourceImageInformation"), "fileName").text = clean(file_name)
     step = SubElement(description, "Processing", {"ID": step_id})
     SubElement(step, "processingCategory").text = "contentGeneration"
-    SubElement(step, "processingDateTime").text = created.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    SubElement(step, "processingStepDescription").text = "layout structure recognition"
+    if created is not None:
+        SubElement(step, "processingDateTime").text = created.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    SubElement(step, "processingStepDescription").text = step_name
     SubElement(SubElement(step, "processingSoftware"), "softwareName").text = SOFTWARE
+    return root
 
 
 def _style(zone: Zone) -> tuple[tuple[str, str], ...]:

@@ -21,7 +21,6 @@ from services.layout.exchange.xml_reading import (
     measure_lines,
     number,
     polygon_box,
-    read_xml,
 )
 from services.layout.exchange.xml_writing import (
     SOFTWARE,
@@ -97,18 +96,13 @@ _TO_ESCAPE = re.compile(r"[\\{}:;,\s]")
 _ESCAPED = re.compile(r"\\u([0-9a-fA-F]{4})")
 
 
-def read_page_xml(data: bytes, limits: ExchangeLimits) -> Page:
-    """Page of a PAGE-XML file, its zones in its reading order (else in document order).
+def page_of_page_xml(root: Element, limits: ExchangeLimits) -> Page:
+    """Page of a PAGE-XML document, its zones in its reading order (else in document order).
 
     Coords become their bounding boxes. The label is `structure {type:...;}` of `custom`, else PAGE's own `type`
     (except `other`). Font size and line spacing come from the boxes of the lines if the file does not have them. Raises
     `InvalidLayout`; `zones[i]` counts the regions from 0 in document order.
     """
-    return page_of_page_xml(read_xml(data, limits), limits)
-
-
-def page_of_page_xml(root: Element, limits: ExchangeLimits) -> Page:
-    """Page of a parsed PAGE-XML document; otherwise like `read_page_xml`."""
     page = next(children(root, "Page"), None) if root.tag == "PcGts" else None
     if page is None:
         raise InvalidLayout("The file is no PAGE-XML: it has no Page in a PcGts.", FIELD)

@@ -16,7 +16,7 @@ _BYTE_ORDER_MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 def read_zones_file(data: bytes, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
     """Page of a zones file. Its first character and its root element show its format.
 
-    `pixels` are width and height of the page's image where there is one (see `read_alto`).
+    `pixels` are width and height of the page's image where there is one (see `page_of_alto`).
     Raises `InvalidLayout`.
     """
     if len(data) > limits.max_bytes:

@@ -68,12 +68,11 @@ def body_font_size(page: Page, parameters: FontSizeParameters = FontSizeParamete
     return float(sizes[min(int(np.searchsorted(total, half, side="left")) - 1, end - 1)])
 
 
-def measure_font_classes(
-    page: Page, parameters: FontSizeParameters = FontSizeParameters()
-) -> list[FontClass | None]:
+def measure_font_classes(page: Page) -> list[FontClass | None]:
     """Class of every zone's font size relative to the page's body; None where its size is not known."""
-    body = body_font_size(page, parameters)
-    return [_font_class(zone, body, parameters) for zone in page.zones]
+    p = FontSizeParameters()
+    body = body_font_size(page, p)
+    return [_font_class(zone, body, p) for zone in page.zones]
 
 
 def _font_class(zone: Zone, body: float | None, parameters: FontSizeParameters) -> FontClass | None:

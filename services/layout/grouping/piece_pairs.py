@@ -67,16 +67,12 @@ def print_size(page: Page) -> float:
     return float(np.median(sizes)) if sizes else page.height / 70
 
 
-def neighbours_of(
-    index: int,
-    zones: Sequence[Zone | None],
-    em: float,
-    parameters: PairParameters = PairParameters(),
-) -> list[int]:
+def neighbours_of(index: int, zones: Sequence[Zone | None], em: float) -> list[int]:
     """Zones with the label of `zones[index]` that are near it, with none of another label between them.
 
     Zones that are None are not there any more. Rules and noise lie between no zones.
     """
+    p = PairParameters()
     own = zones[index]
     if own is None or own.label is None:
         return []
@@ -87,7 +83,7 @@ def neighbours_of(
     x0, y0, x1, y1 = own.box
     across = np.maximum(np.maximum(boxes[:, 0] - x1, x0 - boxes[:, 2]), 0.0)
     along = np.maximum(np.maximum(boxes[:, 1] - y1, y0 - boxes[:, 3]), 0.0)
-    near = same & (across <= parameters.reach_across * em) & (along <= parameters.reach_along * em)
+    near = same & (across <= p.reach_across * em) & (along <= p.reach_along * em)
     areas = np.maximum(np.prod(boxes[:, 2:] - boxes[:, :2], axis=1), 1e-9)
     foreign = ~same & solid
     found = []
@@ -98,37 +94,36 @@ def neighbours_of(
         hull = np.array(joined_box(own.box, tuple(boxes[place])))
         sides = np.minimum(boxes[:, 2:], hull[2:]) - np.maximum(boxes[:, :2], hull[:2])
         inside = np.prod(np.maximum(sides, 0.0), axis=1) / areas
-        if not np.any(foreign & (inside > parameters.foreign_share)):
+        if not np.any(foreign & (inside > p.foreign_share)):
             found.append(other)
     return found
 
 
-def piece_features(
-    first: Zone, second: Zone, em: float, parameters: PairParameters = PairParameters()
-) -> NDArray[np.float64]:
+def piece_features(first: Zone, second: Zone, em: float) -> NDArray[np.float64]:
     """`PIECE_FEATURES` of two zones, in any order; `em` of the page's print in pixels."""
+    p = PairParameters()
     upper, lower = (first, second) if first.box[1] <= second.box[1] else (second, first)
     a, b = np.array(upper.box) / em, np.array(lower.box) / em
     across, along = max(a[0] - b[2], b[0] - a[2], 0.0), max(b[1] - a[3], 0.0)
     left, right = abs(a[0] - b[0]), abs(a[2] - b[2])
     centres = abs(a[0] + a[2] - b[0] - b[2]) / 2
-    edges = np.log1p(np.minimum([min(left, right, centres), centres, left], parameters.most_edge))
+    edges = np.log1p(np.minimum([min(left, right, centres), centres, left], p.most_edge))
     spaces = [
-        zone.line_spacing / em - parameters.line_height * (zone.font_size or em) / em
+        zone.line_spacing / em - p.line_height * (zone.font_size or em) / em
         for zone in (upper, lower)
         if zone.line_spacing and (zone.lines or 0) > 1
     ]
-    pitch = along / max(min(spaces), 0.15) if spaces else parameters.usual_pitch
+    pitch = along / max(min(spaces), 0.15) if spaces else p.usual_pitch
     return np.array(
         [
-            min(along, parameters.most_gap),
-            min(across, parameters.most_gap_across),
-            _step(upper.font_size, lower.font_size, parameters.most_step),
-            _step(upper.weight, lower.weight, parameters.most_step),
+            min(along, p.most_gap),
+            min(across, p.most_gap_across),
+            _step(upper.font_size, lower.font_size, p.most_step),
+            _step(upper.weight, lower.weight, p.most_step),
             *edges,
             float(upper.kind != "text") + float(lower.kind != "text"),
             np.log(max(upper.lines or 1, lower.lines or 1)),
-            np.log1p(min(pitch, parameters.most_pitch)),
+            np.log1p(min(pitch, p.most_pitch)),
             1.0,
         ]
     )

@@ -44,20 +44,19 @@ class SpaceParameters:
     most_centre: float = 10.0
 
 
-def measure_space(
-    lines: Sequence[Line], at: int, parameters: SpaceParameters = SpaceParameters()
-) -> NDArray[np.float64]:
+def measure_space(lines: Sequence[Line], at: int) -> NDArray[np.float64]:
     """`SPACE_FEATURES` of the space before line `at` of a zone of at least two lines, from the top down."""
+    p = SpaceParameters()
     above, below = lines[at - 1], lines[at]
     em = max(above.em, below.em)
     centres = abs(above.box[0] + above.box[2] - below.box[0] - below.box[2]) / 2
     return np.array(
         [
-            min((below.baseline - above.baseline) / em, parameters.most_gap),
-            min(abs(below.box[0] - above.box[0]) / em, parameters.most_edge),
-            min((max(line.box[2] for line in lines) - above.box[2]) / em, parameters.most_end),
-            min(abs(float(np.log(above.em / below.em))), parameters.most_step),
-            np.log1p(min(centres / em, parameters.most_centre)),
+            min((below.baseline - above.baseline) / em, p.most_gap),
+            min(abs(below.box[0] - above.box[0]) / em, p.most_edge),
+            min((max(line.box[2] for line in lines) - above.box[2]) / em, p.most_end),
+            min(abs(float(np.log(above.em / below.em))), p.most_step),
+            np.log1p(min(centres / em, p.most_centre)),
             float(at == 1),
             float(at == len(lines) - 1),
         ]

@@ -1,6 +1,6 @@
 """Learning from a verified class: the mean cost of its pages, and a bias when the decision was wrong or close."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,21 +17,16 @@ class DecisionParameters:
     much."""
     most_pages: int = 200
     """The mean cost is the mean over this many last pages."""
-    classification: ClassificationParameters = field(default_factory=ClassificationParameters)
 
 
-def count_cost(
-    calibration: Calibration,
-    cost_per_zone: float,
-    parameters: DecisionParameters = DecisionParameters(),
-) -> Calibration:
+def count_cost(calibration: Calibration, cost_per_zone: float) -> Calibration:
     """The calibration after one more page, which the model has not learned from; like `calibrate` with all pages."""
-    usual = parameters.classification
+    usual = ClassificationParameters()
     weight, mean, pages = usual.usual_weight, calibration.mean, calibration.pages
     total = mean * (pages + weight) - weight * usual.usual_mean
     assumed = 2 * usual.usual_deviation**2
     squares = calibration.deviation**2 * (pages + 2) - assumed + 2 * mean * total - pages * mean**2
-    kept = min(1.0, (parameters.most_pages - 1) / max(1, pages))
+    kept = min(1.0, (DecisionParameters().most_pages - 1) / max(1, pages))
     total, squares, counted = (
         kept * total + cost_per_zone,
         kept * squares + cost_per_zone**2,
@@ -44,43 +39,33 @@ def count_cost(
 
 
 def prefer_class(
-    right: tuple[float, Calibration],
-    wrong: tuple[float, Calibration],
-    parameters: DecisionParameters = DecisionParameters(),
+    right: tuple[float, Calibration], wrong: tuple[float, Calibration]
 ) -> tuple[Calibration, Calibration]:
     """The calibrations of both classes, their biases changed until the right class wins by a margin; each takes half.
 
     Each class is given as the page's cost a zone under its model, and the calibration. It is the step of PA-I for the
     difference of the two classes' excess costs (`classification.classify`), which is linear in their biases.
     """
-    usual = parameters.classification
+    usual = ClassificationParameters()
     loss = 1 / usual.sharpness + _excess(*right, usual) - _excess(*wrong, usual)
-    step = min(parameters.most_step, max(0.0, loss / 2))
+    step = min(DecisionParameters().most_step, max(0.0, loss / 2))
     return _biased(right[1], -step), _biased(wrong[1], step)
 
 
-def accept_page(
-    cost_per_zone: float,
-    calibration: Calibration,
-    parameters: DecisionParameters = DecisionParameters(),
-) -> Calibration:
+def accept_page(cost_per_zone: float, calibration: Calibration) -> Calibration:
     """The calibration after a page of this class was rejected: the page now fits better."""
-    usual = parameters.classification
+    usual = ClassificationParameters()
     most = (usual.least_fit + 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
     loss = cost_per_zone + calibration.bias - most
-    return _biased(calibration, -min(parameters.most_step, max(0.0, loss)))
+    return _biased(calibration, -min(DecisionParameters().most_step, max(0.0, loss)))
 
 
-def refuse_page(
-    cost_per_zone: float,
-    calibration: Calibration,
-    parameters: DecisionParameters = DecisionParameters(),
-) -> Calibration:
+def refuse_page(cost_per_zone: float, calibration: Calibration) -> Calibration:
     """The calibration after a page of no class was accepted for this class: the page now fits worse."""
-    usual = parameters.classification
+    usual = ClassificationParameters()
     least = (usual.least_fit - 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
     loss = least - cost_per_zone - calibration.bias
-    return _biased(calibration, min(parameters.most_step, max(0.0, loss)))
+    return _biased(calibration, min(DecisionParameters().most_step, max(0.0, loss)))
 
 
 def _excess(cost_per_zone: float, calibration: Calibration, usual: ClassificationParameters) -> float:

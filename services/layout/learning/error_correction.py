@@ -36,29 +36,26 @@ class CorrectionParameters:
 
 
 def correct_errors(
-    model: CompiledModel,
-    graph: LayoutGraph,
-    truth: NDArray[np.intp],
-    found: NDArray[np.intp],
-    parameters: CorrectionParameters = CorrectionParameters(),
+    model: CompiledModel, graph: LayoutGraph, truth: NDArray[np.intp], found: NDArray[np.intp]
 ) -> CompiledModel:
     """The model after one update for a page with true labels h* = `truth` (N,) that were `found` (N,) to be h.
 
     C(h*) - C(h) is less under the new model wherever the two differ.
     """
+    p = CorrectionParameters()
     if np.array_equal(truth, found):
         return model
     side = _sides(truth, found, len(model.labels))
-    model = _move_expectations(model, graph, side, parameters)
+    model = _move_expectations(model, graph, side, p)
     favour = _favour(model, graph, side)
-    factor = np.where(favour > 0, 1 - parameters.rate, np.where(favour < 0, 1 + parameters.rate, 1.0))
+    factor = np.where(favour > 0, 1 - p.rate, np.where(favour < 0, 1 + p.rate, 1.0))
     slopes = cost_slopes(graph, model, truth) - cost_slopes(graph, model, found)
     return replace(
         model,
-        weights=np.minimum(model.weights * factor, np.maximum(model.weights, parameters.most_weight)),
-        label_costs=model.label_costs - parameters.rate * np.sign(slopes.label_costs),
-        relations=_correct_tables(model.relations, slopes.relations, parameters),
-        counts=model.counts - parameters.rate * np.sign(slopes.counts),
+        weights=np.minimum(model.weights * factor, np.maximum(model.weights, p.most_weight)),
+        label_costs=model.label_costs - p.rate * np.sign(slopes.label_costs),
+        relations=_correct_tables(model.relations, slopes.relations, p),
+        counts=model.counts - p.rate * np.sign(slopes.counts),
     )
 
 

@@ -16,7 +16,7 @@ class RevisionParameters:
     """Least share of a line's width within the drawn zone."""
 
 
-def revise_zones(page: Page, drawn: Page, parameters: RevisionParameters = RevisionParameters()) -> Page:
+def revise_zones(page: Page, drawn: Page) -> Page:
     """The drawn zones, with the properties of the found zones that they cover.
 
     A drawn zone at the place of a found one has all its properties. Other zones take means of font size, line spacing
@@ -30,7 +30,9 @@ def revise_zones(page: Page, drawn: Page, parameters: RevisionParameters = Revis
     drawn
         The page with the person's zones and labels.
     """
-    return replace(drawn, zones=tuple(_revised(zone, page.zones, parameters) for zone in drawn.zones))
+    return replace(
+        drawn, zones=tuple(_revised(zone, page.zones, RevisionParameters()) for zone in drawn.zones)
+    )
 
 
 def _revised(drawn: Zone, found: Sequence[Zone], parameters: RevisionParameters) -> Zone:

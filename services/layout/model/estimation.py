@@ -44,25 +44,22 @@ class EstimationParameters:
 
 
 def estimate_model(
-    statistics: LabelStatistics,
-    labels: Sequence[str | None],
-    scales: NDArray[np.float64],
-    parameters: EstimationParameters = EstimationParameters(),
+    statistics: LabelStatistics, labels: Sequence[str | None], scales: NDArray[np.float64]
 ) -> CompiledModel:
     """Means, variances, look-up tables and expectations of `statistics` over pages with `labels`."""
-    values, variances = _estimate_numeric(statistics, parameters)
+    p = EstimationParameters()
+    values, variances = _estimate_numeric(statistics, p)
     return CompiledModel(
         labels=tuple(labels),
         values=values,
         variances=variances,
-        content=_estimate_content(statistics, parameters),
+        content=_estimate_content(statistics, p),
         weights=np.ones((len(labels), values.shape[1] + statistics.content.shape[1])),
         label_costs=-np.log(
-            (statistics.zones + parameters.label_weight)
-            / (statistics.zones.sum() + parameters.label_weight * len(labels))
+            (statistics.zones + p.label_weight) / (statistics.zones.sum() + p.label_weight * len(labels))
         ),
-        relations=_estimate_relations(statistics, parameters),
-        counts=_estimate_counts(statistics, parameters),
+        relations=_estimate_relations(statistics, p),
+        counts=_estimate_counts(statistics, p),
         scales=scales,
     )
 

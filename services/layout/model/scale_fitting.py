@@ -110,20 +110,17 @@ def fit_scales(
     return FittedScales(scales, scale_certainty(scales, held_out.terms))
 
 
-def fit_scales_without(
-    held_out: HeldOutTerms,
-    scales: NDArray[np.float64],
-    parameters: ScaleFittingParameters = ScaleFittingParameters(),
-) -> list[NDArray[np.float64]]:
+def fit_scales_without(held_out: HeldOutTerms, scales: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """For each sample weights (K,) that were not fitted to its labels, as those of a later page are not.
 
     Otherwise as `fit_scales`, whose weights are `scales`; one sample, and many, keep these.
     """
+    p = ScaleFittingParameters()
     count = held_out.samples
-    folds = min(parameters.folds, count)
-    if not 2 <= count <= parameters.most_refitted:
+    folds = min(p.folds, count)
+    if not 2 <= count <= p.most_refitted:
         return [scales] * count
-    without = list(_refitted(held_out, scales, held_out.owner % folds, parameters))
+    without = list(_refitted(held_out, scales, held_out.owner % folds, p))
     return [without[index % folds] for index in range(count)]
 
 

@@ -34,20 +34,17 @@ class ClassificationParameters:
     """Log odds of fitting for each unit of that share."""
 
 
-def calibrate(
-    costs_per_zone: Sequence[float], parameters: ClassificationParameters = ClassificationParameters()
-) -> Calibration:
+def calibrate(costs_per_zone: Sequence[float]) -> Calibration:
     """Mean and deviation of the costs of held-out pages of a class, combined with the prior."""
-    costs, weight = np.asarray(costs_per_zone, dtype=np.float64), parameters.usual_weight
-    mean = (costs.sum() + weight * parameters.usual_mean) / (len(costs) + weight)
-    squares = ((costs - mean) ** 2).sum() + 2 * parameters.usual_deviation**2
+    p = ClassificationParameters()
+    costs, weight = np.asarray(costs_per_zone, dtype=np.float64), p.usual_weight
+    mean = (costs.sum() + weight * p.usual_mean) / (len(costs) + weight)
+    squares = ((costs - mean) ** 2).sum() + 2 * p.usual_deviation**2
     return Calibration(float(mean), float(np.sqrt(squares / (len(costs) + 2))), len(costs))
 
 
 def class_evidence(
-    costs_per_zone: NDArray[np.float64],
-    calibrations: Sequence[Calibration],
-    parameters: ClassificationParameters = ClassificationParameters(),
+    costs_per_zone: NDArray[np.float64], calibrations: Sequence[Calibration]
 ) -> NDArray[np.float64]:
     """Log likelihood ratios (M,) of the classes for a page; 0: as likely as a page of any kind.
 
@@ -57,37 +54,28 @@ def class_evidence(
     """
     means = np.array([calibration.mean for calibration in calibrations])
     costs_per_zone = costs_per_zone + [calibration.bias for calibration in calibrations]
-    return np.asarray(-parameters.sharpness * excess_costs(costs_per_zone, means, parameters))
+    return np.asarray(-ClassificationParameters().sharpness * excess_costs(costs_per_zone, means))
 
 
-def log_odds_of_fit(
-    cost_per_zone: float,
-    calibration: Calibration,
-    parameters: ClassificationParameters = ClassificationParameters(),
-) -> float:
+def log_odds_of_fit(cost_per_zone: float, calibration: Calibration) -> float:
     """Log odds that a page belongs to a class rather than to none, from its cost over the class's mean cost."""
+    p = ClassificationParameters()
     fit = (cost_per_zone + calibration.bias) / min(calibration.mean, -1.0)
     # Bounded, so that the nearest class always has a higher probability than the others.
-    odds = np.clip(parameters.fit_sharpness * (fit - parameters.least_fit), -MOST_LOG_ODDS, MOST_LOG_ODDS)
+    odds = np.clip(p.fit_sharpness * (fit - p.least_fit), -MOST_LOG_ODDS, MOST_LOG_ODDS)
     return float(odds)
 
 
 def classify(
-    costs_per_zone: NDArray[np.float64],
-    calibrations: Sequence[Calibration],
-    parameters: ClassificationParameters = ClassificationParameters(),
+    costs_per_zone: NDArray[np.float64], calibrations: Sequence[Calibration]
 ) -> tuple[NDArray[np.float64], float]:
     """Probabilities (M,) of the classes and that of none of them, which sum to 1; costs as in `class_evidence`."""
-    among = softmax(class_evidence(costs_per_zone, calibrations, parameters))
+    among = softmax(class_evidence(costs_per_zone, calibrations))
     best = int(np.argmax(among))
-    odds = log_odds_of_fit(float(costs_per_zone[best]), calibrations[best], parameters)
+    odds = log_odds_of_fit(float(costs_per_zone[best]), calibrations[best])
     return np.asarray(expit(odds) * among), float(expit(-odds))
 
 
-def excess_costs(
-    costs_per_zone: NDArray[np.float64],
-    means: NDArray[np.float64],
-    parameters: ClassificationParameters = ClassificationParameters(),
-) -> NDArray[np.float64]:
+def excess_costs(costs_per_zone: NDArray[np.float64], means: NDArray[np.float64]) -> NDArray[np.float64]:
     """Costs a zone (M,) minus a share of the class's mean cost. The least one is the best class."""
-    return np.asarray(costs_per_zone - parameters.share_of_mean * means)
+    return np.asarray(costs_per_zone - ClassificationParameters().share_of_mean * means)

@@ -197,7 +197,6 @@ def _evidence(
     found = class_evidence(
         np.array([match.comparable_cost for match in recognition.classes]),
         [by_name[match.name].calibration for match in recognition.classes],
-        parameters.classification,
     )
     return {match.name: float(value) for match, value in zip(recognition.classes, found, strict=True)}
 
@@ -248,9 +247,7 @@ def _fit(recognition: Recognition, model: VersionedModel, parameters: Recognitio
     """Log odds of a labelled page being of its model."""
     if recognition.chosen is None:
         return 0.0
-    return log_odds_of_fit(
-        recognition.chosen.comparable_cost, model.model.calibration, parameters.classification
-    )
+    return log_odds_of_fit(recognition.chosen.comparable_cost, model.model.calibration)
 
 
 def _cost(seen: Sequence[Recognition], evidence: Sequence[Mapping[str, float]], each: _Class) -> float:

@@ -47,23 +47,19 @@ def judge_labels(
     return HeldOutZones(among[np.arange(len(chosen)), chosen], chosen == true)
 
 
-def calibrate_labels(
-    calibration: Calibration,
-    pages: Sequence[HeldOutZones],
-    samples: int,
-    parameters: LabelCalibrationParameters = LabelCalibrationParameters(),
-) -> Calibration:
+def calibrate_labels(calibration: Calibration, pages: Sequence[HeldOutZones], samples: int) -> Calibration:
     """The calibration with the line of log odds that makes the labels of held-out pages most probable.
 
     Platt's scaling with a normal prior: log odds of being right are a line of the log odds of the softmax. `samples` is
     the number of those that the model is made of.
     """
+    p = LabelCalibrationParameters()
     if not pages:
         return calibration
     log_odds = _log_odds(np.concatenate([page.confidence for page in pages]))
     is_right = np.concatenate([page.is_right for page in pages])
-    usual = np.array([USUAL_SLOPE, USUAL_INTERCEPT + parameters.intercept_growth * np.log(samples)])
-    deviation = np.array([parameters.slope_deviation, parameters.intercept_deviation])
+    usual = np.array([USUAL_SLOPE, USUAL_INTERCEPT + p.intercept_growth * np.log(samples)])
+    deviation = np.array([p.slope_deviation, p.intercept_deviation])
 
     def cost(line: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         found = line[0] * log_odds + line[1]

@@ -22,7 +22,7 @@ from services.layout.model.compiled_model import CompiledModel, comparable_scale
 from services.layout.model.cost import build_cost_tables, explain_cost, labelling_cost
 from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
-from services.layout.recognition.classification import ClassificationParameters, classify
+from services.layout.recognition.classification import classify
 from services.layout.recognition.hierarchy import MOST_CANDIDATES, Competitor, rank_models
 from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
 
@@ -63,7 +63,6 @@ class RecognitionParameters:
     explain: bool = False
     most_candidates: int = MOST_CANDIDATES
     matching: MatchingParameters = field(default_factory=MatchingParameters)
-    classification: ClassificationParameters = field(default_factory=ClassificationParameters)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +116,7 @@ def recognize_page(
     graph = _graph_for(page, models, content_names)
     matches = _match_all(graph, page, models, parameters)
     matched = time.perf_counter()
-    probabilities, unknown = _classify(graph, matches, parameters)
+    probabilities, unknown = _classify(graph, matches)
     order = np.argsort(-probabilities, kind="stable")
     classes = tuple(
         ClassMatch(
@@ -205,7 +204,7 @@ def _match_all(
     else:
         matches = [_match(graph, page, model, quick, thorough=False) for model in models]
     while True:
-        probabilities, _ = _classify(graph, matches, parameters)
+        probabilities, _ = _classify(graph, matches)
         contenders = probabilities >= CONTENDER * probabilities.max()
         ranked = [int(index) for index in np.argsort(-probabilities, kind="stable") if contenders[index]]
         room = MOST_CONTENDERS - sum(match.thorough for match in matches)
@@ -224,7 +223,7 @@ def _match_candidates(
     competitors = [
         Competitor(each.model, compile_model(each.model, graph.content_names), each.genre) for each in models
     ]
-    ranking = rank_models(graph, competitors, parameters.classification, parameters.most_candidates)
+    ranking = rank_models(graph, competitors, parameters.most_candidates)
     candidates = set(ranking.candidates)
     return [
         _match(graph, page, model, parameters, thorough=False)
@@ -237,12 +236,11 @@ def _match_candidates(
 
 
 def _classify(
-    graph: LayoutGraph, matches: Sequence[_Match | _RankedOut], parameters: RecognitionParameters
+    graph: LayoutGraph, matches: Sequence[_Match | _RankedOut]
 ) -> tuple[NDArray[np.float64], float]:
     return classify(
         np.array([match.comparable_cost for match in matches]) / graph.zones,
         [match.model.model.calibration for match in matches],
-        parameters.classification,
     )
 
 

@@ -20,9 +20,6 @@ from services.layout.segmentation.reading_order import reading_order
 from services.layout.segmentation.text_lines import Line
 from services.ocr.engine import Word
 
-Grouping = Sequence[Sequence[int]]
-"""Indices of the lines of every text zone, from the top down; every line is in one zone at most."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FinePage:
@@ -52,23 +49,18 @@ class FinePage:
         return min(line.box[0] for line in self.lines), max(line.box[2] for line in self.lines)
 
 
-def compose_page(
-    fine: FinePage, grouping: Grouping | None = None, parameters: SegmentationParameters | None = None
-) -> Page:
-    """The page whose text zones are those of `grouping` (None: `fine.blocks`), in reading order, ids "z1", "z2" ..."""
-    return compose_with_lines(fine, grouping, parameters)[0]
+def compose_page(fine: FinePage) -> Page:
+    """The page whose text zones are `fine.blocks`, in reading order, ids "z1", "z2" ..."""
+    return compose_with_lines(fine)[0]
 
 
-def compose_with_lines(
-    fine: FinePage, grouping: Grouping | None = None, parameters: SegmentationParameters | None = None
-) -> tuple[Page, tuple[tuple[int, ...], ...]]:
+def compose_with_lines(fine: FinePage) -> tuple[Page, tuple[tuple[int, ...], ...]]:
     """`compose_page`, and the lines of every zone of the page; none for a zone that is no text."""
-    blocks = fine.blocks if grouping is None else grouping
-    zones = [text_zone(fine, block) for block in blocks]
-    zones = trim_figures([*zones, *fine.others], parameters or SegmentationParameters())
+    zones = [text_zone(fine, block) for block in fine.blocks]
+    zones = trim_figures([*zones, *fine.others], SegmentationParameters())
     order = reading_order([zone.box for zone in zones])
     numbered = tuple(replace(zones[index], id=f"z{number}") for number, index in enumerate(order, 1))
-    lines = tuple(tuple(blocks[index]) if index < len(blocks) else () for index in order)
+    lines = tuple(tuple(fine.blocks[index]) if index < len(fine.blocks) else () for index in order)
     return Page(fine.width, fine.height, numbered), lines
 
 

@@ -18,7 +18,7 @@ from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line, find_lines
 
 
-def measure_zones(gray: GrayImage, page: Page, parameters: SegmentationParameters | None = None) -> Page:
+def measure_zones(gray: GrayImage, page: Page) -> Page:
     """`page` with what its text zones lack (lines, font size, spacing, weight, alignment) from the ink in their boxes.
 
     What a zone has stays, as do its box, kind, text and label; a zone without lines of print stays as it is.
@@ -27,7 +27,7 @@ def measure_zones(gray: GrayImage, page: Page, parameters: SegmentationParameter
     ----------
     gray : (H, W) uint8, the page's image; zones whose boxes lie outside of it are not changed.
     """
-    parameters = parameters or SegmentationParameters()
+    parameters = SegmentationParameters()
     known = ("lines", "font_size", "line_spacing", "weight", "alignment")
     if all(
         zone.kind != "text" or all(getattr(zone, each) is not None for each in known) for zone in page.zones

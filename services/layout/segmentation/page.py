@@ -24,11 +24,7 @@ from services.layout.segmentation.zone_grouping import group_lines
 from services.ocr.engine import Word
 
 
-def segment_page(
-    gray: GrayImage,
-    words: Sequence[Word] | None,
-    parameters: SegmentationParameters | None = None,
-) -> Page:
+def segment_page(gray: GrayImage, words: Sequence[Word] | None) -> Page:
     """Zones of a flat, upright page: text at paragraph level, figures, rules and noise, in reading order.
 
     Lines and zones are found from connected components alone; words show which of them are text, and what it says.
@@ -42,19 +38,15 @@ def segment_page(
     -------
     Page of W x H px; boxes in its pixels, ids "z1", "z2" ... in reading order. A blank page has no zones.
     """
-    return compose_page(segment_finely(gray, words, parameters), None, parameters)
+    return compose_page(segment_finely(gray, words))
 
 
-def segment_finely(
-    gray: GrayImage,
-    words: Sequence[Word] | None,
-    parameters: SegmentationParameters | None = None,
-) -> FinePage:
+def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
     """The lines of a page with the grouping that `segment_page` makes zones of; other groupings may be tried on it.
 
     Parameters are those of `segment_page`; a blank page has no lines.
     """
-    parameters = parameters or SegmentationParameters()
+    parameters = SegmentationParameters()
     height, width = gray.shape
     printed = analyse_print(gray, parameters)
     if printed is None:

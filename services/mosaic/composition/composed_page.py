@@ -49,12 +49,7 @@ class ComposedPage:
 
 
 def compose_page(
-    placed: Sequence[PlacedPhoto],
-    width: int,
-    height: int,
-    composition: Composition,
-    text_height_px: float,
-    parameters: CompositionParameters | None = None,
+    placed: Sequence[PlacedPhoto], width: int, height: int, composition: Composition, text_height_px: float
 ) -> ComposedPage:
     """The page of `width` x `height` mosaic pixels, composed from `placed`. Memory is limited apart from the page.
 
@@ -69,10 +64,8 @@ def compose_page(
         of all photos, weighted by the distance to their borders (4.1).
     text_height_px
         Text height on the page, mosaic pixels.
-    parameters
-        Sizes of tiles and of transitions.
     """
-    p = parameters or CompositionParameters()
+    p = CompositionParameters()
     patches = [prepare_patch(one, width, height) for one in placed]
     grid = choose_cells(width, height, text_height_px)
     maps = [measure_patch(patch, grid) for patch in patches]

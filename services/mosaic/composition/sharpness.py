@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage
+from services.imaging.channels import luminance
 from services.mosaic.composition.patch_drawing import DrawablePatch, Rectangle, draw_gray_patch, map_patch
 
 FloatMap = NDArray[np.float32]
@@ -99,26 +100,22 @@ class PatchMaps:
     inset: FloatMap
 
 
-def choose_cells(
-    width: int, height: int, text_height_px: float, parameters: SharpnessParameters | None = None
-) -> CellGrid:
+def choose_cells(width: int, height: int, text_height_px: float) -> CellGrid:
     """Grid of cells fine enough to separate text of `text_height_px` mosaic pixels from its background."""
-    p = parameters or SharpnessParameters()
+    p = SharpnessParameters()
     fine = max(1, round(text_height_px / p.cells_per_text_height))
     side = max(fine, int(np.ceil(np.sqrt(width * height / p.most_cells))))
     return CellGrid(width, height, side, max(text_height_px / side, 1.0))
 
 
-def measure_patch(
-    patch: DrawablePatch, grid: CellGrid, parameters: SharpnessParameters | None = None
-) -> PatchMaps:
+def measure_patch(patch: DrawablePatch, grid: CellGrid) -> PatchMaps:
     """The maps of one photo, measured in gray, tile by tile."""
-    p = parameters or SharpnessParameters()
+    p = SharpnessParameters()
     box = grid.cells(patch.box)
     shape = (box.height, box.width)
     covered, gray = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
     energy = np.zeros((*shape, 2), np.float32)
-    gray_source = np.asarray(cv2.cvtColor(patch.source, cv2.COLOR_RGB2GRAY), np.uint8)
+    gray_source = luminance(patch.source)
     step = max(p.tile_px // grid.side, 1)
     for top in range(box.top, box.bottom, step):
         for left in range(box.left, box.right, step):
@@ -138,16 +135,14 @@ def measure_patch(
     return _relate_to_paper(box, covered, gray, energy, grid.text_height, p)
 
 
-def compare_sharpness(
-    maps: PatchMaps, ink: GrayImage, text_height: float, parameters: SharpnessParameters | None = None
-) -> FloatMap:
+def compare_sharpness(maps: PatchMaps, ink: GrayImage, text_height: float) -> FloatMap:
     """Gradient of the print around each cell of `maps.box`; near 0 where nothing is printed.
 
     It is the geometric mean of the RMS gradients across and down: print that is viewed obliquely, or blurred by motion,
     is sharp in one direction only, and unreadable. `ink` (rows, columns) is the print of all photos together, so that
     all photos are compared at the same places.
     """
-    p = parameters or SharpnessParameters()
+    p = SharpnessParameters()
     printed = ink[maps.box.within(Rectangle(0, 0, ink.shape[1], ink.shape[0]))]
     asked = ((printed > 0) & (maps.covered == 255)).astype(np.float32)
     share = _average(asked, p.window * text_height)

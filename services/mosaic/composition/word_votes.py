@@ -69,11 +69,9 @@ def unite_ink(maps: Sequence[PatchMaps], rows: int, columns: int) -> GrayImage:
     return ink
 
 
-def decide_cells(
-    maps: Sequence[PatchMaps], ink: GrayImage, text_height: float, parameters: VoteParameters | None = None
-) -> Labels:
+def decide_cells(maps: Sequence[PatchMaps], ink: GrayImage, text_height: float) -> Labels:
     """The sharpest photo of each single cell; among equally sharp photos, the one whose border is farther away."""
-    p = parameters or VoteParameters()
+    p = VoteParameters()
     page = Rectangle(0, 0, ink.shape[1], ink.shape[0])
     labels = np.full(ink.shape, -1, np.int16)
     best = np.zeros(ink.shape, np.float32)
@@ -92,19 +90,13 @@ def decide_cells(
     return labels
 
 
-def decide_words(
-    maps: Sequence[PatchMaps],
-    ink: GrayImage,
-    cells: Labels,
-    text_height: float,
-    parameters: VoteParameters | None = None,
-) -> Decisions:
+def decide_words(maps: Sequence[PatchMaps], ink: GrayImage, cells: Labels, text_height: float) -> Decisions:
     """Choose one photo for each component of print: the majority of its `cells`, among photos that show all of it.
 
     A component that no photo shows completely is split by less dilation. So is a component of several words if the
     majority's photo does not show all of it. The remaining cells keep their own choice.
     """
-    p = parameters or VoteParameters()
+    p = VoteParameters()
     labels, whole = cells.copy(), np.zeros(ink.shape, bool)
     printed = np.asarray(ink > 0)
     todo = np.asarray(printed & ~_rules(printed, p.rule_length * text_height))

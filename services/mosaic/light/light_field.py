@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from services.arrays import Floats
+from services.imaging.channels import strongest_channel
 from services.mosaic.light.canvas import BLOCK_PX, CELL_PX, CanvasView, FloatImage
 from services.robust import cauchy_weights
 
@@ -47,13 +48,13 @@ class LightParameters:
     """Weight of a prior of gain 1 at every node. It determines only what data leave free: the mean over all photos."""
 
 
-def fit_light(views: Sequence[CanvasView], parameters: LightParameters | None = None) -> list[Floats]:
+def fit_light(views: Sequence[CanvasView]) -> list[Floats]:
     """Log gains (rows, columns, 3) of each view, at nodes that span its box corner to corner.
 
     The gains make overlapping views agree. They solve one robust least-squares problem over the colour ratios of all
     blocks that two views share, with a smoothness cost. The result does not depend on the order of the views.
     """
-    p = parameters or LightParameters()
+    p = LightParameters()
     shapes = [_node_shape(view.shown.shape, p.nodes) for view in views]
     starts = np.concatenate([[0], np.cumsum([rows * columns for rows, columns in shapes])])
     normal = np.zeros((starts[-1], starts[-1]))
@@ -110,17 +111,12 @@ def node_field(nodes: Floats, height: int, width: int) -> FloatImage:
     return np.asarray(np.einsum("yr,xc,rck->yxk", down, across, nodes, optimize=True), np.float32)
 
 
-def bright_parts(image: FloatImage, parameters: LightParameters) -> FloatImage:
+def bright_parts(image: FloatImage) -> FloatImage:
     """Mask (H, W) float: 1 where `image` (H, W, 3) is about as bright as its surroundings, without ink, else 0."""
+    p = LightParameters()
     gray = strongest_channel(image)
-    around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((parameters.closing_px,) * 2, np.uint8))
-    return np.asarray((gray >= parameters.bright_share * around) & (gray >= DARKEST), np.float32)
-
-
-def strongest_channel(image: FloatImage) -> FloatImage:
-    """Largest channel (H, W) of (H, W, 3)."""
-    red, green, blue = cv2.split(image)
-    return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32)
+    around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((p.closing_px,) * 2, np.uint8))
+    return np.asarray((gray >= p.bright_share * around) & (gray >= DARKEST), np.float32)
 
 
 def _shared_blocks(
@@ -161,7 +157,7 @@ def _shared_blocks(
 
 def _measure_blocks(view: CanvasView, p: LightParameters) -> tuple[Floats, Floats]:
     """Log colour (rows, columns, 3) of the bright parts of every block, and its weight, 0 if it is unknown."""
-    bright = bright_parts(view.image, p) * view.shown
+    bright = bright_parts(view.image) * view.shown
     size = (view.shown.shape[1] // BLOCK_PX, view.shown.shape[0] // BLOCK_PX)
     share = cv2.resize(bright, size, interpolation=cv2.INTER_AREA).astype(np.float64)
     shown = cv2.resize(view.shown.astype(np.float32), size, interpolation=cv2.INTER_AREA)

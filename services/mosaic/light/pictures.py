@@ -44,9 +44,7 @@ class PictureParameters:
     """Margin around a picture in which the background is not yet that of paper."""
 
 
-def find_pictures(
-    levels: Levels, inner: Mask | None = None, parameters: PictureParameters | None = None
-) -> Mask:
+def find_pictures(levels: Levels, inner: Mask | None = None) -> Mask:
     """Mask (h, w as the levels) of pictures on the page, even where their levels look like those of paper.
 
     A picture is darker than the surrounding paper, and so is a shadow inside the page. In a shadow, however, ink
@@ -54,7 +52,7 @@ def find_pictures(
     is reliable where `inner` (of any size) is true, inside a photo. At the borders of photos it may be a difference of
     their light.
     """
-    p = parameters or PictureParameters()
+    p = PictureParameters()
     height, width = levels.paper.shape
     long_side = max(height, width)
     window = _odd(p.window * long_side)

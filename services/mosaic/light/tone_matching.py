@@ -1,7 +1,7 @@
 """Equal light within and between photos: matched gains and localized histogram normalization (4.4)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -27,7 +27,6 @@ from services.mosaic.light.canvas import (
     frame_canvas,
 )
 from services.mosaic.light.light_field import (
-    LightParameters,
     bright_parts,
     fit_light,
     node_field,
@@ -48,8 +47,6 @@ PICTURE_EDGE_PX = 5
 class ToneParameters:
     """Parameters of light matching and of levels."""
 
-    light: LightParameters = field(default_factory=LightParameters)
-    levels: NormalizationParameters = field(default_factory=NormalizationParameters)
     view_long_side_px: int = 600
     """Long side of a photo's view on the canvas. At this size text still has paper between its lines."""
     windows_cells: tuple[float, ...] = (1.5, 6.0, 24.0)
@@ -74,10 +71,7 @@ class ToneParameters:
 
 
 def match_tones(
-    photos: Sequence[FlatPhoto],
-    placements: Sequence[Placement],
-    illumination: Illumination,
-    parameters: ToneParameters | None = None,
+    photos: Sequence[FlatPhoto], placements: Sequence[Placement], illumination: Illumination
 ) -> tuple[ToneMap, ...]:
     """One tone map for each photo, such that the light of all photos agrees.
 
@@ -92,12 +86,10 @@ def match_tones(
         "normalize": in addition, paper becomes white, also in hue unless it is clearly coloured, and the ink of all
         photos becomes equally dark. The levels are those of the whole page, so a photo with little paper gets them
         from its neighbours. Pictures get the light of the paper around them.
-    parameters
-        Parameters of light matching and of levels.
     """
     if not photos:
         return ()
-    p = parameters or ToneParameters()
+    p = ToneParameters()
     canvas, boxes = frame_canvas(photos, placements, p.view_long_side_px)
     views = [
         draw_on_canvas(photo, placement, canvas, box)
@@ -151,7 +143,7 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) 
     """
     fields = [
         np.exp(node_field(nodes, *view.shown.shape))
-        for nodes, view in zip(fit_light(views, p.light), views, strict=True)
+        for nodes, view in zip(fit_light(views), views, strict=True)
     ]
     page = np.zeros((canvas.height, canvas.width, 3), np.float32)
     weight = np.zeros((canvas.height, canvas.width), np.float32)
@@ -162,7 +154,7 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) 
         page[view.box] += view.image * gain * view.feather[..., None]
         weight[view.box] += view.feather
     page /= np.maximum(weight, 1e-6)[..., None]
-    bright = bright_parts(page, p.light) * (weight > 0)
+    bright = bright_parts(page) * (weight > 0)
     followed = []
     for view, gain in zip(views, fields, strict=True):
         compared = bright[view.box] * view.shown
@@ -176,7 +168,7 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) 
 
 def _with_neutral_paper(lights: MatchedLight, p: ToneParameters) -> MatchedLight:
     """`lights` with neutral paper if its tint may come from the light; clearly coloured paper keeps its colour."""
-    bright = bright_parts(lights.page, p.light)[::CELL_PX, ::CELL_PX] * lights.shown[::CELL_PX, ::CELL_PX] > 0
+    bright = bright_parts(lights.page)[::CELL_PX, ::CELL_PX] * lights.shown[::CELL_PX, ::CELL_PX] > 0
     if not bright.any():
         return lights
     paper = np.median(lights.page[::CELL_PX, ::CELL_PX][bright], axis=0)
@@ -207,7 +199,7 @@ def _paper_level(image: FloatImage, bright: FloatImage) -> float:
 def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
     """Levels of the matched page, measured again with pictures replaced by paper; pictures count as not measured."""
     image = _page_image(lights, p)
-    levels = measure_levels(image, p.levels)
+    levels = measure_levels(image)
     if levels is None:
         return None
     pictures = find_pictures(levels, lights.inner)
@@ -219,7 +211,7 @@ def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
     covered = cv2.resize(pictures.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     paper = cv2.resize(filled[..., 0], size, interpolation=cv2.INTER_LINEAR)
     image[covered] = np.clip(paper[covered] + 0.5, 1, 255).astype(np.uint8)[:, None]
-    again = measure_levels(image, p.levels)
+    again = measure_levels(image)
     if again is None:
         return levels
     softened = cv2.blur((~pictures).astype(np.float32), (PICTURE_EDGE_PX, PICTURE_EDGE_PX))
@@ -228,7 +220,7 @@ def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
 
 def _page_image(lights: MatchedLight, p: ToneParameters) -> NDArray[np.uint8]:
     """The matched page, 8 bits; paper like that nearby where no photo shows the page."""
-    known = bright_parts(lights.page, p.light) * lights.shown
+    known = bright_parts(lights.page) * lights.shown
     share = to_cells(known)
     around = spread(to_cells(lights.page * known[..., None]), share, p.windows_cells)
     height, width = lights.shown.shape
@@ -275,7 +267,7 @@ def _normalizations(
     for photo, grid, gain in zip(photos, grids, gains, strict=True):
         paper = grid.sample(levels.paper, 0, 0, step)
         measured = grid.sample(levels.measured, 0, 0, step)
-        own = measure_levels(_gray_paper_view(photo, gain / paper[..., None], measured, p), p.levels)
+        own = measure_levels(_gray_paper_view(photo, gain / paper[..., None], measured, p))
         ink = None
         if own is not None:
             size = (grid.columns, grid.rows)
@@ -292,9 +284,7 @@ def _normalizations(
     known = [float(np.median(ink)) for ink in inks if ink is not None]
     typical = np.float32(np.median(known) if known else 0.0)
     return [
-        level_coefficients(
-            paper, np.minimum(typical if ink is None else ink, p.lightest_ink) * measured, p.levels.black
-        )
+        level_coefficients(paper, np.minimum(typical if ink is None else ink, p.lightest_ink) * measured)
         for paper, ink, measured in zip(papers, inks, shares, strict=True)
     ]
 
@@ -307,7 +297,7 @@ def _gray_paper_view(
     Where the page's paper was not `measured` (rows, columns), as on a desk or a picture, the view is bare paper.
     """
     width, height = photo.size
-    factor = min(1.0, p.levels.working_long_side_px / max(width, height))
+    factor = min(1.0, NormalizationParameters().working_long_side_px / max(width, height))
     size = (max(1, round(width * factor)), max(1, round(height * factor)))
     ratio = np.array([width / size[0], height / size[1]])
     image, shown = draw_reduced(photo, lambda view: (view + 0.5) * ratio - 0.5, *size)

@@ -83,16 +83,14 @@ class Agreement:
 
 
 def agree_on_frontal_frame(
-    photos: Mapping[int, FlatPhoto],
-    H_world_flat: Mapping[int, Homography],
-    parameters: FrontalFrameParameters | None = None,
+    photos: Mapping[int, FlatPhoto], H_world_flat: Mapping[int, Homography]
 ) -> FrontalFrame:
     """The frontal frame of `photos`; `H_world_flat` places each view, up to one common homography.
 
     The text of most photos is parallel to x. The photo with the finest detail keeps its resolution. The shown area
     starts at 0. The result does not depend on the order of the photos.
     """
-    p = parameters or FrontalFrameParameters()
+    p = FrontalFrameParameters()
     order = list(H_world_flat)
     weights = np.array([max(photos[k].weight, 1e-9) for k in order])
     outlines = [_outline(photos[k].shown) for k in order]

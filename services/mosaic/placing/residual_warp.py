@@ -122,7 +122,6 @@ def estimate_residual_warp(
     photos: Mapping[int, FlatPhoto],
     H_mosaic_flat: Mapping[int, Homography],
     pairs: Sequence[PairRegistration],
-    parameters: ResidualWarpParameters | None = None,
 ) -> ResidualWarp:
     """Displacements of the views that reduce the residuals between the matches of `pairs`.
 
@@ -137,10 +136,8 @@ def estimate_residual_warp(
         Their homographies.
     pairs
         Registrations that the adjustment has not found contradicted.
-    parameters
-        Parameters.
     """
-    p = parameters or ResidualWarpParameters()
+    p = ResidualWarpParameters()
     none = dict.fromkeys(H_mosaic_flat)
     pairs = [pair for pair in pairs if len(pair.weights)]
     if not pairs:

@@ -51,7 +51,8 @@ class BlockParameters:
     """Least detail, in gray values a pixel: the root of the structure tensor's smaller eigenvalue in a block. Text has
     at least 5.6. Paper, rules and soft pictures, which match in many places or in none, have at most 3."""
     correlation: float = 0.7
-    """Least correlation of a match. 99 % of true blocks reach 0.82; 90 % of blocks of other text stay below 0.55."""
+    """Least correlation of a match, also after its refinement. 99 % of true blocks reach 0.82; 90 % of blocks of other
+    text stay below 0.55."""
     distinct: float = 0.04
     """Least difference between the best and the second-best correlation of a block."""
     agreement_px: float = 1.5

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Homography, Points, Vector
 from services.geometry.homographies import transform_points
-from services.mosaic.registration.block_matching import centroids
+from services.mosaic.registration.block_matching import BlockParameters, centroids
 from services.mosaic.registration.reduced_view import ReducedView
 
 
@@ -33,8 +33,6 @@ class RefinementParameters:
     """Largest movement; blocks that move farther were not at their true place."""
     least_shown: float = 0.25
     """Least share of a block that both views show."""
-    correlation: float = 0.7
-    """Least correlation after the refinement."""
 
 
 def refine_matches(
@@ -43,14 +41,13 @@ def refine_matches(
     H_reference_other: Homography,
     points_reference: Points,
     displacements: Points,
-    parameters: RefinementParameters | None = None,
+    p: RefinementParameters,
 ) -> tuple[Points, Points, Vector]:
     """Matched points (M, 2) of reference and other, and their correlations (M,); M <= N, in reduced pixels.
 
     The block around each of `points_reference` (N, 2) is compared with the other view, warped by `H_reference_other`,
     at the same place plus `displacements` (N, 2).
     """
-    p = parameters or RefinementParameters()
     if not len(points_reference):
         return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
     height, width = reference.gray.shape
@@ -91,7 +88,7 @@ def refine_matches(
         step = np.stack([yy * ex - xy * ey, xx * ey - xy * ex], axis=1) / determinant[:, None]
         moved = moved - np.clip(step, -1, 1) * good[:, None]
     far = np.linalg.norm(moved - displacements, axis=1)
-    good &= (correlations >= p.correlation) & (far <= p.furthest_px)
+    good &= (correlations >= BlockParameters().correlation) & (far <= p.furthest_px)
     # The displacement belongs to the centroid of the gradients, not to the block's centre.
     points = middles + centroids(gx**2 + gy**2 + np.float32(1e-9)) - half
     return points[good], transform_points(H_other_reference, points + moved)[good], correlations[good]

@@ -68,14 +68,13 @@ class CompatibleGroup:
 def vote_displacements(
     matches: FeatureMatches,
     diagonal: float,
-    parameters: VoteParameters | None = None,
     expected_scale: float = 1.0,
 ) -> tuple[CompatibleGroup, ...]:
     """Compatible groups at different places, most significant first; `diagonal` of view a in pixels.
 
     `expected_scale` is the ratio of text sizes in a and b; headings and notes may make it wrong.
     """
-    p = parameters or VoteParameters()
+    p = VoteParameters()
     scales = _scales(p, expected_scale)
     bin_px = diagonal / p.bins_per_diagonal
     # (scales, matches, 2), in bins, from the least displacement on with one empty bin as a border.

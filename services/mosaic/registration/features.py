@@ -64,11 +64,9 @@ class FeatureMatches:
     sizes_b: Vector
 
 
-def detect_features(
-    photo: FlatPhoto, fineness: float = 1.0, parameters: FeatureParameters | None = None
-) -> Features:
+def detect_features(photo: FlatPhoto, fineness: float = 1.0) -> Features:
     """Features of `photo`'s view in the shown part; `fineness` multiplies the working resolution."""
-    p = parameters or FeatureParameters()
+    p = FeatureParameters()
     width, height = photo.size
     text = max(photo.text_height_px, 1e-6)
     reduction = p.long_side_px / max(width, height)

@@ -181,17 +181,13 @@ def _at_block_scale(
 
 
 def refine_overlap(
-    a: PreparedPhoto,
-    b: PreparedPhoto,
-    overlap: Overlap,
-    parameters: VerificationParameters | None = None,
-    refinement: RefinementParameters | None = None,
+    a: PreparedPhoto, b: PreparedPhoto, overlap: Overlap, parameters: VerificationParameters | None = None
 ) -> tuple[Homography, Points, Points, Vector] | None:
     """`H_a_b`, points of a and b (N, 2) in flat pixels, and weights (N,), from the found blocks; None if they are few.
 
     The coarser view is the reference, because only the finer one can be reduced to the resolution of the other.
     """
-    p, q = parameters or VerificationParameters(), refinement or RefinementParameters()
+    p, q = parameters or VerificationParameters(), RefinementParameters()
     scale = local_scale(overlap.H_a_b, b.photo)
     text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
     factor = min(q.text_height_px / max(text, 1e-6), 1.0, 1 / scale)
@@ -220,7 +216,8 @@ def refine_overlap(
     points_a, points_b = (near, far) if scale <= 1 else (far, near)
     points_a = transform_points(np.linalg.inv(fine_a.H_reduced_flat), points_a)
     points_b = transform_points(np.linalg.inv(fine_b.H_reduced_flat), points_b)
-    weights = np.clip((correlations - q.correlation) / (1 - q.correlation), p.least_weight, 1)
+    least = BlockParameters().correlation
+    weights = np.clip((correlations - least) / (1 - least), p.least_weight, 1)
     loss = p.fine_loss * a.photo.text_height_px
     left = np.linalg.norm(transform_points(overlap.H_a_b, points_b) - points_a, axis=1)
     loss = max(loss, float(np.median(left)))

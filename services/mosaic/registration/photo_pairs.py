@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
-from typing import Literal
 
 import numpy as np
 
@@ -32,8 +31,6 @@ from services.mosaic.registration.pair_verification import (
     verify_overlap,
 )
 from services.mosaic.registration.reduced_view import quarter_turn
-
-UnregisteredReason = Literal["few-matches", "not-verified", "ambiguous", "not-refined"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,36 +84,7 @@ class RegistrationParameters:
     one; false ones by at least words or lines."""
 
 
-@dataclass(frozen=True, slots=True)
-class Unregistered:
-    """Two photos without a verified overlap, the reason, and the sizes of the largest compatible groups."""
-
-    reason: UnregisteredReason
-    matches: int
-    votes: int
-    runner_up_votes: int
-
-
-@dataclass(frozen=True, slots=True)
-class Evidence:
-    """Result of the vote."""
-
-    matches: int = 0
-    votes: int = 0
-    runner_up_votes: int = 0
-
-
-def register_pair(
-    a: FlatPhoto, b: FlatPhoto, turns: int = 0, fineness: float = 1.0
-) -> PairRegistration | Unregistered:
-    """Registration of b, rotated counter-clockwise by `turns` quarters, to a."""
-    p = RegistrationParameters()
-    return _register(_vote(PreparedPhoto(a), PreparedPhoto(b), turns, fineness, p), p)
-
-
-def register_photos(
-    photos: Sequence[FlatPhoto], parameters: RegistrationParameters | None = None
-) -> tuple[PairRegistration, ...]:
+def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]:
     """All overlapping pairs, independent of the order of `photos`.
 
     The search starts at half the word scale with the same text direction. Photos in separate parts are then searched at
@@ -125,7 +93,7 @@ def register_photos(
     A pair that contradicts stronger ones in a loop is dropped. So is a pair that connects two parts by a piece of a
     single line.
     """
-    p = parameters or RegistrationParameters()
+    p = RegistrationParameters()
     prepared = {photo.index: PreparedPhoto(photo) for photo in photos}
     # Everything below depends on the order of content, not on the order of the upload.
     order = sorted(prepared, key=lambda index: prepared[index].key)
@@ -143,13 +111,15 @@ def register_photos(
             continue
         candidates = [_vote(prepared[i], prepared[j], turns, fineness, p) for i, j in apart]
         # The surest pairs come first: others, which by these do not overlap, need no verification.
-        for candidate in sorted(candidates, key=lambda candidate: -candidate.evidence.votes):
-            if number == 0 and not _is_clear(candidate.evidence, p):
+        for candidate in sorted(
+            candidates, key=lambda candidate: max(candidate.votes, default=0), reverse=True
+        ):
+            if number == 0 and not _is_clear(candidate, p):
                 continue
             if _are_apart(candidate, sure, order, p):
                 continue
             registered = _register(candidate, p)
-            if isinstance(registered, PairRegistration):
+            if registered is not None:
                 pairs[registered.a, registered.b] = registered
                 if _is_sure(registered, heights, p):
                     sure[registered.a, registered.b] = registered
@@ -185,10 +155,9 @@ class Candidate:
     groups: tuple[CompatibleGroup, ...]
 
     @property
-    def evidence(self) -> Evidence:
-        """Numbers of the vote: matches, largest and second largest group."""
-        votes = sorted((group.votes for group in self.groups), reverse=True)
-        return Evidence(len(self.matches.points_a), *(*votes, 0, 0)[:2])
+    def votes(self) -> list[int]:
+        """Sizes of the groups, the largest first."""
+        return sorted((group.votes for group in self.groups), reverse=True)
 
 
 def _vote(
@@ -204,9 +173,10 @@ def _vote(
     return Candidate(a, b, turns, features, matches, groups)
 
 
-def _is_clear(evidence: Evidence, p: RegistrationParameters) -> bool:
+def _is_clear(candidate: Candidate, p: RegistrationParameters) -> bool:
     """Whether one displacement has far more votes than any other."""
-    return evidence.votes >= p.clear_lead * evidence.runner_up_votes
+    most, next_most = (*candidate.votes, 0, 0)[:2]
+    return most >= p.clear_lead * next_most
 
 
 def _is_sure(pair: PairRegistration, heights_px: Mapping[int, float], p: RegistrationParameters) -> bool:
@@ -221,11 +191,12 @@ def _are_apart(candidate: Candidate, sure: Pairs, order: Sequence[int], p: Regis
     return way is not None and way[0] <= MOST_BETWEEN and overlap_fraction(a, b, way[1]) < p.least_overlap
 
 
-def _register(candidate: Candidate, p: RegistrationParameters) -> PairRegistration | Unregistered:
+def _register(candidate: Candidate, p: RegistrationParameters) -> PairRegistration | None:
+    """Registration of the two photos; None: their overlap is not verified, or another place is as good."""
     a, b, turns = candidate.a, candidate.b, candidate.turns
-    groups, matches, evidence = candidate.groups, candidate.matches, candidate.evidence
+    groups, matches, votes = candidate.groups, candidate.matches, candidate.votes
     if not groups:
-        return Unregistered("few-matches", evidence.matches, evidence.votes, evidence.runner_up_votes)
+        return None
     H_turned_b = quarter_turn(turns, *b.photo.size)
     features = candidate.features
     loss = p.group_loss_px / features[0].reduction
@@ -239,25 +210,19 @@ def _register(candidate: Candidate, p: RegistrationParameters) -> PairRegistrati
             if overlap is not None:
                 overlaps.append((group, overlap))
     verification = VerificationParameters()
-    if not overlaps and evidence.votes >= max(p.skewed_votes, p.skewed_lead * evidence.runner_up_votes):
+    if not overlaps and votes[0] >= max(p.skewed_votes, p.skewed_lead * sum(votes[1:2])):
         verification = VerificationParameters(fit=p.skewed)
         group = max(groups, key=lambda group: group.votes)
         H_a_turned = _fit_skewed(group, matches, loss, p)
         skewed = verify_overlap(a, b, H_a_turned @ H_turned_b, turns, None, verification)
         overlaps = [(group, skewed)] if skewed else []
-    overlaps.sort(key=lambda one: -one[1].found)
-    reason: UnregisteredReason = "not-verified"
-    if overlaps:
-        group, best = overlaps[0]
-        reason = "ambiguous"
-        if not any(_elsewhere(best, o, b, p) for _, o in overlaps[1:]):
-            rival = max((g.votes for g in groups if g is not group), default=0)
-            evidence = Evidence(evidence.matches, group.votes, rival)
-            refined = _refined(a, b, best, evidence, verification)
-            if refined is not None:
-                return refined
-            reason = "not-refined"
-    return Unregistered(reason, evidence.matches, evidence.votes, evidence.runner_up_votes)
+    if not overlaps:
+        return None
+    group, best = max(overlaps, key=lambda one: one[1].found)
+    if any(_elsewhere(best, other, b, p) for _, other in overlaps if other is not best):
+        return None
+    rival = max((each.votes for each in groups if each is not group), default=0)
+    return _refined(a, b, best, (len(matches.points_a), group.votes, rival), verification)
 
 
 def _fit_group(
@@ -304,9 +269,10 @@ def _refined(
     a: PreparedPhoto,
     b: PreparedPhoto,
     overlap: Overlap,
-    evidence: Evidence,
+    vote: tuple[int, int, int],
     verification: VerificationParameters | None = None,
 ) -> PairRegistration | None:
+    """The registration of all found blocks; `vote` has its `matches`, `votes` and `runner_up_votes`."""
     refined = refine_overlap(a, b, overlap, verification)
     if refined is None:
         return None
@@ -314,18 +280,7 @@ def _refined(
     i, j = a.photo.index, b.photo.index
     if i > j:
         i, j, H, points_a, points_b = j, i, np.linalg.inv(H), points_b, points_a
-    return PairRegistration(
-        i,
-        j,
-        H / H[2, 2],
-        points_a,
-        points_b,
-        weights,
-        evidence.matches,
-        evidence.votes,
-        evidence.runner_up_votes,
-        overlap.blocks.agreement,
-    )
+    return PairRegistration(i, j, H / H[2, 2], points_a, points_b, weights, *vote, overlap.blocks.agreement)
 
 
 def _guided(
@@ -346,7 +301,7 @@ def _guided(
             a, b, H, turns, p.guided_search * between, VerificationParameters(found=p.guided_found)
         )
         if overlap is not None:
-            refined = _refined(a, b, overlap, Evidence())
+            refined = _refined(a, b, overlap, (0, 0, 0))
             if refined is not None:
                 yield key, refined
 

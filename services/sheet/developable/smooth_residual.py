@@ -121,11 +121,9 @@ def _splines(x: Vector, low: float, high: float, count: int) -> Floats:
     return dense
 
 
-def morph_to_lines(
-    surface: DevelopableSurface, lines: LineObservations, parameters: ResidualParameters | None = None
-) -> PageMap:
+def morph_to_lines(surface: DevelopableSurface, lines: LineObservations) -> PageMap:
     """The surface with the smooth residual of its `lines`; without it if they are few or it is too large."""
-    p = parameters or ResidualParameters()
+    p = ResidualParameters()
     if len(lines.points) < p.min_points:
         return surface
     at = surface.unroll(lines.points)

@@ -160,12 +160,6 @@ class DevelopableSurface:
         a, b = sheet[:, 0] + sheet[:, 1] * self.slope(sheet[:, 0]), sheet[:, 1]
         return np.stack([c * a + d * b, c * b - d * a], axis=1)
 
-    def in_space(self, page: Points) -> Floats:
-        """Points (N, 3) in the camera frame of page points (N, 2)."""
-        sheet = self.to_sheet(page)
-        P, R = self.line_at(sheet[:, 0])
-        return np.asarray(P + sheet[:, 1:] * R)
-
     def to_photo(self, page: Points) -> Points:
         """See `PageMap`. The sheet ends where its rulings cross, where it turns away, and behind the camera."""
         sheet = self.to_sheet(page)

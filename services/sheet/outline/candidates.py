@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
 from services.sheet.outline.colors import color_codes, color_log_odds
-from services.sheet.outline.corners import CornerParameters, split_sides
+from services.sheet.outline.corners import split_sides
 from services.sheet.outline.print_place import PrintPlace
 from services.sheet.outline.rays import RayParameters, Rays, cast_rays
 from services.sheet.outline.reduced_photo import ReducedPhoto
@@ -20,7 +20,6 @@ class CandidateParameters:
     """Where boundaries are searched."""
 
     rays: RayParameters = field(default_factory=RayParameters)
-    corners: CornerParameters = field(default_factory=CornerParameters)
     inside: float = 0.8
     """Share of the distance to the last print on a ray; a boundary is further out."""
     least_ground: float = 0.01
@@ -73,10 +72,9 @@ def find_candidates(
     reduced: ReducedPhoto,
     place: PrintPlace,
     rate: Callable[[Points], float],
-    parameters: CandidateParameters | None = None,
+    p: CandidateParameters,
 ) -> list[Candidate]:
     """Closed curves that may be the sheet's boundary; `rate` rates a curve (N, 2) on the reduced photo."""
-    p = parameters or CandidateParameters()
     rays = cast_rays(reduced, place.core, place.mask, p.rays)
     reach = rays.reach_of_mask(place.mask)
     search = _Search(rays, rate, p, 1.3 * float(np.median(reach)))
@@ -101,10 +99,9 @@ def find_candidates(
 
 
 def improve_candidate(
-    reduced: ReducedPhoto, start: Candidate, rate: Callable[[Points], float], parameters: CandidateParameters
+    reduced: ReducedPhoto, start: Candidate, rate: Callable[[Points], float], p: CandidateParameters
 ) -> list[Candidate]:
     """Curves near and outside of `start`, searched on rays from its own middle."""
-    p = parameters
     inside = _filled(start.curve, reduced.colors.shape[:2])
     if inside.sum() < 50:
         return []
@@ -122,7 +119,7 @@ def _extend_sides(search: _Search, path: NDArray[np.intp]) -> None:
     """Paths that leave three sides where they are and go beyond the fourth: a heading on a ground of its own."""
     p = search.parameters
     inner = path < search.rays.last - 1
-    corners = split_sides(search.rays.at(path), np.asarray(inner), p.corners)
+    corners = split_sides(search.rays.at(path), np.asarray(inner))
     if corners is None:
         return
     count = len(path)

@@ -59,15 +59,13 @@ class Corners:
     turns_rad: Vector
 
 
-def split_sides(
-    points: Points, shown: NDArray[np.bool_], parameters: CornerParameters | None = None
-) -> Corners | None:
+def split_sides(points: Points, shown: NDArray[np.bool_]) -> Corners | None:
     """The four corners of a closed clockwise curve (N, 2): four smooth sides describe what is `shown` (N,) of it best.
 
     None if the curve does not turn in four places. A side that is out of the photo is not seen: the curve
     follows the photo's border there, and its ends, or its middle, replace the corners.
     """
-    p = parameters or CornerParameters()
+    p = CornerParameters()
     count = len(points)
     arm = max(int(p.arm * count), 2)
     turn = _turns(points, arm)
@@ -155,9 +153,9 @@ def _side_costs(
     return cost
 
 
-def locate_corners(edge: EdgePoints, corners: Corners, parameters: CornerParameters | None = None) -> Points:
+def locate_corners(edge: EdgePoints, corners: Corners) -> Points:
     """The corners (4, 2) of a closed edge: where both sides' local fits meet; NaN where that is not seen."""
-    p = parameters or CornerParameters()
+    p = CornerParameters()
     count = len(edge.points)
     sides = []
     for start, end in zip(corners.indices, np.roll(corners.indices, -1), strict=True):
@@ -166,11 +164,9 @@ def locate_corners(edge: EdgePoints, corners: Corners, parameters: CornerParamet
     return _corners_of(sides, edge.shown[corners.indices], p)
 
 
-def meet_sides(
-    sides: list[EdgePoints], known: NDArray[np.bool_], parameters: CornerParameters | None = None
-) -> Points:
+def meet_sides(sides: list[EdgePoints], known: NDArray[np.bool_]) -> Points:
     """The corners (4, 2) of four measured sides, in order; NaN where not `known` or not seen."""
-    p = parameters or CornerParameters()
+    p = CornerParameters()
     return _corners_of([(side.points, side.seen) for side in sides], known, p)
 
 

@@ -14,7 +14,6 @@ from services.sheet.outline.candidates import (
     improve_candidate,
 )
 from services.sheet.outline.corners import (
-    CornerParameters,
     Corners,
     end_at_corners,
     guide_sides,
@@ -23,29 +22,23 @@ from services.sheet.outline.corners import (
     split_sides,
 )
 from services.sheet.outline.edges import (
-    EdgeParameters,
     EdgePoints,
     follow_edge,
     measure_closed_edge,
     measure_sides,
 )
-from services.sheet.outline.print_place import PrintParameters, place_print
-from services.sheet.outline.reduced_photo import ReducedPhoto, ReductionParameters, reduce_photo
+from services.sheet.outline.print_place import place_print
+from services.sheet.outline.reduced_photo import ReducedPhoto, reduce_photo
 from services.sheet.outline.results import SheetOutline, SheetSide
-from services.sheet.outline.scoring import ScoringParameters, rate_curve, rate_outline
+from services.sheet.outline.scoring import rate_curve, rate_outline
 from services.sheet.outline.smooth_sides import smooth_sides
 
 
 @dataclass(frozen=True, slots=True)
 class OutlineParameters:
-    """The steps' parameters, and how many points describe a side."""
+    """Where candidates are searched, and when the search ends."""
 
-    reduction: ReductionParameters = field(default_factory=ReductionParameters)
-    print: PrintParameters = field(default_factory=PrintParameters)
     candidates: CandidateParameters = field(default_factory=CandidateParameters)
-    edges: EdgeParameters = field(default_factory=EdgeParameters)
-    corners: CornerParameters = field(default_factory=CornerParameters)
-    scoring: ScoringParameters = field(default_factory=ScoringParameters)
     improved: bool = True
     """Whether curves near the best candidate are searched too: a fifth of the time, for sheets whose parts differ."""
     tried: int = 7
@@ -80,11 +73,11 @@ def find_outline(
     halves = Halves.of(photo)
     if min(halves.image.shape[:2]) < 64:
         return None
-    reduced = reduce_photo(halves, p.reduction)
+    reduced = reduce_photo(halves)
     candidates: list[Candidate] = []
     for print_places in (characters, None):
-        place = place_print(reduced, print_places, p.print)
-        rate = partial(rate_curve, reduced, place.characters, p.scoring)
+        place = place_print(reduced, print_places)
+        rate = partial(rate_curve, reduced, place.characters)
         candidates += find_candidates(reduced, place, rate, p.candidates)
         candidates.sort(key=lambda c: c.rating, reverse=True)
         # Texture of a desk may have been found as print; then the middle of the photo is the better start.
@@ -113,36 +106,36 @@ def _measure(
     f = reduced.medium_factor
     start = (reduced.to_photo(candidate.curve) + 0.5) * f - 0.5
     window = reduced.window_of(reduced.medium.shape, f)
-    followed = follow_edge(reduced.medium, start, window, p.edges)
-    edge = measure_closed_edge(reduced.medium, followed, window, p.edges)
-    corners = split_sides(edge.points, edge.shown, p.corners)
+    followed = follow_edge(reduced.medium, start, window)
+    edge = measure_closed_edge(reduced.medium, followed, window)
+    corners = split_sides(edge.points, edge.shown)
     if corners is None:
         return None
     order = _from_top_left(edge.points[corners.indices])
     corners = Corners(corners.indices[order], corners.misfit, corners.turns_rad[order])
-    located = locate_corners(edge, corners, p.corners)
+    located = locate_corners(edge, corners)
     known = np.isfinite(located[:, 0])
     diagonal = float(np.linalg.norm(np.ptp(edge.points, axis=0))) / f
     window = reduced.window_of(photo.shape, 1.0)
     guides = guide_sides(edge, corners, located)
-    smooth = smooth_sides(edge, corners, p.corners)
+    smooth = smooth_sides(edge, corners)
     in_photo = [(guide + 0.5) / f - 0.5 for guide in [*guides, *(smooth or [])]]
-    measured = measure_sides(photo, in_photo, diagonal, window, p.edges)
+    measured = measure_sides(photo, in_photo, diagonal, window)
     measured, tried = measured[:4], measured[4:]
     if tried:
         chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
         measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
         known = known | chosen | np.roll(chosen, 1)
-    located = meet_sides(measured, known, p.corners)
+    located = meet_sides(measured, known)
     measured = [end_at_corners(m, located[k], located[(k + 1) % 4]) for k, m in enumerate(measured)]
-    located = meet_sides(measured, known, p.corners)
+    located = meet_sides(measured, known)
     sides = [_side(m, p) for m in measured]
     pieces = []
     for corner, m in zip(located, measured, strict=True):
         pieces += [corner[None]] if np.isfinite(corner).all() else []
         pieces.append(m.points)
     polygon = _inside(np.concatenate(pieces), window)
-    confidence = rate_outline(measured, located, candidate.rating, p.scoring)
+    confidence = rate_outline(measured, located, candidate.rating)
     return SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, polygon)
 
 

@@ -115,17 +115,12 @@ def _shown(points: Points, window: tuple[float, float, float, float], margin: fl
     )
 
 
-def follow_edge(
-    image: RgbImage,
-    curve: Points,
-    window: tuple[float, float, float, float],
-    parameters: EdgeParameters | None = None,
-) -> Points:
+def follow_edge(image: RgbImage, curve: Points, window: tuple[float, float, float, float]) -> Points:
     """The closed clockwise curve (N, 2) moved onto the strongest closed edge within reach, pixels of `image` (H, W, 3).
 
     `window` (x0, y0, x1, y1) is the part of the image that shows anything.
     """
-    p = parameters or EdgeParameters()
+    p = EdgeParameters()
     count = int(np.clip(curve_length(curve) / p.spacing_px, 60, 600))
     points = smooth_closed(resample_closed(curve, count), 3)
     normals = outward_normals(points, 3)
@@ -143,30 +138,23 @@ def follow_edge(
 
 
 def measure_closed_edge(
-    image: RgbImage,
-    curve: Points,
-    window: tuple[float, float, float, float],
-    parameters: EdgeParameters | None = None,
+    image: RgbImage, curve: Points, window: tuple[float, float, float, float]
 ) -> EdgePoints:
     """Sub-pixel points of the edge that a closed clockwise `curve` (N, 2), pixels of `image`, runs along."""
-    p = parameters or EdgeParameters()
+    p = EdgeParameters()
     points = smooth_closed(resample_closed(curve, len(curve)), 3)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     return _measure(image, points[None], outward_normals(points, 2)[None], diagonal, window, True, p)
 
 
 def measure_sides(
-    image: RgbImage,
-    guides: Sequence[Points],
-    diagonal: float,
-    window: tuple[float, float, float, float],
-    parameters: EdgeParameters | None = None,
+    image: RgbImage, guides: Sequence[Points], diagonal: float, window: tuple[float, float, float, float]
 ) -> list[EdgePoints]:
     """Sub-pixel points of sides' edges, near `guides` (N, 2) that run clockwise from corner to corner.
 
     `diagonal` is the outline's.
     """
-    p = parameters or EdgeParameters()
+    p = EdgeParameters()
     places, normals = zip(*(_normals_along(guide, p.side_points) for guide in guides), strict=True)
     found = _measure(image, np.stack(places), np.stack(normals), diagonal, window, False, p)
     parts = [slice(k * p.side_points, (k + 1) * p.side_points) for k in range(len(guides))]

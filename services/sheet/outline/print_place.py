@@ -43,8 +43,9 @@ class PrintPlace:
     characters: Points
 
 
-def place_print(reduced: ReducedPhoto, characters: Points | None, p: PrintParameters) -> PrintPlace:
+def place_print(reduced: ReducedPhoto, characters: Points | None) -> PrintPlace:
     """Place of the print; without print, an ellipse in the middle of the photo."""
+    p = PrintParameters()
     height, width = reduced.colors.shape[:2]
     if characters is None or len(characters) < p.least_characters:
         x0, y0, x1, y1 = reduced.window

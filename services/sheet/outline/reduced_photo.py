@@ -73,9 +73,9 @@ class ReducedPhoto:
         )
 
 
-def reduce_photo(photo: RgbImage | Halves, parameters: ReductionParameters | None = None) -> ReducedPhoto:
+def reduce_photo(photo: RgbImage | Halves) -> ReducedPhoto:
     """Reduce `photo` (H, W, 3) to the size at which its sheet is searched."""
-    p = parameters or ReductionParameters()
+    p = ReductionParameters()
     halves = Halves.of(photo)
     height, width = halves.image.shape[:2]
     medium, medium_factor = _halved(halves, p.medium_long_side_px)

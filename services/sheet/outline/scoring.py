@@ -1,14 +1,14 @@
 """Rating of closed curves as boundaries of a sheet."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points
-from services.sheet.outline.corners import CornerParameters, split_sides
+from services.sheet.outline.corners import split_sides
 from services.sheet.outline.edges import EdgePoints, outward_normals, resample_closed, smooth_closed
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
@@ -31,7 +31,6 @@ class ScoringParameters:
     """Of the hull's area: what creased sheets leave out."""
     lasting: int = 9
     """An edge keeps its contrast over this many of 200 points."""
-    corners: CornerParameters = field(default_factory=CornerParameters)
     misfit: float = 5.0
     """Weight of the distance from four smooth sides, beyond ..."""
     crease_misfit: float = 0.01
@@ -45,11 +44,12 @@ class ScoringParameters:
     """Weight of the logarithm of the area: of two good curves the outer one is the sheet."""
 
 
-def rate_curve(reduced: ReducedPhoto, characters: Points, p: ScoringParameters, curve: Points) -> float:
+def rate_curve(reduced: ReducedPhoto, characters: Points, curve: Points) -> float:
     """Rating of a curve (N, 2) on the reduced photo; curves of one photo are compared by it.
 
     `characters` (N, 2) are the sheet's, on the reduced photo.
     """
+    p = ScoringParameters()
     points = smooth_closed(resample_closed(curve, 200), 3)
     normals = outward_normals(points, 3)
     x0, y0, x1, y1 = reduced.window
@@ -63,7 +63,7 @@ def rate_curve(reduced: ReducedPhoto, characters: Points, p: ScoringParameters, 
     difference = np.linalg.norm(smooth_closed(inner - outer, p.lasting), axis=1)
     strength = difference**2 / (difference**2 + reduced.contrast**2)
     rating = float(np.where(shown, strength, p.out_of_view).mean())
-    corners = split_sides(points, shown, p.corners)
+    corners = split_sides(points, shown)
     misfit = p.most_misfit if corners is None else min(corners.misfit, p.most_misfit)
     rating -= p.misfit * max(misfit - p.crease_misfit, 0.0)
     flat = points.astype(np.float32)
@@ -110,7 +110,8 @@ def outline_features(sides: Sequence[EdgePoints], located: Points, rating: float
     return np.array([seen_of_shown, worst, float(np.isfinite(located[:, 0]).mean()), rating])
 
 
-def rate_outline(sides: Sequence[EdgePoints], located: Points, rating: float, p: ScoringParameters) -> float:
+def rate_outline(sides: Sequence[EdgePoints], located: Points, rating: float) -> float:
     """Probability, 0-1, that an outline is the sheet's; `rating` is its candidate's."""
+    p = ScoringParameters()
     z = float(np.dot(p.evidence, outline_features(sides, located, rating))) + p.prior
     return float(1 / (1 + np.exp(-z)))

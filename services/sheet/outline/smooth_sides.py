@@ -11,14 +11,12 @@ LEAST_SCALE_PX = 0.3
 """Of the distances from a side: edges are measured no better."""
 
 
-def smooth_sides(
-    edge: EdgePoints, corners: Corners, parameters: CornerParameters | None = None
-) -> list[Points] | None:
+def smooth_sides(edge: EdgePoints, corners: Corners) -> list[Points] | None:
     """Four cubics (N, 2) from corner to corner, each through most of what was seen of its side.
 
     None where a corner or a side is out of view, or where the edge is nowhere far from them.
     """
-    p = parameters or CornerParameters()
+    p = CornerParameters()
     count = len(edge.points)
     if not edge.shown[corners.indices].all():
         return None

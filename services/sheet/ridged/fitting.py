@@ -23,11 +23,8 @@ class FittedMesh:
     evaluations: int
 
 
-def fit_mesh(
-    start: SheetMesh, observed: SheetObservations, parameters: RidgedParameters | None = None
-) -> FittedMesh:
+def fit_mesh(start: SheetMesh, observed: SheetObservations, p: RidgedParameters) -> FittedMesh:
     """The mesh near `start` that explains `observed` at the least cost."""
-    p = parameters or RidgedParameters()
     mesh, cost, count = start, float("inf"), 0
     for stage in p.schedule:
         residuals = SheetResiduals(mesh.resampled(stage.cells + 1), observed, p, stage)

@@ -35,8 +35,6 @@ class RidgedParameters:
     """Of the step from a line to the next, in line spacings: type is set evenly, but a baseline is seen through
     letters."""
     stroke_rad: float = np.deg2rad(0.8)
-    stroke_overlap: float = 4.0
-    """Windows of neighbouring samples share ink: this many count as one."""
     flow_rad: float = np.deg2rad(1.0)
     """Of a text line's direction; weights are as for strokes."""
     slant_rad: float = np.deg2rad(0.2)

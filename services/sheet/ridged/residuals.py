@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
-from services.sheet.developable.observations import LineObservations
+from services.sheet.developable.observations import LineObservations, ObservationParameters
 from services.sheet.ridged.blocks import ResidualBlock, SparseRows, single_entries
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
@@ -90,12 +90,14 @@ class SheetResiduals:
         self.stroke_deviation = (
             np.zeros(0)
             if strokes is None
-            else p.stroke_rad * np.sqrt(p.stroke_overlap / np.maximum(strokes.weights, 0.05))
+            else p.stroke_rad
+            * np.sqrt(ObservationParameters().stroke_overlap / np.maximum(strokes.weights, 0.05))
         )
         self.flow_deviation = (
             np.zeros(0)
             if observed.flow is None
-            else p.flow_rad * np.sqrt(p.stroke_overlap / np.maximum(observed.flow.weights, 0.05))
+            else p.flow_rad
+            * np.sqrt(ObservationParameters().stroke_overlap / np.maximum(observed.flow.weights, 0.05))
         )
         self.side_deviation = [
             p.side

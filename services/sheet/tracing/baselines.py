@@ -96,9 +96,9 @@ def chain_characters(ink: Mask, parameters: BaselineParameters | None = None) ->
     return CharacterRows(x0, x1, y0, bottom, rows)
 
 
-def detect_baselines(ink: Mask, parameters: BaselineParameters | None = None) -> Baselines:
+def detect_baselines(ink: Mask) -> Baselines:
     """Text lines of `ink` (H, W) in a view whose lines are horizontal within about a degree."""
-    p = parameters or BaselineParameters()
+    p = BaselineParameters()
     found = chain_characters(ink, p)
     if not found.rows:
         return _no_lines()

@@ -46,6 +46,7 @@ class TracingParameters:
     deviation_floor: float = 0.02
     """Of a piece's place: what characters differ in by design."""
     alike: float = 0.05
+    """Paragraphs whose spacing differs by less have the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,11 +111,9 @@ def trace_by_characters(text: PageText, view: PhotoFrame, page_map: PageMap) -> 
     return trace_lines(flat, page_map)
 
 
-def trace_lines(
-    flat: FlatInk, page_map: PageMap, parameters: TracingParameters | None = None
-) -> LineObservations:
+def trace_lines(flat: FlatInk, page_map: PageMap) -> LineObservations:
     """Observations of all text lines of the flat view, in centred coordinates of the photo."""
-    p = parameters or TracingParameters()
+    p = TracingParameters()
     found = chain_characters(flat.ink)
     pieces: list[Floats] = []
     index: list[NDArray[np.intp]] = []

@@ -17,7 +17,7 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
-from services.sheet.tracing.line_tracing import sampling_maps
+from services.sheet.tracing.line_tracing import TracingParameters, sampling_maps
 from services.sheet.tracing.page_text import PageText
 
 
@@ -53,8 +53,6 @@ class ProfileParameters:
     """Of all lines: of a dense page, windows are left out evenly."""
     max_groups: int = 8
     """Largest numbers of flush margins and of paragraphs that are used; those with most lines are kept."""
-    alike: float = 0.05
-    """Paragraphs whose spacing differs by less have the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,13 +77,12 @@ def flatten_darkness(
     page_map: PageMap,
     text: Points,
     text_height: float,
-    parameters: ProfileParameters | None = None,
 ) -> FlatGray | None:
     """Darkness of the flat-fielded `gray` within `text_area` in the flat view of `page_map`; None without text.
 
     `text` (N, 2) are characters and `text_height` their size, both in centred units.
     """
-    p = parameters or ProfileParameters()
+    p = ProfileParameters()
     page = page_map.to_page(text)
     known = np.isfinite(page).all(axis=1)
     if known.sum() < 10:
@@ -220,11 +217,9 @@ def trace_by_profiles(text: PageText, view: PhotoFrame, page_map: PageMap) -> Li
     return NO_LINES if flat is None else trace_profiles(flat, page_map)
 
 
-def trace_profiles(
-    flat: FlatGray, page_map: PageMap, parameters: ProfileParameters | None = None
-) -> LineObservations:
+def trace_profiles(flat: FlatGray, page_map: PageMap) -> LineObservations:
     """Observations of all text lines of the flat view, in centred coordinates of the photo."""
-    p = parameters or ProfileParameters()
+    p = ProfileParameters()
     h = flat.height_px
     ridges, columns = find_ridges(flat, p)
     chains = link_ridges(ridges, h, p)
@@ -269,7 +264,7 @@ def trace_profiles(
         line,
         p.deviation * h / grow,
         runs,
-        group_alike(spacings, p.alike),
+        group_alike(spacings, TracingParameters().alike),
         [m for m in margins if len(m) > 1],
         float(np.median(rows.heights) / np.median(grow)),
     )

@@ -19,7 +19,7 @@ from services.mosaic.flattening import flatten_photo
 from services.mosaic.pipeline import mosaic
 from services.mosaic.registration import photo_pairs
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.mosaic.registration.photo_pairs import Candidate, RegistrationParameters, Unregistered
+from services.mosaic.registration.photo_pairs import Candidate, RegistrationParameters
 from services.mosaic.results import MosaicResult
 from services.progress import progress_to
 from services.rectify.stage_clock import StageClock
@@ -116,18 +116,18 @@ def _flatten_each_photo_once() -> Iterator[None]:
 @pytest.fixture(scope="module", autouse=True)
 def _register_each_pair_once() -> Iterator[None]:
     """Two flat views in one order of upload are registered once; that this order plays no part is a test of pairs."""
-    known: dict[tuple[object, ...], PairRegistration | Unregistered] = {}
+    known: dict[tuple[object, ...], PairRegistration | None] = {}
     register = photo_pairs._register
 
-    def register_once(candidate: Candidate, p: RegistrationParameters) -> PairRegistration | Unregistered:
+    def register_once(candidate: Candidate, p: RegistrationParameters) -> PairRegistration | None:
         a, b = candidate.a, candidate.b
         first, second = a.photo.index, b.photo.index
         key = (a.key, b.key, candidate.turns, candidate.features[0].reduction, first < second)
         if key not in known:
             known[key] = register(candidate, p)
         found = known[key]
-        if isinstance(found, Unregistered):
-            return found
+        if found is None:
+            return None
         return replace(found, a=min(first, second), b=max(first, second))
 
     with pytest.MonkeyPatch.context() as patch:

@@ -12,9 +12,9 @@ from services.errors import InvalidOption
 from services.layout.page import Page, ReadWord, Zone
 from services.ocr.engine import Word
 from services.operations import page_reading
-from services.operations.rectify import rectify_upload
 from tests.services.imaging.files import make_file
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
+from tests.services.operations.single_uploads import rectify_upload
 
 PHOTO = np.full((600, 800, 3), 255, np.uint8)
 READ = RectifyParameters(text=True)

@@ -12,9 +12,9 @@ from PIL import Image
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.errors import NotAcceptable
-from services.operations.rectify import rectify_upload
 from tests.services.imaging.files import make_file
 from tests.services.operations.pipelines import RectifyPipeline
+from tests.services.operations.single_uploads import rectify_upload
 
 PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
 BOTH = RectifyParameters(pages="both")

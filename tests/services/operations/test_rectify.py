@@ -17,11 +17,11 @@ from services.contract.images import Encoding, ImageLimits
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NoText, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.operations import rectify as rectify_operation
-from services.operations.rectify import rectify_upload
 from services.progress import progress_to, report_progress
 from services.sheet.surfaces import MeshSurface
 from tests.services.imaging.files import make_exif, make_file
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant, turned_mesh
+from tests.services.operations.single_uploads import rectify_upload
 
 LIMITS = ImageLimits()
 PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)

@@ -72,7 +72,7 @@ def test_exact_sides_give_pose_focal_length_and_aspect(
 
 def test_noise_leaves_errors_that_the_stated_deviations_cover_and_no_more() -> None:
     rng = np.random.default_rng(1)
-    aspects, tilts, focals = [], [], []
+    aspects, focals = [], []
     for _ in range(24):
         rotation = leaning(rng.uniform(10, 45), rng.uniform(0, 360), rng.uniform(-15, 15))
         aspect, focal = (
@@ -85,14 +85,11 @@ def test_noise_leaves_errors_that_the_stated_deviations_cover_and_no_more() -> N
         found = plane_of(outline_of(corners, 0.5, rng))
         assert found.aspect is not None
         aspects.append(np.log(found.aspect / aspect) / found.log_aspect_deviation)
-        off = np.linalg.norm(found.plane.rotation[:, 2] - rotation[:, 2])
-        tilts.append(off / found.tilt_deviation_rad)
         focals.append(np.log(found.plane.focal / focal))
     assert len(aspects) > 12
-    for errors in (aspects, tilts):
-        # The deviations allow for paper that is not quite square, which these sheets are.
-        assert 0.1 < np.sqrt(np.mean(np.square(errors))) < 1.0
-        assert np.abs(errors).max() < 2.5
+    # The deviations allow for paper that is not quite square, which these sheets are.
+    assert 0.1 < np.sqrt(np.mean(np.square(aspects))) < 1.0
+    assert np.abs(aspects).max() < 2.5
     assert np.median(np.abs(focals)) < 0.1
 
 

@@ -5,8 +5,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from services.layout.exchange.alto import read_alto
 from services.layout.exchange.limits import ExchangeLimits
+from services.layout.exchange.zones_file import read_zones_file
 from services.ocr.engine import Word
 from services.text.alto import write_alto_pages
 from services.text.hocr import write_hocr
@@ -69,7 +69,7 @@ def test_text_that_xml_cannot_hold_is_left_out() -> None:
 
 def test_alto_is_read_again_with_its_zones_and_words() -> None:
     file = write_alto_pages([LETTER], "photo.jpg", "en")
-    read = read_alto(file, ExchangeLimits())
+    read = read_zones_file(file, ExchangeLimits())
     assert (read.width, read.height) == (850, 1100)
     assert [zone.text for zone in read.zones] == ["Invoice", "Dear Mr. Smith,\n1.5 <b> &c."]
     assert read.zones[1].box == (100, 100, 380, 180)

@@ -90,18 +90,11 @@ class Hierarchy:
         self._coarse = ModelBank([genre.pooled for genre in self._genres], content_names)
         self._coarse_means = np.array([genre.mean for genre in self._genres])
 
-    @property
-    def genres(self) -> tuple[tuple[int, ...], ...]:
-        """Indices of the models of each genre."""
-        return tuple(tuple(members.tolist()) for members in self._members)
-
-    def rank(
-        self, graph: LayoutGraph, parameters: ClassificationParameters, most_candidates: int = MOST_CANDIDATES
-    ) -> ModelRanking:
+    def rank(self, graph: LayoutGraph, most_candidates: int = MOST_CANDIDATES) -> ModelRanking:
         """Ranking of all models on a page of N >= 1 zones."""
         zones = graph.zones
         coarse = self._coarse.unary_scores(graph)
-        coarse_excess = excess_costs(coarse.comparable / zones, self._coarse_means, parameters)
+        coarse_excess = excess_costs(coarse.comparable / zones, self._coarse_means)
         order = np.argsort(coarse_excess, kind="stable")
         kept, left = _split(order.tolist(), [len(each) for each in self._members], most_candidates)
         costs, comparable = np.empty((2, len(self._means)))
@@ -110,12 +103,12 @@ class Hierarchy:
             costs[self._members[number]], comparable[self._members[number]] = scores.costs, scores.comparable
         scored = np.sort(np.concatenate([self._members[number] for number in kept]))
         of_scored = comparable[scored] / zones + self._biases[scored]
-        excess = excess_costs(of_scored, self._means[scored], parameters)
+        excess = excess_costs(of_scored, self._means[scored])
         for number in left:
             members = self._members[number]
             costs[members] = coarse.costs[number]
             least = max(float(excess.max()), float(coarse_excess[number]))
-            usual = parameters.share_of_mean * self._means[members] - self._biases[members]
+            usual = ClassificationParameters().share_of_mean * self._means[members] - self._biases[members]
             comparable[members] = zones * (least + usual)
         best = scored[np.argsort(excess, kind="stable")][:most_candidates]
         return ModelRanking(tuple(best.tolist()), costs, comparable)
@@ -166,10 +159,7 @@ _LIKENESSES: WeakKeyDictionary[LayoutModel, tuple[tuple[str, ...], NDArray[np.fl
 
 
 def rank_models(
-    graph: LayoutGraph,
-    competitors: Sequence[Competitor],
-    parameters: ClassificationParameters,
-    most_candidates: int = MOST_CANDIDATES,
+    graph: LayoutGraph, competitors: Sequence[Competitor], most_candidates: int = MOST_CANDIDATES
 ) -> ModelRanking:
     """Ranking of all models on a page of N >= 1 zones, independent of their order.
 
@@ -177,7 +167,7 @@ def rank_models(
     """
     order = sorted(range(len(competitors)), key=lambda index: competitors[index].model.name)
     hierarchy = _hierarchy([competitors[index] for index in order], graph.content_names)
-    found = hierarchy.rank(graph, parameters, most_candidates)
+    found = hierarchy.rank(graph, most_candidates)
     costs, comparable = np.empty((2, len(order)))
     costs[order], comparable[order] = found.costs, found.comparable
     return ModelRanking(tuple(order[index] for index in found.candidates), costs, comparable)

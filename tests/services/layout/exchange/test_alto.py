@@ -5,8 +5,9 @@ from xml.etree.ElementTree import fromstring
 import pytest
 from hypothesis import given, settings
 
-from services.layout.exchange.alto import read_alto, write_alto
+from services.layout.exchange.alto import write_alto
 from services.layout.exchange.xml_writing import clean
+from services.layout.exchange.zones_file import read_zones_file
 from services.layout.page import InvalidLayout, Page, Zone
 from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, read_page, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_alto
@@ -36,7 +37,7 @@ def alto(
 def test_what_is_written_is_valid_and_reads_back(page: Page) -> None:
     written = write_alto(recognized(page), "page.png", CREATED)
     assert faults_of_alto(written) == []
-    back = read_alto(written, LIMITS)
+    back = read_zones_file(written, LIMITS)
     assert (back.width, back.height) == (page.width, page.height)
     for zone, again in zip(page.zones, back.zones, strict=True):
         assert again.box == pytest.approx(zone.box, abs=0.01)
@@ -58,7 +59,7 @@ def test_words_are_written_with_their_places_and_confidences() -> None:
         ("Roe,", "1"),
     ]
     assert [words[1].get(side) for side in ("HPOS", "VPOS", "WIDTH", "HEIGHT")] == ["45", "11", "35", "10"]
-    [back] = read_alto(written, LIMITS).zones
+    [back] = read_zones_file(written, LIMITS).zones
     assert (back.text, back.lines) == ("Dear Ms <&>\nRoe,", 2)
 
 
@@ -67,7 +68,7 @@ def test_lines_of_the_text_are_lines() -> None:
     written = write_alto(recognized(page, None), "", CREATED)
     assert b"OtherTag" not in written
     assert b"PAGECLASS" not in written
-    zone = read_alto(written, LIMITS).zones[0]
+    zone = read_zones_file(written, LIMITS).zones[0]
     assert (zone.text, zone.lines, zone.box) == ("two words\nof three", 2, (1, 2, 3.25, 4))
 
 
@@ -90,7 +91,7 @@ def test_blocks_of_others(namespace: str) -> None:
         '<Tags><NamedEntityTag ID="t0" LABEL="Bonn"/><LayoutTag ID="t1" LABEL="title"/>'
         '<StructureTag ID="t2" TYPE="Article" LABEL="body"/></Tags>',
     )
-    zones = {zone.id: zone for zone in read_alto(data, LIMITS).zones}
+    zones = {zone.id: zone for zone in read_zones_file(data, LIMITS).zones}
     assert list(zones) == ["b1", "b2", "b3", "b4", "b5", "b6", "b7"]
     assert zones["b1"].text == "Lay struc-\nture"
     assert (zones["b1"].lines, zones["b1"].alignment, zones["b1"].line_spacing) == (2, "justified", 30)
@@ -113,7 +114,7 @@ def test_a_table_is_one_zone_and_other_tags_label_where_no_other_does() -> None:
         '<LayoutTag ID="t3" LABEL="title"/></Tags><ReadingOrder><OrderedGroup ID="g"><ElementRef ID="e" REF="b4"/>'
         '<ElementRef ID="f" REF="b1"/></OrderedGroup></ReadingOrder>',
     )
-    told = [(zone.id, zone.kind, zone.label, zone.text) for zone in read_alto(data, LIMITS).zones]
+    told = [(zone.id, zone.kind, zone.label, zone.text) for zone in read_zones_file(data, LIMITS).zones]
     assert told == [
         ("b4", "text", "title", ""),
         ("c1", "figure", None, "cell"),
@@ -130,14 +131,16 @@ def test_sizes_are_those_of_the_lines() -> None:
     data = alto(
         f'<TextBlock ID="b" HPOS="10" VPOS="100" WIDTH="500" HEIGHT="110">{lines}</TextBlock>', unit="mm10"
     )
-    zone = read_alto(data, LIMITS, pixels=(2000.0, 4000.0)).zones[0]
+    zone = read_zones_file(data, LIMITS, pixels=(2000.0, 4000.0)).zones[0]
     assert (zone.font_size, zone.line_spacing) == (pytest.approx(60), pytest.approx(81.5, abs=1))
 
 
 def test_references_of_any_length_are_read_in_time() -> None:
     inner = f'<ComposedBlock ID="c"><TextBlock ID="b" {PLACE}/></ComposedBlock>' * 20_000
     with pytest.raises(InvalidLayout, match="20000 zones"):
-        read_alto(alto(f'<ComposedBlock ID="o" TAGREFS="{"t " * 1_000_000}">{inner}</ComposedBlock>'), LIMITS)
+        read_zones_file(
+            alto(f'<ComposedBlock ID="o" TAGREFS="{"t " * 1_000_000}">{inner}</ComposedBlock>'), LIMITS
+        )
 
 
 def test_reading_order_by_groups_and_by_next() -> None:
@@ -146,30 +149,30 @@ def test_reading_order_by_groups_and_by_next() -> None:
         '<ReadingOrder><OrderedGroup ID="g"><ElementRef ID="e1" REF="b2"/>'
         '<UnorderedGroup ID="h"><ElementRef ID="e2" REF="b0 gone"/></UnorderedGroup></OrderedGroup></ReadingOrder>'
     )
-    told = read_alto(alto(blocks.format("", "", "", ""), parts=order), LIMITS)
+    told = read_zones_file(alto(blocks.format("", "", "", ""), parts=order), LIMITS)
     assert [zone.id for zone in told.zones] == ["b2", "b0", "b1", "b3"]
     chain = blocks.format("", 'IDNEXT="b0"', 'IDNEXT="b1"', "")
-    assert [zone.id for zone in read_alto(alto(chain), LIMITS).zones] == ["b2", "b1", "b0", "b3"]
+    assert [zone.id for zone in read_zones_file(alto(chain), LIMITS).zones] == ["b2", "b1", "b0", "b3"]
     ring = blocks.format('IDNEXT="b1"', 'IDNEXT="b0"', "", "")
-    assert {zone.id for zone in read_alto(alto(ring), LIMITS).zones} == {"b0", "b1", "b2", "b3"}
+    assert {zone.id for zone in read_zones_file(alto(ring), LIMITS).zones} == {"b0", "b1", "b2", "b3"}
 
 
 @pytest.mark.parametrize("unit", ["mm10", "inch1200"])
 def test_other_units_need_the_page_in_pixels(unit: str) -> None:
     data = alto(f'<TextBlock ID="b" {PLACE}/>', unit=unit)
     with pytest.raises(InvalidLayout, match=unit) as refusal:
-        read_alto(data, LIMITS)
+        read_zones_file(data, LIMITS)
     assert refusal.value.field == "zones_file"
-    page = read_alto(data, LIMITS, pixels=(500.0, 500.0))
+    page = read_zones_file(data, LIMITS, pixels=(500.0, 500.0))
     assert (page.width, page.height, page.zones[0].box) == (500, 500, (5, 5, 55, 15))
     with pytest.raises(InvalidLayout, match="WIDTH"):
-        read_alto(alto("", unit=unit, size=""), LIMITS, pixels=(500.0, 500.0))
+        read_zones_file(alto("", unit=unit, size=""), LIMITS, pixels=(500.0, 500.0))
 
 
 def test_a_page_without_a_size_has_that_of_its_image() -> None:
-    assert read_alto(alto("", size=""), LIMITS, pixels=(300.0, 400.0)) == Page(300, 400, ())
+    assert read_zones_file(alto("", size=""), LIMITS, pixels=(300.0, 400.0)) == Page(300, 400, ())
     with pytest.raises(InvalidLayout) as refusal:
-        read_alto(alto("", size=""), LIMITS)
+        read_zones_file(alto("", size=""), LIMITS)
     assert refusal.value.field == "width"
 
 
@@ -186,5 +189,5 @@ def test_a_page_without_a_size_has_that_of_its_image() -> None:
 )
 def test_what_is_refused(data: bytes, field: str) -> None:
     with pytest.raises(InvalidLayout) as refusal:
-        read_alto(data, LIMITS)
+        read_zones_file(data, LIMITS)
     assert refusal.value.field == field

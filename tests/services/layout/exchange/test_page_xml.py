@@ -6,8 +6,9 @@ from xml.etree.ElementTree import fromstring
 import pytest
 from hypothesis import given, settings
 
-from services.layout.exchange.page_xml import NAMESPACE, read_page_xml, write_page_xml
+from services.layout.exchange.page_xml import NAMESPACE, write_page_xml
 from services.layout.exchange.xml_writing import clean
+from services.layout.exchange.zones_file import read_zones_file
 from services.layout.page import InvalidLayout, Page, Zone
 from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, read_page, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_page_xml
@@ -34,7 +35,7 @@ def region(
 def test_what_is_written_is_valid_and_reads_back(page: Page) -> None:
     written = write_page_xml(recognized(page), "page.png", CREATED)
     assert faults_of_page_xml(written) == []
-    back = read_page_xml(written, LIMITS)
+    back = read_zones_file(written, LIMITS)
     assert (back.width, back.height) == (page.width, page.height)
     for zone, again in zip(page.zones, back.zones, strict=True):
         assert again.box == zone.box
@@ -59,7 +60,7 @@ def test_words_are_written_with_their_places_and_confidences() -> None:
     assert points == ["10,10 80,10 80,21 10,21", "10,30 35,30 35,40 10,40"]
     sure = [read.get("conf") for read in fromstring(written).findall(".//pc:Word/pc:TextEquiv", space)]
     assert sure == ["0.9", "0.25", "1"]
-    [back] = read_page_xml(written, LIMITS).zones
+    [back] = read_zones_file(written, LIMITS).zones
     assert (back.text, back.lines) == ("Dear Ms <&>\nRoe,", 2)
 
 
@@ -67,7 +68,10 @@ def test_boxes_are_rounded_and_stay_on_the_page() -> None:
     page = Page(100.4, 50.6, (Zone("a", (0.2, 1.6, 100.4, 50.6)), Zone("b", (99.9, 50.55, 100.4, 50.6))))
     written = write_page_xml(recognized(page, None), "", CREATED)
     assert faults_of_page_xml(written) == []
-    assert [zone.box for zone in read_page_xml(written, LIMITS).zones] == [(0, 2, 100, 51), (99, 50, 100, 51)]
+    assert [zone.box for zone in read_zones_file(written, LIMITS).zones] == [
+        (0, 2, 100, 51),
+        (99, 50, 100, 51),
+    ]
 
 
 def test_class_confidence_and_time_are_written() -> None:
@@ -91,7 +95,7 @@ def test_a_logo_is_a_graphic() -> None:
     page = Page(100, 100, (Zone("a", (1, 2, 3, 4), kind="figure", label="logo", text="ACME"),))
     written = write_page_xml(recognized(page), "p.png", CREATED)
     assert b'<GraphicRegion id="a" type="logo"' in written
-    assert read_page_xml(written, LIMITS).zones[0].text == "ACME"
+    assert read_zones_file(written, LIMITS).zones[0].text == "ACME"
 
 
 @pytest.mark.parametrize("version", ["2013-07-15", "2017-07-15", "2019-07-15"])
@@ -112,7 +116,7 @@ def test_regions_of_others(version: str) -> None:
         "</pc:UnorderedGroupIndexed></pc:OrderedGroup></pc:ReadingOrder>",
         version=version,
     )
-    zones = read_page_xml(data, LIMITS).zones
+    zones = read_zones_file(data, LIMITS).zones
     assert [zone.id for zone in zones] == ["r4", "r6", "r1", "r2", "r3", "r5", "c2", "c3", "r8"]
     by_id = {zone.id: zone for zone in zones}
     assert (by_id["r1"].label, by_id["r1"].lines, by_id["r1"].text) == ("heading", 2, "1\n2")
@@ -126,17 +130,17 @@ def test_regions_of_others(version: str) -> None:
 def test_sizes_in_points_where_the_resolution_is_told() -> None:
     styled = region("r", inside='<pc:TextStyle fontSize="12"/>')
     more = 'imageYResolution="300" imageResolutionUnit="PPI"'
-    assert read_page_xml(page_xml(styled, more=more), LIMITS).zones[0].font_size == pytest.approx(50)
-    assert read_page_xml(page_xml(styled), LIMITS).zones[0].font_size is None
+    assert read_zones_file(page_xml(styled, more=more), LIMITS).zones[0].font_size == pytest.approx(50)
+    assert read_zones_file(page_xml(styled), LIMITS).zones[0].font_size is None
     lined = region("r", inside='<pc:TextLine id="l"><pc:Coords points="10,20 110,20 110,38"/></pc:TextLine>')
-    assert read_page_xml(page_xml(lined), LIMITS).zones[0].font_size == pytest.approx(20)
+    assert read_zones_file(page_xml(lined), LIMITS).zones[0].font_size == pytest.approx(20)
 
 
 def test_corners_as_until_2010() -> None:
     data = page_xml(
         '<pc:TextRegion id="r"><pc:Coords><pc:Point x="5" y="6"/><pc:Point x="50" y="60"/></pc:Coords></pc:TextRegion>'
     )
-    assert read_page_xml(data, LIMITS).zones[0].box == (5, 6, 50, 60)
+    assert read_zones_file(data, LIMITS).zones[0].box == (5, 6, 50, 60)
 
 
 @pytest.mark.parametrize(
@@ -156,14 +160,14 @@ def test_corners_as_until_2010() -> None:
 )
 def test_what_is_refused(data: bytes, field: str) -> None:
     with pytest.raises(InvalidLayout) as refusal:
-        read_page_xml(data, LIMITS)
+        read_zones_file(data, LIMITS)
     assert refusal.value.field == field
 
 
 def test_a_page_without_regions_is_one() -> None:
-    assert read_page_xml(page_xml(""), LIMITS) == Page(1000, 2000, ())
+    assert read_zones_file(page_xml(""), LIMITS) == Page(1000, 2000, ())
 
 
 def test_custom_of_any_length_is_read_in_time() -> None:
-    zone = read_page_xml(page_xml(region("r", custom="a" * 1_000_000 + " {" * 1_000_000)), LIMITS).zones[0]
+    zone = read_zones_file(page_xml(region("r", custom="a" * 1_000_000 + " {" * 1_000_000)), LIMITS).zones[0]
     assert zone.label is None

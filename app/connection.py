@@ -4,15 +4,15 @@ import asyncio
 from collections.abc import Coroutine
 from typing import Any, TypeVar
 
-from fastapi import Request
+from starlette.types import Receive
 
 from app.uploads import ClientGone
 
 T = TypeVar("T")
 
 
-async def while_connected(request: Request, work: Coroutine[Any, Any, T]) -> T:
-    """Result of `work`, which is cancelled if the client disconnects.
+async def while_connected(receive: Receive, work: Coroutine[Any, Any, T]) -> T:
+    """Result of `work`, which is cancelled if the client disconnects: if that is the next message to `receive`.
 
     Raises
     ------
@@ -20,7 +20,7 @@ async def while_connected(request: Request, work: Coroutine[Any, Any, T]) -> T:
         When the client has disconnected; the response to this error is not read.
     """
     job = asyncio.ensure_future(work)
-    leaving = asyncio.ensure_future(_until_disconnected(request))
+    leaving = asyncio.ensure_future(_until_disconnected(receive))
     try:
         await asyncio.wait((job, leaving), return_when=asyncio.FIRST_COMPLETED)
         if not job.done():
@@ -32,6 +32,6 @@ async def while_connected(request: Request, work: Coroutine[Any, Any, T]) -> T:
         await asyncio.gather(job, leaving, return_exceptions=True)
 
 
-async def _until_disconnected(request: Request) -> None:
-    while (await request.receive())["type"] != "http.disconnect":
+async def _until_disconnected(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
         pass
