@@ -13,7 +13,7 @@ from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.outside_text import find_characters, is_outside_text
+from services.mosaic.outside_text import is_outside_text, of_text_height
 from services.rectify.analysis import PageAnalysis
 from services.rectify.drawing import draw_gray_view
 from services.rectify.framing import FlatFrame
@@ -81,7 +81,7 @@ def _has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:
         return False
     inside = np.zeros(analysis.reduced.shape, np.uint8)
     cv2.fillPoly(inside, [np.round((sheet + 0.5) * analysis.factor - 0.5).astype(np.int32)], (1,))
-    printed = find_characters(analysis.reduced, analysis.text.text_height_px)
+    printed = of_text_height(analysis.printed, analysis.text.text_height_px)
     x, y = np.floor(printed + 0.5).astype(int).T
     return is_outside_text(int(np.count_nonzero(inside[y, x] == 0)), 0, len(printed))
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.arrays import GrayImage, Points
-from services.texture_flow.text_identification import identify_text
+from services.arrays import Points
+from services.texture_flow.text_identification import TextComponents
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +23,11 @@ class OutsideTextParameters:
     """Range of heights relative to the page's text; smaller components are texture, larger ones are objects."""
 
 
-def find_characters(gray: GrayImage, text_height_px: float) -> Points:
-    """Centres (N, 2) of dark characters of about the text's height, in pixels of `gray` (H, W), flat-fielded."""
+def of_text_height(components: TextComponents, text_height_px: float) -> Points:
+    """Centres (N, 2) of the `components` that are about as high as the text."""
     p = OutsideTextParameters()
-    found = identify_text(gray).components
     low, high = (share * text_height_px for share in p.sizes)
-    return np.asarray(found.centres[(found.sizes >= low) & (found.sizes <= high)])
+    return np.asarray(components.centres[(components.sizes >= low) & (components.sizes <= high)])
 
 
 def is_outside_text(dark: int, light: int, all_dark: int) -> bool:

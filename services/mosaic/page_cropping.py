@@ -12,7 +12,7 @@ from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import PaperParameters, model_paper
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.outside_text import find_characters, is_outside_text
+from services.mosaic.outside_text import is_outside_text, of_text_height
 from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
 from services.texture_flow.text_identification import FEWEST_CHARACTERS, identify_text
@@ -183,8 +183,7 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
     small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
     gray = luminance(small)
-    even = flatten_illumination(gray)
-    text = identify_text(even)
+    text = identify_text(flatten_illumination(gray))
     characters = text.components.centres
     if len(characters) < FEWEST_CHARACTERS:
         return np.ones(seen.shape, bool), []
@@ -192,8 +191,8 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
     mask = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     negative = flatten_illumination(np.where(mask > 0, 255 - gray, 0).astype(np.uint8))
     printed = [
-        (find_characters(image, text.text_height_px) + 0.5) * seen.shape[1] / size[0] - 0.5
-        for image in (even, negative)
+        (of_text_height(found.components, text.text_height_px) + 0.5) * seen.shape[1] / size[0] - 0.5
+        for found in (text, identify_text(negative))
     ]
     small = np.asarray(cv2.bitwise_and(small, small, mask=mask), np.uint8)
     sizes = PaperParameters(long_side_px=p.long_side_px)

@@ -22,6 +22,7 @@ from services.texture_flow.minor import MinorFlow, estimate_minor_flow
 from services.texture_flow.text_identification import (
     FEWEST_CHARACTERS,
     IdentifiedText,
+    TextComponents,
     identify_text,
     keep_characters,
 )
@@ -81,6 +82,8 @@ class PageAnalysis:
     factor: float
     strokes: PhotoPart
     text: IdentifiedText
+    printed: TextComponents
+    """All that looks like characters, in the frame of `reduced`: `text` is what lies on the page's paper."""
     major: FlowSamples
     major_field: FlowField
     minor: FlowSamples | None
@@ -218,6 +221,7 @@ class FoundText:
     reduced: GrayImage
     light: GrayImage
     text: IdentifiedText
+    printed: TextComponents
     paper: Paper
 
     @property
@@ -309,6 +313,7 @@ def _analysis_of(
         factor,
         strokes,
         text,
+        seen.printed,
         _to_photo(major.samples, factor),
         resize_field(major.field, 1 / factor),
         None if minor is None else strokes.in_photo(minor.samples),
@@ -338,7 +343,7 @@ def find_text(
     reduced = divide_by_light(seen, light)
     guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
     text = identify_text(reduced, guide)
-    paper = None
+    printed, paper = text.components, None
     if len(text.components.sizes) >= FEWEST_CHARACTERS:
         paper = model_paper(halves, characters_in_photo(text, factor))
         on_paper = paper.holds(characters_in_photo(text, factor))

@@ -42,8 +42,13 @@ class RegistrationParameters:
     first_loss: float = 3.0
     skewed_loss: float = 6.0
     """The loss at which a fit to a group begins, over `group_loss_px`; and a skewed view's to all matches."""
+    coarser: float = 0.5
+    """Resolution of the first look relative to word scale: where views share much, a quarter of the features do."""
+    clear_lead: float = 2.0
+    """The first look takes only pairs whose largest group has so many times the votes of the next. Rows that repeat
+    have as many elsewhere, and need all features to be told apart."""
     finer: float = 1.5
-    """Resolution of the second pass relative to the first."""
+    """Resolution of the third look at unturned views, relative to word scale."""
     most_retries: int = 45
     """Largest number of pairs in the finer passes: more unconnected pairs do not belong to one page."""
     largest_scale: float = 4.0
@@ -82,8 +87,9 @@ class RegistrationParameters:
 def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]:
     """All overlapping pairs, independent of the order of `photos`.
 
-    The search starts at word scale with the same text direction. Photos in separate parts are then searched upside
-    down, at a finer scale, and rotated by quarter turns. Pairs whose overlap the graph predicts are matched from there.
+    The search starts at half the word scale with the same text direction. Photos in separate parts are then searched at
+    word scale, upside down, at a finer scale, and rotated by quarter turns. Pairs whose overlap the graph predicts are
+    matched from there.
     A pair that contradicts stronger ones in a loop is dropped. So is a pair that connects two parts by a piece of a
     single line.
     """
@@ -94,20 +100,22 @@ def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]
     heights = {index: one.photo.text_height_px for index, one in prepared.items()}
     pairs: dict[tuple[int, int], PairRegistration] = {}
     sure: dict[tuple[int, int], PairRegistration] = {}
-    looks = (0, 1.0), (2, 1.0), (0, p.finer), (2, p.finer), (1, 1.0), (3, 1.0)
+    looks = (0, p.coarser), (0, 1.0), (2, 1.0), (0, p.finer), (2, p.finer), (1, 1.0), (3, 1.0)
     for number, (turns, fineness) in enumerate(looks):
         part_of = {i: part for part in connect_photos(order, pairs) for i in part}
         apart = [(i, j) for i, j in combinations(order, 2) if part_of[i] != part_of[j]]
-        if number > 2:
+        if number > 3:
             # Photos that are already connected had several attempts.
             apart = [(i, j) for i, j in apart if min(len(part_of[i]), len(part_of[j])) == 1]
-        if number > 1 and len(apart) > p.most_retries:
+        if number > 2 and len(apart) > p.most_retries:
             continue
         candidates = [_vote(prepared[i], prepared[j], turns, fineness, p) for i, j in apart]
         # The surest pairs come first: others, which by these do not overlap, need no verification.
         for candidate in sorted(
             candidates, key=lambda candidate: max(candidate.votes, default=0), reverse=True
         ):
+            if number == 0 and not _is_clear(candidate, p):
+                continue
             if _are_apart(candidate, sure, order, p):
                 continue
             registered = _register(candidate, p)
@@ -163,6 +171,12 @@ def _vote(
     expected = float(np.clip(expected, 1 / p.largest_scale, p.largest_scale))
     groups = vote_displacements(matches, float(np.hypot(*a.photo.size)), expected_scale=expected)
     return Candidate(a, b, turns, features, matches, groups)
+
+
+def _is_clear(candidate: Candidate, p: RegistrationParameters) -> bool:
+    """Whether one displacement has far more votes than any other."""
+    most, next_most = (*candidate.votes, 0, 0)[:2]
+    return most >= p.clear_lead * next_most
 
 
 def _is_sure(pair: PairRegistration, heights_px: Mapping[int, float], p: RegistrationParameters) -> bool:

@@ -10,7 +10,8 @@ import pytest
 
 from services.geometry.homographies import translation
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.registration import photo_pairs
+from services.mosaic.registration import pair_verification, photo_pairs
+from services.mosaic.registration.features import Features
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.registration.pair_verification import (
     Overlap,
@@ -70,6 +71,22 @@ def test_order_of_the_upload_plays_no_part() -> None:
         own, theirs = (pair.points_a, other.points_a if i < j else other.points_b)
         np.testing.assert_allclose(own, theirs, atol=1e-9)
         assert (pair.votes, pair.matches) == (other.votes, other.matches)
+
+
+def test_views_that_share_much_are_matched_at_half_the_word_scale(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[float] = []
+    detect = pair_verification.detect_features
+
+    def noted(photo: FlatPhoto, fineness: float = 1.0) -> Features:
+        looks.append(fineness)
+        return detect(photo, fineness)
+
+    monkeypatch.setattr(pair_verification, "detect_features", noted)
+    a = draw_view(page(), part(0, 0), (1000, 1100), 0)
+    b = draw_view(page(), part(30.5, 300.2, 1.0, (0.002, -0.002, 0.2, 0.2)), (1000, 1100), 1, Flaws(seed=1))
+    (pair,) = register_photos([a, b])
+    assert registration_error(a, b, pair.H_a_b) < 0.5
+    assert set(looks) == {RegistrationParameters().coarser}
 
 
 def test_a_twentieth_of_the_view_is_enough() -> None:
