@@ -213,7 +213,8 @@ def _analyse(
 class FoundText:
     """The gray photo, its flat-fielded copy reduced by `factor`, its `text` in that frame, the paper under the text.
 
-    `light` is the brightness of the bare page on a smaller copy of the photo.
+    `printed` is all that looks like characters, on paper or not; `light` the brightness of the bare page on a smaller
+    copy of the photo.
     """
 
     gray: GrayImage
@@ -355,7 +356,7 @@ def find_text(
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )
-    return FoundText(gray, factor, reduced, light, text, paper)
+    return FoundText(gray, factor, reduced, light, text, printed, paper)
 
 
 def _measure_flows(
