@@ -53,7 +53,8 @@ class CaptureQuality:
     `cut_off_fraction` is the share of the characters at the photo's border or seen at more than 75 degrees.
     `blurred_side` names the part of the photo that is less sharp than the rest, if there is one. `letter_px` is the
     height of small letters by the rows of text, which blur does not change; `line_tilt_rad` is the mean angle of these
-    rows to the flat page's; `detail_across` and `detail_least` are what is left of the strokes' detail (`StrokeDetail`).
+    rows to the flat page's; `detail_across` and `detail_least` are what is left of the strokes' detail
+    (`StrokeDetail`).
     """
 
     text_height_min_px: float
