@@ -1,6 +1,6 @@
 """The evidence in one photo: its text and both texture flows, measured on reduced images."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -18,7 +18,7 @@ from services.rectify.stage_clock import StageClock
 from services.sheet.evidence import PageEvidence
 from services.sheet.tracing.page_text import PageText
 from services.texture_flow.field import FlowField, FlowSamples, resize_field
-from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
+from services.texture_flow.major import MajorFlow, MajorFlowParameters, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
 from services.texture_flow.text_identification import (
     FEWEST_CHARACTERS,
@@ -51,6 +51,7 @@ class AnalysisParameters:
     other_page_share: float = 0.02
     """If a larger share of the characters was left out as those of another page, the flows are measured again."""
     min_flow_samples: int = 6
+    major: MajorFlowParameters = field(default_factory=MajorFlowParameters)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -347,7 +348,7 @@ def _measure_flows(
     gray: GrayImage, factor: float, text: IdentifiedText, p: AnalysisParameters
 ) -> tuple[MajorFlow, MinorFlow | None, NDArray[np.uint8], float]:
     """Both flows (each in the frame it was measured in) and the image for strokes with its factor."""
-    major = refine_major_flow(text, detect_coarse_flow(text))
+    major = refine_major_flow(text, detect_coarse_flow(text, p.major), p.major)
     strokes_factor = min(1.0, p.stroke_text_height_px * factor / text.text_height_px)
     strokes_image = flatten_illumination(reduce_image(gray, strokes_factor))
     enlarge = strokes_factor / factor
@@ -356,8 +357,8 @@ def _measure_flows(
         (strokes_image.shape[1], strokes_image.shape[0]),
         interpolation=cv2.INTER_NEAREST,
     ).astype(bool)
-    field = resize_field(major.field, enlarge)
-    minor = estimate_minor_flow(strokes_image, area, text.text_height_px * enlarge, field)
+    lines = resize_field(major.field, enlarge)
+    minor = estimate_minor_flow(strokes_image, area, text.text_height_px * enlarge, lines)
     return major, minor, strokes_image, strokes_factor
 
 
