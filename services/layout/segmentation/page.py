@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage
 from services.layout.page import Box, Page, Zone
+from services.layout.segmentation.appearance import mark_ink
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.entries import find_entries
 from services.layout.segmentation.fine_page import FinePage, compose_page
@@ -90,6 +91,7 @@ def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
         begins=frozenset(begins),
         blocks=tuple(map(tuple, blocks)),
         others=others,
+        ink=mark_ink(printed),
     )
 
 
