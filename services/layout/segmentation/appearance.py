@@ -20,9 +20,11 @@ _TALL = 0.35
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InkMarks:
-    """N components of a page: `boxes` (N, 4) in its pixels, and what appearance is the sum of, `terms` (N, 10)."""
+    """N components of a page: `edges` (4, N), x0, y0, x1, y1 in its pixels, the `least` area (N,) of each that a zone
+    holds to have it, and what appearance is the sum of, `terms` (N, 10)."""
 
-    boxes: Boxes
+    edges: Boxes
+    least: NDArray[np.float64]
     terms: NDArray[np.float64]
 
 
@@ -46,15 +48,19 @@ def mark_ink(printed: PrintedPage) -> InkMarks:
         tall,
         tall & _is_level(printed, tall),
     ]
-    return InkMarks(components.boxes * np.tile(scale, 2), np.column_stack(terms).astype(np.float64))
+    edges = np.ascontiguousarray((components.boxes * np.tile(scale, 2)).T)
+    least = WITHIN * (edges[2] - edges[0]) * (edges[3] - edges[1])
+    return InkMarks(edges, least, np.column_stack(terms).astype(np.float64))
 
 
 def measure_appearance(marks: InkMarks, box: Box) -> Appearance | None:
     """Appearance of the ink in a box; None where there is none."""
-    shared = np.minimum(marks.boxes[:, 2:], box[2:]) - np.maximum(marks.boxes[:, :2], box[:2])
-    shared = np.prod(np.maximum(shared, 0.0), axis=1)
-    inside = shared > WITHIN * np.prod(marks.boxes[:, 2:] - marks.boxes[:, :2], axis=1)
-    if not np.any(inside):
+    x0, y0, x1, y1 = marks.edges
+    down = np.minimum(y1, box[3]) - np.maximum(y0, box[1])
+    near = np.flatnonzero(down > 0)
+    across = np.minimum(x1[near], box[2]) - np.maximum(x0[near], box[0])
+    inside = near[np.maximum(across, 0.0) * down[near] > marks.least[near]]
+    if len(inside) == 0:
         return None
     ink, area, sizes, strokes, slants, weight, logs, squares, tall, level = marks.terms[inside].sum(axis=0)
     return Appearance(
