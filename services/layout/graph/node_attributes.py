@@ -162,13 +162,19 @@ def _log2(values: Values) -> Values:
 def _aspect(measures: ZoneMeasures) -> Values:
     """Binary logarithm of width over height: figures along the page's edge are tall."""
     x0, y0, x1, y1 = measures.boxes.T
-    return np.asarray(np.log2(np.maximum(x1 - x0, 1e-4) / np.maximum(y1 - y0, 1e-4)))
+    return _where_seen(measures, np.log2(np.maximum(x1 - x0, 1e-4) / np.maximum(y1 - y0, 1e-4)))
 
 
 def _margin(measures: ZoneMeasures) -> Values:
-    """Distance of each zone from the nearest edge of the page."""
+    """Binary logarithm of the distance of each zone from the nearest edge of the page."""
     x0, y0, x1, y1 = measures.boxes.T
-    return np.asarray(np.maximum(np.minimum(np.minimum(x0, y0), 1 - np.maximum(x1, y1)), 0.0))
+    inner = np.maximum(np.minimum(np.minimum(x0, y0), 1 - np.maximum(x1, y1)), 0.0)
+    return _where_seen(measures, _log2(0.01 + inner))
+
+
+def _where_seen(measures: ZoneMeasures, values: Values) -> Values:
+    """`values` of zones whose ink was seen, NaN for others: drawn boxes without an image are labelled worse by them."""
+    return np.where(np.isnan(measures.density), np.nan, values)
 
 
 def _edge(index: int) -> Callable[[ZoneMeasures], Values]:
@@ -200,7 +206,7 @@ NUMERIC_ATTRIBUTES: tuple[NumericAttribute, ...] = (
     NumericAttribute("from-bottom", lambda m: len(m.boxes) - 1 - _from_top(m), (7.5, 5.0), 1.6, 0.2),
     NumericAttribute("rank", lambda m: _from_top(m) / max(1, len(m.boxes) - 1), (0.5, 0.3), 0.06, 0.15),
     NumericAttribute("aspect", _aspect, (2.8, 2.0), 0.8, 0.2),
-    NumericAttribute("margin", lambda m: _log2(0.01 + _margin(m)), (-3.0, 0.94), 0.35, 0.2),
+    NumericAttribute("margin", _margin, (-3.0, 0.94), 0.35, 0.2),
     NumericAttribute("density", lambda m: _log2(m.density), (-1.95, 0.77), 0.45, 0.2),
     NumericAttribute("size", lambda m: _log2(m.size), (0.42, 1.0), 0.3, 0.2),
     NumericAttribute("size-spread", lambda m: m.size_spread, (0.48, 0.38), 0.17, 0.2),
