@@ -174,7 +174,7 @@ def _margin(measures: ZoneMeasures) -> Values:
 
 def _where_seen(measures: ZoneMeasures, values: Values) -> Values:
     """`values` of zones whose ink was seen, NaN for others: drawn boxes without an image are labelled worse by them."""
-    return np.where(np.isnan(measures.density), np.nan, values)
+    return np.asarray(np.where(np.isnan(measures.density), np.nan, values))
 
 
 def _edge(index: int) -> Callable[[ZoneMeasures], Values]:
