@@ -29,6 +29,14 @@ ZONE: dict[str, Any] = {
     "line_spacing": 48.2,
     "weight": 0.11,
     "alignment": "left",
+    "appearance": {
+        "density": 0.26,
+        "size": 1.05,
+        "size_spread": 0.35,
+        "stroke": 0.98,
+        "slant": 0.02,
+        "regularity": 0.94,
+    },
     "text": "Mr. A. Smith",
     "content": {"name": 0.9},
 }

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from app.schemas.layout_samples import Appearance
 from app.schemas.options import FORMAT, Absent, CallbackUrl, Language, Switch
 from app.schemas.page import Answer, FlatPage, Warning
 from app.schemas.review import Decision
@@ -147,6 +148,7 @@ class LabelledZone(Answer):
     line_spacing: float | None = Field(description="Pixels from baseline to baseline.")
     weight: float | None = Field(description="Stroke width as a share of the font size.")
     alignment: Literal["left", "right", "centre", "justified"] | None
+    appearance: Appearance | None = Field(default=None, description="Of the ink of the zone.")
     text: str
     text_confidence: float | None = Field(
         default=None, ge=0, le=1, description="Mean confidence of the words by their length; null: not read."

@@ -8,6 +8,17 @@ from pydantic import BaseModel, Field
 from app.schemas.page import Answer
 
 
+class Appearance(BaseModel):
+    """How the ink of a zone looks: print is even and stands on baselines, handwriting and stamps are not."""
+
+    density: float = Field(description="Share of the box that is ink.")
+    size: float = Field(description="Mean height of its connected components over the page's glyph height.")
+    size_spread: float = Field(description="Standard deviation of the binary logarithm of their heights.")
+    stroke: float = Field(description="Mean stroke width over that of the page's print.")
+    slant: float = Field(description="How far strokes lean to the right, by height.")
+    regularity: float = Field(description="Share of components on one baseline with a neighbour.")
+
+
 class PageZone(BaseModel):
     """One region of a labelled page; a property that is absent or null was not measured."""
 
@@ -22,6 +33,7 @@ class PageZone(BaseModel):
     line_spacing: float | None = Field(default=None, ge=0, description="Pixels from baseline to baseline.")
     weight: float | None = Field(default=None, ge=0, description="Stroke width as a share of the font size.")
     alignment: Literal["left", "right", "centre", "justified"] | None = None
+    appearance: Appearance | None = None
     text: str | None = None
     content: dict[str, float] | None = Field(
         default=None, description="Content features, each with a confidence 0-1."

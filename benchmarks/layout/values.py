@@ -34,7 +34,7 @@ from services.layout.page import Page
 from services.layout.pipeline import content_features
 from services.layout.recognition.fields import gather_fields
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
-from services.layout.segmentation import FinePage, compose_page, segment_finely
+from services.layout.segmentation import FinePage, compose_page, measure_zones, segment_finely
 from services.layout.values.typed_value import find_value, plain_text
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine
@@ -101,7 +101,7 @@ def read_pages(page: LabelledPage, engine: OcrEngine | None, memory: Memory) -> 
     fields = gather_fields(Recognition(drawn, labelled, sure, (sure,)), settings)
     features = content_features()
     fine = segment_finely(gray, words)
-    true = features.measure_page(page.page)
+    true = features.measure_page(measure_zones(gray, page.page))
     return ReadPage(
         page.name,
         true,

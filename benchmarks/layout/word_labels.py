@@ -33,7 +33,7 @@ from services.layout.learning.label_transfer import transfer_labels
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, content_features, recognize, regroup
 from services.layout.recognition.results import Recognition
-from services.layout.segmentation import FinePage, compose_page, segment_finely
+from services.layout.segmentation import FinePage, compose_page, measure_zones, segment_finely
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine
 
@@ -70,7 +70,7 @@ def read_photo(page: LabelledPage, engine: OcrEngine | None, memory: Memory) -> 
     """The page by its image, read as the service reads it."""
     gray = load_gray(page.image)
     words = [] if engine is None else memory.page_words(engine, flatten_illumination(gray))
-    true = content_features().measure_page(page.page)
+    true = content_features().measure_page(measure_zones(gray, page.page))
     fine = segment_finely(gray, words)
     own = content_features().measure_page(transfer_labels(true, compose_page(fine)))
     return Photo(page.name, true, fine, own, word_marks(words, true), ink_marks(gray, true))

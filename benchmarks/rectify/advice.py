@@ -10,7 +10,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, astuple
+from dataclasses import asdict, astuple, replace
 
 import cv2
 import numpy as np
@@ -62,7 +62,8 @@ def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> Err
     letters with the same blur are worse all in all.
     """
     cut = np.array([quality.cut_off_fraction for quality in qualities])
-    misread = np.clip(1 - (1 - errors) / np.maximum(1 - cut, 0.05), 0.003, 0.997)
+    level = 1 - ErrorModel().crooked_lines * np.array([quality.line_tilt_rad for quality in qualities])
+    misread = np.clip(1 - (1 - errors) / np.maximum((1 - cut) * level, 0.05), 0.003, 0.997)
     features = np.array([features_of(quality)[:4] for quality in qualities])
     middle, spread = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-9)
     combined = np.column_stack([np.ones(len(errors)), (features - middle) / spread])
@@ -78,6 +79,17 @@ def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> Err
     constant = float(found[0] - slopes @ middle)
     detail, blur, noise, few_pixels = (round(float(slope), 2) for slope in slopes)
     return ErrorModel(round(constant, 2), detail, blur, noise, few_pixels, _UNEVEN_LIGHT)
+
+
+def fit_crooked_lines(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> ErrorModel:
+    """The model with the coefficient of crooked lines that has the least absolute distances to the `errors`."""
+    without = replace(ErrorModel(), crooked_lines=0.0)
+    read = 1 - np.array([predict_character_error(quality, without) for quality in qualities])
+    weights = read * np.maximum([quality.line_tilt_rad for quality in qualities], 1e-6)
+    slopes = (errors - 1 + read) / weights
+    order = np.argsort(slopes)  # the weighted median
+    middle = int(np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2))
+    return replace(without, crooked_lines=round(max(float(slopes[order][middle]), 0.0), 2))
 
 
 def left_out(
@@ -134,7 +146,18 @@ def main(arguments: Sequence[str]) -> int:
     if asked.fit:
         print(f"  coefficients of all: {astuple(fit(qualities, errors))}")
     if asked.development:
-        _report("development", *_development())
+        qualities, errors, focus = _development()
+        _report("development", qualities, errors, focus)
+        each = [
+            predict_character_error(
+                quality, fit_crooked_lines(qualities[:k] + qualities[k + 1 :], np.delete(errors, k))
+            )
+            for k, quality in enumerate(qualities)
+        ]
+        print(f"  of models without the photo, by its lines: {spearmanr(each, errors).statistic:.3f}")
+        if asked.fit:
+            model = fit_crooked_lines(qualities, errors)
+            print(f"  coefficient of crooked lines: {model.crooked_lines}")
     return 0
 
 

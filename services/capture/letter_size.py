@@ -3,6 +3,9 @@
 Extents of connected components are those of letters only in a good photo: blur joins letters to words, noise and faint
 print break them into pieces. Averaged along the text line, print is a band as high as small letters are. The
 autocorrelation of that profile falls to a half within a fixed share of the band, whatever the lines' distance is.
+
+The lines of a creased page are not straight on its flat view. So each window is averaged along several directions, and
+that of the clearest rows is taken: its angle to the page's axis says how crooked the flat view's lines are.
 """
 
 from dataclasses import dataclass
@@ -19,19 +22,23 @@ from services.imaging.node_grid import take_values
 class LetterSizeParameters:
     """Lengths are multiples of the height of characters that is known before."""
 
-    windows: int = 24
+    windows: int = 48
     """Places on the page that are averaged."""
     across: float = 6.0
     """Half the window's extent across the lines: two lines on either side."""
-    along: float = 8.0
-    """Half the window's extent along the line: a few words, over which letters average out."""
+    along: float = 5.0
+    """Half the window's extent along the line: two words, over which letters average out; on creased paper longer lines
+    are not straight."""
     rows: int = 97
-    columns: int = 24
+    columns: int = 16
     half_share: float = 0.47
     """Shift at which the autocorrelation is a half, over the height of small letters; 0.41 to 0.62 for nine tenths of
     223 simulated photos, sharp and spoilt."""
-    agreement: float = 2.0
-    """If the height differs from the one known before by a larger factor, it is measured again with its own window."""
+    tilts_rad: tuple[float, ...] = tuple(np.deg2rad(np.arange(-14.0, 14.1, 2.0)).tolist())
+    """Directions of the rows against the page's axis."""
+    plausible: tuple[float, float] = (0.25, 4.0)
+    """Heights of letters over that of the characters known before, which noise breaks into pieces and blur joins: the
+    second windows' unit is bounded by these. Crooked lines seem to have higher letters than they have."""
 
 
 def text_axes(mesh: Floats, points: Points) -> Floats:
@@ -47,38 +54,68 @@ def text_axes(mesh: Floats, points: Points) -> Floats:
     return np.asarray(found / np.hypot(found[:, 0], found[:, 1])[:, None])
 
 
-def measure_letter_height(gray: GrayImage, at: Points, axes: Floats, height_px: float) -> float:
-    """Height (px) of small letters in the photo `gray` (H, W); `height_px` where no lines are seen.
+@dataclass(frozen=True, slots=True)
+class LetterRows:
+    """`height_px` of small letters, and the mean angle `tilt_rad` (>= 0) of the rows of text to the page's axis."""
 
-    `at` (N, 2) are places of characters, `axes` (N, 2) the directions of the text lines there, and `height_px` is the
+    height_px: float
+    tilt_rad: float
+
+
+def measure_letter_rows(gray: GrayImage, at: Points, axes: Floats, height_px: float) -> LetterRows:
+    """Rows of text in the photo `gray` (H, W): `height_px` and no tilt where no lines are seen.
+
+    `at` (N, 2) are places of characters, `axes` (N, 2) the directions of the page's rows there, and `height_px` is the
     usual height of the characters that were found.
     """
     p = LetterSizeParameters()
     chosen = np.unique(np.linspace(0, len(at) - 1, min(p.windows, len(at))).astype(int))
-    found = _from_rows(gray, at[chosen], axes[chosen], height_px, p)
-    if found is not None and not 1 / p.agreement < found / height_px < p.agreement:
-        found = _from_rows(gray, at[chosen], axes[chosen], found, p)
-    return height_px if found is None else found
+    level = _from_rows(gray, at[chosen], axes[chosen], height_px, (0.0,), p)
+    if level is None:
+        return LetterRows(height_px, 0.0)
+    # In a window that is too small, a single stroke is the clearest row.
+    least, most = p.plausible
+    window_px = min(max(level.height_px, least * height_px), most * height_px)
+    return _from_rows(gray, at[chosen], axes[chosen], window_px, p.tilts_rad, p) or level
 
 
 def _from_rows(
-    gray: GrayImage, at: Points, axes: Floats, height_px: float, p: LetterSizeParameters
-) -> float | None:
+    gray: GrayImage,
+    at: Points,
+    axes: Floats,
+    height_px: float,
+    tilts_rad: tuple[float, ...],
+    p: LetterSizeParameters,
+) -> LetterRows | None:
     v = np.linspace(-p.across, p.across, p.rows) * height_px
     u = np.linspace(-p.along, p.along, p.columns) * height_px
     normal = np.column_stack([-axes[:, 1], axes[:, 0]])
     places = at[:, None, None] + axes[:, None, None] * u[:, None] + normal[:, None, None] * v[:, None, None]
     maps = places.reshape(-1, p.columns, 2).astype(np.float32)
-    seen = take_values(gray, maps, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
-    profiles = seen.reshape(len(at), p.rows, p.columns).mean(axis=2)
-    shift = _half_shift(profiles - profiles.mean(axis=1, keepdims=True))
-    return None if shift is None else shift * float(v[1] - v[0]) / p.half_share
+    seen = take_values(gray, maps, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE).reshape(len(at), p.rows, p.columns)
+    spectra = _row_spectra(seen - seen.mean(axis=1, keepdims=True), u / float(v[1] - v[0]), tilts_rad)
+    best = np.argmax(spectra.sum(axis=2), axis=1)
+    shift = _half_shift(spectra[np.arange(len(at)), best].mean(axis=0), p.rows)
+    if shift is None:
+        return None
+    tilt = float(np.mean(np.abs(np.array(tilts_rad)[best])))
+    return LetterRows(shift * float(v[1] - v[0]) / p.half_share, tilt)
 
 
-def _half_shift(profiles: Floats) -> float | None:
-    """Shift, in rows, at which the mean autocorrelation of the profiles (N, R) has fallen to a half."""
-    rows = profiles.shape[1]
-    spectrum = (np.abs(np.fft.rfft(profiles, 2 * rows, axis=1)) ** 2).mean(axis=0)
+def _row_spectra(windows: Floats, offsets: Vector, tilts_rad: tuple[float, ...]) -> Floats:
+    """Power spectra (N, A, F) of the mean rows of `windows` (N, R, C) along A directions, of twice as many rows.
+
+    `offsets` (C,) of the columns are in rows. A shift of a column is a phase of its spectrum.
+    """
+    size = 2 * windows.shape[1]
+    columns = np.fft.rfft(windows, size, axis=1)
+    steps = np.tan(np.array(tilts_rad))[:, None] * offsets
+    phases = np.exp(2j * np.pi * np.fft.rfftfreq(size)[:, None, None] * steps) / windows.shape[2]
+    return np.asarray(np.abs(np.einsum("nfc,fac->naf", columns, phases, optimize=True)) ** 2)
+
+
+def _half_shift(spectrum: Vector, rows: int) -> float | None:
+    """Shift, in rows, at which the autocorrelation of a `spectrum` (F,) of twice as many rows has fallen to a half."""
     overlap: Vector = np.arange(rows, 0, -1.0)
     correlation = np.fft.irfft(spectrum)[:rows] / overlap
     if correlation[0] <= 0:

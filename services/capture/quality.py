@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
-from services.capture.letter_size import measure_letter_height, text_axes
+from services.capture.letter_size import measure_letter_rows, text_axes
 from services.capture.print_patches import measure_patches
 from services.capture.stroke_detail import measure_strokes
 from services.imaging.reduction import reduce_image
@@ -52,8 +52,9 @@ class CaptureQuality:
     is that of ink against the paper next to it, `noise` the standard deviation of the paper as a share of that step.
     `cut_off_fraction` is the share of the characters at the photo's border or seen at more than 75 degrees.
     `blurred_side` names the part of the photo that is less sharp than the rest, if there is one. `letter_px` is the
-    height of small letters by the rows of text, which blur does not change; `detail_across` and `detail_least` are what
-    is left of the strokes' detail (`StrokeDetail`).
+    height of small letters by the rows of text, which blur does not change; `line_tilt_rad` is the mean angle of these
+    rows to the flat page's; `detail_across` and `detail_least` are what is left of the strokes' detail
+    (`StrokeDetail`).
     """
 
     text_height_min_px: float
@@ -67,6 +68,7 @@ class CaptureQuality:
     worst_blur_px: float = 0.0
     noise: float = 0.0
     letter_px: float = 1.0
+    line_tilt_rad: float = 0.0
     detail_across: float = 1.0
     detail_least: float = 1.0
 
@@ -109,8 +111,8 @@ def measure_quality(
     chosen = np.unique(np.linspace(0, len(characters) - 1, min(p.patches, len(characters))).astype(int))
     at = characters[chosen]
     axes = np.tile([1.0, 0.0], (len(at), 1)) if mesh is None else text_axes(mesh, at)
-    letter = measure_letter_height(gray, at, axes, height)
-    strokes = measure_strokes(gray, at, axes, letter)
+    rows = measure_letter_rows(gray, at, axes, height)
+    strokes = measure_strokes(gray, at, axes, rows.height_px)
     print_ = measure_patches(gray, at, height)
     blurs = print_.blurs
     seen = np.isfinite(blurs)
@@ -126,7 +128,8 @@ def measure_quality(
         blurred_side=_blurred_side(gray.shape, at[seen], blurs[seen]),
         worst_blur_px=print_.worst_blur_px if seen.any() else 0.0,
         noise=print_.noise,
-        letter_px=letter,
+        letter_px=rows.height_px,
+        line_tilt_rad=rows.tilt_rad,
         detail_across=strokes.across,
         detail_least=strokes.least,
     )

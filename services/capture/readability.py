@@ -3,6 +3,10 @@
 The coefficients are fitted to simulated photos of known text by `python -m benchmarks advice --fit`; that of glare and
 shadow is set by hand. What OCR misreads is decided by how much detail of the strokes is left: blur, motion and few
 pixels take it away, noise hides it. Faint print alone is read with few errors.
+
+On creased paper, words are misread where lines are not level on the flat page, however sharp they are. These errors
+come on top of the others; their coefficient is fitted to development photos by `python -m benchmarks advice --fit
+--development`.
 """
 
 import math
@@ -29,6 +33,8 @@ class ErrorModel:
     few_pixels: float = -2.0
     """Below 0 because blur is already relative to the letters: small letters are worse by 1.45 all in all."""
     uneven_light: float = 4.0
+    crooked_lines: float = 1.3
+    """Share of the characters that is misread for each radian of `line_tilt_rad`."""
 
 
 def features_of(quality: CaptureQuality) -> tuple[float, float, float, float, float]:
@@ -53,4 +59,5 @@ def predict_character_error(quality: CaptureQuality, model: ErrorModel | None = 
     weights = (m.lost_detail, m.blur, m.noise, m.few_pixels, m.uneven_light)
     logit = m.constant + sum(w * f for w, f in zip(weights, features_of(quality), strict=True))
     misread = 1.0 / (1.0 + math.exp(-max(min(logit, 50.0), -50.0)))
-    return 1.0 - (1.0 - misread) * (1.0 - quality.cut_off_fraction)
+    level = 1.0 - min(m.crooked_lines * quality.line_tilt_rad, 1.0)
+    return 1.0 - (1.0 - misread) * level * (1.0 - quality.cut_off_fraction)

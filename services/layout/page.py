@@ -34,13 +34,31 @@ class ReadWord:
 
 
 @dataclass(frozen=True, slots=True)
+class Appearance:
+    """How the ink of a zone looks.
+
+    `density` is the share of its box that is ink; `size` the mean height of its components by their ink, as a
+    multiple of the page's glyph height, and `size_spread` the standard deviation of its binary logarithm; `stroke`
+    the mean width of strokes over that of the page's print; `slant` how far strokes lean to the right by height;
+    `regularity` the share of components that stand on one baseline with a neighbour.
+    """
+
+    density: float
+    size: float
+    size_spread: float
+    stroke: float
+    slant: float
+    regularity: float
+
+
+@dataclass(frozen=True, slots=True)
 class Zone:
     """One homogeneous region of a page; None for values that were not measured.
 
     `font_size` is the em of its print and `line_spacing` the distance of its baselines, in pixels; `weight` the
     stroke width as a share of the font size; `content` the confidence, 0-1, that it has a content feature
     (Table 5.1). `label` is the logical label where it is known, None for none of the model's.
-    `words` are those of `text` where OCR read it, in their order.
+    `appearance` is that of its ink. `words` are those of `text` where OCR read it, in their order.
     """
 
     id: str
@@ -51,6 +69,7 @@ class Zone:
     line_spacing: float | None = None
     weight: float | None = None
     alignment: Alignment | None = None
+    appearance: Appearance | None = None
     text: str = ""
     content: Mapping[str, float] = field(default_factory=dict)
     label: str | None = None

@@ -1,12 +1,13 @@
 """The `LayoutResult` of the HTTP contract as values that JSON can hold."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 
 from services.contract.fields import FieldSetting
 from services.layout.exchange.page_json import plain_number
 from services.layout.graph.font_sizes import measure_font_classes
 from services.layout.model.cost import MOST_EXPLAINED
-from services.layout.page import Page, ReadWord, Zone
+from services.layout.page import Appearance, Page, ReadWord, Zone
 from services.layout.recognition.fields import NO_FIELDS, Field, gather_fields
 from services.layout.recognition.results import ClassMatch, MatchReport, Recognition
 from services.operations.replies import rounded
@@ -66,6 +67,7 @@ def describe_zones(
             "line_spacing": rounded(zone.line_spacing),
             "weight": rounded(zone.weight),
             "alignment": zone.alignment,
+            "appearance": _describe_appearance(zone.appearance),
             "text": zone.text,
             "text_confidence": rounded(zone.text_confidence),
             "words": [_describe_word(word) for word in zone.words] if words else None,
@@ -93,6 +95,10 @@ def _describe_field(field: Field) -> dict[str, object]:
         "confidence": rounded(field.confidence),
         "zones": list(field.zones),
     }
+
+
+def _describe_appearance(appearance: Appearance | None) -> dict[str, float] | None:
+    return None if appearance is None else {name: round(v, 4) for name, v in asdict(appearance).items()}
 
 
 def _describe_word(word: ReadWord) -> dict[str, object]:

@@ -1,6 +1,6 @@
 """The evidence in one photo: its text and both texture flows, measured on reduced images."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from services.rectify.stage_clock import StageClock
 from services.sheet.evidence import PageEvidence
 from services.sheet.tracing.page_text import PageText
 from services.texture_flow.field import FlowField, FlowSamples, move_field, resize_field
-from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
+from services.texture_flow.major import MajorFlow, MajorFlowParameters, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
 from services.texture_flow.text_identification import (
     FEWEST_CHARACTERS,
@@ -52,6 +52,7 @@ class AnalysisParameters:
     other_page_share: float = 0.02
     """If a larger share of the characters was left out as those of another page, the flows are measured again."""
     min_flow_samples: int = 6
+    major: MajorFlowParameters = field(default_factory=MajorFlowParameters)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -363,12 +364,12 @@ def _measure_flows(
     seen: FoundText, text: IdentifiedText, p: AnalysisParameters
 ) -> tuple[MajorFlow, MinorFlow | None, PhotoPart]:
     """The major flow in the frame of `seen.reduced`, and the minor flow in that of the part with strokes."""
-    major = refine_major_flow(text, detect_coarse_flow(text))
+    major = refine_major_flow(text, detect_coarse_flow(text, p.major), p.major)
     strokes, area = _cut_text(seen, text, p)
     enlarge = strokes.factor / seen.factor
-    field = move_field(resize_field(major.field, 1 / seen.factor), (-strokes.origin[0], -strokes.origin[1]))
-    field = resize_field(field, strokes.factor)
-    minor = estimate_minor_flow(strokes.image, area, text.text_height_px * enlarge, field)
+    lines = move_field(resize_field(major.field, 1 / seen.factor), (-strokes.origin[0], -strokes.origin[1]))
+    lines = resize_field(lines, strokes.factor)
+    minor = estimate_minor_flow(strokes.image, area, text.text_height_px * enlarge, lines)
     return major, minor, strokes
 
 

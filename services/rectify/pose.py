@@ -70,6 +70,8 @@ class PoseParameters:
     side_deviations: float = 4.0
     side_rad: float = np.deg2rad(1.0)
     """A side of the sheet that is off by more than both disagrees with the text."""
+    rounds: int = 2
+    """Fits to traced text lines: one starts from the closed form, and another one traces lines in its view."""
     text_rad: float = np.deg2rad(1.5)
     """If the plane of the sheet's sides leaves the text lines less level than another plane by this, text and sides
     disagree."""
@@ -112,6 +114,12 @@ def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
     angle = most_common_direction(major)
     c, s = np.cos(angle), np.sin(angle)
     return PagePlane(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), float(np.exp(prior.log_focal)))
+
+
+def start_plane(evidence: PageEvidence, prior: FocalPrior, p: PoseParameters) -> PagePlane:
+    """The plane of the vanishing points in closed form; without tilt where no camera sees that."""
+    start = estimate_plane(evidence.vanishing_points, prior)
+    return start if is_plausible(start, evidence.characters, p) else level_plane(evidence.major, prior)
 
 
 def level_text(plane: PagePlane, major: FlowSamples) -> PagePlane:
@@ -182,19 +190,16 @@ def refine_pose(
     p: PoseParameters,
     sides: StraightLines | None = None,
 ) -> RefinedPlane:
-    """Refine a pose in two rounds: the second detects text lines in the view of the first, and uses its deviations."""
+    """Refine a pose in rounds: each detects text lines in the view of the one before, and uses its deviations."""
     e, parameters = evidence, for_text(evidence.text.height_px)
-    ink, H_centred_flat = flatten_ink(e.text, e.view, start)
-    observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
-    first = refine_plane(start, prior, e.major, e.minor, e.vanishing_points, observations, parameters, sides)
-    if not is_plausible(first.plane, e.characters, p):
-        return first
-    parameters = rescale_deviations(parameters, first.scales)
-    ink, H_centred_flat = flatten_ink(e.text, e.view, first.plane)
-    observations = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
-    return refine_plane(
-        first.plane, prior, e.major, e.minor, e.vanishing_points, observations, parameters, sides
-    )
+    for number in range(p.rounds):
+        ink, H_centred_flat = flatten_ink(e.text, e.view, start)
+        seen = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
+        found = refine_plane(start, prior, e.major, e.minor, e.vanishing_points, seen, parameters, sides)
+        if number + 1 == p.rounds or not is_plausible(found.plane, e.characters, p):
+            break
+        parameters, start = rescale_deviations(parameters, found.scales), found.plane
+    return found
 
 
 def refine_with_sides(
@@ -270,9 +275,7 @@ def choose_pose(
     e, major, minor = evidence, evidence.major, evidence.minor
     characters = e.characters
     level = level_plane(major, prior)
-    start = estimate_plane(e.vanishing_points, prior)
-    if not is_plausible(start, characters, p):
-        start = level
+    start = start_plane(e, prior, p)
     refined, agree = refine_with_sides(e, prior, start, p, sheet)
     notices: list[Notice] = []
     tension = focal_tension(refined, prior)

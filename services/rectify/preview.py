@@ -30,7 +30,7 @@ from services.rectify.pipeline import (
     frame_photo,
 )
 from services.rectify.planarity import discriminate_surface
-from services.rectify.pose import choose_pose
+from services.rectify.pose import PoseParameters, choose_pose, start_plane
 from services.rectify.print_sample import print_heights
 from services.rectify.quick_bend import bend_quickly
 from services.rectify.results import Notice, Orientation, PrintSample, RectifyResult
@@ -42,6 +42,7 @@ from services.sheet.outline.candidates import CandidateParameters
 from services.sheet.outline.detection import OutlineParameters, find_outline
 from services.sheet.outline.rays import RayParameters
 from services.sheet.outline.results import SheetOutline
+from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.ridged_page import (
     RidgedPage,
@@ -51,6 +52,7 @@ from services.sheet.ridged_page import (
     turn_outline,
 )
 from services.sheet.surfaces import MeshSurface, StripsSurface
+from services.texture_flow.major import MajorFlowParameters
 
 SEEMS_CURVED = Notice(
     "curved-page",
@@ -64,13 +66,28 @@ PREVIEW_PX = 1200
 class PreviewParameters:
     """What is left out, compared with the full work."""
 
-    analysis: AnalysisParameters = field(default_factory=lambda: AnalysisParameters(long_side_px=800))
-    """Print of 10 points on a full page is 5 px high then, enough to be found."""
+    analysis: AnalysisParameters = field(
+        default_factory=lambda: AnalysisParameters(
+            long_side_px=800,
+            major=MajorFlowParameters(
+                coarse_block=7.0,
+                coarse_step_rad=np.deg2rad(7.5),
+                max_samples=250,
+                repeats=1,
+                field_spacing=4.0,
+            ),
+        )
+    )
+    """Print of 10 points on a full page is 5 px high then, enough to be found. The lines of a page have few bends, so
+    that fewer windows show their directions; the strokes' directions need all of theirs."""
+    pose: PoseParameters = field(default_factory=lambda: PoseParameters(rounds=1))
     outline: OutlineParameters = field(
         default_factory=lambda: OutlineParameters(
             candidates=CandidateParameters(rays=RayParameters(rays=120, samples=96, max_shift=6)),
             improved=False,
             tried=1,
+            well_rated=0.55,
+            least_rating=0.5,
         )
     )
     certain_outline: float = 0.9
@@ -206,14 +223,12 @@ def _bent_sheet(
     if whole is None:
         return None
     corners, order = turn_outline(whole, direction_rad)
-    focal = float(np.exp(prior.log_focal))
-    mesh = mesh_between_sides(
-        np.asarray((corners - view.centre) / view.unit_px),
-        tuple(np.asarray((outline.sides[k].points - view.centre) / view.unit_px) for k in order),
-        focal,
-        p.cells,
-    )
-    return None if mesh is None else RidgedPage(mesh, focal, prior.source, 0, 0.0, 0.0, 0.0)
+    corners = np.asarray((corners - view.centre) / view.unit_px)
+    sides = tuple(np.asarray((outline.sides[k].points - view.centre) / view.unit_px) for k in order)
+    mesh = cylinder_between_sides(corners, sides, prior.log_focal, prior.deviation, p.cells)
+    if mesh is None:
+        mesh = mesh_between_sides(corners, sides, float(np.exp(prior.log_focal)), p.cells)
+    return None if mesh is None else RidgedPage(mesh, mesh.focal, prior.source, 0, 0.0, 0.0, 0.0)
 
 
 def _page_of_text(
@@ -235,13 +250,13 @@ def _page_of_text(
             if kind == "auto"
             else kind
         )
-        pose = choose_pose(evidence, prior, seems)
-        if seems == "curved" and not pose.sides_believed:
-            plane = PlaneMap(np.linalg.inv(view.H_photo_centred) @ pose.H_photo_plane)
+        if seems == "curved":
+            plane = PlaneMap(start_plane(evidence, prior, p.pose).H_centred_plane)
             bent = bend_quickly(evidence, prior, plane)
             if bent is not None:
                 return FlatPage(analysis, view, evidence.vanishing_points, bent, (), outline)
-    notices = pose.notices if seems == "planar" or pose.sides_believed else (SEEMS_CURVED, *pose.notices)
+        pose = choose_pose(evidence, prior, seems, p.pose)
+    notices = pose.notices if seems == "planar" else (SEEMS_CURVED, *pose.notices)
     return FlatPage(analysis, view, evidence.vanishing_points, pose, notices, outline)
 
 

@@ -91,13 +91,13 @@ def block_centres(
         block_px *= 1.15
 
 
-def detect_coarse_flow(text: IdentifiedText) -> FlowSamples:
+def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | None = None) -> FlowSamples:
     """Coarse major directions E_0^M on a grid of nodes, by K candidate peaks and relaxation labelling.
 
     The text takes the second-best labels for the minor flow; strokes do not line up across text lines, so these were
     6 to 18 degrees off (median) and the minor flow starts from its own strength curves instead.
     """
-    p = MajorFlowParameters()
+    p = parameters or MajorFlowParameters()
     unit = text.text_height_px
     scale = min(p.coarse_text_height_px / unit, 1.0)
     # Beyond a window's reach from all print, images hold nothing.

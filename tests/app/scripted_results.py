@@ -99,6 +99,7 @@ def layout_document(
         "line_spacing": None,
         "weight": None,
         "alignment": "left",
+        "appearance": None,
         "text": "print",
         "content": {"date": 0.5},
     }

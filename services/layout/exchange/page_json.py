@@ -1,9 +1,10 @@
 """Zones JSON of the HTTP contract, used in the request field `zones`, in samples, and in answers of /layout.
 
 `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "label"?, "kind"?, "lines"?, "font_size"?,
-"line_spacing"?, "weight"?, "alignment"?, "text"?, "content"?}]}`; other keys are passed over.
+"line_spacing"?, "weight"?, "alignment"?, "appearance"?, "text"?, "content"?}]}`; other keys are passed over.
 """
 
+from dataclasses import asdict, fields
 from typing import Any, cast
 
 from services.layout.exchange.limits import ExchangeLimits
@@ -11,6 +12,7 @@ from services.layout.page import (
     ALIGNMENTS,
     KINDS,
     Alignment,
+    Appearance,
     Box,
     InvalidLayout,
     Kind,
@@ -21,6 +23,8 @@ from services.layout.page import (
 
 _MOST_LINES = 100_000
 """As many as the page may have pixels."""
+_LARGEST_APPEARANCE = 1e6
+"""All of it are shares and ratios."""
 _BEYOND_PAGE = 1.0
 """How far a box may stick out of the page, in page sides: further out it was measured on another image."""
 _EXAMPLE = '{"width": 2480, "height": 3508, "zones": [{"id": "z1", "box": [300, 412, 1180, 655]}]}'
@@ -81,6 +85,8 @@ def _zone_document(zone: Zone) -> dict[str, Any]:
         value = getattr(zone, name)
         if value is not None:
             document[name] = value
+    if zone.appearance is not None:
+        document["appearance"] = asdict(zone.appearance)
     if zone.text:
         document["text"] = zone.text
     if zone.content:
@@ -121,6 +127,7 @@ def _zone(given: Any, field: str, width: float, height: float, limits: ExchangeL
         line_spacing=_measure(given.get("line_spacing"), f"{field}.line_spacing", limits),
         weight=_measure(given.get("weight"), f"{field}.weight", limits),
         alignment=cast(Alignment | None, _choice(given.get("alignment"), f"{field}.alignment", ALIGNMENTS)),
+        appearance=_appearance(given.get("appearance"), f"{field}.appearance"),
         text=_text(given.get("text"), f"{field}.text", limits),
         content=_content(given.get("content"), f"{field}.content", limits),
         label=_label(given.get("label"), f"{field}.label", limits),
@@ -198,6 +205,19 @@ def _measure(value: Any, field: str, limits: ExchangeLimits) -> float | None:
             f"The value is {_shown(value)}; give a number from 0 to {limits.max_side:g}, or null.", field
         )
     return float(value) or None
+
+
+def _appearance(value: Any, field: str) -> Appearance | None:
+    if value is None:
+        return None
+    names = [each.name for each in fields(Appearance)]
+    if not isinstance(value, dict) or not all(
+        is_finite_number(value.get(name)) and abs(value[name]) <= _LARGEST_APPEARANCE for name in names
+    ):
+        raise InvalidLayout(
+            f"The appearance must be an object with finite numbers {', '.join(names)}, or null.", field
+        )
+    return Appearance(**{name: float(value[name]) for name in names})
 
 
 def _text(value: Any, field: str, limits: ExchangeLimits) -> str:

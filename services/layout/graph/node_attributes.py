@@ -32,7 +32,8 @@ class ZoneMeasures:
     """Measurements of N zones of a page, from which attributes are computed; NaN for unknown values.
 
     `boxes` (N, 4) are shares of the page's width and height, within `FARTHEST`; `font_ratios` em over the page's
-    body em; `words`, `letters`, `capitals`, `digits` counts in the text, NaN for all zones of a page that was not read.
+    body em; `density` to `regularity` those of `Appearance`; `words`, `letters`, `capitals`, `digits` counts in the
+    text, NaN for all zones of a page that was not read.
     """
 
     boxes: Values
@@ -44,6 +45,12 @@ class ZoneMeasures:
     capitals: Values
     digits: Values
     characters: Values
+    density: Values
+    size: Values
+    size_spread: Values
+    stroke: Values
+    slant: Values
+    regularity: Values
 
 
 def describe_zones(page: Page) -> ZoneMeasures:
@@ -60,6 +67,10 @@ def describe_zones(page: Page) -> ZoneMeasures:
     def counted(count: Callable[[str], int]) -> Values:
         return np.array([count(text) if read else np.nan for text in texts], dtype=np.float64)
 
+    def appearance(name: str) -> Values:
+        looks = (zone.appearance for zone in zones)
+        return np.array([np.nan if each is None else getattr(each, name) for each in looks], dtype=np.float64)
+
     with np.errstate(all="ignore"):
         usual_weight = np.nanmedian(weights) if np.isfinite(weights).any() else np.nan
     return ZoneMeasures(
@@ -72,6 +83,12 @@ def describe_zones(page: Page) -> ZoneMeasures:
         capitals=counted(lambda text: sum(map(str.isupper, text))),
         digits=counted(lambda text: sum(map(str.isdigit, text))),
         characters=counted(len),
+        density=appearance("density"),
+        size=appearance("size"),
+        size_spread=appearance("size_spread"),
+        stroke=appearance("stroke"),
+        slant=appearance("slant"),
+        regularity=appearance("regularity"),
     )
 
 
@@ -142,6 +159,24 @@ def _log2(values: Values) -> Values:
     return np.asarray(np.log2(np.maximum(values, 1e-6)))
 
 
+def _aspect(measures: ZoneMeasures) -> Values:
+    """Binary logarithm of width over height: figures along the page's edge are tall."""
+    x0, y0, x1, y1 = measures.boxes.T
+    return _where_seen(measures, np.log2(np.maximum(x1 - x0, 1e-4) / np.maximum(y1 - y0, 1e-4)))
+
+
+def _margin(measures: ZoneMeasures) -> Values:
+    """Binary logarithm of the distance of each zone from the nearest edge of the page."""
+    x0, y0, x1, y1 = measures.boxes.T
+    inner = np.maximum(np.minimum(np.minimum(x0, y0), 1 - np.maximum(x1, y1)), 0.0)
+    return _where_seen(measures, _log2(0.01 + inner))
+
+
+def _where_seen(measures: ZoneMeasures, values: Values) -> Values:
+    """`values` of zones whose ink was seen, NaN for others: drawn boxes without an image are labelled worse by them."""
+    return np.asarray(np.where(np.isnan(measures.density), np.nan, values))
+
+
 def _edge(index: int) -> Callable[[ZoneMeasures], Values]:
     return lambda measures: measures.boxes[:, index]
 
@@ -170,4 +205,24 @@ NUMERIC_ATTRIBUTES: tuple[NumericAttribute, ...] = (
     NumericAttribute("from-top", _from_top, (7.5, 5.0), 1.0, 0.2),
     NumericAttribute("from-bottom", lambda m: len(m.boxes) - 1 - _from_top(m), (7.5, 5.0), 1.6, 0.2),
     NumericAttribute("rank", lambda m: _from_top(m) / max(1, len(m.boxes) - 1), (0.5, 0.3), 0.06, 0.15),
+    NumericAttribute("aspect", _aspect, (2.8, 2.0), 0.8, 0.2),
+    NumericAttribute("margin", _margin, (-3.0, 0.94), 0.35, 0.2),
+    NumericAttribute("density", lambda m: _log2(m.density), (-1.95, 0.77), 0.45, 0.2),
+    NumericAttribute("size", lambda m: _log2(m.size), (0.42, 1.0), 0.3, 0.2),
+    NumericAttribute("size-spread", lambda m: m.size_spread, (0.48, 0.38), 0.17, 0.2),
+    NumericAttribute("stroke", lambda m: _log2(m.stroke), (0.07, 0.56), 0.18, 0.2),
+    NumericAttribute("slant", lambda m: m.slant, (0.02, 0.2), 0.12, 0.2),
+    NumericAttribute("regularity", lambda m: m.regularity, (0.76, 0.33), 0.12, 0.2),
 )
+
+APPEARANCE_ATTRIBUTES = (
+    "aspect",
+    "margin",
+    "density",
+    "size",
+    "size-spread",
+    "stroke",
+    "slant",
+    "regularity",
+)
+"""What tells handwriting, stamps and dirt from print; of no use to compare classes."""

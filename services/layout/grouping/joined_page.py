@@ -7,7 +7,7 @@ from services.layout.grouping.joining import Groups
 from services.layout.grouping.piece_pairs import joined_box
 from services.layout.page import Page, Zone
 from services.layout.recognition.results import LabelledZone, Recognition
-from services.layout.segmentation import FinePage, text_zone
+from services.layout.segmentation import FinePage, text_zone, with_appearance
 from services.layout.segmentation.measures import order_by_rows
 from services.layout.segmentation.reading_order import reading_order
 
@@ -78,6 +78,8 @@ def _join(fine: FinePage, pieces: Sequence[Zone], lines: Sequence[Sequence[int]]
         box = joined_box(box, piece.box)
     found = [line for own in lines for line in own]
     if not found:
-        return replace(pieces[0], box=box, kind="figure")
-    order = order_by_rows([fine.lines[line] for line in found], fine.boxes[found, 0].tolist())
-    return replace(text_zone(fine, [found[place] for place in order]), box=box)
+        joined = replace(pieces[0], box=box, kind="figure")
+    else:
+        order = order_by_rows([fine.lines[line] for line in found], fine.boxes[found, 0].tolist())
+        joined = replace(text_zone(fine, [found[place] for place in order]), box=box)
+    return with_appearance(fine.ink, [joined])[0]

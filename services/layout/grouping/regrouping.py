@@ -27,7 +27,7 @@ from services.layout.model.compiled_model import compile_model
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
-from services.layout.segmentation import FinePage, text_zone
+from services.layout.segmentation import FinePage, text_zone, with_appearance
 from services.layout.segmentation.measures import SAME_ROW
 
 Lines = tuple[tuple[int, ...], ...]
@@ -145,8 +145,7 @@ def _try(
     kept = [place for place, own in enumerate(current.lines) if not own or own not in change.old]
     parts = (change.lines,) if change.at is None else (change.lines[: change.at], change.lines[change.at :])
     zones = [current.page.zones[place] for place in kept]
-    for part in parts:
-        zone = text_zone(fine, part)
+    for zone in with_appearance(fine.ink, [text_zone(fine, part) for part in parts]):
         zones.append(replace(zone, content=features.measure(zone.text)) if zone.text else zone)
     page = replace(current.page, zones=tuple(zones))
     changed = _match(page, (*(current.lines[place] for place in kept), *parts), model, features.names)

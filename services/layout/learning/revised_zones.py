@@ -53,6 +53,7 @@ def _revised(drawn: Zone, found: Sequence[Zone], parameters: RevisionParameters)
         line_spacing=_mean(under, "line_spacing"),
         weight=_mean(under, "weight"),
         alignment=largest.alignment if len(under) == 1 else None,
+        appearance=largest.appearance if len(under) == 1 else None,
         text="\n".join(line for line in lines if line),
         label=drawn.label,
     )
@@ -63,7 +64,7 @@ def _with_given(measured: Zone, drawn: Zone) -> Zone:
     """The measured zone with everything that the person gave; another text has other features and no read words."""
     given = {
         name: getattr(drawn, name)
-        for name in ("lines", "font_size", "line_spacing", "weight", "alignment")
+        for name in ("lines", "font_size", "line_spacing", "weight", "alignment", "appearance")
         if getattr(drawn, name) is not None
     }
     if drawn.kind != "text":

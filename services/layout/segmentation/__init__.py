@@ -1,5 +1,6 @@
 """Page segmentation: zones of a page image, from the engine's words where there are any, else from ink alone."""
 
+from services.layout.segmentation.appearance import with_appearance
 from services.layout.segmentation.fine_page import FinePage, compose_page, compose_with_lines, text_zone
 from services.layout.segmentation.measuring import measure_zones
 from services.layout.segmentation.page import segment_finely, segment_page
@@ -16,4 +17,5 @@ __all__ = [
     "segment_finely",
     "segment_page",
     "text_zone",
+    "with_appearance",
 ]

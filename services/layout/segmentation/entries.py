@@ -1,5 +1,6 @@
 """Entries of lists like a memo's head: a short label ("TO:") and its value some way to the right are one line."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,14 +9,23 @@ from services.layout.segmentation.components import Boxes
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
 
+_LABEL = re.compile(r"\W*(?:[^\W\d_]+\W{1,2}){0,2}[^\W\d_]+ ?: *\S")
+"""A line of a label of at most three words and its value."""
 
-def find_entries(lines: Sequence[Line], parameters: SegmentationParameters) -> list[tuple[int, int]]:
+
+def find_entries(
+    lines: Sequence[Line], texts: Sequence[str], parameters: SegmentationParameters
+) -> tuple[list[tuple[int, int]], set[int]]:
     """Pairs (label, value) of indices of `lines`: at least two, one below the other, whose edges are even.
 
-    The values begin little to the right of the longest label; columns of print lie farther apart, or are wider.
+    Beside them the lines of the same lists that are entries as they are.
+
+    The values begin little to the right of the longest label; columns of print lie farther apart, or are wider. Where
+    most labels were read with a colon (`texts`) the values may be a tab stop away, and have more lines; a lone one is
+    an entry next to entries whose values are so near that they are in one line with their labels.
     """
     if len(lines) < 4:
-        return []
+        return [], set()
     boxes: Boxes = np.array([line.box for line in lines])
     baseline = np.array([line.baseline for line in lines])
     em = np.array([line.em for line in lines])
@@ -28,26 +38,36 @@ def find_entries(lines: Sequence[Line], parameters: SegmentationParameters) -> l
     nearest = gap[np.arange(len(lines)), value]
     labels = np.flatnonzero(
         (x1 - x0 < parameters.widest_label * em)
-        & (nearest < (parameters.widest_label + parameters.entry_gap) * em)
+        & (nearest < (parameters.widest_label + parameters.entry_tab) * em)
     )
+    colon = np.array([text.rstrip().endswith(":") for text in texts], dtype=bool)
+    has_label = np.array([_LABEL.match(text) is not None for text in texts], dtype=bool)
     pairs: list[tuple[int, int]] = []
+    entries: set[int] = set()
     for label in labels:
         slack = 0.5 * em[label]
         of_list = np.abs(x0[labels] - x0[label]) < slack
         of_list &= np.abs(x0[value[labels]] - x0[value[label]]) < slack
         of_list &= np.abs(baseline[labels] - baseline[label]) < parameters.list_reach * em[label]
         others = labels[of_list]
-        if len(others) < 2:
+        whole = has_label & (np.abs(x0 - x0[label]) < slack)
+        whole &= np.abs(baseline - baseline[label]) < parameters.list_reach * em[label]
+        if len(others) < 2 and not (colon[label] and np.any(whole)):
             continue
+        sure = bool(np.mean(colon[others]) > 0.5)
+        entry_gap, most_lines = parameters.entry_gap, parameters.lines_per_entry
+        if sure:
+            entry_gap, most_lines = parameters.entry_tab, parameters.lines_per_sure_entry
         # The text next to notes in a margin has many more lines.
         between = (baseline > np.min(baseline[others]) - em[label]) & (
             baseline < np.max(baseline[others]) + em[label]
         )
         column = between & (np.abs(x0 - x0[value[label]]) < slack)
-        if np.count_nonzero(column) > parameters.lines_per_entry * len(others):
+        if np.count_nonzero(column) > most_lines * len(others):
             continue
         if np.median((x1 - x0)[value[others]]) > parameters.widest_value * em[label]:
             continue
-        if x0[value[label]] - np.max(x1[others]) < parameters.entry_gap * em[label]:
+        if x0[value[label]] - np.max(x1[others]) < entry_gap * em[label]:
             pairs.append((int(label), int(value[label])))
-    return pairs
+            entries.update(np.flatnonzero(whole).tolist())
+    return pairs, entries

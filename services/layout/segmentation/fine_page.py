@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.page import Box, Page, ReadWord, Zone
+from services.layout.segmentation.appearance import InkMarks, with_appearance
 from services.layout.segmentation.gathering import trim_figures
 from services.layout.segmentation.measures import (
     count_rows,
@@ -27,7 +28,8 @@ class FinePage:
 
     `lines` (L) lie on the levelled working copy, `boxes` (L, 4) and `words` are in pixels of the page; `scale` is
     pixels of the page per pixel of the working copy. `begins` are lines that begin a zone each (entries of lists);
-    `blocks` is the grouping by print alone; `others` are figures, rules and noise.
+    `blocks` is the grouping by print alone; `others` are figures, rules and noise. The appearance of
+    zones is measured from the marks of `ink`.
     """
 
     width: float
@@ -40,6 +42,7 @@ class FinePage:
     begins: frozenset[int]
     blocks: tuple[tuple[int, ...], ...]
     others: tuple[Zone, ...]
+    ink: InkMarks | None = None
 
     @property
     def column(self) -> tuple[float, float]:
@@ -58,6 +61,7 @@ def compose_with_lines(fine: FinePage) -> tuple[Page, tuple[tuple[int, ...], ...
     """`compose_page`, and the lines of every zone of the page; none for a zone that is no text."""
     zones = [text_zone(fine, block) for block in fine.blocks]
     zones = trim_figures([*zones, *fine.others], SegmentationParameters())
+    zones = with_appearance(fine.ink, zones)
     order = reading_order([zone.box for zone in zones])
     numbered = tuple(replace(zones[index], id=f"z{number}") for number, index in enumerate(order, 1))
     lines = tuple(tuple(fine.blocks[index]) if index < len(fine.blocks) else () for index in order)
@@ -65,7 +69,7 @@ def compose_with_lines(fine: FinePage) -> tuple[Page, tuple[tuple[int, ...], ...
 
 
 def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:
-    """The zone of the lines `block`, without an id."""
+    """The zone of the lines `block`, without an id and its appearance."""
     lines = [fine.lines[index] for index in block]
     em = zone_font_size(lines)
     spacing = zone_line_spacing(lines)

@@ -6,6 +6,7 @@ import numpy as np
 
 from services.arrays import GrayImage
 from services.layout.page import Page, Zone
+from services.layout.segmentation.appearance import InkMarks, mark_ink, measure_appearance
 from services.layout.segmentation.components import Indices
 from services.layout.segmentation.frame import PrintedPage, analyse_print
 from services.layout.segmentation.measures import (
@@ -19,9 +20,10 @@ from services.layout.segmentation.text_lines import Line, find_lines
 
 
 def measure_zones(gray: GrayImage, page: Page) -> Page:
-    """`page` with what its text zones lack (lines, font size, spacing, weight, alignment) from the ink in their boxes.
+    """`page` with what its zones lack, from the ink in their boxes: the appearance of all zones, and of text zones
+    lines, font size, spacing, weight and alignment.
 
-    What a zone has stays, as do its box, kind, text and label; a zone without lines of print stays as it is.
+    What a zone has stays, as do its box, kind, text and label; a zone without ink stays as it is.
 
     Parameters
     ----------
@@ -30,7 +32,9 @@ def measure_zones(gray: GrayImage, page: Page) -> Page:
     parameters = SegmentationParameters()
     known = ("lines", "font_size", "line_spacing", "weight", "alignment")
     if all(
-        zone.kind != "text" or all(getattr(zone, each) is not None for each in known) for zone in page.zones
+        zone.appearance is not None
+        and (zone.kind != "text" or all(getattr(zone, each) is not None for each in known))
+        for zone in page.zones
     ):
         return page
     printed = analyse_print(gray, parameters)
@@ -43,7 +47,14 @@ def measure_zones(gray: GrayImage, page: Page) -> Page:
         _measured(zone, lines, printed, column) if lines else zone
         for zone, lines in zip(page.zones, found, strict=True)
     )
-    return replace(page, zones=tuple(zones))
+    marks = mark_ink(printed)
+    return replace(page, zones=tuple(_with_own_appearance(marks, zone) for zone in zones))
+
+
+def _with_own_appearance(marks: InkMarks, zone: Zone) -> Zone:
+    if zone.appearance is not None:
+        return zone
+    return replace(zone, appearance=measure_appearance(marks, zone.box))
 
 
 def _lines_in(zone: Zone, printed: PrintedPage, parameters: SegmentationParameters) -> list[Line]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage
 from services.layout.page import Box, Page, Zone
+from services.layout.segmentation.appearance import mark_ink
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.entries import find_entries
 from services.layout.segmentation.fine_page import FinePage, compose_page
@@ -90,6 +91,7 @@ def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
         begins=frozenset(begins),
         blocks=tuple(map(tuple, blocks)),
         others=others,
+        ink=mark_ink(printed),
     )
 
 
@@ -106,7 +108,8 @@ def _join_entries(
     rows: _Rows, levelled: Components, parameters: SegmentationParameters
 ) -> tuple[_Rows, set[int]]:
     """Lines with entries of lists joined, and the indices of those, which begin zones."""
-    value_of = dict(find_entries(rows.lines, parameters))
+    pairs, entries = find_entries(rows.lines, rows.texts, parameters)
+    value_of = dict(pairs)
     values = set(value_of.values())
     joined = _Rows([], [], [])
     begins: set[int] = set()
@@ -115,8 +118,9 @@ def _join_entries(
             continue
         text, value, words = rows.texts[index], value_of.get(index), rows.words[index]
         members = line.members
-        if value is not None:
+        if value is not None or index in entries:
             begins.add(len(joined.lines))
+        if value is not None:
             members = np.concatenate([members, rows.lines[value].members])
             text, words = f"{text} {rows.texts[value]}".strip(), words + rows.words[value]
         joined.lines.append(line if value is None else measure_line(levelled, members, parameters))

@@ -120,8 +120,12 @@ class SegmentationParameters:
     """Labels of entries ("FROM:", "Phone number:") are shorter."""
     entry_gap: float = 4.5
     """Values begin at most this far behind the longest label."""
+    entry_tab: float = 9.0
+    """The same where the labels have colons: an inch in print of 8 points."""
     lines_per_entry: float = 1.9
     """Largest mean number of lines of the values ..."""
+    lines_per_sure_entry: float = 4.0
+    """... of labels with colons, as where a memo has many receivers, ..."""
     widest_value: float = 22.0
     """... and largest width; running text is wider."""
     list_reach: float = 12.0

@@ -47,6 +47,8 @@ class OutlineParameters:
     """Candidates whose ratings differ less are one curve found twice."""
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
+    least_rating: float = 0.0
+    """Candidates with a lower rating are not measured."""
     certain: float = 0.95
     """An outline with this confidence needs no second candidate."""
     side_points: int = 60
@@ -91,6 +93,8 @@ def find_outline(
     ]
     best: SheetOutline | None = None
     for candidate in distinct[: p.tried]:
+        if candidate.rating < p.least_rating:
+            break
         outline = _measure(halves.image, reduced, candidate, p)
         if outline is not None and (best is None or outline.confidence > best.confidence):
             best = outline

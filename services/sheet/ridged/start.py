@@ -34,7 +34,7 @@ def mesh_between_sides(
         return None
     rows = int(np.clip(round(ratio * cells), LEAST_ROWS - 1, MOST_ROWS - 1)) + 1
     x, y = np.meshgrid(np.linspace(0, 1, cells + 1), np.linspace(0, 1, rows))
-    top, right, bottom, left = (_bow(np.linalg.inv(H), side, k) for k, side in enumerate(sides))
+    top, right, bottom, left = (measure_bow(np.linalg.inv(H), side, k) for k, side in enumerate(sides))
     moved = np.stack(
         [
             x + (1 - x) * np.interp(y, *left) + x * np.interp(y, *right),
@@ -53,7 +53,7 @@ def mesh_between_sides(
     return SheetMesh(nodes.reshape(rows, cells + 1, 3), focal, step, aspect, (0.0, 0.0))
 
 
-def _bow(H_square_photo: Floats, points: Points, number: int) -> tuple[Vector, Vector]:
+def measure_bow(H_square_photo: Floats, points: Points, number: int) -> tuple[Vector, Vector]:
     """Places along side `number` of the unit square, and the deviation of its points from it there."""
     at = np.array([0.0, 1.0])
     if len(points) < 4:

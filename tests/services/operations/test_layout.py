@@ -136,6 +136,7 @@ def test_a_recognition_as_json() -> None:
                 "line_spacing": None,
                 "weight": None,
                 "alignment": None,
+                "appearance": None,
                 "text": "",
                 "text_confidence": None,
                 "words": None,

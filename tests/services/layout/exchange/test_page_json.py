@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 
 from services.layout.exchange.page_json import page_from_document, page_to_document
-from services.layout.page import InvalidLayout, Page, Zone
+from services.layout.page import Appearance, InvalidLayout, Page, Zone
 from tests.services.layout.exchange.pages import LIMITS, pages
 
 BOX = [10, 20, 30, 40]
+NAMES = ("density", "size", "size_spread", "stroke", "slant", "regularity")
 
 
 def document(*zones: Any, width: Any = 100, height: Any = 200) -> dict[str, Any]:
@@ -70,6 +71,22 @@ def test_what_a_result_says_is_a_page() -> None:
             label="receiver",
         ),
     )
+
+
+def test_appearance_is_kept() -> None:
+    looks = {"density": 0.2, "size": 1.1, "size_spread": 0.4, "stroke": 0.9, "slant": -0.1, "regularity": 1}
+    page = page_from_document(document(zone(appearance=looks)), LIMITS)
+    assert page.zones[0].appearance == Appearance(0.2, 1.1, 0.4, 0.9, -0.1, 1.0)
+    assert page_from_document(page_to_document(page), LIMITS) == page
+
+
+@pytest.mark.parametrize(
+    "wrong", ["print", {}, {"density": 0.2}, {"density": float("nan")}, dict.fromkeys(NAMES, 1e9)]
+)
+def test_a_wrong_appearance_is_refused(wrong: object) -> None:
+    with pytest.raises(InvalidLayout) as refused:
+        page_from_document(document(zone(appearance=wrong)), LIMITS)
+    assert refused.value.field == "zones[0].appearance"
 
 
 def test_whole_ids_sizes_of_none_and_labels() -> None:

@@ -15,7 +15,7 @@ from services.layout.graph.node_attributes import (
     order_from_top,
     robust_difference,
 )
-from services.layout.page import Page, Zone
+from services.layout.page import Appearance, Page, Zone
 from tests.services.layout.samples import page_of
 
 
@@ -25,7 +25,10 @@ def measured(page: Page) -> dict[str, list[float]]:
 
 
 def test_two_zones_by_hand() -> None:
-    heading = Zone("a", (100, 200, 500, 300), lines=3, font_size=20.0, weight=0.1, text="Ab 12\ncd")
+    looks = Appearance(density=0.25, size=2.0, size_spread=0.5, stroke=0.5, slant=0.1, regularity=0.9)
+    heading = Zone(
+        "a", (100, 200, 500, 300), lines=3, font_size=20.0, weight=0.1, appearance=looks, text="Ab 12\ncd"
+    )
     body = Zone("b", (100, 400, 900, 1000), lines=31, font_size=10.0, weight=0.3, text="x")
     found = measured(Page(1000, 2000, (heading, body)))
     expected = {
@@ -50,16 +53,27 @@ def test_two_zones_by_hand() -> None:
         "from-top": (0.0, 1.0),
         "from-bottom": (1.0, 0.0),
         "rank": (0.0, 1.0),
+        "aspect": (3.0, math.nan),
+        "margin": (math.log2(0.11), math.nan),
+        "density": (-2.0, math.nan),
+        "size": (1.0, math.nan),
+        "size-spread": (0.5, math.nan),
+        "stroke": (-1.0, math.nan),
+        "slant": (0.1, math.nan),
+        "regularity": (0.9, math.nan),
     }
     assert found.keys() == expected.keys()
     for name, values in expected.items():
-        assert found[name] == pytest.approx(values), name
+        assert found[name] == pytest.approx(values, nan_ok=True), name
 
 
 def test_what_was_not_measured_is_not_known() -> None:
     found = measured(page_of((0, 0, 10, 10), (0, 20, 10, 30)))
     unknown = {name for name, values in found.items() if np.isnan(values).all()}
-    assert unknown == {"lines", "font", "stroke-weight", "words", "capitals", "digits", "printed"}
+    assert unknown == {
+        *("lines", "font", "stroke-weight", "words", "capitals", "digits", "printed"),
+        *("aspect", "margin", "density", "size", "size-spread", "stroke", "slant", "regularity"),
+    }
     assert all(np.isfinite(found[name]).all() for name in found.keys() - unknown)
 
 

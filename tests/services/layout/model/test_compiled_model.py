@@ -6,7 +6,7 @@ import numpy as np
 
 from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import DERIVED_FEATURES, RELATION_OFFSETS
-from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.graph.node_attributes import APPEARANCE_ATTRIBUTES, NUMERIC_ATTRIBUTES
 from services.layout.graph.section_features import SECTION_FEATURES
 from services.layout.model.compiled_model import (
     SUREST,
@@ -83,10 +83,10 @@ def test_a_model_without_content_works_without_features() -> None:
     assert not compiled.relations.any()
 
 
-def test_classes_are_compared_without_sections() -> None:
+def test_classes_are_compared_without_sections_and_appearance() -> None:
     known = ("date", *DERIVED_FEATURES)
     usual, compared = default_scales(known), comparable_scales(known)
     differ = {
         name for name, one, other in zip(scale_names(known), usual, compared, strict=True) if one != other
     }
-    assert differ == {content_scale_name(name) for name in SECTION_FEATURES}
+    assert differ == {*map(content_scale_name, SECTION_FEATURES), *APPEARANCE_ATTRIBUTES}

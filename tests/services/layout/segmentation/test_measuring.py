@@ -1,5 +1,7 @@
 """Measuring zones that came from elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,7 +29,7 @@ def test_what_is_missing_is_measured() -> None:
             before.label,
         )
         if zone.kind != "text":
-            assert after == before
+            assert replace(after, appearance=None) == before
             continue
         assert after.lines == zone.lines
         assert after.font_size == pytest.approx(zone.font_size, rel=0.2)

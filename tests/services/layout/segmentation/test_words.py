@@ -62,3 +62,45 @@ def test_columns_of_names_stay_apart() -> None:
     zones = segment_page(image, None).zones
     assert [zone.lines for zone in zones] == [3, 3]
     assert zones[0].box[2] < 500 < zones[1].box[0]
+
+
+TAB = (("TO:", "Hannah Whitfield"), ("FROM:", "Peter Longman"), ("DATE:", "12 March 1998"))
+
+
+def read(texts: list[tuple[int, int, str]]) -> list[Word]:
+    """What a perfect engine reads on the page that `written` draws."""
+    found = []
+    for x, y, text in texts:
+        (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.9, 2)
+        found.append(Word(text, (x, y - 22.0, x + float(width), y + 2.0), 0.95))
+    return found
+
+
+def rows_of(texts: list[tuple[int, int, str]]) -> list[str]:
+    return [zone.text for zone in segment_page(written(*texts), read(texts)).zones]
+
+
+def test_values_at_a_tab_stop_belong_to_labels_with_colons() -> None:
+    texts = [(100, 150 + 60 * k, label) for k, (label, _) in enumerate(TAB)]
+    texts += [(400, 150 + 60 * k, value) for k, (_, value) in enumerate(TAB)]
+    assert rows_of(texts) == [f"{label} {value}" for label, value in TAB]
+    bare = [(x, y, text.rstrip(":")) for x, y, text in texts]
+    assert not set(rows_of(bare)).intersection(f"{label.rstrip(':')} {value}" for label, value in TAB)
+
+
+def test_a_value_of_many_lines_belongs_to_a_label_with_a_colon() -> None:
+    names = ["Hannah Whitfield", "Ruth Abbot", "Peter Longman", "Olga Lind", "Tom Hardy"]
+    texts = [(260, 150 + 34 * k, name) for k, name in enumerate(names)]
+    texts += [(100, 150, "TO:"), (100, 350, "FROM:"), (260, 350, "Rose Harris")]
+    assert rows_of(texts) == ["\n".join([f"TO: {names[0]}", *names[1:]]), "FROM: Rose Harris"]
+
+
+def test_an_entry_with_a_near_value_shows_the_list_of_a_lone_label() -> None:
+    texts = [
+        (100, 150, "TO:"),
+        (340, 150, "Hannah Whitfield"),
+        (100, 210, "PAGES: 12"),
+        (100, 244, "FAX: 555 12"),
+    ]
+    assert rows_of(texts) == ["TO: Hannah Whitfield", "PAGES: 12", "FAX: 555 12"]
+    assert rows_of(texts[:2]) != ["TO: Hannah Whitfield"]

@@ -11,7 +11,7 @@ import pytest
 from services.geometry.homographies import translation
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.registration import pair_verification, photo_pairs
-from services.mosaic.registration.features import Features
+from services.mosaic.registration.features import Features, detect_features
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.registration.pair_verification import (
     Overlap,
@@ -75,7 +75,7 @@ def test_order_of_the_upload_plays_no_part() -> None:
 
 def test_views_that_share_much_are_matched_at_half_the_word_scale(monkeypatch: pytest.MonkeyPatch) -> None:
     looks: list[float] = []
-    detect = pair_verification.detect_features
+    detect = detect_features
 
     def noted(photo: FlatPhoto, fineness: float = 1.0) -> Features:
         looks.append(fineness)
