@@ -162,8 +162,10 @@ def _decide(
             break
         if True in mirrorings and scores[best] < parameters.hopeless_score:
             break
-    if confidence < parameters.least_confidence:
-        return Orientation(0, False, confidence)
+    # Mirrored photos are rare, and letters are read into the texture of pictures.
+    least = parameters.certain_confidence if best.mirrored else parameters.least_confidence
+    if confidence < least:
+        return Orientation(0, False, confidence * parameters.least_confidence / least)
     return Orientation(best.rotation_deg, best.mirrored, confidence)
 
 
