@@ -9,8 +9,9 @@ from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
-from services.imaging.illumination import divide_by_light, flatten_part, reduced_light
+from services.imaging.illumination import divide_by_light, reduced_light
 from services.imaging.paper import Paper, model_paper
+from services.imaging.photo_part import PhotoPart, cut_part
 from services.imaging.reduction import Halves, reduce_image
 from services.rectify.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
@@ -53,20 +54,6 @@ class AnalysisParameters:
     """If a larger share of the characters was left out as those of another page, the flows are measured again."""
     min_flow_samples: int = 6
     major: MajorFlowParameters = field(default_factory=MajorFlowParameters)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PhotoPart:
-    """The flat-fielded part `image` (h, w) of a photo, from photo pixel `origin` (x, y) on, resized by `factor`."""
-
-    image: GrayImage
-    factor: float
-    origin: tuple[int, int]
-
-    def in_photo(self, samples: FlowSamples) -> FlowSamples:
-        """Samples of this image as samples in photo pixels."""
-        found = _to_photo(samples, self.factor)
-        return FlowSamples(found.points + self.origin, found.angles, found.weights)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -260,7 +247,7 @@ def _analyse_dark_print(
                 seen.characters,
                 seen.text_height_px,
                 _to_photo(major.samples, factor),
-                None if minor is None else strokes.in_photo(minor.samples),
+                None if minor is None else _part_to_photo(minor.samples, strokes),
                 seen.paper,
                 is_spread=is_spread,
             )
@@ -318,7 +305,7 @@ def _analysis_of(
         seen.printed,
         _to_photo(major.samples, factor),
         resize_field(major.field, 1 / factor),
-        None if minor is None else strokes.in_photo(minor.samples),
+        None if minor is None else _part_to_photo(minor.samples, strokes),
         None if minor is None else move_field(resize_field(minor.field, 1 / strokes.factor), strokes.origin),
         gutter,
     )
@@ -383,20 +370,15 @@ def _cut_text(seen: FoundText, text: IdentifiedText, p: AnalysisParameters) -> t
     # Whole pixels of the photo and of the reduced photo, which differ by rounding only.
     first = np.floor(low / seen.factor).astype(int)
     last = np.minimum(np.ceil(high / seen.factor).astype(int), seen.gray.shape[::-1])
-    part = reduce_image(seen.gray[first[1] : last[1], first[0] : last[0]], factor)
-    # Pixel u of the part shows the photo's (u + 1/2) / factor - 1/2 + first, and the light likewise.
-    x, y = (np.array(seen.light.shape) / seen.gray.shape)[::-1]
-    light_from_part = np.array(
-        [
-            [x / factor, 0.0, (0.5 / factor + first[0]) * x - 0.5],
-            [0.0, y / factor, (0.5 / factor + first[1]) * y - 0.5],
-        ]
-    )
-    image = flatten_part(part, seen.light, light_from_part)
+    strokes = cut_part(seen.gray, seen.light, first, last, factor)
     inside = np.ascontiguousarray(text.area[low[1] : high[1], low[0] : high[0]]).view(np.uint8)
-    area = cv2.resize(inside, (image.shape[1], image.shape[0]), interpolation=cv2.INTER_NEAREST)
-    return PhotoPart(image, factor, (int(first[0]), int(first[1]))), area.astype(bool)
+    size = (strokes.image.shape[1], strokes.image.shape[0])
+    return strokes, cv2.resize(inside, size, interpolation=cv2.INTER_NEAREST).astype(bool)
 
 
 def _to_photo(samples: FlowSamples, factor: float) -> FlowSamples:
     return FlowSamples((samples.points + 0.5) / factor - 0.5, samples.angles, samples.weights)
+
+
+def _part_to_photo(samples: FlowSamples, part: PhotoPart) -> FlowSamples:
+    return FlowSamples(part.to_photo(samples.points), samples.angles, samples.weights)
