@@ -69,12 +69,11 @@ def flatten_illumination(
     All channels of a colour image get the gain of the luminance, which keeps hues. For analysis and OCR; for display
     use `normalize_illumination`. Returns a new array of the same shape.
     """
-    gray = image if image.ndim == 2 else luminance(image)
+    if image.ndim == 2:
+        return divide_by_light(image, _small_background(image, text_height_px, parameters))
+    gray = luminance(image)
     background = estimate_background(gray, text_height_px, parameters)
     flat = np.empty_like(image)
-    if image.ndim == 2:
-        cv2.divide(image, background, dst=flat, scale=255.0)
-        return flat
     for rows in _row_bands(*gray.shape):
         cv2.divide(image[rows], cv2.merge([background[rows]] * 3), dst=flat[rows], scale=255.0)
     return flat
@@ -86,7 +85,7 @@ def reduced_light(gray: GrayImage) -> GrayImage:
 
 
 def divide_by_light(gray: GrayImage, light: GrayImage) -> GrayImage:
-    """`gray` (H, W) divided by its `reduced_light`: bare paper becomes 255."""
+    """`gray` (H, W) divided by its light on a reduced copy: bare paper becomes 255."""
     return np.asarray(cv2.divide(gray, _enlarge(light, *gray.shape), scale=255.0), dtype=np.uint8)
 
 

@@ -1,18 +1,16 @@
 """The scripts of examples/scripts against the scripted service."""
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import httpx
-import pytest
 
 from tests.app.scripts import upload
+from tests.programs import NEEDS_CURL
 
 SCRIPTS = Path(__file__).parent.parent.parent / "examples" / "scripts"
-NEEDS_CURL = pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
 
 
 def run(client: httpx.Client, *command: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -10,12 +10,12 @@ import pytest
 
 from tests.end_to_end.forked import ROOT
 from tests.end_to_end.processes import PRODUCT, running
+from tests.programs import NEEDS_CURL
 
 ADDRESS = "127.0.0.1:8000"
 NOT_RUN = ("make ", "docker ")
 """Commands that set up and start the service; the tests themselves run in what they make."""
 STRICT_CURL = 'curl() { command curl --fail-with-body --silent --show-error "$@"; }'
-NEEDS_CURL = pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
 
 
 def commands_of(document: Path) -> str:
