@@ -6,15 +6,24 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, GrayImage, Points, RgbImage
 from services.geometry.homographies import resizing, transform_points, translation
-from services.imaging.node_grid import GRID_STEP_PX, band_nodes, between_nodes, continuous_nodes, node_grid
+from services.imaging.node_grid import (
+    GRID_STEP_PX,
+    band_nodes,
+    between_nodes,
+    continuous_nodes,
+    node_grid,
+    take_values,
+)
 from services.imaging.paper import certain_sheet
 from services.rectify.framing import FlatFrame
 from services.sheet.framing import CurvedFrame
 
 MAX_REDUCTION = 12.0
 """Most photo pixels per output pixel along one axis; a page needs fewer."""
-MASK_SIDE_PX = 2000
-"""Long side of the image on which distances from the paper's edge are taken."""
+MASK_SIDE_PX = 500
+"""Long side of the image that tells which nodes are near the paper's edge."""
+MASK_ERROR_PX = 2.0
+"""Distances in that image are off by less: half a pixel by its rounding, 5 % by OpenCV's steps of a distance."""
 TILE_NODES = 16
 """Nodes of the map's grid along the side of a tile in which the paper's edge is drawn."""
 FAR_PX = 1e6
@@ -126,23 +135,38 @@ def whiten_beyond(
         if depth.min() * depth.max() > 0 and np.abs(corners).max() < FAR_PX:
             _whiten_outside(flat, corners)
             return
-    low = paper.min(axis=0) - 2.0
-    scale = min(1.0, MASK_SIDE_PX / float(np.ptp(paper, axis=0).max()))
-    size = np.ceil((paper.max(axis=0) + 2.0 - low) * scale).astype(int) + 1
+    at = photo_nodes(frame) if nodes is None else nodes
+    _whiten_negative(flat, _distances_inside(paper, np.nan_to_num(at, nan=-FAR_PX)))
+
+
+def _distances_inside(polygon: Points, nodes: Floats) -> NDArray[np.float32]:
+    """Distances (rows, columns), px, of `nodes` (rows, columns, 2) from the sides of `polygon` (M, 2); outside below 0.
+
+    Exact at nodes of cells that a side may cross; elsewhere only the sign is, which is all that is needed there. A
+    reduced image of the polygon tells which are which.
+    """
+    low = polygon.min(axis=0) - 2.0
+    scale = min(1.0, MASK_SIDE_PX / float(np.ptp(polygon, axis=0).max()))
+    size = np.ceil((polygon.max(axis=0) + 2.0 - low) * scale).astype(int) + 1
     inside = np.zeros((size[1], size[0]), np.uint8)
-    cv2.fillPoly(inside, [np.round((paper - low) * scale * 16).astype(np.int32)], 1, shift=4)
-    distance = np.asarray(cv2.distanceTransform(inside, cv2.DIST_L2, 3), np.float32)
-    distance -= cv2.distanceTransform(1 - inside, cv2.DIST_L2, 3)
-    at = (((photo_nodes(frame) if nodes is None else nodes) - low) * scale).astype(np.float32)
-    distances = cv2.remap(
-        distance,
-        np.nan_to_num(at[..., 0], nan=-1e6),
-        np.nan_to_num(at[..., 1], nan=-1e6),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=(-GRID_STEP_PX,),
+    cv2.fillPoly(inside, [np.round((polygon - low) * scale * 16).astype(np.int32)], 1, shift=4)
+    reduced = np.asarray(cv2.distanceTransform(inside, cv2.DIST_L2, 3), np.float32)
+    reduced -= cv2.distanceTransform(1 - inside, cv2.DIST_L2, 3)
+    at = ((nodes - low) * scale).astype(np.float32)
+    distances = take_values(reduced, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT, -MASK_SIDE_PX) / np.float32(
+        scale
     )
-    _whiten_negative(flat, np.asarray(distances, np.float32))
+    unsure = MASK_ERROR_PX / scale
+    neighbours = np.ones((3, 3), np.uint8)
+    entered, left = (
+        cv2.dilate(side.astype(np.uint8), neighbours) > 0
+        for side in (distances > -unsure, distances < unsure)
+    )
+    corners = polygon.astype(np.float32)
+    for row, column in np.argwhere(entered & left):
+        x, y = nodes[row, column]
+        distances[row, column] = cv2.pointPolygonTest(corners, (float(x), float(y)), True)
+    return np.asarray(distances, np.float32)
 
 
 def _whiten_negative(flat: RgbImage, nodes: NDArray[np.float32]) -> None:

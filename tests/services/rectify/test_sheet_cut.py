@@ -301,7 +301,7 @@ def test_the_paper_s_edge_is_found_without_the_map_s_inverse() -> None:
     kept = (flat == 90).all(axis=2)
     rows, columns = np.nonzero(kept)
     found = [rows.min(), rows.max(), columns.min(), columns.max()]
-    assert found == pytest.approx([50, 250, 100, 350], abs=2)
+    assert found == pytest.approx([50, 250, 100, 350], abs=1)
     # Between nodes of the grid corners are rounded by a few pixels.
     assert kept[52:249, 108:343].all()
     assert kept[58:243, 102:349].all()
