@@ -3,29 +3,21 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numpy as np
 
-from services.arrays import Homography, Mask, Points
+from services.arrays import Homography, Points
 from services.geometry.camera import rotation_from_vector
 from services.geometry.focal_prior import FOCAL, MEASURED, FocalLengthSource, FocalPrior, typical_focal_prior
-from services.geometry.homographies import (
-    denominators,
-    jacobians,
-    scaling,
-    transform_points,
-    translation,
-)
-from services.geometry.photo_frame import PhotoFrame
+from services.geometry.homographies import denominators, jacobians
 from services.geometry.planar import MAX_TILT_RAD, PagePlane, estimate_plane
 from services.rectify.flat_lines import for_text, observe_lines, rescale_deviations
+from services.rectify.flat_text import FlatText, flatten_text
 from services.rectify.outline_plane import OutlinePlane, SheetSides
 from services.rectify.refinement import RefinedPlane, joint_cost, refine_plane
 from services.rectify.results import Notice, ShapeSource
 from services.rectify.straight_lines import StraightLines, along_axes, side_directions
+from services.sheet.developable.observations import LineObservations
 from services.sheet.evidence import PageEvidence
-from services.sheet.tracing.baselines import detect_baselines
-from services.sheet.tracing.page_text import PageText
 from services.texture_flow.field import FlowSamples, angle_difference, mean_deviation
 
 EXIF_CONTRADICTED = Notice(
@@ -45,10 +37,6 @@ EDGES_BELIEVED = Notice(
 
 STRAY_PERCENT = 1.0
 """Share of the characters, at either end of the enlargements, that may be specks far from the text."""
-FLAT_SCALE = 1.2
-"""Resolution of the flat ink over that of the text: a mapping without this surplus would merge strokes."""
-MOST_INK_PX = 8e6
-"""Bound of the flat ink's size, for every plane."""
 SMALL_DEVIATION_RAD = 1e-4
 """Deviations of the flows that differ by less are equal."""
 
@@ -72,6 +60,9 @@ class PoseParameters:
     """A side of the sheet that is off by more than both disagrees with the text."""
     rounds: int = 2
     """Fits to traced text lines: one starts from the closed form, and another one traces lines in its view."""
+    level_rad: float = np.deg2rad(0.5)
+    """Nine of ten lines of a view that are less inclined than this are found alike in a better view: `detect_baselines`
+    holds for a degree."""
     text_rad: float = np.deg2rad(1.5)
     """If the plane of the sheet's sides leaves the text lines less level than another plane by this, text and sides
     disagree."""
@@ -107,6 +98,8 @@ class PagePose:
     """Of the focal length's logarithm as the page alone shows it."""
     focal_tension: float = 0.0
     """Difference between the prior focal length and that of the page, in standard deviations."""
+    lines: LineObservations | None = None
+    """The text lines, as they were traced in the plane's view; None if its text was not looked at in that."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
@@ -161,45 +154,28 @@ def is_plausible(plane: PagePlane, text_points: Points, parameters: PoseParamete
     return bool(high < parameters.max_magnification_ratio * low and tilt < MAX_TILT_RAD)
 
 
-def flatten_ink(text: PageText, view: PhotoFrame, plane: PagePlane) -> tuple[Mask, Homography]:
-    """Ink of the text in the flat view of `plane`, at about the resolution it was found in, and H_centred_flat."""
-    H_reduced_centred = text.H_reduced_centred(view)
-    H_reduced_plane = H_reduced_centred @ plane.H_centred_plane
-    at = transform_points(np.linalg.inv(plane.H_centred_plane), view.to_centred(text.characters))
-    density = np.sqrt(np.abs(np.linalg.det(jacobians(H_reduced_plane, at))))
-    margin = 2 * text.height_px * text.factor / float(np.median(density))
-    low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
-    scale = FLAT_SCALE * float(np.median(density))
-    scale = min(scale, float(np.sqrt(MOST_INK_PX / np.prod(high - low))))
-    H_flat_plane = scaling(scale) @ translation(-float(low[0]), -float(low[1]))
-    width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
-    H_reduced_flat = H_reduced_plane @ np.linalg.inv(H_flat_plane)
-    ink = cv2.warpPerspective(
-        text.ink.astype(np.uint8) * 255,
-        H_reduced_flat,
-        (width, height),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-    )
-    return ink > 127, np.linalg.inv(H_reduced_centred) @ H_reduced_flat
-
-
 def refine_pose(
     evidence: PageEvidence,
     prior: FocalPrior,
     start: PagePlane,
     p: PoseParameters,
     sides: StraightLines | None = None,
-) -> RefinedPlane:
-    """Refine a pose in rounds: each detects text lines in the view of the one before, and uses its deviations."""
+) -> tuple[RefinedPlane, FlatText]:
+    """Refine a pose in rounds: each detects text lines in the view of the one before, and uses its deviations.
+
+    Lines that were level in the view of a round are not detected again in the next. The last view is returned too.
+    """
     e, parameters = evidence, for_text(evidence.text.height_px)
+    flat = flatten_text(e.text, e.view, start)
     for number in range(p.rounds):
-        ink, H_centred_flat = flatten_ink(e.text, e.view, start)
-        seen = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
+        seen = observe_lines(flat.baselines, flat.H_centred_flat, parameters)
         found = refine_plane(start, prior, e.major, e.minor, e.vanishing_points, seen, parameters, sides)
         if number + 1 == p.rounds or not is_plausible(found.plane, e.characters, p):
             break
         parameters, start = rescale_deviations(parameters, found.scales), found.plane
-    return found
+        if not flat.baselines.level_within(p.level_rad):
+            flat = flatten_text(e.text, e.view, start)
+    return found, flat
 
 
 def refine_with_sides(
@@ -208,16 +184,16 @@ def refine_with_sides(
     start: PagePlane,
     p: PoseParameters,
     sheet: SheetSides | None,
-) -> tuple[RefinedPlane, bool]:
-    """The refined plane, and whether the sides of the `sheet` agree with it.
+) -> tuple[RefinedPlane, FlatText, bool]:
+    """The refined plane, the text in its last view, and whether the sides of the `sheet` agree with the plane.
 
     From a wrong start the robust loss makes the sides outliers, so the plane of the sides is a second start. If the
     sides agree with its result, that is returned; else the plane of least cost of flows and sides together.
     """
     e = evidence
     if sheet is None:
-        return refine_pose(e, prior, start, p), False
-    found: list[tuple[float, RefinedPlane, bool]] = []
+        return *refine_pose(e, prior, start, p), False
+    found: list[tuple[float, RefinedPlane, FlatText, bool]] = []
     for first in (sheet.plane.plane if isinstance(sheet.plane, OutlinePlane) else None, start):
         if first is None:
             continue
@@ -225,16 +201,16 @@ def refine_with_sides(
         if not is_plausible(level, e.characters, p):
             continue
         sides = along_axes(level, sheet.lines)
-        refined = refine_pose(e, prior, level, p, sides)
+        refined, flat = refine_pose(e, prior, level, p, sides)
         agree = sides_agree(refined, sides, p)
         cost = joint_cost(refined, e.major, e.minor, e.vanishing_points, sides, for_text(e.text.height_px))
-        found.append((cost, refined, agree))
+        found.append((cost, refined, flat, agree))
         if agree and len(sides) > 2:
             break
     if not found:
-        return refine_pose(e, prior, start, p), False
-    _, refined, agree = min(found, key=lambda candidate: candidate[0])
-    return refined, agree
+        return *refine_pose(e, prior, start, p), False
+    _, refined, flat, agree = min(found, key=lambda candidate: candidate[0])
+    return refined, flat, agree
 
 
 def sides_agree(refined: RefinedPlane, sides: StraightLines, p: PoseParameters) -> bool:
@@ -276,14 +252,14 @@ def choose_pose(
     characters = e.characters
     level = level_plane(major, prior)
     start = start_plane(e, prior, p)
-    refined, agree = refine_with_sides(e, prior, start, p, sheet)
+    refined, flat, agree = refine_with_sides(e, prior, start, p, sheet)
     notices: list[Notice] = []
     tension = focal_tension(refined, prior)
     drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
     if prior.source in MEASURED and drawn > FOCAL.exif_contradiction * prior.deviation:
         notices += [EXIF_CONTRADICTED] if prior.source == "exif" else []
         prior = typical_focal_prior()
-        refined, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
+        refined, flat, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
     plane = refined.plane
     gain = p.curved_gain if kind == "curved" else p.gain
     gentle = flow_deviation(level, major, minor, p.minor_share)
@@ -340,6 +316,7 @@ def choose_pose(
         skew,
         float("inf") if plane is level else refined.log_focal_deviation,
         tension,
+        flat.lines if plane is refined.plane else None,
     )
 
 

@@ -23,12 +23,12 @@ from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane, estimate_plane
 from services.rectify.flat_lines import for_text, observe_lines
 from services.rectify.flat_lines import rescale_deviations as rescale_line_deviations
+from services.rectify.flat_text import flatten_text
 from services.rectify.photo_border import find_cut_borders
 from services.rectify.pose import (
     EXIF_CONTRADICTED,
     PagePose,
     PoseParameters,
-    flatten_ink,
     is_plausible,
     level_plane,
     refine_pose,
@@ -40,7 +40,6 @@ from services.sheet.developable.fitting import SurfaceStart, fit_surface, free_g
 from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.residuals import FittingParameters
 from services.sheet.evidence import PageEvidence
-from services.sheet.tracing.baselines import detect_baselines
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 
@@ -296,10 +295,10 @@ def _plane_fitting(e: PageEvidence, prior: FocalPrior, p: PrincipalPointParamete
     start = estimate_plane(e.vanishing_points, typical)
     if not is_plausible(start, e.characters, pose):
         start = level_plane(e.major, typical)
-    traced = refine_pose(e, typical, start, pose)
+    traced, _ = refine_pose(e, typical, start, pose)
     parameters = rescale_line_deviations(for_text(e.text.height_px), traced.scales)
-    ink, H_centred_flat = flatten_ink(e.text, e.view, traced.plane)
-    lines = observe_lines(detect_baselines(ink), H_centred_flat, parameters)
+    flat = flatten_text(e.text, e.view, traced.plane)
+    lines = observe_lines(flat.baselines, flat.H_centred_flat, parameters)
 
     def fit(principal_point: PrincipalPointPrior | None) -> _Fit:
         plane = PagePlane(traced.plane.rotation, float(np.exp(prior.log_focal)))

@@ -1,6 +1,7 @@
 """Choice of a page's shape: a plane, a bent sheet, or a creased one."""
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -24,13 +25,16 @@ from services.sheet.ridged_page import (
     sides_crease,
 )
 from services.sheet.straight_sides import straighten_sides
-from services.sheet.tracing.line_tracing import measure_straightness, trace_by_characters
+from services.sheet.tracing.line_tracing import measure_bend, measure_straightness, trace_by_characters
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 
 FEW_LINES = 10
 """Fewer lines show little of a page's shape."""
 STRAIGHT = 0.04
 """RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
+VISIBLE_BEND = 0.2
+"""RMS distance of text lines in the photo from straight ones, in text heights, from which on no plane is tried where a
+bent sheet straightens them."""
 STRAIGHT_SIDE = 0.003
 """RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
 SMOOTH_SIDE = 0.001
@@ -81,40 +85,65 @@ def choose_shape(
     notices : tuple of Notice
         Why a shape was not chosen although the page seems to have it.
     """
-    e = evidence
     seems: Literal["planar", "curved"] = (
-        discriminate_surface(e.vanishing_points, e.text.height_px) if kind == "auto" else kind
+        discriminate_surface(evidence.vanishing_points, evidence.text.height_px) if kind == "auto" else kind
     )
-    pose = choose_pose(e, prior, seems, sheet=sheet)
+    flat = _BestPlane(evidence, prior, seems, sheet)
     if kind == "planar":
-        return pose, pose.notices
-    plane = PlaneMap(np.linalg.inv(e.view.H_photo_centred) @ pose.H_photo_plane)
-    straightness = measure_straightness(plane, trace_by_characters(e.text, e.view, plane))
+        return flat.pose, flat.pose.notices
     bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
     # Four straight sides and straight lines are those of a plane, even if sparse flows contradict.
-    planar = straightness < STRAIGHT and (seems == "planar" or pose.sides_believed)
-    if kind == "auto" and planar and not bent_sides:
-        return pose, pose.notices
-    bent = choose_bent_shape(e, prior, pose, plane, straightness, outline, forced=kind == "curved")
+    if (
+        kind == "auto"
+        and not bent_sides
+        and (seems == "planar" or sheet is not None)
+        and flat.straightness < STRAIGHT
+        and (seems == "planar" or flat.pose.sides_believed)
+    ):
+        return flat.pose, flat.pose.notices
+    bent = _choose_bent_shape(evidence, prior, flat, outline, forced=kind == "curved")
     if isinstance(bent, CurvedPage | RidgedPage):
         contradicted = isinstance(bent, CurvedPage) and bent.exif_contradicted
         return bent, (EXIF_CONTRADICTED,) if contradicted else ()
+    pose = flat.pose
     if seems == "planar" or pose.sides_believed:
         return pose, pose.notices
     return pose, (why_not_bent(bent), *pose.notices)
 
 
-def choose_bent_shape(
-    e: PageEvidence,
-    prior: FocalPrior,
-    pose: PagePose,
-    plane: PlaneMap,
-    straightness: float,
-    outline: SheetOutline | None,
-    *,
-    forced: bool,
+class _BestPlane:
+    """The plane that fits best, fitted when it is first asked for: a page that is clearly bent needs none."""
+
+    def __init__(
+        self,
+        evidence: PageEvidence,
+        prior: FocalPrior,
+        seems: Literal["planar", "curved"],
+        sheet: SheetSides | None,
+    ) -> None:
+        self._evidence, self._prior, self._seems, self._sheet = evidence, prior, seems, sheet
+
+    @cached_property
+    def pose(self) -> PagePose:
+        return choose_pose(self._evidence, self._prior, self._seems, sheet=self._sheet)
+
+    @cached_property
+    def page_map(self) -> PlaneMap:
+        return PlaneMap(np.linalg.inv(self._evidence.view.H_photo_centred) @ self.pose.H_photo_plane)
+
+    @cached_property
+    def straightness(self) -> float:
+        """That of the lines in the plane's view, in text heights."""
+        lines = self.pose.lines
+        if lines is None:
+            lines = trace_by_characters(self._evidence.text, self._evidence.view, self.page_map)
+        return measure_straightness(self.page_map, lines)
+
+
+def _choose_bent_shape(
+    e: PageEvidence, prior: FocalPrior, flat: _BestPlane, outline: SheetOutline | None, *, forced: bool
 ) -> CurvedPage | RidgedPage | NoSheet | None:
-    """The bent or creased sheet that explains clearly more than the `plane` of `pose`, which leaves `straightness`.
+    """The bent or creased sheet that explains clearly more than the plane `flat`.
 
     With `forced`, any plausible one. Else the reason why none is plausible, or None if one is but explains no more.
     """
@@ -124,14 +153,14 @@ def choose_bent_shape(
         if (
             isinstance(curved, CurvedPage)
             and straightens_sides(curved, outline, e.view)
-            and (forced or explains_more(curved, pose, straightness))
+            and (forced or _explains_more(curved, flat))
         ):
             return with_straight_sides(curved, outline, e)
     ridged = None if outline is None else ridged_page(e, prior, outline)
     if isinstance(ridged, RidgedPage) and outline is not None and outline.confidence < CERTAIN_OUTLINE:
         # The outline may be that of a stack of pages or of a picture, so text decides.
         curved = curved or estimate_curved_page(e, prior)
-        if isinstance(curved, CurvedPage) and explains_more(curved, pose, straightness):
+        if isinstance(curved, CurvedPage) and _explains_more(curved, flat):
             smooth = measure_straightness(curved.page_map, trace_by_profiles(e.text, e.view, curved.page_map))
             if ridged.line_straightness > CURVED_GAIN * smooth:
                 return curved
@@ -139,6 +168,7 @@ def choose_bent_shape(
         if forced or sides_bend(outline) > STRAIGHT_SIDE:
             return ridged
         # The mesh was measured on lines that were traced by profiles; so the plane is measured on them too.
+        plane = flat.page_map
         by_profiles = measure_straightness(plane, trace_by_profiles(e.text, e.view, plane))
         if ridged.line_straightness < CURVED_GAIN * by_profiles:
             return ridged
@@ -146,7 +176,7 @@ def choose_bent_shape(
         curved = estimate_curved_page(e, prior)
     if isinstance(curved, NoSheet):
         return curved
-    return curved if forced or explains_more(curved, pose, straightness) else None
+    return curved if forced or _explains_more(curved, flat) else None
 
 
 def why_not_bent(bent: NoSheet | None) -> Notice:
@@ -206,11 +236,17 @@ def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> Ri
     )
 
 
-def explains_more(curved: CurvedPage, pose: PagePose, straightness: float) -> bool:
-    """Whether the bent sheet leaves clearly straighter lines than the plane, which leaves `straightness`.
+def _explains_more(curved: CurvedPage, flat: _BestPlane) -> bool:
+    """Whether the bent sheet leaves clearly straighter lines than the plane `flat`.
 
     If the plane leaves them straight, or there are too few lines, the flows must decide clearly.
     """
-    if straightness < STRAIGHT or curved.line_count < FEW_LINES // 2:
-        return not pose.sides_believed and curved.deviation < FLOW_GAIN * pose.deviation
-    return curved.line_straightness < CURVED_GAIN * straightness and curved.deviation < pose.deviation
+    enough = curved.line_count >= FEW_LINES // 2
+    # Every plane leaves at least this much: it maps straight lines to straight lines.
+    bend = measure_bend(curved.lines)
+    if enough and bend > VISIBLE_BEND and curved.line_straightness < CURVED_GAIN * bend:
+        return True
+    if flat.straightness < STRAIGHT or not enough:
+        return not flat.pose.sides_believed and curved.deviation < FLOW_GAIN * flat.pose.deviation
+    straighter = curved.line_straightness < CURVED_GAIN * flat.straightness
+    return straighter and curved.deviation < flat.pose.deviation

@@ -51,6 +51,11 @@ class Baselines:
     def __len__(self) -> int:
         return len(self.heights)
 
+    def level_within(self, angle_rad: float) -> bool:
+        """Whether there are lines, and nine of ten are inclined by at most this."""
+        run, rise = (self.ends - self.starts).T
+        return len(self) > 0 and float(np.percentile(np.abs(np.arctan2(rise, run)), 90)) <= angle_rad
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Paragraph:
@@ -98,8 +103,12 @@ def chain_characters(ink: Mask, parameters: BaselineParameters | None = None) ->
 
 def detect_baselines(ink: Mask) -> Baselines:
     """Text lines of `ink` (H, W) in a view whose lines are horizontal within about a degree."""
+    return fit_baselines(chain_characters(ink))
+
+
+def fit_baselines(found: CharacterRows) -> Baselines:
+    """Baselines of rows of characters that are straight and horizontal within about a degree."""
     p = BaselineParameters()
-    found = chain_characters(ink, p)
     if not found.rows:
         return _no_lines()
     rows = sorted(found.rows, key=len)

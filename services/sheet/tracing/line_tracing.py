@@ -113,8 +113,17 @@ def trace_by_characters(text: PageText, view: PhotoFrame, page_map: PageMap) -> 
 
 def trace_lines(flat: FlatInk, page_map: PageMap) -> LineObservations:
     """Observations of all text lines of the flat view, in centred coordinates of the photo."""
+    return trace_rows(chain_characters(flat.ink), page_map, flat.scale, flat.offset)
+
+
+def trace_rows(
+    found: CharacterRows, page_map: PageMap, scale: float = 1.0, offset: tuple[float, float] = (0.0, 0.0)
+) -> LineObservations:
+    """Observations of rows of characters in a flat view, in centred coordinates of the photo.
+
+    Pixel (x, y) of the view shows the page point ((x, y) + `offset`) / `scale`.
+    """
     p = TracingParameters()
-    found = chain_characters(flat.ink)
     pieces: list[Floats] = []
     index: list[NDArray[np.intp]] = []
     ends: list[tuple[float, float, float, float, float]] = []
@@ -130,7 +139,7 @@ def trace_lines(flat: FlatInk, page_map: PageMap) -> LineObservations:
         return NO_LINES
 
     def in_photo(pixels: Points) -> Points:
-        return page_map.to_photo(flat.to_page(pixels))
+        return page_map.to_photo((pixels + offset) / scale)
 
     points, line = np.concatenate(pieces), np.concatenate(index)
     seen = in_photo(points[:, :2])
@@ -155,9 +164,9 @@ def trace_lines(flat: FlatInk, page_map: PageMap) -> LineObservations:
     margins += [in_photo(rows.ends[g]) for g in find_margins(rows, "right")]
     margins = [m[np.isfinite(m).all(axis=1)] for m in margins]
     centre = seen[np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1))][None]
-    px_per_unit = flat.scale * float(np.sqrt(np.abs(np.linalg.det(page_map.jacobians(centre)[0]))))
+    px_per_unit = scale * float(np.sqrt(np.abs(np.linalg.det(page_map.jacobians(centre)[0]))))
     # Deviations are across the line in the photo: the local scale of the map converts them.
-    grow = np.linalg.norm(J[known, 1], axis=1) * flat.scale
+    grow = np.linalg.norm(J[known, 1], axis=1) * scale
     return LineObservations(
         seen,
         line,
@@ -295,4 +304,21 @@ def measure_straightness(page_map: PageMap, lines: LineObservations) -> float:
     level = np.bincount(lines.index, v, minlength=lines.count) / number
     height = lines.text_height * float(np.median(np.linalg.norm(J[:, 1], axis=1)))
     rest = np.sort(np.abs(v - level[lines.index]) / height)
+    return float(np.sqrt(np.mean(rest[: max(int(0.9 * len(rest)), 1)] ** 2)))
+
+
+def measure_bend(lines: LineObservations) -> float:
+    """RMS distance of the points from straight lines in the photo, in text heights, the worst tenth left out.
+
+    Each line's points get the straight line of least squares; lines of fewer than three points show no bend.
+    """
+    number = np.bincount(lines.index, minlength=lines.count)
+    used = number[lines.index] > 2
+    if not used.any():
+        return 0.0
+    index, points = lines.index[used], lines.points[used]
+    x, y = ((c - (np.bincount(index, c, lines.count) / np.maximum(number, 1))[index]) for c in points.T)
+    xx, yy, xy = (np.bincount(index, product, lines.count) for product in (x * x, y * y, x * y))
+    along = 0.5 * np.arctan2(2 * xy, xx - yy)[index]
+    rest = np.sort(np.abs(y * np.cos(along) - x * np.sin(along))) / lines.text_height
     return float(np.sqrt(np.mean(rest[: max(int(0.9 * len(rest)), 1)] ** 2)))

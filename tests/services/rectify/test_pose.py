@@ -10,6 +10,7 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import denominators, transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
+from services.rectify.flat_text import flatten_text
 from services.rectify.focal_length import focal_prior
 from services.rectify.outline_plane import OutlinePlane, SheetSides, read_sides
 from services.rectify.planarity import discriminate_surface
@@ -17,7 +18,6 @@ from services.rectify.pose import (
     PagePose,
     PoseParameters,
     choose_pose,
-    flatten_ink,
     flow_deviation,
     focal_source,
     is_plausible,
@@ -25,7 +25,6 @@ from services.rectify.pose import (
     most_common_direction,
 )
 from services.rectify.refinement import RefinedPlane
-from services.sheet.tracing.baselines import detect_baselines
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.scenes import POSES, View
@@ -220,18 +219,18 @@ def test_a_pose_that_is_no_number_is_not_believed() -> None:
     assert not is_plausible(PagePlane(np.full((3, 3), np.nan), 1.3), TEXT, PoseParameters())
 
 
-def test_flattened_ink_shows_level_lines(album: Album) -> None:
+def test_flattened_text_shows_level_lines(album: Album) -> None:
     shot = album["ragged"]
     plane = PagePlane(true_rotation(shot), shot.truth.focal_length_px / shot.frame.unit_px)
-    ink, H_centred_flat = flatten_ink(shot.evidence.text, shot.frame, plane)
-    lines = detect_baselines(ink)
+    found = flatten_text(shot.evidence.text, shot.frame, plane)
+    ink, lines = found.ink, found.baselines
     way = lines.ends - lines.starts
     slopes = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
     assert abs(len(lines) - len(shot.truth.visible_lines())) <= 3
     assert abs(np.average(slopes, weights=way[:, 0])) < 0.06
     # The map tells where each pixel comes from: characters lie where the photo has them.
     centred = (shot.analysis.characters - shot.frame.centre) / shot.frame.unit_px
-    flat = transform_points(np.linalg.inv(H_centred_flat), centred)
+    flat = transform_points(np.linalg.inv(found.H_centred_flat), centred)
     at = np.round(flat).astype(int)
     height, width = ink.shape
     assert (flat > 0).all()

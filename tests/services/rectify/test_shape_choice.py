@@ -11,6 +11,7 @@ from services.contract.rectify import PageKind
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap, PlaneMap
 from services.geometry.photo_frame import PhotoFrame
+from services.rectify import pose
 from services.rectify.analysis import analyse_photo
 from services.rectify.outline_plane import read_sides
 from services.rectify.pose import PagePose
@@ -147,3 +148,22 @@ def test_print_that_stands_askew_on_its_sheet_gives_no_mesh() -> None:
     found = ridged_page(evidence, prior, turned(outline, 0.2))
     assert isinstance(found, NoRidgedPage)
     assert "askew" in found.reason
+
+
+@pytest.mark.parametrize(("name", "wanted"), [("folded", RidgedPage), ("smooth", CurvedPage)])
+def test_no_plane_is_fitted_to_a_page_that_is_clearly_bent(
+    name: str, wanted: type, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evidence, outline, truth = seen(name)
+    prior = FocalPrior(float(np.log(truth.focal_length_px / VIEW.unit_px)), 0.03, "exif")
+    fitted: list[str] = []
+
+    def choose_pose(*given: object, **more: object) -> PagePose:
+        fitted.append(name)
+        return pose.choose_pose(*given, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("services.rectify.shape_choice.choose_pose", choose_pose)
+    assert isinstance(choose_shape(evidence, prior, "auto", outline, None)[0], wanted)
+    assert not fitted
+    assert isinstance(choose_shape(evidence, prior, "planar", outline, None)[0], PagePose)
+    assert fitted == [name]

@@ -14,6 +14,7 @@ from services.sheet.tracing.baselines import group_alike
 from services.sheet.tracing.line_tracing import (
     FlatInk,
     flatten_ink,
+    measure_bend,
     measure_straightness,
     sampling_maps,
     trace_lines,
@@ -336,3 +337,27 @@ def test_what_a_map_does_not_know_is_left_out() -> None:
     gone = trace_lines(flat, Known(identity(), 150.0))
     assert gone.count == 2 * 14
     assert np.isfinite(gone.points).all()
+
+
+def turned(lines: LineObservations, angle_rad: float) -> LineObservations:
+    """The same lines in a photo that was turned and pulled: straight ones stay straight."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return replace(
+        lines, points=transform_points(np.array([[c, s, 0], [-s, c, 0], [0.1, 0.3, 1.0]]), lines.points)
+    )
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 0.4, 1.5, 2.0, 3.1])
+def test_bend_is_what_no_plane_can_straighten(angle_rad: float) -> None:
+    level = np.linspace(-0.4, 0.4, 9)[:, None] + np.zeros(20)
+    u = np.linspace(-1, 1, 20)
+    tilted = straight(level + 0.1 * u)
+    assert measure_bend(tilted) == pytest.approx(0.0, abs=1e-12)
+    assert measure_bend(turned(tilted, angle_rad)) == pytest.approx(0.0, abs=1e-12)
+    assert measure_straightness(identity(), tilted) > 1
+    # A parabola of this height leaves a line by 2 / sqrt(45) of it, root mean square; the worst tenth is left out.
+    bent = turned(straight(level + 0.02 * u**2), angle_rad)
+    assert 0.5 * 2 / np.sqrt(45) < measure_bend(bent) < 1.5 * 2 / np.sqrt(45)
+    assert measure_bend(NO_LINES) == 0.0
+    pairs = replace(tilted, index=np.arange(len(tilted.points)) // 2)
+    assert measure_bend(pairs) == 0.0
