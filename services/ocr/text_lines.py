@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage
 from services.imaging.components import label_components
 from services.imaging.illumination import flatten_illumination
+from services.imaging.reduction import reduce_image
 
 _CROP_MARGIN = 0.2
 """Above and below a line in its crop, in heights of the line: dots and tails that the line's box cuts off."""
@@ -122,10 +123,8 @@ def detect_text_lines(gray: GrayImage) -> PageLines:
     """
     p = TextLineParameters()
     factor = min(1.0, p.working_long_side_px / max(gray.shape))
-    size = (max(1, round(gray.shape[1] * factor)), max(1, round(gray.shape[0] * factor)))
-    small = gray if factor == 1.0 else cv2.resize(gray, size, interpolation=cv2.INTER_AREA)
-    scale = (gray.shape[1] / size[0], gray.shape[0] / size[1])
-    small = np.asarray(small, dtype=np.uint8)
+    small = reduce_image(gray, factor)
+    scale = (gray.shape[1] / small.shape[1], gray.shape[0] / small.shape[0])
     dark = PageLines(small, scale, p, inverted=False)
     if dark.rows.mass >= p.clear_mass or dark.mass >= p.clear_mass or not _has_light_print(small, p):
         return dark

@@ -4,12 +4,12 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage
 from services.imaging.illumination import flatten_illumination
+from services.imaging.reduction import reduce_image
 from services.ocr.engine import DirectionDetector, OcrEngine
 from services.ocr.text_lines import TextLine, TextLines, cut_line, detect_text_lines
 from services.rectify.results import Orientation
@@ -29,6 +29,9 @@ class OrientationParameters:
     clear_letters: float = 20.0
     """One line of so many letters that reads so well in one orientation, and so badly in the other, is enough: right
     orientations have 0.8 and more on sharp print, wrong ones below 0.3."""
+    evident_score: float = 0.9
+    """A line of `clear_letters` that reads so well upright needs not be read upside down: of 516 lines of 81 pages six
+    of ten did, and upside down none of more than 19 letters reached 0.65."""
     few_lines: int = 3
     more_lines: int = 9
     most_crops: int = 18
@@ -75,9 +78,9 @@ class _Way:
 def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     """Estimate the turn (and flip) after which a flat page can be read.
 
-    In both orientations of the rows one line crop is read and scored by length-weighted word confidence, then three,
-    then nine, until that is decisive. If it is not, the axis of the greater text-line mass is read, then the other one
-    and mirrored orientations.
+    One line crop is read upright. If it does not read well, it is read in both orientations of the rows and scored by
+    length-weighted word confidence, then three lines, then nine, until that is decisive. If it is not, the axis of the
+    greater text-line mass is read, then the other one and mirrored orientations.
 
     Parameters
     ----------
@@ -97,6 +100,9 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     rows = _LineReader(flat, lines.rows, 0, ocr, parameters)
     if rows.mass >= parameters.clear_mass:
         # A flat page has been turned until its lines run along the rows: mostly these can be read.
+        letters, score = rows.read_first(_Way(0, False))
+        if letters >= parameters.clear_letters and score >= parameters.evident_score:
+            return Orientation(0, False, math.sqrt(score))
         found = _decide([rows], (False,), parameters)
         if (found.confidence or 0.0) >= parameters.certain_confidence:
             return found
@@ -118,9 +124,7 @@ def _ask_engine(
 ) -> Orientation:
     """Orientation by the page detection of the engine, which knows scripts whose words it cannot read."""
     factor = min(1.0, parameters.detection_long_side_px / max(flat.shape))
-    size = (max(1, round(flat.shape[1] * factor)), max(1, round(flat.shape[0] * factor)))
-    small = flat if factor == 1.0 else cv2.resize(flat, size, interpolation=cv2.INTER_AREA)
-    direction = ocr.detect_direction(flatten_illumination(np.asarray(small, dtype=np.uint8)))
+    direction = ocr.detect_direction(flatten_illumination(reduce_image(flat, factor)))
     if direction is None or direction.confidence < parameters.least_detection_confidence:
         return found
     surplus = direction.confidence / parameters.least_detection_confidence - 1.0
@@ -213,6 +217,10 @@ class _LineReader:
             for way, (count, confidence) in readings.items():
                 sums[way] += trust * count * confidence
         return total, {way: value / weights if weights else 0.0 for way, value in sums.items()}
+
+    def read_first(self, way: _Way) -> tuple[float, float]:
+        """Weighted number of letters in the most promising line, read one way, and their confidence."""
+        return self._read(0, way) if self._order else (0.0, 0.0)
 
     def _read(self, index: int, way: _Way) -> tuple[float, float]:
         """Weighted number of letters in one crop, and their confidence."""

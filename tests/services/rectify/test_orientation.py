@@ -89,13 +89,16 @@ def test_every_way_is_found(way: Orientation, inverted: bool) -> None:
 
 
 @pytest.mark.parametrize("way", WAYS[:4], ids=str)
-@pytest.mark.parametrize(("letters", "reads"), [(15, 6), (30, 2)])
-def test_clear_page_costs_two_readings_and_one_of_short_lines_six(
-    way: Orientation, letters: int, reads: int
+@pytest.mark.parametrize(
+    ("letters", "confidence", "upright", "other"), [(15, 0.95, 6, 6), (30, 0.85, 2, 2), (30, 0.95, 1, 2)]
+)
+def test_an_evident_page_costs_one_reading_a_clear_one_two_and_short_lines_six(
+    way: Orientation, letters: int, confidence: float, upright: int, other: int
 ) -> None:
-    reader = FlagReader(good=(letters * "F", 0.95))
-    estimate_orientation(laid(page_of_flags(), way), reader)
-    assert reader.reads == reads
+    reader = FlagReader(good=(letters * "F", confidence))
+    found = estimate_orientation(laid(page_of_flags(), way), reader)
+    assert (found.rotation_deg, found.mirrored) == (way.rotation_deg, way.mirrored)
+    assert reader.reads == (other if way.rotation_deg else upright)
 
 
 def test_mirrored_ways_are_not_tried_on_a_page_that_reads() -> None:
