@@ -45,20 +45,21 @@ class Halves:
 
 
 def reduce_image(
-    image: NDArray[np.uint8] | Halves, factor: float, least_side_px: int = 1
+    image: NDArray[np.uint8] | Halves, factor: float, least_side_px: int = 1, *, fine: bool = True
 ) -> NDArray[np.uint8]:
     """`image` (H, W) or (H, W, 3) at `factor` of its size (not above 1) by area averages.
 
     It is halved while at least another half remains, and then resized to the rest of `factor`. Averages of 2 x 2 pixels
-    are four times as fast as those of other areas. An odd last row or column is left out of a half, and the size is
-    rounded, so a place is off by at most half a pixel of the answer at its far ends. No side is below `least_side_px`.
+    are four times as fast as those of other areas. Where nothing `fine` such as print is sought, it is halved once
+    more. An odd last row or column is left out of a half, and the size is rounded, so a place is off by at most half a
+    pixel of the answer at its far ends. No side is below `least_side_px`.
     """
     halves, times = Halves.of(image), 0
     seen = halves.image
     if factor >= 1.0:
         return seen
-    least = min(seen.shape[:2])
-    while 2 * factor <= _LEFT_AFTER_HALVES and least >= 2 * least_side_px:
+    least, left = min(seen.shape[:2]), _LEFT_AFTER_HALVES if fine else 1.0
+    while 2 * factor <= left and least >= 2 * least_side_px:
         times, factor, least = times + 1, 2 * factor, least // 2
     seen = halves.halved(times)
     height, width = (max(round(side * factor), least_side_px) for side in seen.shape[:2])

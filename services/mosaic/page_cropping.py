@@ -11,6 +11,7 @@ from services.arrays import Floats, Mask, Points, RgbImage
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import PaperParameters, model_paper
+from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.outside_text import is_outside_text, of_text_height
 from services.mosaic.photo_graph import is_shown
@@ -167,10 +168,10 @@ def _on_sheet(photo: FlatPhoto, points: Points, p: PageCroppingParameters) -> ND
 def _colours(photo: RgbImage, points: Points, p: PageCroppingParameters) -> NDArray[np.uint8]:
     """Background colours (N, 3) of a photo at `points` (N, 2), never fully black."""
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
-    size = (max(round(photo.shape[1] * factor), 1), max(round(photo.shape[0] * factor), 1))
     kernel = np.ones((p.closing, p.closing), np.uint8)
-    blank = cv2.morphologyEx(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), cv2.MORPH_CLOSE, kernel)
-    at = np.clip(np.round((points + 0.5) * factor - 0.5).astype(int), 0, np.array(size) - 1)
+    blank = cv2.morphologyEx(reduce_image(photo, factor, fine=False), cv2.MORPH_CLOSE, kernel)
+    last = np.array(blank.shape[1::-1]) - 1
+    at = np.clip(np.round((points + 0.5) * factor - 0.5).astype(int), 0, last)
     return np.asarray(np.maximum(blank[at[:, 1], at[:, 0]], 1), np.uint8)
 
 

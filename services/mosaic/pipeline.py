@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from services.arrays import GrayImage, RgbImage
@@ -15,6 +14,7 @@ from services.geometry.homographies import translation
 from services.geometry.page_frame import turning
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
+from services.imaging.reduction import reduce_image
 from services.mosaic.composition.composed_page import compose_page
 from services.mosaic.evidence import describe_pairs, describe_patches, notices_of, unplaced_notices
 from services.mosaic.flat_photo import FlatPhoto
@@ -189,9 +189,7 @@ def typical_text_height_px(placed: Sequence[PlacedPhoto]) -> float:
 def draw_reading_view(page: RgbImage, text_height_px: float) -> GrayImage:
     """The page in gray, flat-fielded, at the size for text recognition."""
     factor = min(1.0, READING_TEXT_HEIGHT_PX / text_height_px)
-    size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
-    small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return flatten_illumination(luminance(small), text_height_px * factor)
+    return flatten_illumination(reduce_image(luminance(page), factor), text_height_px * factor)
 
 
 def turn_image(page: RgbImage, orientation: Orientation) -> RgbImage:

@@ -170,7 +170,7 @@ def find_gutter(
         return None
     widest = max(high - low for _, low, high in found)
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
-    brightness = log_brightness(reduce_image(photo, factor, least_side_px=8))
+    brightness = log_brightness(reduce_image(photo, factor, least_side_px=8, fine=False))
     gutters = []
     for slope, low, high in found:
         if high - low < p.likely_share * widest:

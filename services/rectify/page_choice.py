@@ -222,7 +222,7 @@ def _reading_direction(major: FlowSamples, minor: FlowSamples | None) -> float:
 def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoiceParameters) -> list[_Divide]:
     """Long edges across the text lines, near to which there are almost no characters."""
     factor = min(1.0, p.long_side_px / max(text.size))
-    small = reduce_image(photo, factor, least_side_px=8)
+    small = reduce_image(photo, factor, least_side_px=8, fine=False)
     size = (small.shape[1], small.shape[0])
     brightness = log_brightness(small)
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)

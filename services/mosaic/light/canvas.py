@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.imaging.node_grid import GRID_STEP_PX, between_nodes, node_grid, take_values
+from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import Placement
 
@@ -131,10 +132,7 @@ def draw_reduced(
     within = _inside(seen[:, 1:], photo.photo.shape) & _inside(seen[:, :-1], photo.photo.shape)
     step = float(np.median(steps[within])) / GRID_STEP_PX if within.any() else 1.0
     factor = min(1.0, 1.0 / max(step, 1e-6))
-    source = photo.photo
-    if factor < 1.0:
-        size = (max(round(source.shape[1] * factor), 1), max(round(source.shape[0] * factor), 1))
-        source = np.asarray(cv2.resize(source, size, interpolation=cv2.INTER_AREA), np.uint8)
+    source = reduce_image(photo.photo, factor, fine=False)
     ratio = np.array([source.shape[1] / photo.photo.shape[1], source.shape[0] / photo.photo.shape[0]])
     dense = between_nodes(((seen + 0.5) * ratio - 0.5).astype(np.float32), width, height)
     image = take_values(source, dense, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)

@@ -1,5 +1,6 @@
 """A halved image keeps places, levels and colours."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -55,3 +56,13 @@ def test_halves_are_made_once_and_reduce_as_the_image_itself() -> None:
     assert Halves.of(halves) is halves
     for factor in (0.9, 0.3, 0.11):
         assert np.array_equal(reduce_image(halves, factor), reduce_image(image, factor))
+
+
+@pytest.mark.parametrize("fine", [True, False])
+@pytest.mark.parametrize("factor", [0.11, 0.3, 0.5, 0.55, 0.66, 0.8])
+def test_reduction_averages_noise_as_areas_do(factor: float, fine: bool) -> None:
+    rng = np.random.default_rng(3)
+    noise = np.clip(rng.normal(128, 20, (600, 800)), 0, 255).astype(np.uint8)
+    small = reduce_image(noise, factor, fine=fine)
+    areas = cv2.resize(noise, (small.shape[1], small.shape[0]), interpolation=cv2.INTER_AREA)
+    assert 0.6 < float(small.std()) / float(areas.std()) < 1.05
