@@ -11,7 +11,7 @@ from services.layout.content.content_features import ContentFeatures, content_fe
 from services.layout.graph.layout_graph import build_graph
 from services.layout.learning.learned_joining import learn_joining
 from services.layout.learning.over_segmentation import over_segment
-from services.layout.matching import MatchingParameters, conditional_costs, match_directly
+from services.layout.matching import MatchingParameters, match_directly
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
@@ -169,8 +169,8 @@ def _calibrate(begun: LearningModel, seen: Sequence[Views], held_out: HeldOutTer
             # Confidences are most wrong, and most used, on the zones of segmentation.
             if view.is_found or not with_images:
                 true = label_indices(view.labelled.labels, labels)
-                judged.append(judge_labels(conditional_costs(tables, found), found, true))
-    return calibrate_labels(calibrate(costs), judged, len(seen))
+                judged.append(judge_labels(tables, found, true, len(seen) - 1))
+    return calibrate_labels(calibrate(costs), judged)
 
 
 def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:

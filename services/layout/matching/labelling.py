@@ -98,6 +98,13 @@ def conditional_costs(tables: CostTables, labels: Labels) -> Floats:
     return tables.cost(labels) + Labelling(tables, Neighbours(tables), labels).changes()
 
 
+def own_costs(tables: CostTables, labels: Labels) -> tuple[Floats, Floats]:
+    """(N,) and (N,): what zones cost with their labels by themselves, and in all their pairs."""
+    rows = np.arange(tables.zones)
+    own = tables.node[rows, labels]
+    return own, Labelling(tables, Neighbours(tables), labels).field[rows, labels] - own
+
+
 def backbone_of(tables: CostTables, labels: Labels) -> dict[int, int]:
     """Of each label in use, null left out, its representative zone: the surest one.
 

@@ -71,12 +71,6 @@ class ModelEdge:
     costs: Mapping[str, tuple[float, ...]]
 
 
-USUAL_SLOPE, USUAL_INTERCEPT = 0.5, -1.1
-"""Log odds of right labels, as a line of those of the confidence, by models of one sample. Attributes say the same
-thing several times over, so that confidences are too high; more samples make them better
-(`recognition.label_calibration`)."""
-
-
 @dataclass(frozen=True, slots=True)
 class Calibration:
     """Cost a zone that pages of the class have when they are matched: its mean and standard deviation.
@@ -84,17 +78,17 @@ class Calibration:
     `pages` says from how many pages, each view of a sample being one, that had no part in the model it was measured;
     0: both are assumed. `bias` is added to the cost of every page: what wrong decisions on classes have taught.
 
-    `label_slope` and `label_intercept` make log odds of a label's confidence those of being right; they were measured
-    on `label_zones` zones of such pages (`recognition.label_calibration`).
+    `evidence_slope` and `evidence_intercept` make the evidence of a label log odds of being right by this model; they
+    were measured on `evidence_zones` zones of such pages (`recognition.label_calibration`).
     """
 
     mean: float
     deviation: float
     pages: int
     bias: float = 0.0
-    label_slope: float = USUAL_SLOPE
-    label_intercept: float = USUAL_INTERCEPT
-    label_zones: int = 0
+    evidence_slope: float = 1.0
+    evidence_intercept: float = 0.0
+    evidence_zones: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -175,9 +175,9 @@ class _Calibration(TypedDict):
     deviation: Annotated[float, _between(1e-6, LARGEST)]
     pages: Count
     bias: NotRequired[Bias]
-    label_slope: NotRequired[Bias]
-    label_intercept: NotRequired[Bias]
-    label_zones: NotRequired[Count]
+    evidence_slope: NotRequired[Bias]
+    evidence_intercept: NotRequired[Bias]
+    evidence_zones: NotRequired[Count]
 
 
 class _NodeStatistics(TypedDict):

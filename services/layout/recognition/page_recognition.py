@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import softmax
 
 from services.layout.graph.layout_graph import MOST_NEIGHBOURS, LayoutGraph, build_graph
 from services.layout.matching import (
@@ -24,6 +23,7 @@ from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
 from services.layout.recognition.classification import classify
 from services.layout.recognition.hierarchy import MOST_CANDIDATES, Competitor, rank_models
+from services.layout.recognition.label_evidence import label_confidences, label_evidence
 from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
 
 CONTENDER = 0.02
@@ -72,9 +72,10 @@ class _Match:
     matching: Matching
     backbone: dict[int, int]
     comparable_cost: float
-    conditional: NDArray[np.float64] | None
-    """Costs (N, L) of every label of every zone given the others', of thorough matches. Not the tables themselves:
-    those of a page of 500 zones and a model of 60 labels have 300 MB, and many models may compete."""
+    confidences: NDArray[np.float64] | None = None
+    evidence: NDArray[np.float64] | None = None
+    """Of labels (N,), of thorough matches (`label_evidence`). Not the tables themselves: those of a page of 500 zones
+    and a model of 60 labels have 300 MB, and many models may compete."""
 
     @property
     def cost(self) -> float:
@@ -82,7 +83,7 @@ class _Match:
 
     @property
     def thorough(self) -> bool:
-        return self.conditional is not None
+        return self.evidence is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -255,8 +256,13 @@ def _match(
     compiled = compile_model(model.model, graph.content_names)
     tables, matching, backbone = match_graph(graph, page, compiled, parameters)
     cost = comparable_cost(graph, compiled, matching.labels)
-    conditional = conditional_costs(tables, matching.labels) if thorough else None
-    return _Match(model, compiled, matching, backbone, cost, conditional)
+    match = _Match(model, compiled, matching, backbone, cost)
+    if not thorough:
+        return match
+    conditional = conditional_costs(tables, matching.labels)
+    confidences = label_confidences(conditional, matching.labels)
+    evidence = label_evidence(tables, matching.labels, conditional, model.model.samples)
+    return replace(match, confidences=confidences, evidence=evidence)
 
 
 def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
@@ -265,17 +271,18 @@ def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
     The weights of the costs are those under which true labels are most probable given the others, so that their
     exponentials are probabilities (`scale_fitting`).
     """
-    assert match.conditional is not None, "the most probable class was matched thoroughly"
+    assert match.confidences is not None, "the most probable class was matched thoroughly"
+    assert match.evidence is not None, "evidence comes with confidences"
     chosen = match.matching.labels
-    probabilities = softmax(-match.conditional, axis=1)
     labels = match.compiled.labels
     return tuple(
         LabelledZone(
             zone=zone,
             label=labels[chosen[index]],
-            confidence=float(probabilities[index, chosen[index]]),
+            confidence=float(match.confidences[index]),
             group=labels[chosen[index]],
             order=index,
+            evidence=float(match.evidence[index]),
         )
         for index, zone in enumerate(page.zones)
     )

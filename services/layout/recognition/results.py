@@ -12,7 +12,8 @@ class LabelledZone:
     """A zone with the label that matching gave it, None for none of the model's.
 
     `confidence` is the probability, 0-1, that the label is right, given the class; `group` names the model
-    node whose zones it is grouped with (5.3); `order` is its place in reading order, from 0.
+    node whose zones it is grouped with (5.3); `order` is its place in reading order, from 0. `evidence` are log odds
+    that the label is right, from which its confidence is calibrated (`label_evidence`); None where nothing was matched.
     """
 
     zone: Zone
@@ -20,6 +21,7 @@ class LabelledZone:
     confidence: float
     group: str | None
     order: int
+    evidence: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

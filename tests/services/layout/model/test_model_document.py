@@ -215,7 +215,7 @@ DAMAGES: list[tuple[Path, Any, str]] = [
     (("calibration", "deviation"), 0.0, "calibration.deviation"),
     (("calibration", "pages"), -1, "calibration.pages"),
     (("calibration", "bias"), 1e9, "calibration.bias"),
-    (("calibration", "label_slope"), 1e9, "calibration.label_slope"),
+    (("calibration", "evidence_slope"), 1e9, "calibration.evidence_slope"),
     ((*NODE, "numeric", "left", "weight"), -0.1, "nodes[1].numeric.left.weight"),
     ((*NODE, "joining"), 1e9, "nodes[1].joining"),
     ((*NODE, "content_weights", "date"), "much", "nodes[1].content_weights.date"),
@@ -264,9 +264,9 @@ LEARNED = (
     "bias",
     "joining",
     "memory",
-    "label_slope",
-    "label_intercept",
-    "label_zones",
+    "evidence_slope",
+    "evidence_intercept",
+    "evidence_zones",
 )
 """What models of earlier releases have not."""
 NEEDED_OF_MEMORY = (

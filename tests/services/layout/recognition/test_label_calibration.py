@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from services.layout.model.layout_model import USUAL_INTERCEPT, USUAL_SLOPE, Calibration, LayoutModel
+from services.layout.matching.cost_tables import CostTables
+from services.layout.model.layout_model import Calibration, LayoutModel
 from services.layout.page import Page, Zone
 from services.layout.recognition.label_calibration import (
     HeldOutZones,
@@ -12,6 +13,7 @@ from services.layout.recognition.label_calibration import (
     judge_labels,
     with_believable_labels,
 )
+from services.layout.recognition.label_evidence import label_evidence
 from services.layout.recognition.page_recognition import VersionedModel
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 
@@ -19,65 +21,65 @@ BEGUN = Calibration(-6.0, 1.0, 3)
 
 
 def drawn(slope: float, intercept: float, zones: int, seed: int) -> HeldOutZones:
-    """Zones whose labels are right with the probability that a line of the log odds gives."""
+    """Zones whose labels are right with the probability that a line of the evidence gives."""
     rng = np.random.default_rng(seed)
-    log_odds = rng.normal(3.0, 2.0, zones)
-    return HeldOutZones(expit(log_odds), rng.random(zones) < expit(slope * log_odds + intercept))
+    evidence = rng.normal(1.5, 1.5, zones)
+    return HeldOutZones(evidence, rng.random(zones) < expit(slope * evidence + intercept))
 
 
-@pytest.mark.parametrize(("slope", "intercept"), [(0.5, -1.0), (0.8, -0.3)])
+@pytest.mark.parametrize(("slope", "intercept"), [(0.7, -1.0), (1.3, 0.4)])
 def test_the_line_of_many_zones_is_found_again(slope: float, intercept: float) -> None:
-    found = calibrate_labels(BEGUN, [drawn(slope, intercept, 3000, seed) for seed in range(4)], 4)
-    assert found.label_slope == pytest.approx(slope, abs=0.05)
-    assert found.label_intercept == pytest.approx(intercept, abs=0.12)
-    assert (found.mean, found.pages, found.label_zones) == (-6.0, 3, 12000)
+    found = calibrate_labels(BEGUN, [drawn(slope, intercept, 3000, seed) for seed in range(4)])
+    assert found.evidence_slope == pytest.approx(slope, abs=0.08)
+    assert found.evidence_intercept == pytest.approx(intercept, abs=0.12)
+    assert (found.mean, found.pages, found.evidence_zones) == (-6.0, 3, 12000)
 
 
-def test_without_held_out_pages_the_line_is_the_usual_one() -> None:
-    assert calibrate_labels(BEGUN, [], 1) == BEGUN
-    assert (BEGUN.label_slope, BEGUN.label_intercept) == (USUAL_SLOPE, USUAL_INTERCEPT)
+def test_without_held_out_pages_evidence_stays_as_it_is() -> None:
+    assert calibrate_labels(BEGUN, []) == BEGUN
+    assert (BEGUN.evidence_slope, BEGUN.evidence_intercept) == (1.0, 0.0)
 
 
 def test_a_page_of_right_labels_is_not_believed_blindly() -> None:
-    """Ten right zones raise the confidence, and leave it far from certain."""
-    right = HeldOutZones(np.full(10, 0.9), np.ones(10, bool))
-    found = calibrate_labels(BEGUN, [right], 1)
-    usual = expit(USUAL_SLOPE * np.log(9.0) + USUAL_INTERCEPT)
-    believed = expit(found.label_slope * np.log(9.0) + found.label_intercept)
-    assert usual < believed < 0.95
-    wrong = calibrate_labels(BEGUN, [HeldOutZones(right.confidence, ~right.is_right)], 1)
-    assert expit(wrong.label_slope * np.log(9.0) + wrong.label_intercept) < usual
+    """Ten right zones raise the confidence a little, ten wrong ones lower it."""
+    right = HeldOutZones(np.full(10, 1.0), np.ones(10, bool))
+    found = calibrate_labels(BEGUN, [right])
+    believed = expit(found.evidence_slope + found.evidence_intercept)
+    assert expit(1.0) < believed < 0.85
+    wrong = calibrate_labels(BEGUN, [HeldOutZones(right.evidence, ~right.is_right)])
+    assert 0.4 < expit(wrong.evidence_slope + wrong.evidence_intercept) < expit(1.0)
 
 
-def test_models_of_more_samples_are_believed_more() -> None:
-    held_out = [HeldOutZones(np.full(10, 0.9), np.arange(10) > 1)]
-    lines = [calibrate_labels(BEGUN, held_out, samples) for samples in (2, 5, 20)]
-    assert lines[0].label_intercept < lines[1].label_intercept < lines[2].label_intercept
-
-
-def test_labels_are_judged_by_their_costs() -> None:
-    conditional = np.array([[0.0, np.log(3.0)], [np.log(9.0), 0.0]])
-    judged = judge_labels(conditional, np.array([0, 1]), np.array([0, 0]))
-    assert judged.confidence == pytest.approx([0.75, 0.9])
+def test_labels_are_judged_by_their_evidence() -> None:
+    node = np.array([[0.0, np.log(3.0)], [np.log(9.0), 0.0]])
+    tables = CostTables(node, np.zeros((0, 2), np.intp), np.zeros((0, 2, 2)), np.zeros((2, 3)))
+    judged = judge_labels(tables, np.array([0, 1]), np.array([0, 0]), 4)
     assert judged.is_right.tolist() == [True, False]
+    assert judged.evidence == pytest.approx(label_evidence(tables, np.array([0, 1]), node + 0.0, 4))
 
 
-def recognition(*confidences: float, name: str = "letter") -> Recognition:
-    zones = tuple(Zone(f"z{n}", (0.0, 10.0 * n, 50.0, 10.0 * n + 8)) for n in range(len(confidences)))
+def recognition(*evidence: float | None, name: str = "letter") -> Recognition:
+    zones = tuple(Zone(f"z{n}", (0.0, 10.0 * n, 50.0, 10.0 * n + 8)) for n in range(len(evidence)))
     labelled = (
-        LabelledZone(zone, "a", confidence, "a", order)
-        for order, (zone, confidence) in enumerate(zip(zones, confidences, strict=True))
+        LabelledZone(zone, "a", 0.9, "a", order, each)
+        for order, (zone, each) in enumerate(zip(zones, evidence, strict=True))
     )
     classes = (ClassMatch(name, 1, -3.0, 0.4),)
     return Recognition(Page(100.0, 100.0, zones), tuple(labelled), None, classes)
 
 
-def test_confidences_keep_their_order_and_their_range() -> None:
+def test_confidences_are_the_line_of_the_evidence() -> None:
     model = LayoutModel("letter", 1, (), (), {}, Calibration(-5.0, 1.0, 0, 0.0, 0.5, -1.0, 40))
-    found = with_believable_labels(recognition(0.0, 0.2, 0.5, 0.9, 1.0), [VersionedModel(model, 1)])
+    found = with_believable_labels(recognition(-50.0, -1.0, 0.0, 2.0, 50.0), [VersionedModel(model, 1)])
     sure = [each.confidence for each in found.zones]
     assert sure == sorted(sure)
     assert 0.0 < sure[0] < sure[-1] < 1.0
-    assert sure[3] == pytest.approx(expit(0.5 * np.log(9.0) - 1.0))
+    assert sure[3] == pytest.approx(0.5)
+
+
+def test_what_was_not_matched_by_the_model_stays() -> None:
+    model = LayoutModel("letter", 1, (), (), {}, Calibration(-5.0, 1.0, 0))
     other = recognition(0.9, name="memo")
     assert with_believable_labels(other, [VersionedModel(model, 1)]) == other
+    unmatched = recognition(None)
+    assert with_believable_labels(unmatched, [VersionedModel(model, 1)]) == unmatched

@@ -1,0 +1,82 @@
+"""How probably a label is right, by what models of all classes have in common.
+
+The costs of a match are log likelihood ratios, from which the probability of each label follows. That is too sure where
+attributes say the same thing several times over, and it compares labels only: a zone like no zone of the samples has a
+most probable label, too. So log odds of being right are a logistic regression (Platt's scaling with more than one
+input) on the log odds of the label among all labels, on how much better the label explains the zone than a zone of any
+page is explained, and on what is known of the page and of the model.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import softmax
+
+from services.layout.matching import own_costs
+from services.layout.matching.cost_tables import CostTables
+
+EVIDENCE_FEATURES = ("constant", "log-odds", "own", "pairs", "zones", "samples")
+"""What is measured of a label; `label_features` has their order."""
+
+EVIDENCE_WEIGHTS = (0.318, 0.329, -0.346, -0.316, -0.79, 0.426)
+"""Log odds for each feature: a logistic regression on the zones that segmentation found on the pages of twelve classes
+(title pages of eight publications, real and made letters, memos, fax sheets), by models of 1 to 50 samples; each class
+and number of samples weighs the same. Without any one of the classes the weights are nearly the same."""
+
+MOST_LOG_ODDS: Final = 6.0
+"""A label that is more probable among all labels than this is hardly more often right."""
+OWN_COSTS: Final = (-12.0, 3.0)
+PAIR_COSTS: Final = (-5.0, 2.0)
+"""Costs beyond these bounds count as these. A sixth of the zones cost less by themselves: 99.8 % of their labels are
+right."""
+
+
+def label_confidences(conditional: NDArray[np.float64], labels: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Probability (N,) of each of `labels` among all labels, from `conditional_costs` (N, L)."""
+    return np.asarray(softmax(-conditional, axis=1)[np.arange(len(labels)), labels])
+
+
+def label_evidence(
+    tables: CostTables, labels: NDArray[np.intp], conditional: NDArray[np.float64], samples: int
+) -> NDArray[np.float64]:
+    """Log odds (N,) that labels are right.
+
+    Parameters
+    ----------
+    tables
+        Costs of the page's zones by the model.
+    labels
+        (N,) of the match.
+    conditional
+        (N, L) `conditional_costs` of the labels.
+    samples
+        Number of those that the model is made of.
+    """
+    return label_features(tables, labels, conditional, samples) @ EVIDENCE_WEIGHTS
+
+
+def label_features(
+    tables: CostTables, labels: NDArray[np.intp], conditional: NDArray[np.float64], samples: int
+) -> NDArray[np.float64]:
+    """`EVIDENCE_FEATURES` (N, 6) of labels; see `label_evidence`."""
+    log_odds = _log_odds(label_confidences(conditional, labels))
+    own, pairs = own_costs(tables, labels)
+    every = np.ones(len(labels))
+    return np.column_stack(
+        [
+            every,
+            log_odds,
+            np.clip(own, *OWN_COSTS),
+            np.clip(pairs, *PAIR_COSTS),
+            every * np.log(max(1, len(labels))),
+            every * np.log(max(1, samples)),
+        ]
+    )
+
+
+def _log_odds(confidence: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Log odds of probabilities, at most `MOST_LOG_ODDS` in size."""
+    least = 1.0 / (1.0 + np.exp(MOST_LOG_ODDS))
+    bounded = np.clip(confidence, least, 1.0 - least)
+    return np.asarray(np.log(bounded) - np.log1p(-bounded))

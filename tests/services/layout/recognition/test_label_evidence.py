@@ -1,0 +1,92 @@
+"""Evidence of labels: what it rises and falls with, and that zones are judged by their own costs and by their pairs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.layout.matching import conditional_costs, own_costs
+from services.layout.matching.cost_tables import CostTables
+from services.layout.recognition.label_evidence import (
+    EVIDENCE_FEATURES,
+    EVIDENCE_WEIGHTS,
+    MOST_LOG_ODDS,
+    label_confidences,
+    label_evidence,
+    label_features,
+)
+
+LABELS = np.array([1, 2, 1, 0])
+
+
+def tables(seed: int = 3) -> CostTables:
+    """Four zones, three labels, three pairs."""
+    rng = np.random.default_rng(seed)
+    pairs = np.array([[0, 1], [0, 3], [1, 2]])
+    return CostTables(
+        rng.normal(-2.0, 1.0, (4, 3)), pairs, rng.normal(0.0, 0.5, (3, 3, 3)), rng.normal(0.0, 0.2, (3, 5))
+    )
+
+
+def evidence(costs: CostTables, samples: int = 5) -> np.ndarray:
+    return label_evidence(costs, LABELS, conditional_costs(costs, LABELS), samples)
+
+
+def features(costs: CostTables, samples: int = 5) -> dict[str, np.ndarray]:
+    found = label_features(costs, LABELS, conditional_costs(costs, LABELS), samples)
+    return dict(zip(EVIDENCE_FEATURES, found.T, strict=True))
+
+
+def test_own_costs_are_those_of_zones_and_of_their_pairs() -> None:
+    """By the definition: node costs once, pair costs once for each of their zones."""
+    costs = tables()
+    own, pairs = own_costs(costs, LABELS)
+    assert own == pytest.approx(costs.node[np.arange(4), LABELS])
+    of_pairs = costs.edge[np.arange(3), LABELS[costs.pairs[:, 0]], LABELS[costs.pairs[:, 1]]]
+    wanted = np.zeros(4)
+    for (a, b), cost in zip(costs.pairs, of_pairs, strict=True):
+        wanted[[a, b]] += cost
+    assert pairs == pytest.approx(wanted)
+
+
+def test_evidence_is_the_weighted_sum_of_its_features() -> None:
+    found = features(tables())
+    wanted = sum(
+        weight * found[name] for name, weight in zip(EVIDENCE_FEATURES, EVIDENCE_WEIGHTS, strict=True)
+    )
+    assert evidence(tables()) == pytest.approx(wanted)
+    assert found["zones"] == pytest.approx(np.log(4))
+    assert found["samples"] == pytest.approx(np.log(5))
+    sure = label_confidences(conditional_costs(tables(), LABELS), LABELS)
+    assert found["log-odds"] == pytest.approx(np.log(sure / (1 - sure)))
+
+
+def test_a_zone_that_is_like_no_sample_has_less_evidence() -> None:
+    """All labels cost more by the same: their probabilities stay, the zone is explained less well."""
+    strange = tables()
+    strange.node[1] += 2.0
+    difference = evidence(strange) - evidence(tables())
+    weight = dict(zip(EVIDENCE_FEATURES, EVIDENCE_WEIGHTS, strict=True))["own"]
+    assert difference == pytest.approx([0.0, 2.0 * weight, 0.0, 0.0])
+    assert difference[1] < 0
+
+
+def test_more_samples_and_a_better_label_are_more_evidence() -> None:
+    assert np.all(evidence(tables(), 20) > evidence(tables(), 3))
+    better = tables()
+    better.node[2, 1] -= 1.0
+    assert evidence(better)[2] > evidence(tables())[2]
+    assert evidence(better)[[0, 1, 3]] == pytest.approx(evidence(tables())[[0, 1, 3]])
+
+
+def test_evidence_is_bounded_where_costs_are_huge() -> None:
+    costs = tables()
+    huge = replace(costs, node=costs.node * 1e6, edge=costs.edge * 1e6)
+    assert np.all(np.abs(evidence(huge)) < 12.0)
+    assert np.all(np.abs(features(huge)["log-odds"]) <= MOST_LOG_ODDS + 1e-9)
+
+
+def test_a_page_without_pairs_has_no_costs_of_pairs() -> None:
+    alone = CostTables(np.zeros((2, 2)), np.zeros((0, 2), np.intp), np.zeros((0, 2, 2)), np.zeros((2, 3)))
+    own, pairs = own_costs(alone, np.array([0, 1]))
+    assert own.tolist() == pairs.tolist() == [0.0, 0.0]
