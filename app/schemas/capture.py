@@ -16,8 +16,8 @@ class Advice(Answer):
     """What to do better in the next photo."""
 
     code: str = Field(
-        description="`show-all-text`, `come-closer`, `hold-still`, `focus-evenly`, `more-light`, `avoid-glare` or "
-        "`avoid-shadow`."
+        description="`show-all-text`, `come-closer`, `hold-still`, `focus-evenly`, `flatten-sheet`, `more-light`, "
+        "`avoid-glare` or `avoid-shadow`."
     )
     detail: str = Field(description="A sentence for the person who takes the photo.")
 
@@ -33,6 +33,10 @@ class Quality(Answer):
     )
     glare_fraction: float = Field(ge=0, le=1, description="Share of the text's area that is glare.")
     shadow_fraction: float = Field(ge=0, le=1, description="Share of it that is shadow without detail.")
+    line_tilt_deg: float = Field(
+        ge=0,
+        description="Mean angle of the text lines to the rows of the flat page: creased paper leaves some.",
+    )
     predicted_character_error: float = Field(
         ge=0, le=1, description="Share of the characters that OCR will probably not read right."
     )

@@ -1,6 +1,6 @@
 """Previews beside full answers: CPU seconds, and how far their meshes are apart.
 
-python -m benchmarks preview [--simulated N] [--photos NAME ...]
+python -m benchmarks preview [--simulated N] [--close N] [--photos NAME ...]
 """
 
 import argparse
@@ -17,16 +17,19 @@ from scipy.interpolate import LinearNDInterpolator
 
 from benchmarks.common.places import data_folder
 from benchmarks.common.residuals import fit_similarity
-from services.arrays import Points
+from services.arrays import Points, RgbImage
 from services.contract.images import DocumentLimits, Encoding
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
 from services.operations.rectify_documents import rectify_uploads
-from simulation.degradation import PHONE
+from simulation.degradation import PHONE, degrade
 from simulation.pages import own_pages
-from simulation.scenes import BOOK, PLANE, POSES, photograph
+from simulation.photo import simulate_photo
+from simulation.scenes import BOOK, PLANE, POSES, WAVE, photograph
 
 _SIZE = (3000, 4000)
+_BEYOND = -0.08
+"""Margin round the sheet in close photos, as a share of the photo: its sides are out of view, text decides."""
 _RUNS = 3
 """Of a preview; the least time counts."""
 
@@ -38,9 +41,25 @@ def simulated_photos(count: int) -> Iterator[tuple[str, bytes]]:
         shape, rng = (PLANE, BOOK)[index % 2], np.random.default_rng(index)
         page, view = pages[index % len(pages)], POSES[index % len(POSES)]
         photo = photograph(page, view, 0.0, shape, dirt=PHONE, rng=rng, size=_SIZE).image
-        file = io.BytesIO()
-        Image.fromarray(photo).save(file, "JPEG", quality=90)
-        yield f"{'planar' if shape is PLANE else 'bent'} {index}", file.getvalue()
+        yield f"{'planar' if shape is PLANE else 'bent'} {index}", _as_jpeg(photo)
+
+
+def close_photos(count: int) -> Iterator[tuple[str, bytes]]:
+    """Photos of 12 megapixels, planar and bent in turns, as JPEG; the sheet's sides are out of view."""
+    pages = own_pages()
+    for index in range(count):
+        shape, rng = (PLANE, BOOK, PLANE, WAVE)[index % 4], np.random.default_rng(100 + index)
+        page, view = pages[index % len(pages)], POSES[(index // 2) % len(POSES)]
+        camera = view.camera(*_SIZE)
+        pose = view.pose(page, shape, camera, margin=_BEYOND)
+        photo = degrade(simulate_photo(page, shape, 0.0, pose, camera).image, PHONE, rng)
+        yield f"close {'planar' if shape is PLANE else 'bent'} {index}", _as_jpeg(photo)
+
+
+def _as_jpeg(photo: RgbImage) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(photo).save(file, "JPEG", quality=90)
+    return file.getvalue()
 
 
 def answer(upload: bytes, *, preview: bool) -> tuple[dict[str, object], float]:
@@ -88,10 +107,11 @@ def main(arguments: Sequence[str]) -> int:
     """Print a line a photo, and medians."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks preview", description=__doc__)
     parser.add_argument("--simulated", type=int, default=6, help="simulated photos of 12 MP")
+    parser.add_argument("--close", type=int, default=4, help="of which the sheet's sides are out of view")
     parser.add_argument("--photos", nargs="*", default=[], help="files in photos or photos_more, or paths")
     asked = parser.parse_args(arguments)
     folder = data_folder(None)
-    uploads = list(simulated_photos(asked.simulated))
+    uploads = [*simulated_photos(asked.simulated), *close_photos(asked.close)]
     for name in asked.photos:
         path = next(p for p in (folder / "photos" / name, folder / "photos_more" / name) if p.is_file())
         uploads.append((name, path.read_bytes()))

@@ -1,5 +1,6 @@
 """What to do better in the next photo, with the figures that say so."""
 
+import math
 from dataclasses import dataclass
 
 from services.capture.quality import CaptureQuality
@@ -15,6 +16,9 @@ class AdviceParameters:
     """Of simulated photos, those with letters of 8 px read well only without blur; below 7 px most were lost."""
     blur_heights: float = 0.16
     """Blur, as share of the text height, above which strokes run together."""
+    line_tilt_rad: float = math.radians(2.0)
+    """Of development photos with more crooked lines half have more than 10 % of errors, of the others 2 %; of simulated
+    flat pages 1 % seem so crooked."""
     least_contrast: float = 0.3
     cut_off: float = 0.01
     light: float = 0.02
@@ -58,6 +62,13 @@ def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
             Advice(
                 "focus-evenly",
                 f"The {quality.blurred_side} third is out of focus: hold the camera parallel to the page.",
+            )
+        )
+    if quality.line_tilt_rad > p.line_tilt_rad:
+        found.append(
+            Advice(
+                "flatten-sheet",
+                "Lines of text are crooked: smooth the sheet out, or hold it flat at its corners.",
             )
         )
     if quality.contrast < p.least_contrast:

@@ -26,12 +26,12 @@ LARGEST_LETTER_PX = 40.0
 class ErrorModel:
     """Logistic model: the logit of the error is the sum of these times the features of `features_of`."""
 
-    constant: float = 4.28
-    lost_detail: float = 2.15
-    blur: float = 3.45
-    noise: float = 1.9
-    few_pixels: float = -2.0
-    """Below 0 because blur is already relative to the letters: small letters are worse by 1.45 all in all."""
+    constant: float = 4.71
+    lost_detail: float = 2.12
+    blur: float = 3.65
+    noise: float = 2.0
+    few_pixels: float = -2.07
+    """Below 0 because blur is already relative to the letters: small letters are worse by 1.58 all in all."""
     uneven_light: float = 4.0
     crooked_lines: float = 1.3
     """Share of the characters that is misread for each radian of `line_tilt_rad`."""

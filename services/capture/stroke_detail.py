@@ -78,9 +78,10 @@ def _cut(gray: GrayImage, at: Points, half: int, step: int) -> Patches:
     """Patches of 2 `half` + 1 pixels a side, each the mean of `step` x `step` pixels of the photo."""
     if step == 1:
         return cut_patches(gray, at, half)
-    side = 2 * half + 1
-    raw = cut_patches(gray, at, (side * step) // 2 + 1)[:, : side * step, : side * step]
-    return np.asarray(raw.reshape(len(raw), side, step, side, step).mean(axis=(2, 4)), np.float32)
+    # The whole photo is reduced: where letters are large, patches overlap, and together are larger than it.
+    columns, rows = max(gray.shape[1] // step, 1), max(gray.shape[0] // step, 1)
+    small = cv2.resize(gray[: rows * step, : columns * step], (columns, rows), interpolation=cv2.INTER_AREA)
+    return cut_patches(np.asarray(small, np.uint8), (at + 0.5) / step - 0.5, half)
 
 
 def _smooth(patches: Patches, sigma: float) -> Patches:

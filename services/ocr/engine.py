@@ -33,11 +33,13 @@ class OcrEngine(Protocol):
 class ReadDirection:
     """Orientation of a page: the clockwise rotation of its print (0, 90, 180 or 270 degrees).
 
-    `confidence` is the engine's own measure, without an upper bound (15 is reliable for Tesseract).
+    `confidence` is the engine's own measure, without an upper bound (15 is reliable for Tesseract). `script` is that of
+    the print by its name in Unicode or one of Tesseract's (Japanese, Hangul); empty if it is not known.
     """
 
     turned_deg: int
     confidence: float
+    script: str = ""
 
 
 @runtime_checkable
@@ -50,8 +52,8 @@ class DirectionDetector(Protocol):
 
 
 @runtime_checkable
-class LineReader(Protocol):
-    """Optional part of an engine: reads a line crop as words, without looking for lines in it."""
+class LineReader(OcrEngine, Protocol):
+    """An engine that also reads a line crop as words, without looking for lines in it."""
 
     def read_line_words(self, image: GrayImage) -> list[Word]:
         """Words of one horizontal line; boxes are in pixels of `image` (H, W) uint8."""

@@ -157,7 +157,9 @@ class TesseractEngine:
             api.Clear()
         if not found:
             return None
-        return ReadDirection(int(found["orient_deg"]) % 360, float(found["orient_conf"]))
+        return ReadDirection(
+            int(found["orient_deg"]) % 360, float(found["orient_conf"]), str(found["script_name"])
+        )
 
     def close(self) -> None:
         """Release the memory of the library."""

@@ -1,5 +1,7 @@
 """The `quality` of the HTTP contract: figures of a photo, the error to expect, advice."""
 
+import math
+
 from services.arrays import RgbImage
 from services.capture.advice import advise
 from services.capture.quality import measure_quality
@@ -31,6 +33,7 @@ def describe_quality(photo: RgbImage, result: RectifyResult, reduction: int = 1)
         "cut_off_fraction": rounded(quality.cut_off_fraction),
         "glare_fraction": rounded(quality.glare_fraction),
         "shadow_fraction": rounded(quality.shadow_fraction),
+        "line_tilt_deg": rounded(math.degrees(quality.line_tilt_rad), 2),
         "predicted_character_error": rounded(predict_character_error(quality)),
         "advice": [{"code": each.code, "detail": each.detail} for each in advise(quality)],
     }

@@ -19,7 +19,7 @@ from services.sheet.evidence import PageEvidence
 from services.sheet.tracing.page_text import PageText
 from services.texture_flow.field import FlowField, FlowSamples, move_field, resize_field
 from services.texture_flow.major import MajorFlow, MajorFlowParameters, detect_coarse_flow, refine_major_flow
-from services.texture_flow.minor import MinorFlow, estimate_minor_flow
+from services.texture_flow.minor import MinorFlow, MinorFlowParameters, estimate_minor_flow
 from services.texture_flow.text_identification import (
     FEWEST_CHARACTERS,
     IdentifiedText,
@@ -54,6 +54,7 @@ class AnalysisParameters:
     """If a larger share of the characters was left out as those of another page, the flows are measured again."""
     min_flow_samples: int = 6
     major: MajorFlowParameters = field(default_factory=MajorFlowParameters)
+    minor: MinorFlowParameters = field(default_factory=MinorFlowParameters)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -356,7 +357,7 @@ def _measure_flows(
     enlarge = strokes.factor / seen.factor
     lines = move_field(resize_field(major.field, 1 / seen.factor), (-strokes.origin[0], -strokes.origin[1]))
     lines = resize_field(lines, strokes.factor)
-    minor = estimate_minor_flow(strokes.image, area, text.text_height_px * enlarge, lines)
+    minor = estimate_minor_flow(strokes.image, area, text.text_height_px * enlarge, lines, p.minor)
     return major, minor, strokes
 
 

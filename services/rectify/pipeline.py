@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from services.arrays import GrayImage, Points, RgbImage
+from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
 from services.errors import NoText
 from services.geometry.camera import field_of_view
@@ -88,14 +88,16 @@ class FlatPage:
 
     @property
     def characters(self) -> Points:
-        """Centres of the page's characters (N, 2) in photo pixels.
+        """Centres of the page's characters (N, 2) in photo pixels."""
+        return self.analysis.characters[self.on_page]
 
-        Where the sheet's outline was used and the text was not, what lies outside is texture of the desk.
-        """
+    @property
+    def on_page(self) -> Mask:
+        """Which characters (M,) are the page's: those outside of a sheet found without text are texture of the desk."""
         found = self.analysis.characters
         if self.outline is None or not isinstance(self.shape, PagePose) or self.shape.sources != ("outline",):
-            return found
-        return found[within_polygon(self.outline.polygon, found)]
+            return np.ones(len(found), bool)
+        return within_polygon(self.outline.polygon, found)
 
     @property
     def kind(self) -> Literal["planar", "curved"]:
@@ -177,9 +179,8 @@ def flatten_page(
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
     release_freed_memory()
     with clock.stage("remap"):
-        paper: Points | None = None
-        if parameters.crop == "sheet" and page.outline is not None:
-            paper = paper_in_photo(page.outline, page.characters)
+        sheet = page.outline if parameters.crop == "sheet" else None
+        paper = None if sheet is None else paper_in_photo(sheet, page.characters)
         flat = draw_flat_view(photo, frame, outline, paper)
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
@@ -196,7 +197,7 @@ def flatten_page(
         tuple(notices),
         clock.timings_ms,
         corners_by_view(page.outline, mesh, mirrored=orientation.mirrored),
-        None if isinstance(page, TextlessPage) else sample_print(page.analysis, page.characters),
+        None if isinstance(page, TextlessPage) else sample_print(page.analysis, page.on_page),
     )
 
 

@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, Points, RgbImage
-from services.contract.rectify import PageKind, RectifyParameters
+from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_frame import mesh_of
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.analysis import AnalysisParameters, FoundText, analyse_text, find_text
+from services.imaging.reduction import Halves
+from services.rectify.analysis import AnalysisParameters, FoundText, PageAnalysis, analyse_text, find_text
 from services.rectify.focal_length import focal_prior, remembered
 from services.rectify.outline_plane import OutlinePlane, read_sides
+from services.rectify.page_choice import choose_page
 from services.rectify.pipeline import (
+    FACING_PAGE,
     FlatPage,
     describe_camera,
     describe_evidence,
@@ -52,7 +55,10 @@ from services.sheet.ridged_page import (
     turn_outline,
 )
 from services.sheet.surfaces import MeshSurface, StripsSurface
+from services.texture_flow.field import FlowSamples
 from services.texture_flow.major import MajorFlowParameters
+from services.texture_flow.minor import MinorFlowParameters
+from services.texture_flow.text_identification import keep_characters
 
 SEEMS_CURVED = Notice(
     "curved-page",
@@ -72,22 +78,28 @@ class PreviewParameters:
             major=MajorFlowParameters(
                 coarse_block=7.0,
                 coarse_step_rad=np.deg2rad(7.5),
+                fine_step_rad=np.deg2rad(1.2),
+                across_sampling=8.0,
                 max_samples=250,
                 repeats=1,
                 field_spacing=4.0,
             ),
+            minor=MinorFlowParameters(max_edges=60_000),
         )
     )
     """Print of 10 points on a full page is 5 px high then, enough to be found. The lines of a page have few bends, so
-    that fewer windows show their directions; the strokes' directions need all of theirs."""
+    that fewer windows show their directions; the strokes' directions need all of their blocks, but not all edges."""
     pose: PoseParameters = field(default_factory=lambda: PoseParameters(rounds=1))
     outline: OutlineParameters = field(
         default_factory=lambda: OutlineParameters(
-            candidates=CandidateParameters(rays=RayParameters(rays=120, samples=96, max_shift=6)),
+            candidates=CandidateParameters(
+                rays=RayParameters(rays=120, samples=96, max_shift=6), most_cut=0.15
+            ),
             improved=False,
             tried=1,
             well_rated=0.55,
             least_rating=0.5,
+            most_cut=0.1,
         )
     )
     certain_outline: float = 0.9
@@ -100,6 +112,12 @@ class PreviewParameters:
     """Least share of each side that is seen."""
     cells: int = 16
     """Columns of the mesh of a bent sheet."""
+    other_page: float = 0.1
+    """Least share of the characters on a facing page."""
+    gap: float = 2.0
+    """Width of a gutter without characters, in text heights ..."""
+    gap_slopes: tuple[float, ...] = tuple(np.linspace(-0.6, 0.6, 25).tolist())
+    """... and its slopes against the text lines' normal: perspective leaves no right angles."""
     neighbours: int = 3
     """Of a character, whose directions vote for that of the text lines."""
     direction_bins: int = 36
@@ -121,21 +139,22 @@ def preview_page(
     clock = StageClock()
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
+    halves = Halves(photo)
     with clock.stage("text"):
-        text, refusal = _find_text(photo, parameters, p)
+        text, refusal = _find_text(halves, parameters, p)
     outline: SheetOutline | None = None
     if parameters.region is None:
         with clock.stage("outline"):
             characters = None if text is None else text.characters
             height_px = None if text is None else text.text_height_px
-            outline = find_outline(photo, characters, height_px, p.outline)
+            outline = find_outline(halves, characters, height_px, p.outline)
     page: FlatPage | TextlessPage | None
     with clock.stage("shape"):
         page = _sheet_between_sides(outline, view, prior, text, parameters, p)
     if page is None:
         if text is None:
             raise refusal or NoText("neither text nor a sheet's edges are seen.")
-        page = _page_of_text(text, view, prior, outline, parameters.kind, clock, p)
+        page = _page_of_text(halves, text, view, prior, outline, parameters, clock, p)
     with clock.stage("framing"):
         if isinstance(page, TextlessPage):
             frame = frame_textless(page)
@@ -162,7 +181,7 @@ def preview_page(
 
 
 def _find_text(
-    photo: RgbImage, parameters: RectifyParameters, p: PreviewParameters
+    photo: Halves, parameters: RectifyParameters, p: PreviewParameters
 ) -> tuple[FoundText | None, NoText | None]:
     try:
         return find_text(photo, parameters.region, p.analysis), None
@@ -232,17 +251,26 @@ def _bent_sheet(
 
 
 def _page_of_text(
+    photo: Halves,
     text: FoundText,
     view: PhotoFrame,
     prior: FocalPrior,
     outline: SheetOutline | None,
-    kind: PageKind,
+    parameters: RectifyParameters,
     clock: StageClock,
     p: PreviewParameters,
 ) -> FlatPage:
     """The page by its text: a plane, or a bent sheet where a short fit explains the directions of the text better."""
+    kind = parameters.kind
     with clock.stage("texture_flow"):
         analysis = analyse_text(text, p.analysis)
+    if parameters.region is None:
+        with clock.stage("text"):
+            analysis = _without_facing_page(photo, text, analysis, p)
+    seen: tuple[Notice, ...] = ()
+    if analysis.facing_page:
+        # The outline of an opened book is not that of a single page.
+        seen, outline = (FACING_PAGE,), None
     with clock.stage("shape"):
         evidence = analysis.evidence(view)
         seems: Literal["planar", "curved"] = (
@@ -254,10 +282,52 @@ def _page_of_text(
             plane = PlaneMap(start_plane(evidence, prior, p.pose).H_centred_plane)
             bent = bend_quickly(evidence, prior, plane)
             if bent is not None:
-                return FlatPage(analysis, view, evidence.vanishing_points, bent, (), outline)
+                return FlatPage(analysis, view, evidence.vanishing_points, bent, seen, outline)
         pose = choose_pose(evidence, prior, seems, p.pose)
-    notices = pose.notices if seems == "planar" else (SEEMS_CURVED, *pose.notices)
+    notices = (*seen, *pose.notices) if seems == "planar" else (*seen, SEEMS_CURVED, *pose.notices)
     return FlatPage(analysis, view, evidence.vanishing_points, pose, notices, outline)
+
+
+def _without_facing_page(
+    photo: Halves, text: FoundText, analysis: PageAnalysis, p: PreviewParameters
+) -> PageAnalysis:
+    """`analysis` of the main page, without the text of a facing one."""
+    major, minor = analysis.major, analysis.minor
+    if not has_gap(text.characters, text.text_height_px, major, p):
+        return analysis
+    choice = choose_page(photo, text.characters, text.text_height_px, major, minor, text.paper)
+    if not choice.facing_page:
+        return analysis
+    # What was measured beside a character of the page is the page's: nothing is measured again.
+    nearest = cKDTree(text.characters)
+
+    def own(samples: FlowSamples) -> FlowSamples:
+        return samples.select(choice.kept[nearest.query(samples.points)[1]])
+
+    return replace(
+        analysis,
+        text=keep_characters(analysis.text, choice.kept),
+        major=own(major),
+        minor=None if minor is None else own(minor),
+        gutter=choice.gutter_beside(text.characters[choice.kept]),
+    )
+
+
+def has_gap(characters: Points, text_height_px: float, major: FlowSamples, p: PreviewParameters) -> bool:
+    """Whether a straight strip across the text lines, within the text, is without characters (N, 2).
+
+    Where there is none, no gutter of two pages is sought.
+    """
+    doubled = np.sum(major.weights * np.exp(2j * major.angles))
+    direction = 0.5 * float(np.angle(doubled))
+    along = characters @ np.array([np.cos(direction), np.sin(direction)])
+    across = characters @ np.array([-np.sin(direction), np.cos(direction)])
+    rest = max(int(p.other_page * len(characters)), 1)
+    for slope in p.gap_slopes:
+        places = np.sort(along - slope * across)
+        if np.diff(places[rest - 1 : 1 - rest or None]).max(initial=0.0) > p.gap * text_height_px:
+            return True
+    return False
 
 
 def line_direction(characters: Points, parameters: PreviewParameters | None = None) -> float:

@@ -2,23 +2,24 @@
 
 import numpy as np
 
-from services.arrays import Points, Vector
+from services.arrays import Mask, Vector
 from services.rectify.analysis import PageAnalysis
 from services.rectify.results import PrintSample
-from services.texture_flow.text_identification import IdentifiedText
+from services.texture_flow.text_identification import FEWEST_CHARACTERS, IdentifiedText
 
 WORD = 2.0
 """Length over height of a box, from which it is that of a word whose letters touch."""
 
 
-def sample_print(analysis: PageAnalysis, characters: Points) -> PrintSample | None:
-    """Characters of the page with their heights; None if most of what was taken for text is none.
+def sample_print(analysis: PageAnalysis, on_page: Mask) -> PrintSample | None:
+    """Characters of the page with their heights; None if there are too few for text.
 
-    `characters` (N, 2) are those that belong to the page.
+    `on_page` (N,) marks those of the characters that were found that belong to the page.
     """
-    if len(characters) == 0 or len(characters) != len(analysis.characters):
+    if np.count_nonzero(on_page) < FEWEST_CHARACTERS:
         return None
-    return PrintSample(analysis.characters, print_heights(analysis.text) / analysis.factor)
+    heights = print_heights(analysis.text) / analysis.factor
+    return PrintSample(analysis.characters[on_page], heights[on_page])
 
 
 def print_heights(text: IdentifiedText) -> Vector:

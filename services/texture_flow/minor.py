@@ -180,14 +180,18 @@ def fit_curve_peaks(curves: Floats, directions: Vector, half_width: float) -> Ve
 
 
 def estimate_minor_flow(
-    gray: GrayImage, area: Mask, text_height_px: float, major: FlowField
+    gray: GrayImage,
+    area: Mask,
+    text_height_px: float,
+    major: FlowField,
+    parameters: MinorFlowParameters | None = None,
 ) -> MinorFlow | None:
     """Minor flow of a flat-fielded image in the text `area` (H, W); None if there are no strokes.
 
     Strength curves over the half circle, smoothed over neighbouring blocks, give a coarse field. Curves of the
     deviation from that field, with narrow bins, then give the samples.
     """
-    p = MinorFlowParameters()
+    p = parameters or MinorFlowParameters()
     edges = detect_stroke_edges(gray, area, major, p)
     if len(edges.points) < p.min_edges:
         return None

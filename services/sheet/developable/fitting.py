@@ -81,7 +81,7 @@ def fit_surface(
         method="trf",
         x_scale=scale,
         max_nfev=p.max_evaluations,
-        ftol=1e-5,
+        ftol=p.least_gain,
         xtol=1e-6,
     )
     parts = residuals.parts(fit.x)

@@ -52,6 +52,8 @@ class FittingParameters(ObservationParameters):
     cauchy_flows: bool = False
     """Whether the loss of flows is Cauchy's: flows of whole parts may be wrong (pictures that were read as text)."""
     max_evaluations: int = 40
+    least_gain: float = 1e-5
+    """Relative gain of the cost below which the fit ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

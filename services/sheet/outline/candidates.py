@@ -34,14 +34,18 @@ class CandidateParameters:
     """A side is searched again beyond this multiple of its radius."""
     extended_share: float = 0.6
     """Share of a side's rays, in its middle, on which the new side must be further out."""
+    most_cut: float = 1.0
+    """Largest share of rays that leave the photo inside of the sheet. If by its colours the sheet has a larger one, no
+    other curves are sought: 1 finds also the sides that are left."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A closed clockwise curve (N, 2) on the reduced photo, and its rating."""
+    """A closed clockwise curve (N, 2) on the reduced photo, its rating, and the share `cut` off by the border."""
 
     curve: Points
     rating: float
+    cut: float
 
 
 @dataclass(slots=True, eq=False)
@@ -60,7 +64,8 @@ class _Search:
         for path in self.rays.search(sought, self.typical, self.parameters.rays):
             curve = self.rays.at(path)
             self.paths.append(path)
-            self.found.append(Candidate(curve, self.rate(curve)))
+            cut = float((path >= self.rays.last).mean())
+            self.found.append(Candidate(curve, self.rate(curve), cut))
 
     def best(self, count: int, first: int = 0) -> list[NDArray[np.intp]]:
         """Paths of the `count` best candidates from number `first` on."""
@@ -89,6 +94,8 @@ def find_candidates(
         if 1 - inside.mean() < p.least_ground:
             break
         odds_image = color_log_odds(codes, inside, ~inside)
+    if search.found[-1].cut > p.most_cut:
+        return search.found
     # By edges alone, beyond the print, or beyond its core if texture of a desk was found as print.
     core = rays.reach_of_mask(place.core).astype(np.float64)
     search.add((p.inside * rays.reach_of_hull(rays.at(reach)), 0.0), (core, 0.0))

@@ -28,7 +28,7 @@ from services.sheet.outline.edges import (
     measure_sides,
 )
 from services.sheet.outline.print_place import place_print
-from services.sheet.outline.reduced_photo import ReducedPhoto, reduce_photo
+from services.sheet.outline.reduced_photo import ReducedPhoto, medium_photo, reduce_photo
 from services.sheet.outline.results import SheetOutline, SheetSide
 from services.sheet.outline.scoring import rate_curve, rate_outline
 from services.sheet.outline.smooth_sides import smooth_sides
@@ -48,7 +48,9 @@ class OutlineParameters:
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
     least_rating: float = 0.0
-    """Candidates with a lower rating are not measured."""
+    """Candidates with a lower rating are not measured, ..."""
+    most_cut: float = 1.0
+    """... nor are those of which the photo cuts off a larger share."""
     certain: float = 0.95
     """An outline with this confidence needs no second candidate."""
     side_points: int = 60
@@ -83,7 +85,8 @@ def find_outline(
         candidates += find_candidates(reduced, place, rate, p.candidates)
         candidates.sort(key=lambda c: c.rating, reverse=True)
         # Texture of a desk may have been found as print; then the middle of the photo is the better start.
-        if candidates[0].rating >= p.well_rated or characters is None:
+        certain = candidates[0].rating >= p.well_rated or candidates[0].cut > p.candidates.most_cut
+        if certain or characters is None:
             break
     if p.improved:
         candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
@@ -91,11 +94,13 @@ def find_outline(
     distinct = [
         c for k, c in enumerate(candidates) if k == 0 or candidates[k - 1].rating - c.rating > p.alike
     ]
+    sought = [c for c in distinct[: p.tried] if c.rating >= p.least_rating and c.cut <= p.most_cut]
+    if not sought:
+        return None
+    medium = medium_photo(halves)
     best: SheetOutline | None = None
-    for candidate in distinct[: p.tried]:
-        if candidate.rating < p.least_rating:
-            break
-        outline = _measure(halves.image, reduced, candidate, p)
+    for candidate in sought:
+        outline = _measure(halves.image, reduced, medium, candidate, p)
         if outline is not None and (best is None or outline.confidence > best.confidence):
             best = outline
         if best is not None and best.confidence >= p.certain:
@@ -104,14 +109,21 @@ def find_outline(
 
 
 def _measure(
-    photo: RgbImage, reduced: ReducedPhoto, candidate: Candidate, p: OutlineParameters
+    photo: RgbImage,
+    reduced: ReducedPhoto,
+    medium: tuple[RgbImage, float],
+    candidate: Candidate,
+    p: OutlineParameters,
 ) -> SheetOutline | None:
-    """The outline near a candidate, measured in the photo; None when it has no four sides."""
-    f = reduced.medium_factor
+    """The outline near a candidate, measured in the photo; None when it has no four sides.
+
+    `medium` is the photo and its factor at which edges are followed before they are measured.
+    """
+    half, f = medium
     start = (reduced.to_photo(candidate.curve) + 0.5) * f - 0.5
-    window = reduced.window_of(reduced.medium.shape, f)
-    followed = follow_edge(reduced.medium, start, window)
-    edge = measure_closed_edge(reduced.medium, followed, window)
+    window = reduced.window_of(half.shape, f)
+    followed = follow_edge(half, start, window)
+    edge = measure_closed_edge(half, followed, window)
     corners = split_sides(edge.points, edge.shown)
     if corners is None:
         return None

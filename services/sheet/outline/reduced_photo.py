@@ -41,16 +41,13 @@ class ReducedPhoto:
     """`colors` (h, w, 3) float32: CIE Lab of the photo resized by `factor`, print closed.
 
     `contrast` is the colour difference on which an edge counts half: it is above the variation of the photo.
-    `window` (x0, y0, x1, y1), inclusive pixels, is the part that is not padding. `medium` (H, W, 3) is the photo
-    resized by `medium_factor`, with its print.
+    `window` (x0, y0, x1, y1), inclusive pixels, is the part that is not padding.
     """
 
     colors: Floats
     factor: float
     contrast: float
     window: tuple[int, int, int, int]
-    medium: RgbImage
-    medium_factor: float
 
     def to_photo(self, points: Points) -> Points:
         """Photo pixels (N, 2) of reduced ones."""
@@ -78,7 +75,6 @@ def reduce_photo(photo: RgbImage | Halves) -> ReducedPhoto:
     p = ReductionParameters()
     halves = Halves.of(photo)
     height, width = halves.image.shape[:2]
-    medium, medium_factor = _halved(halves, p.medium_long_side_px)
     factor = min(1.0, p.long_side_px / max(height, width))
     small, _ = _halved(halves, 2 * p.long_side_px)
     small = _resized(small, round(width * factor), round(height * factor))
@@ -94,9 +90,12 @@ def reduce_photo(photo: RgbImage | Halves) -> ReducedPhoto:
     closed = small.copy()
     closed[y0 : y1 + 1, x0 : x1 + 1] = cv2.medianBlur(np.ascontiguousarray(blank), 3)
     colors = cv2.cvtColor(closed.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
-    return ReducedPhoto(
-        np.asarray(colors), factor, _edge_contrast(colors, window, p), window, medium, medium_factor
-    )
+    return ReducedPhoto(np.asarray(colors), factor, _edge_contrast(colors, window, p), window)
+
+
+def medium_photo(photo: Halves) -> tuple[RgbImage, float]:
+    """The photo (H, W, 3) with its print, at the size at which edges are followed, and its factor."""
+    return _halved(photo, ReductionParameters().medium_long_side_px)
 
 
 def _edge_contrast(colors: NDArray[Any], window: tuple[int, int, int, int], p: ReductionParameters) -> float:

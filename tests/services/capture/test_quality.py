@@ -110,6 +110,7 @@ def test_without_characters_there_are_no_figures() -> None:
         ({"text_height_min_px": 7.0}, "come-closer"),
         ({"blur_px": 6.0}, "hold-still"),
         ({"blurred_side": "left"}, "focus-evenly"),
+        ({"line_tilt_rad": 0.05}, "flatten-sheet"),
         ({"contrast": 0.15}, "more-light"),
         ({"cut_off_fraction": 0.2}, "show-all-text"),
         ({"glare_fraction": 0.1}, "avoid-glare"),

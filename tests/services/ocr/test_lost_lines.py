@@ -5,7 +5,7 @@ import pytest
 
 from services.arrays import GrayImage
 from services.ocr.engine import Word
-from services.ocr.lost_lines import with_lost_lines
+from services.ocr.lost_lines import LostLineParameters, with_lost_lines
 from tests.services.ocr.pages import blank, set_lines
 
 HEIGHT = 36
@@ -100,3 +100,43 @@ def test_words_stay_without_a_sure_second_reading(
     gray, boxes = page
     words = [read(boxes[0]), read(boxes[2], 0.3)]
     assert with_lost_lines(gray, words, engine) == words
+
+
+class TwoModes(LineEngine):
+    """Reads words unsurely; as a whole line it reads `text`, surely."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(confidence=0.3)
+        self.text = text
+
+    def read_line(self, image: GrayImage) -> tuple[str, float]:
+        """The text of every line."""
+        return self.text, 0.9
+
+    def read_line_words(self, image: GrayImage) -> list[Word]:
+        """Two words of one line."""
+        (word,) = super().read_line_words(image)
+        x0, y0, x1, y1 = word.box
+        middle = (x0 + x1) / 2
+        return [Word("read", (x0, y0, middle, y1), 0.3), Word("again", (middle, y0, x1, y1), 0.3)]
+
+
+@pytest.mark.parametrize(
+    ("words", "text", "added"), [(2, "read again", 2), (2, "red again", 0), (9, "read again", 0)]
+)
+def test_an_unsure_reading_of_a_short_line_counts_if_another_mode_says_the_same(
+    words: int, text: str, added: int
+) -> None:
+    canvas = blank(1000, 360)
+    set_lines(canvas, (60, 60), 1, HEIGHT, words=words)
+    found = with_lost_lines(np.asarray(canvas, dtype=np.uint8), [], TwoModes(text))
+    assert [word.confidence for word in found] == [0.9] * added
+
+
+@pytest.mark.parametrize(("confidence", "readings"), [(0.9, 30), (0.3, LostLineParameters().most_vain)])
+def test_lines_that_read_no_better_are_soon_left_alone(confidence: float, readings: int) -> None:
+    canvas = blank(1000, 1800)
+    set_lines(canvas, (60, 60), 30, HEIGHT, words=6)
+    engine = LineEngine(confidence)
+    with_lost_lines(np.asarray(canvas, dtype=np.uint8), [], engine)
+    assert len(engine.crops) == readings

@@ -72,7 +72,7 @@ def test_direction_is_detected_where_its_data_is_installed() -> None:
             assert direction is None
         else:
             assert direction is not None
-            assert direction.turned_deg == 90 * turns
+            assert (direction.turned_deg, direction.script) == (90 * turns, "Latin")
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 400), (400, 2), (36, 5), (60, 300)])

@@ -150,7 +150,17 @@ def test_direction_of_an_unknown_script_is_asked_of_the_engine(turned_deg: int) 
     assert 0.5 <= found.confidence <= 0.9
 
 
-@pytest.mark.parametrize("direction", [None, ReadDirection(180, 5.0)])
+def test_less_confidence_is_enough_for_scripts_that_no_other_print_is_taken_for() -> None:
+    page = page_of_flags()
+    unread = ("abcdef", 0.3)
+    readers = {script: DirectedReader(good=unread, poor=unread) for script in ("Han", "Cyrillic")}
+    for script, reader in readers.items():
+        reader.directions = [ReadDirection(180, 8.0, script)]
+    assert estimate_orientation(page, readers["Han"]).rotation_deg == 180
+    assert estimate_orientation(page, readers["Cyrillic"]).rotation_deg == 0, "mirrored Latin print may be it"
+
+
+@pytest.mark.parametrize("direction", [None, ReadDirection(180, 5.0), ReadDirection(180, 5.0, "Han")])
 def test_doubtful_direction_is_not_believed(direction: ReadDirection | None) -> None:
     reader = DirectedReader(good=("abcdef", 0.3), poor=("abcdef", 0.3), directions=[direction])
     found = estimate_orientation(page_of_flags(), reader)

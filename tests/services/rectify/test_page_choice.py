@@ -11,6 +11,7 @@ from services.contract.rectify import RectifyParameters
 from services.rectify.analysis import analyse_photo
 from services.rectify.page_choice import PageChoice, choose_page
 from services.rectify.pipeline import rectify
+from services.rectify.preview import preview_page
 from simulation.degradation import PHONE, degrade, desk_texture
 from simulation.flat_page import Page
 from simulation.pages import own_pages
@@ -99,6 +100,19 @@ def test_of_two_whole_pages_one_is_shown_and_the_answer_says_so() -> None:
     inside = ((at >= 0) & (at < [left.shape[1], left.shape[0]])).all(axis=1)
     on_left = left[at[inside, 1], at[inside, 0]].mean()
     assert on_left < 0.02 or on_left > 0.98
+
+
+@pytest.mark.parametrize("shape", [PLANE, BOOK])
+def test_a_preview_by_text_shows_one_of_two_pages(shape: Plane | Cylinder) -> None:
+    photo, left = spread(0, 3, LEANING, shape)
+    seen = np.ascontiguousarray(photo[:, : 40 + SIZE[0] + 270])
+    result = preview_page(seen, RectifyParameters(upright=False))
+    assert result.evidence.source == ("text",)
+    assert "facing-page" in [notice.code for notice in result.warnings]
+    at = np.round(result.mesh[4:-4, 4:-4].reshape(-1, 2)).astype(int)
+    inside = ((at >= 0) & (at < [seen.shape[1], left.shape[0]])).all(axis=1)
+    on_left = left[at[inside, 1], at[inside, 0]].mean()
+    assert on_left < 0.02 or on_left > 0.98, "half of the nodes were on either page"
 
 
 def test_a_strip_of_a_facing_page_in_the_same_direction_is_left_out() -> None:

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from services.arrays import Points
-from services.sheet.outline.detection import find_outline
+from services.sheet.outline.candidates import CandidateParameters
+from services.sheet.outline.detection import OutlineParameters, find_outline
 from services.sheet.outline.results import SheetOutline
 from tests.services.sheet.outline.drawn import distances, draw_sheet, sides_of
 
@@ -144,3 +145,14 @@ def test_print_on_the_desk_does_not_mislead() -> None:
     )
     assert side < 0.5
     assert corner < 1.0
+
+
+def test_a_search_for_whole_sheets_ends_where_the_photo_cuts_the_sheet() -> None:
+    photo = draw_sheet(sides_of(CORNERS), SIZE)
+    cut = np.ascontiguousarray(photo[:, 220:])  # the left side is out of view
+    whole = OutlineParameters(candidates=CandidateParameters(most_cut=0.15), most_cut=0.1)
+    assert find_outline(photo, parameters=whole) is not None
+    assert find_outline(cut, parameters=whole) is None
+    left = find_outline(cut)
+    assert left is not None, "all sides that are in view are found otherwise"
+    assert sorted(side.seen > 0.3 for side in left.sides) == [False, True, True, True]
