@@ -42,16 +42,19 @@ Judged = tuple[NDArray[np.float64], NDArray[np.bool_]]
 """Confidences (N,) of zones, and which of their labels are right."""
 
 
+def splits_of(pages: int, size: str, number: int) -> list[tuple[list[int], list[int]]]:
+    """(samples, tested): `number` draws of `size` samples, or folds of all."""
+    if size == "all":
+        return list(folds(pages, FOLDS))
+    drawn = draws(pages, int(size), number, seed=7)
+    return [(each, [at for at in range(pages) if at not in each]) for each in drawn]
+
+
 def judge_zones(photos: Sequence[Photo], size: str) -> Judged:
     """Zones of pages that models of `size` samples have labelled, over draws or folds."""
-    if size == "all":
-        splits = list(folds(len(photos), FOLDS))
-    else:
-        drawn = draws(len(photos), int(size), DRAWS, seed=7)
-        splits = [(each, [at for at in range(len(photos)) if at not in each]) for each in drawn]
     confidence: list[float] = []
     is_right: list[bool] = []
-    for learned, tested in splits:
+    for learned, tested in splits_of(len(photos), size, DRAWS):
         model = make_model("class", [(photos[at].true, photos[at].own) for at in learned])
         for at in tested:
             seen = recognize_finely(photos[at].fine, model)

@@ -168,9 +168,11 @@ def _measure(task: tuple[str, str]) -> tuple[str, str, Counts]:
     return *task, measure_size(options.photos[task[0]], task[1], options.ways)
 
 
-def load_pages(name: str, data: str | None, limit: int | None) -> list[LabelledPage]:
-    """Pages of one of the `SETS`."""
-    folder, class_name = SETS[name]
+def load_pages(
+    name: str, data: str | None, limit: int | None, sets: Mapping[str, tuple[str, str | None]] = SETS
+) -> list[LabelledPage]:
+    """Pages of one of the `sets`."""
+    folder, class_name = sets[name]
     pages = [page for page in load_set(folder, data) if class_name in (None, page.class_name)]
     return pages[:limit]
 

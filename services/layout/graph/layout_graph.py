@@ -43,6 +43,11 @@ class LayoutGraph:
     def zones(self) -> int:
         return len(self.numeric)
 
+    @property
+    def is_read(self) -> bool:
+        """Whether the page's text was read, so that the content of its zones is known."""
+        return not np.isnan(self.content).any()
+
     def descriptor_indicators(self) -> NDArray[np.float64]:
         """(E, D) with a one for each relation's descriptor, D of all relations side by side."""
         indicators = np.zeros((len(self.pairs), RELATION_OFFSETS[-1]))

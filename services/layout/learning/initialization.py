@@ -169,7 +169,7 @@ def _calibrate(begun: LearningModel, seen: Sequence[Views], held_out: HeldOutTer
             # Confidences are most wrong, and most used, on the zones of segmentation.
             if view.is_found or not with_images:
                 true = label_indices(view.labelled.labels, labels)
-                judged.append(judge_labels(tables, found, true, len(seen) - 1))
+                judged.append(judge_labels(tables, found, true, len(seen) - 1, is_read=graph.is_read))
     return calibrate_labels(calibrate(costs), judged)
 
 

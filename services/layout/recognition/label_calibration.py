@@ -40,10 +40,10 @@ class HeldOutZones:
 
 
 def judge_labels(
-    tables: CostTables, chosen: NDArray[np.intp], true: NDArray[np.intp], samples: int
+    tables: CostTables, chosen: NDArray[np.intp], true: NDArray[np.intp], samples: int, *, is_read: bool
 ) -> HeldOutZones:
     """Zones of one held-out page, from its costs by a model of the other `samples`."""
-    evidence = label_evidence(tables, chosen, conditional_costs(tables, chosen), samples)
+    evidence = label_evidence(tables, chosen, conditional_costs(tables, chosen), samples, is_read=is_read)
     return HeldOutZones(evidence, chosen == true)
 
 

@@ -261,7 +261,9 @@ def _match(
         return match
     conditional = conditional_costs(tables, matching.labels)
     confidences = label_confidences(conditional, matching.labels)
-    evidence = label_evidence(tables, matching.labels, conditional, model.model.samples)
+    evidence = label_evidence(
+        tables, matching.labels, conditional, model.model.samples, is_read=graph.is_read
+    )
     return replace(match, confidences=confidences, evidence=evidence)
 
 

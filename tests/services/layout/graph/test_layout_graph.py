@@ -88,9 +88,11 @@ def test_content_is_unknown_only_where_nothing_was_read() -> None:
     assert graph.content_names == (*NAMES, *DERIVED_FEATURES)
     kinds = len(KIND_FEATURES)
     assert np.isnan(graph.content[:, :-kinds]).all()
+    assert not graph.is_read
     assert (graph.content[:, -kinds:] == 0).all(), "kinds are known without reading"
     read = Page(100, 100, (Zone("a", (0, 0, 9, 9), content={"date": 0.7}), Zone("b", (0, 20, 9, 29))))
     np.testing.assert_array_equal(build_graph(read, NAMES).content[:, :2], [[0.7, 0.0], [0.0, 0.0]])
+    assert build_graph(read, NAMES).is_read
 
 
 def test_kinds_of_zones_are_content() -> None:

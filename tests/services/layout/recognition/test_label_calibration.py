@@ -50,12 +50,15 @@ def test_a_page_of_right_labels_is_not_believed_blindly() -> None:
     assert 0.4 < expit(wrong.evidence_slope + wrong.evidence_intercept) < expit(1.0)
 
 
-def test_labels_are_judged_by_their_evidence() -> None:
+@pytest.mark.parametrize("is_read", [True, False])
+def test_labels_are_judged_by_their_evidence(is_read: bool) -> None:
     node = np.array([[0.0, np.log(3.0)], [np.log(9.0), 0.0]])
     tables = CostTables(node, np.zeros((0, 2), np.intp), np.zeros((0, 2, 2)), np.zeros((2, 3)))
-    judged = judge_labels(tables, np.array([0, 1]), np.array([0, 0]), 4)
+    judged = judge_labels(tables, np.array([0, 1]), np.array([0, 0]), 4, is_read=is_read)
     assert judged.is_right.tolist() == [True, False]
-    assert judged.evidence == pytest.approx(label_evidence(tables, np.array([0, 1]), node + 0.0, 4))
+    assert judged.evidence == pytest.approx(
+        label_evidence(tables, np.array([0, 1]), node + 0.0, 4, is_read=is_read)
+    )
 
 
 def recognition(*evidence: float | None, name: str = "letter") -> Recognition:

@@ -9,8 +9,9 @@ from services.layout.matching import conditional_costs, own_costs
 from services.layout.matching.cost_tables import CostTables
 from services.layout.recognition.label_evidence import (
     EVIDENCE_FEATURES,
-    EVIDENCE_WEIGHTS,
-    MOST_LOG_ODDS,
+    READ,
+    UNREAD,
+    Evidence,
     label_confidences,
     label_evidence,
     label_features,
@@ -28,12 +29,19 @@ def tables(seed: int = 3) -> CostTables:
     )
 
 
-def evidence(costs: CostTables, samples: int = 5) -> np.ndarray:
-    return label_evidence(costs, LABELS, conditional_costs(costs, LABELS), samples)
+def with_own_cost(cost: float) -> CostTables:
+    """The tables with another cost of the second zone by itself; its labels keep their probabilities."""
+    costs = tables()
+    costs.node[1] += cost - costs.node[1, LABELS[1]]
+    return costs
 
 
-def features(costs: CostTables, samples: int = 5) -> dict[str, np.ndarray]:
-    found = label_features(costs, LABELS, conditional_costs(costs, LABELS), samples)
+def evidence(costs: CostTables, samples: int = 5, kind: Evidence = READ) -> np.ndarray:
+    return label_evidence(costs, LABELS, conditional_costs(costs, LABELS), samples, is_read=kind is READ)
+
+
+def features(costs: CostTables, samples: int = 5, kind: Evidence = READ) -> dict[str, np.ndarray]:
+    found = label_features(costs, LABELS, conditional_costs(costs, LABELS), samples, kind)
     return dict(zip(EVIDENCE_FEATURES, found.T, strict=True))
 
 
@@ -49,24 +57,23 @@ def test_own_costs_are_those_of_zones_and_of_their_pairs() -> None:
     assert pairs == pytest.approx(wanted)
 
 
-def test_evidence_is_the_weighted_sum_of_its_features() -> None:
-    found = features(tables())
-    wanted = sum(
-        weight * found[name] for name, weight in zip(EVIDENCE_FEATURES, EVIDENCE_WEIGHTS, strict=True)
-    )
-    assert evidence(tables()) == pytest.approx(wanted)
+@pytest.mark.parametrize("kind", [READ, UNREAD])
+def test_evidence_is_the_weighted_sum_of_its_features(kind: Evidence) -> None:
+    found = features(tables(), kind=kind)
+    wanted = sum(weight * found[name] for name, weight in zip(EVIDENCE_FEATURES, kind.weights, strict=True))
+    assert evidence(tables(), kind=kind) == pytest.approx(wanted)
     assert found["zones"] == pytest.approx(np.log(4))
     assert found["samples"] == pytest.approx(np.log(5))
     sure = label_confidences(conditional_costs(tables(), LABELS), LABELS)
     assert found["log-odds"] == pytest.approx(np.log(sure / (1 - sure)))
 
 
-def test_a_zone_that_is_like_no_sample_has_less_evidence() -> None:
+@pytest.mark.parametrize("kind", [READ, UNREAD])
+def test_a_zone_that_is_like_no_sample_has_less_evidence(kind: Evidence) -> None:
     """All labels cost more by the same: their probabilities stay, the zone is explained less well."""
-    strange = tables()
-    strange.node[1] += 2.0
-    difference = evidence(strange) - evidence(tables())
-    weight = dict(zip(EVIDENCE_FEATURES, EVIDENCE_WEIGHTS, strict=True))["own"]
+    usual, strange = with_own_cost(-1.0), with_own_cost(1.0)
+    difference = evidence(strange, kind=kind) - evidence(usual, kind=kind)
+    weight = dict(zip(EVIDENCE_FEATURES, kind.weights, strict=True))["own"]
     assert difference == pytest.approx([0.0, 2.0 * weight, 0.0, 0.0])
     assert difference[1] < 0
 
@@ -79,11 +86,19 @@ def test_more_samples_and_a_better_label_are_more_evidence() -> None:
     assert evidence(better)[[0, 1, 3]] == pytest.approx(evidence(tables())[[0, 1, 3]])
 
 
-def test_evidence_is_bounded_where_costs_are_huge() -> None:
+@pytest.mark.parametrize("kind", [READ, UNREAD])
+def test_evidence_is_bounded_where_costs_are_huge(kind: Evidence) -> None:
     costs = tables()
     huge = replace(costs, node=costs.node * 1e6, edge=costs.edge * 1e6)
-    assert np.all(np.abs(evidence(huge)) < 12.0)
-    assert np.all(np.abs(features(huge)["log-odds"]) <= MOST_LOG_ODDS + 1e-9)
+    assert np.all(np.abs(evidence(huge, kind=kind)) < 12.0)
+    assert np.all(np.abs(features(huge, kind=kind)["log-odds"]) <= kind.most_log_odds + 1e-9)
+
+
+def test_own_costs_of_unread_pages_tell_strange_zones_only() -> None:
+    """Below -3 a lower own cost says nothing of a page that was not read, and more of one that was."""
+    well, better = with_own_cost(-4.0), with_own_cost(-6.0)
+    assert evidence(better, kind=UNREAD) == pytest.approx(evidence(well, kind=UNREAD))
+    assert evidence(better, kind=READ)[1] > evidence(well, kind=READ)[1] + 0.5
 
 
 def test_a_page_without_pairs_has_no_costs_of_pairs() -> None:
