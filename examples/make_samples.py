@@ -36,7 +36,7 @@ def make_samples(folder: Path = FOLDER) -> None:
 def _make_photos(folder: Path) -> None:
     """A photo of a bent page on a desk, as a phone takes it."""
     page = own_pages(1100, 1700)[0]
-    taken = photograph(page, POSES[0], 0.05, BOOK, dirt=PHONE, rng=np.random.default_rng(1), size=PHOTO_PX)
+    taken = photograph(page, POSES[0], 0.0, BOOK, dirt=PHONE, rng=np.random.default_rng(1), size=PHOTO_PX)
     photo = Image.fromarray(taken.image)
     photo.save(folder / "photo.jpg", quality=75)
     register_heif_opener()
