@@ -101,6 +101,14 @@ def draw_flat_view(
     return flat
 
 
+def places_in_view(frame: FlatFrame | CurvedFrame, photo: Points) -> Points:
+    """Pixels (M, 2) of the view at which the points `photo` (N, 2) are seen, of those that it shows."""
+    with np.errstate(all="ignore"):
+        flat = frame.to_flat(photo)
+        seen = ((flat >= 0) & (flat <= [frame.width - 1, frame.height - 1])).all(axis=1)
+    return flat[seen]
+
+
 def photo_nodes(frame: FlatFrame | CurvedFrame) -> Floats:
     """Photo pixels (rows, columns, 2) of the nodes of the view's grid; NaN where the page's model ends."""
     grid, shape = node_grid(0, 0, frame.width, frame.height)

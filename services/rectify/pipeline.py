@@ -15,12 +15,12 @@ from services.geometry.page_frame import TEXT_FRAMING, mesh_of, resize_frame, tu
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.heap import release_freed_memory
-from services.imaging.illumination import normalize_illumination
+from services.imaging.normalization import normalize_illumination
 from services.imaging.paper import certain_sheet
 from services.imaging.reduction import Halves
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
-from services.rectify.drawing import draw_flat_view, draw_gray_view
+from services.rectify.drawing import draw_flat_view, draw_gray_view, places_in_view
 from services.rectify.edge_cropping import crop_to_gutter, within_gutter
 from services.rectify.focal_length import focal_prior, remembered
 from services.rectify.framing import FlatFrame, frame_page
@@ -184,7 +184,8 @@ def flatten_page(
         flat = draw_flat_view(photo, frame, outline, paper)
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
-            flat = normalize_illumination(flat)
+            known = isinstance(page, FlatPage)
+            flat = normalize_illumination(flat, places_in_view(frame, page.characters) if known else None)
     mesh = np.asarray(mesh_of(frame), np.float64)
     return RectifyResult(
         flat,

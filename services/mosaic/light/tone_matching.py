@@ -9,13 +9,9 @@ from numpy.typing import NDArray
 
 from services.arrays import Mask, Points
 from services.contract.rectify import Illumination
-from services.imaging.illumination import (
-    Levels,
-    NormalizationParameters,
-    level_coefficients,
-    measure_levels,
-)
+from services.imaging.levels import Levels, NormalizationParameters, level_coefficients, measure_levels
 from services.imaging.node_grid import take_values
+from services.imaging.pictures import find_pictures, levels_beside_pictures
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.light.canvas import (
     CELL_PX,
@@ -33,14 +29,11 @@ from services.mosaic.light.light_field import (
     spread,
     to_cells,
 )
-from services.mosaic.light.pictures import find_pictures
 from services.mosaic.light.tones import ToneMap
 from services.mosaic.placing.placement import Placement
 
 PAPER_QUANTILE = 0.95
 """Share of the bright levels that are at most paper's: glare is brighter."""
-PICTURE_EDGE_PX = 5
-"""Width over which the edge of a picture's mask is softened, pixels of the map of levels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,20 +195,7 @@ def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
     levels = measure_levels(image)
     if levels is None:
         return None
-    pictures = find_pictures(levels, lights.inner)
-    if not pictures.any():
-        return levels
-    beside = (levels.measured * ~pictures).astype(np.float32)
-    filled = spread(to_cells(levels.paper * beside)[..., None], to_cells(beside), p.windows_cells)
-    size = (image.shape[1], image.shape[0])
-    covered = cv2.resize(pictures.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-    paper = cv2.resize(filled[..., 0], size, interpolation=cv2.INTER_LINEAR)
-    image[covered] = np.clip(paper[covered] + 0.5, 1, 255).astype(np.uint8)[:, None]
-    again = measure_levels(image)
-    if again is None:
-        return levels
-    softened = cv2.blur((~pictures).astype(np.float32), (PICTURE_EDGE_PX, PICTURE_EDGE_PX))
-    return Levels(again.paper, again.ink, np.asarray(again.measured * softened, np.float32))
+    return levels_beside_pictures(image, levels, find_pictures(levels, lights.inner))
 
 
 def _page_image(lights: MatchedLight, p: ToneParameters) -> NDArray[np.uint8]:

@@ -14,8 +14,8 @@ from services.imaging.illumination import (
     BackgroundParameters,
     estimate_background,
     flatten_illumination,
-    normalize_illumination,
 )
+from services.imaging.normalization import normalize_illumination
 
 PAPER = 220.0
 

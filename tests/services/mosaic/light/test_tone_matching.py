@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.arrays import RgbImage
-from services.imaging.illumination import normalize_illumination
+from services.imaging.normalization import normalize_illumination
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.light.tones import ToneMap, apply_tones

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.imaging.illumination import Levels
-from services.mosaic.light.pictures import find_pictures
+from services.imaging.levels import Levels
+from services.imaging.pictures import find_pictures
 
 SHAPE = (400, 300)
 DIP = (slice(120, 220), slice(80, 200))

@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats, Mask
-from services.imaging.illumination import Levels
+from services.arrays import Floats, Mask, Points, RgbImage
+from services.imaging.channels import BLACK_LEVELS, log_brightness
+from services.imaging.illumination import reduced_copy
+from services.imaging.levels import Levels, NormalizationParameters, fill_unknown_levels, measure_levels
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,14 @@ class PictureParameters:
     """A picture that covers this share of its upright bounding box is extended to the box; the rest is bright parts."""
     rim: float = 1 / 100
     """Margin around a picture in which the background is not yet that of paper."""
+    softness_px: int = 5
+    """Width over which the edge of a picture's mask is softened, pixels of the map of levels."""
+    most_characters: int = 4
+    """A dark part of a single photo with more characters of text is paper in a shadow."""
+    spread: float = 0.2
+    """Least deviation of the logarithm of a gray picture's brightness; creases and shadows on bare paper vary less."""
+    tint: float = 0.2
+    """From this difference of log channels to the paper a part is coloured, and no shadow or aged margin of a book."""
 
 
 def find_pictures(levels: Levels, inner: Mask | None = None) -> Mask:
@@ -87,6 +97,69 @@ def find_pictures(levels: Levels, inner: Mask | None = None) -> Mask:
     return np.asarray(grown > 0)
 
 
+def pictures_without_text(levels: Levels, image: RgbImage, characters: Points) -> Mask:
+    """Mask (h, w as the `levels`) of those pictures in one photo's flat view that are certainly no paper.
+
+    In a photo whose light was not matched with others a shadow may look like a picture. So a picture shows none of the
+    `characters` (N, 2), which are places of text in pixels of `image` (H, W, 3), and it varies or is coloured. A gray
+    one does not reach the view's border, since shadows of hands and of a book's other page do.
+    """
+    p = PictureParameters()
+    found = find_pictures(levels)
+    height, width = found.shape
+    small = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    paper = (levels.measured > 0.5) & ~found
+    tint = _tints(small, paper) if paper.any() else np.zeros(found.shape)
+    window = _odd(p.window * max(height, width))
+    dark = _dark_amid_paper(levels.paper, window, p.darkest_paper, to_border=True)
+    coloured, _ = _parts(dark & (tint >= p.tint), _odd(p.holes * max(height, width)))
+    rim = np.ones((_odd(2 * p.rim * max(height, width)),) * 2, np.uint8)
+    found |= cv2.dilate((coloured > 0).astype(np.uint8), rim) > 0
+    count, labels = cv2.connectedComponents(found.astype(np.uint8))
+    if count == 1:
+        return found
+    parts = np.asarray(labels, np.int32)
+    scale = np.array([width / image.shape[1], height / image.shape[0]])
+    columns, rows = np.clip((characters * scale).astype(int), 0, [width - 1, height - 1]).T
+    text = np.bincount(parts[rows, columns], minlength=count)
+    brightness = log_brightness(np.asarray(cv2.medianBlur(small, 2 * p.softness_px + 1), np.uint8))
+    inner = np.zeros_like(found)
+    inner[1:-1, 1:-1] = True
+    at_border = np.bincount(parts[~inner], minlength=count) > 0
+    means = _shares(parts, count, brightness)
+    spread = np.sqrt(_shares(parts, count, np.square(brightness - means[parts])))
+    is_coloured = _shares(parts, count, tint) >= p.tint
+    is_picture = (text <= p.most_characters) & (is_coloured | ((spread >= p.spread) & ~at_border))
+    is_picture[0] = False
+    return np.asarray(is_picture[parts])
+
+
+def levels_beside_pictures(image: RgbImage, levels: Levels, pictures: Mask) -> Levels:
+    """`levels` of `image`, measured again with its `pictures` replaced by the paper around; these are not measured."""
+    p = PictureParameters()
+    beside = (levels.measured > 0.5) & ~pictures
+    if not pictures.any() or not beside.any():
+        return levels
+    around = fill_unknown_levels(levels.paper, beside.astype(np.float32), p.holes * max(pictures.shape))
+    copy = reduced_copy(image, NormalizationParameters().working_long_side_px)[0].copy()
+    size = (copy.shape[1], copy.shape[0])
+    covered = cv2.resize(pictures.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    paper = cv2.resize(around, size, interpolation=cv2.INTER_LINEAR)
+    copy[covered] = np.clip(paper[covered] + 0.5, 1, 255).astype(np.uint8)[:, None]
+    again = measure_levels(copy)
+    if again is None:
+        return levels
+    softened = cv2.blur((~pictures).astype(np.float32), (p.softness_px, p.softness_px))
+    return Levels(again.paper, again.ink, np.asarray(again.measured * softened, np.float32))
+
+
+def _tints(image: RgbImage, paper: Mask) -> Floats:
+    """Largest difference (h, w) of the log channels of `image` to those of its `paper`, both without brightness."""
+    channels = np.log(image.astype(np.float32) + np.float32(BLACK_LEVELS))
+    hue = channels - channels.mean(axis=2, keepdims=True)
+    return np.asarray(np.abs(hue - np.median(hue[paper], axis=0)).max(axis=2))
+
+
 def _parts(mask: Mask, holes: int) -> tuple[NDArray[np.int32], int]:
     """Label of the connected part of `mask` at every pixel, 0 for none, and the number of labels.
 
@@ -100,8 +173,8 @@ def _parts(mask: Mask, holes: int) -> tuple[NDArray[np.int32], int]:
     return np.asarray(labels, np.int32), count
 
 
-def _shares(parts: NDArray[np.int32], count: int, evidence: Mask) -> Floats:
-    """Share of `evidence` in each part (count,)."""
+def _shares(parts: NDArray[np.int32], count: int, evidence: Mask | Floats) -> Floats:
+    """Mean of `evidence` in each part (count,)."""
     area = np.bincount(parts.ravel(), minlength=count)
     return np.asarray(np.bincount(parts.ravel(), evidence.ravel(), count) / np.maximum(area, 1))
 

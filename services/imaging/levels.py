@@ -1,0 +1,216 @@
+"""Levels of paper and ink over a page: the two modes of its local histograms (dissertation 4.4)."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import GrayImage, Mask, RgbImage
+from services.imaging.channels import luminance, strongest_channel
+from services.imaging.illumination import (
+    BackgroundParameters,
+    enlarged,
+    odd_size,
+    reduced_copy,
+    small_background,
+)
+
+_NEIGHBOURS = tuple((rows, columns) for rows in range(3) for columns in range(3))
+
+
+@dataclass(frozen=True, slots=True)
+class NormalizationParameters:
+    """Localized histogram normalization (dissertation 4.4); levels are shares of white or of paper, 0-1."""
+
+    fine_median_fraction: float = 1 / 36
+    """Median of the background that is divided out: it follows the corners of tinted boxes and shadows."""
+    working_long_side_px: int = 1200
+    """Levels are taken here, where the strokes of ten-point print on A4 are still two pixels wide."""
+    tiles: int = 28
+    """Tiles along the long side; a neighbourhood is three by three of them."""
+    ink_contrast: float = 0.2
+    """Ink is darker than its paper by this share of it, at least."""
+    ink_shares: tuple[float, float] = (0.008, 0.6)
+    """Share of a neighbourhood that its ink takes: less is dirt, more is a picture."""
+    paper_share: float = 0.5
+    """Share of a neighbourhood within `paper_spread` of its paper's level; in pictures it is less."""
+    paper_spread: float = 0.08
+    paper_step: float = 0.15
+    """Largest difference between blank paper and the paper next to it; else it is something else."""
+    darkest_paper: float = 0.25
+    """Paper in the deepest shadow, against the brightest: what is darker is a desk."""
+    ink_quantile: float = 0.25
+    """Of the ink's histogram: its mode, as far as blurred strokes show it."""
+    largest_ink: float = 0.75
+    """Ink that is lighter than this is faint print, and stays so."""
+    largest_chroma: float = 0.25
+    """Ink whose channels differ by more than this is coloured; it shows nothing about the level of black."""
+    black: float = 0.08
+    """Level of ink in the result: deep dark."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """The two modes of the histogram round every place of an image, all (h, w) float32 over a reduced copy of it.
+
+    Attributes
+    ----------
+    paper : luminance of the paper, 1-255.
+    ink : level of ink as a share of its paper's, 0-1; 0 everywhere where no ink is known.
+    measured : how far (0-1) the paper was measured in this place and not taken from around it.
+    """
+
+    paper: NDArray[np.float32]
+    ink: NDArray[np.float32]
+    measured: NDArray[np.float32]
+
+
+def level_coefficients(paper: NDArray[np.float32], ink: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Affine map (h, w, 3) that shifts `paper` to white and `ink`, (h, w) as in `Levels`, to black.
+
+    Gain of every channel, slope of the strongest channel, offset: all channels take the gain 1 / paper. The strongest
+    of them, v, then becomes (v - ink) contrast + black, and the others change by as much: chroma stays, and coloured
+    ink, strong in one channel, hardly darkens. Where `ink` is 0 only the gain is left.
+    """
+    target = np.minimum(NormalizationParameters().black, ink)
+    contrast = (1.0 - target) / (1.0 - ink)
+    gain = 255.0 / paper
+    return np.dstack([gain, gain * (contrast - 1.0), 255.0 * (target - ink * contrast)]).astype(np.float32)
+
+
+def measure_levels(image: RgbImage) -> Levels | None:
+    """Levels of paper and ink over `image` (H, W, 3) RGB uint8; None where nothing looks like print on paper.
+
+    They are measured on a copy of at most `working_long_side_px`, and given on the background's copy.
+    """
+    parameters = NormalizationParameters()
+    small, _ = reduced_copy(image, parameters.working_long_side_px)
+    gray = luminance(small)
+    # Within the wide median of this background a picture varies, and paper does not.
+    background = small_background(gray, None, BackgroundParameters())
+    ground = enlarged(background, *gray.shape)
+    share = cv2.divide(gray, ground, scale=200.0)  # 200: as light as its paper
+    height, width = gray.shape
+    tiles = min(parameters.tiles / max(height, width), 1 / 12)
+    grid = (max(1, round(width * tiles)), max(1, round(height * tiles)))
+    is_ink = (share < 200 * (1.0 - parameters.ink_contrast)).astype(np.uint8)
+    is_paper = (np.abs(share.astype(np.int16) - 200) <= 200 * parameters.paper_spread).astype(np.uint8)
+    ink_share, _ = _tile_shares(is_ink, grid)
+    # Next to a picture the neighbourhood is paper, but the tile itself is not.
+    is_even = np.minimum(*_tile_shares(is_paper, grid)) >= parameters.paper_share
+    samples = cv2.resize(background, (3 * grid[0], 3 * grid[1]), interpolation=cv2.INTER_NEAREST)
+    level = np.median(np.reshape(samples, (grid[1], 3, grid[0], 3)), axis=(1, 3)).astype(np.float32)
+    least, most = parameters.ink_shares
+    printed = is_even & (ink_share >= least) & (ink_share <= most)
+    if not np.any(printed):
+        return None
+    printed &= level >= parameters.darkest_paper * np.quantile(level[printed], 0.9)
+    accepted = _grow_paper(level, printed, is_even, parameters.paper_step)
+    fine = BackgroundParameters(median_fraction=parameters.fine_median_fraction)
+    background = small_background(gray, None, fine)
+    paper, is_accepted = _level_paper(background, level, accepted, parameters.paper_step)
+    strongest = strongest_channel(small)
+    weakest = 255 - strongest_channel(np.asarray(255 - small, dtype=np.uint8))
+    is_neutral = (
+        cv2.divide(cv2.subtract(strongest, weakest), ground, scale=200.0) < 200 * parameters.largest_chroma
+    )
+    strongest = np.asarray(cv2.divide(strongest, ground, scale=200.0), dtype=np.uint8)
+    ink = _level_ink(strongest, is_ink * is_neutral, printed, parameters)
+    ink = np.asarray(cv2.resize(ink, paper.shape[::-1], interpolation=cv2.INTER_LINEAR), dtype=np.float32)
+    return Levels(paper, ink, is_accepted)
+
+
+def _tile_shares(
+    mask: NDArray[np.uint8], grid: tuple[int, int]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Share of `mask` (h, w) 0/1 round every tile of a grid (columns, rows), and in the tile itself."""
+    own = np.asarray(cv2.resize(mask.astype(np.float32), grid, interpolation=cv2.INTER_AREA), np.float32)
+    return np.asarray(cv2.blur(own, (3, 3), borderType=cv2.BORDER_REPLICATE), np.float32), own
+
+
+def _grow_paper(level: NDArray[np.float32], printed: Mask, even: Mask, step: float) -> Mask:
+    """Tiles that are paper: those with print, and even ones that differ little from paper next to them."""
+    accepted = printed
+    padded_level = np.pad(level, 1, mode="edge")
+    for _ in range(sum(level.shape)):
+        padded = np.pad(accepted, 1)
+        beside = np.zeros_like(accepted)
+        for rows, columns in _NEIGHBOURS:
+            window = (slice(rows, rows + level.shape[0]), slice(columns, columns + level.shape[1]))
+            beside |= padded[window] & (np.abs(level - padded_level[window]) <= step * padded_level[window])
+        grown = accepted | (even & beside)
+        if np.array_equal(grown, accepted):
+            break
+        accepted = grown
+    return accepted
+
+
+def _level_paper(
+    background: GrayImage, level: NDArray[np.float32], accepted: Mask, step: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Level of the paper (h, w), and how far (0-1) it was measured there and not taken from around.
+
+    A pixel's background is its paper's level where it is like an accepted tile's nearby, which keeps both
+    the edge of a shadow and that of a picture where they are.
+    """
+    height, width = background.shape
+    rows = np.arange(height) * level.shape[0] // height + 1
+    columns = np.arange(width) * level.shape[1] // width + 1
+    padded = np.pad(np.where(accepted, level, -1.0), 1, constant_values=-1.0)
+    found = background.astype(np.float32)
+    is_paper = np.zeros((height, width), dtype=bool)
+    for down, right in _NEIGHBOURS:
+        near = padded[np.ix_(rows + down - 1, columns + right - 1)]
+        is_paper |= np.abs(found - near) <= step * near
+    weight = is_paper.astype(np.float32)
+    paper = fill_unknown_levels(found, weight, max(height, width) / 32)
+    smooth = cv2.GaussianBlur(paper.astype(np.float32), (0, 0), max(height, width) / 200)
+    paper = np.where(is_paper, found, smooth).astype(np.float32)
+    measured = cv2.GaussianBlur(weight, (0, 0), max(height, width) / 200)
+    return np.maximum(paper, 1.0), np.asarray(measured, dtype=np.float32)
+
+
+def _level_ink(
+    strongest: NDArray[np.uint8],
+    is_ink: NDArray[np.uint8],
+    printed: Mask,
+    parameters: NormalizationParameters,
+) -> NDArray[np.float32]:
+    """Mode of ink as a share of its paper for every tile, from the printed tiles around it; 0: no ink."""
+    bins = 32
+    y, x = np.nonzero(is_ink)
+    value = strongest[y, x].astype(np.int64) * bins // 256
+    row, column = y * printed.shape[0] // is_ink.shape[0], x * printed.shape[1] // is_ink.shape[1]
+    tile = row * printed.shape[1] + column
+    counts = np.bincount(tile * bins + value, minlength=printed.size * bins).reshape(*printed.shape, bins)
+    counts = counts * printed[..., None]
+    planes = np.moveaxis(counts, 2, 0).astype(np.float32)
+    around = np.stack([cv2.blur(plane, (5, 5), borderType=cv2.BORDER_CONSTANT) for plane in planes])
+    below = np.cumsum(around, axis=0)
+    reached = np.argmax(below >= parameters.ink_quantile * below[-1], axis=0)
+    ink = (reached + 0.5) * (256 / bins) / 200
+    known = ((below[-1] > 0) & (ink <= parameters.largest_ink)).astype(np.float32)
+    return fill_unknown_levels(ink.astype(np.float32), known, 5.0)
+
+
+def fill_unknown_levels(
+    values: NDArray[np.float32], known: NDArray[np.float32], window: float
+) -> NDArray[np.float32]:
+    """`values` (h, w) where `known` is 1; elsewhere a mean of known ones, the nearest before all others.
+
+    Means over windows that begin with the given width and double each weigh a hundredth of the one before.
+    All is 0 where nothing is known.
+    """
+    if not np.any(known):
+        return np.zeros_like(values)
+    share, value = np.zeros_like(values), np.zeros_like(values)
+    weight = 1.0
+    while True:
+        size = (odd_size(window, 3, 4 * max(values.shape)),) * 2
+        share += weight * cv2.blur(known, size, borderType=cv2.BORDER_CONSTANT)
+        value += weight * cv2.blur(values * known, size, borderType=cv2.BORDER_CONSTANT)
+        if window > 2 * max(values.shape):
+            break
+        window, weight = 2 * window, weight / 100
+    return np.asarray(np.where(known > 0, values, value / share), dtype=np.float32)
