@@ -12,6 +12,7 @@ import numpy as np
 
 from services.arrays import Floats, GrayImage, Points
 from services.capture.print_patches import Patches, cut_patches
+from services.geometry.homographies import from_resized
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,7 @@ def _cut(gray: GrayImage, at: Points, half: int, step: int) -> Patches:
     # The whole photo is reduced: where letters are large, patches overlap, and together are larger than it.
     columns, rows = max(gray.shape[1] // step, 1), max(gray.shape[0] // step, 1)
     small = cv2.resize(gray[: rows * step, : columns * step], (columns, rows), interpolation=cv2.INTER_AREA)
-    return cut_patches(np.asarray(small, np.uint8), (at + 0.5) / step - 0.5, half)
+    return cut_patches(np.asarray(small, np.uint8), from_resized(at, step), half)
 
 
 def _smooth(patches: Patches, sigma: float) -> Patches:

@@ -40,6 +40,16 @@ def resizing(factor: float) -> Homography:
     return np.array([[factor, 0.0, 0.5 * factor - 0.5], [0.0, factor, 0.5 * factor - 0.5], [0.0, 0.0, 1.0]])
 
 
+def to_resized(points: Floats, factor: float | Vector) -> Floats:
+    """Pixels (..., 2) of an image as pixels of the image resized by `factor`, or by one factor for each axis."""
+    return np.asarray((points + 0.5) * factor - 0.5)
+
+
+def from_resized(points: Floats, factor: float | Vector) -> Floats:
+    """Pixels (..., 2) of an image resized by `factor` as pixels of the image; inverse of `to_resized`."""
+    return np.asarray((points + 0.5) / factor - 0.5)
+
+
 def denominators(H: Homography, points: Points) -> Vector:
     """Third homogeneous coordinate (N,) of the mapped points; its sign is the side of the vanishing line."""
     return np.asarray(points @ H[2, :2] + H[2, 2])

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.geometry.homographies import from_resized, to_resized
 from services.imaging.channels import length_of_channels, mean_of_channels
 from services.imaging.reduction import Halves, reduce_image
 from services.robust import cauchy_weights, fit_reweighted, narrowing
@@ -73,7 +74,7 @@ class Paper:
             return None
         contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         outline = max(contours, key=len)[:, 0, :].astype(np.float64)
-        return np.asarray((outline + 0.5) / self.factor - 0.5)
+        return from_resized(outline, self.factor)
 
     def hull(self, text_points: Points) -> Points | None:
         """Convex hull (N, 2), photo pixels, of all paper that holds text: a sheet that a picture divides.
@@ -91,7 +92,7 @@ class Paper:
         hull = cv2.convexHull(np.argwhere(mask)[:, ::-1].astype(np.int32))
         if cv2.contourArea(hull) >= 0.97 * mask.size:
             return None
-        return np.asarray((hull[:, 0, :].astype(np.float64) + 0.5) / self.factor - 0.5)
+        return from_resized(hull[:, 0, :].astype(np.float64), self.factor)
 
     def _parts(self, p: PaperParameters) -> tuple[Mask, NDArray[np.int32], NDArray[np.uint8]]:
         """What is like the paper, its parts without narrow bridges (labels, 0 for none), and the kernel of that."""
@@ -175,7 +176,7 @@ def model_paper(
     side = max(int(p.closing * max(size)) | 1, 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     blank = cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5)
-    at = np.clip(np.round((text_points + 0.5) * factor - 0.5).astype(int), 0, [size[0] - 1, size[1] - 1])
+    at = np.clip(np.round(to_resized(text_points, factor)).astype(int), 0, [size[0] - 1, size[1] - 1])
     lab = cv2.cvtColor(blank, cv2.COLOR_RGB2LAB).astype(np.float64)
     log_brightness = np.log(mean_of_channels(blank.astype(np.float64)) + 1.0)
     hue = np.median(lab[at[:, 1], at[:, 0], 1:], axis=0)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Points
+from services.geometry.homographies import from_resized
 from services.imaging.illumination import flatten_part
 from services.imaging.reduction import reduce_image
 
@@ -20,7 +21,7 @@ class PhotoPart:
 
     def to_photo(self, points: Points) -> Points:
         """Photo pixels (N, 2) of pixels (N, 2) of this image."""
-        return np.asarray((points + 0.5) / self.factor - 0.5 + self.origin)
+        return from_resized(points, self.factor) + self.origin
 
 
 def cut_part(

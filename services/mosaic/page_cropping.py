@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.geometry.homographies import to_resized
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import PaperParameters, model_paper
@@ -159,8 +160,8 @@ def _on_sheet(photo: FlatPhoto, points: Points, p: PageCroppingParameters) -> ND
     height, width = photo.photo.shape[:2]
     factor = min(1.0, p.long_side_px / max(width, height))
     inside = np.zeros((round(height * factor) + 1, round(width * factor) + 1), np.uint8)
-    cv2.fillPoly(inside, [np.round((photo.sheet + 0.5) * factor - 0.5).astype(np.int32)], (1,))
-    at = np.round((points + 0.5) * factor - 0.5).astype(int)
+    cv2.fillPoly(inside, [np.round(to_resized(photo.sheet, factor)).astype(np.int32)], (1,))
+    at = np.round(to_resized(points, factor)).astype(int)
     at = np.clip(at, 0, np.array(inside.shape[::-1]) - 1)
     return np.asarray(inside[at[:, 1], at[:, 0]] > 0)
 
@@ -171,7 +172,7 @@ def _colours(photo: RgbImage, points: Points, p: PageCroppingParameters) -> NDAr
     kernel = np.ones((p.closing, p.closing), np.uint8)
     blank = cv2.morphologyEx(reduce_image(photo, factor, fine=False), cv2.MORPH_CLOSE, kernel)
     last = np.array(blank.shape[1::-1]) - 1
-    at = np.clip(np.round((points + 0.5) * factor - 0.5).astype(int), 0, last)
+    at = np.clip(np.round(to_resized(points, factor)).astype(int), 0, last)
     return np.asarray(np.maximum(blank[at[:, 1], at[:, 0]], 1), np.uint8)
 
 

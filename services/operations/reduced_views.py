@@ -7,6 +7,7 @@ import numpy as np
 
 from services.arrays import Points, RgbImage, Vector
 from services.contract.images import Encoding
+from services.geometry.homographies import to_resized
 from services.mosaic.results import MosaicResult, Patch
 from services.rectify.results import RectifyResult
 
@@ -68,5 +69,5 @@ def reduce_mosaic(result: MosaicResult, encoding: Encoding) -> MosaicResult:
 def _reduce_patch(patch: Patch, factors: Points, scale: float) -> Patch:
     if patch.mesh is None:
         return patch
-    mesh = np.asarray((patch.mesh + 0.5) * factors - 0.5, np.float64)
+    mesh = np.asarray(to_resized(patch.mesh, factors), np.float64)
     return replace(patch, mesh=mesh, scale=None if patch.scale is None else patch.scale * scale)

@@ -7,6 +7,7 @@ import numpy as np
 
 from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
+from services.geometry.homographies import from_resized, to_resized
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
 from services.imaging.illumination import divide_by_light, reduced_light
@@ -111,12 +112,12 @@ class PageAnalysis:
 
 def characters_in_photo(text: IdentifiedText, factor: float) -> Points:
     """Centres (N, 2) of the characters of `text`, found in the photo resized by `factor`, in photo pixels."""
-    return np.asarray((text.components.centres + 0.5) / factor - 0.5)
+    return from_resized(text.components.centres, factor)
 
 
 def region_mask(region: tuple[tuple[float, float], ...], shape: tuple[int, int], factor: float) -> Mask:
     """Inside of the polygon `region` (photo pixels) on an image of `shape` resized by `factor`."""
-    corners = (np.array(region, np.float64) + 0.5) * factor - 0.5
+    corners = to_resized(np.array(region, np.float64), factor)
     mask = np.zeros(shape, np.uint8)
     # Corners far outside would overflow fillPoly's integers.
     limit = 4.0 * max(shape)
@@ -378,7 +379,7 @@ def _cut_text(seen: FoundText, text: IdentifiedText, p: AnalysisParameters) -> t
 
 
 def _to_photo(samples: FlowSamples, factor: float) -> FlowSamples:
-    return FlowSamples((samples.points + 0.5) / factor - 0.5, samples.angles, samples.weights)
+    return FlowSamples(from_resized(samples.points, factor), samples.angles, samples.weights)
 
 
 def _part_to_photo(samples: FlowSamples, part: PhotoPart) -> FlowSamples:

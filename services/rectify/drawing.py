@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, GrayImage, Points, RgbImage
-from services.geometry.homographies import resizing, transform_points, translation
+from services.geometry.homographies import resizing, to_resized, transform_points, translation
 from services.imaging.node_grid import (
     GRID_STEP_PX,
     band_nodes,
@@ -213,7 +213,7 @@ def _remap(
 ) -> None:
     """Draw `image`, the photo resized by `factor`, into `flat` through the map at its nodes, band by band."""
     height, width = flat.shape[:2]
-    all_nodes = (nodes_in_photo + 0.5) * factor - 0.5
+    all_nodes = to_resized(nodes_in_photo, factor)
     all_known = continuous_nodes(all_nodes, MAX_REDUCTION * factor)
     white = (255.0,) * (1 if image.ndim == 2 else 3)
     for top in range(0, height, BAND_PX):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
+from services.geometry.homographies import to_resized
 from services.imaging.channels import log_brightness
 from services.imaging.reduction import reduce_image
 from services.robust import cauchy_weights, fit_reweighted
@@ -235,7 +236,7 @@ def _darkest(
     y = np.linspace(first, last, 200)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     grid[..., 0] += slope * grid[..., 1]
-    seen = np.asarray(((grid.reshape(-1, 2) @ turn + 0.5) * factor - 0.5).reshape(*grid.shape), np.float32)
+    seen = np.asarray(to_resized(grid.reshape(-1, 2) @ turn, factor).reshape(*grid.shape), np.float32)
     values = cv2.remap(
         brightness, seen[..., 0], seen[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )

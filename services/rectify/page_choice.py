@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
+from services.geometry.homographies import from_resized, to_resized
 from services.imaging.channels import log_brightness
 from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
 from services.imaging.paper import Paper, PaperParameters
@@ -238,10 +239,10 @@ def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoicePara
         shown = cv2.warpAffine(inside, turn, (width, height), flags=cv2.INTER_NEAREST).astype(bool)
 
         def place(points: Points, A: Floats = A, low: Vector = low) -> Points:
-            return np.asarray(((points + 0.5) * factor - 0.5) @ A.T - low)
+            return np.asarray(to_resized(points, factor) @ A.T - low)
 
         def replace(points: Points, A: Floats = A, low: Vector = low) -> Points:
-            return np.asarray(((points + low) @ np.linalg.inv(A).T + 0.5) / factor - 0.5)
+            return from_resized((points + low) @ np.linalg.inv(A).T, factor)
 
         at, samples = place(text.characters), place(text.major.points)
         along = (float(np.percentile(at[:, 1], 2)), float(np.percentile(at[:, 1], 98)))

@@ -15,6 +15,7 @@ from services.arrays import Floats, Points, RgbImage
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
+from services.geometry.homographies import to_resized
 from services.geometry.page_frame import mesh_of
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
@@ -361,7 +362,7 @@ def enlarge(result: RectifyResult, factor: float) -> RectifyResult:
     """`result` of a reduced photo in pixels of the photo that is `factor` times as large."""
 
     def moved(points: Floats) -> NDArray[np.float64]:
-        return np.asarray((points + 0.5) * factor - 0.5, np.float64)
+        return np.asarray(to_resized(points, factor), np.float64)
 
     height, width = result.image.shape[:2]
     size = max(round(height * factor), 1), max(round(width * factor), 1)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, GrayImage, Points, Vector
 from services.geometry.focal_prior import FocalPrior
+from services.geometry.homographies import from_resized
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import estimate_vanishing_point
 from services.imaging.reduction import reduce_image
@@ -84,7 +85,7 @@ def find_segments(gray: GrayImage, view: PhotoFrame, p: RuledPlaneParameters) ->
     found = cv2.createLineSegmentDetector().detect(reduce_image(gray, factor))[0]
     if found is None:
         return np.zeros((0, 2)), np.zeros((0, 2))
-    both = (np.asarray(found, np.float64).reshape(-1, 2, 2) + 0.5) / factor - 0.5
+    both = from_resized(np.asarray(found, np.float64).reshape(-1, 2, 2), factor)
     both = (both - view.centre) / view.unit_px
     long = np.linalg.norm(both[:, 1] - both[:, 0], axis=1) >= p.min_length
     # The border of the photo is not print.

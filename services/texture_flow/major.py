@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Points, Vector
+from services.geometry.homographies import to_resized
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.projection_profiles import (
     parabola_peak,
@@ -110,7 +111,7 @@ def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | N
     # Grids of a page-filling headline or of dust alike stay bounded.
     block = max(p.coarse_block * unit, max(text.ink.shape) / 64)
     centres, grid = block_centres(text.area, block)
-    reduced = (centres - first + 0.5) * scale - 0.5
+    reduced = to_resized(centres - first, scale)
     window = (p.coarse_window[0] * unit * scale, p.coarse_window[1] * unit * scale)
     presence = cv2.blur(ink, tuple(int(w) | 1 for w in window), borderType=cv2.BORDER_CONSTANT)
     at = np.round(reduced).astype(int)

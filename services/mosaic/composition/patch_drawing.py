@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Points, RgbImage
+from services.geometry.homographies import to_resized
 from services.imaging.node_grid import GRID_STEP_PX, between_nodes, continuous_nodes, node_grid, take_values
 from services.mosaic.light.tones import apply_tones
 from services.mosaic.placed_photo import PlacedPhoto
@@ -133,7 +134,7 @@ def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
     safe_flat = np.where(known.reshape(-1, 1), flat, OUTSIDE_PX).astype(np.float32)
     source_size = np.array([patch.source.shape[1], patch.source.shape[0]])
     scale = source_size / photo_size
-    source_nodes = (np.where(known.reshape(-1, 1), photo, OUTSIDE_PX) + 0.5) * scale - 0.5
+    source_nodes = to_resized(np.where(known.reshape(-1, 1), photo, OUTSIDE_PX), scale)
     source = between_nodes(source_nodes.reshape(*shape, 2).astype(np.float32), width, height)
     with np.errstate(invalid="ignore"):
         inside = ((photo >= RIM_PX) & (photo <= photo_size - 1 - RIM_PX)).all(axis=1)

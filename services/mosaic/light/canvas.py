@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.geometry.homographies import from_resized, to_resized
 from services.imaging.node_grid import GRID_STEP_PX, between_nodes, node_grid, take_values
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
@@ -42,7 +43,7 @@ class Canvas:
 
     def to_mosaic(self, pixels: Points) -> Points:
         """Mosaic pixels (N, 2) of canvas pixels (N, 2)."""
-        return np.asarray((pixels + 0.5) / self.scale - 0.5 + np.asarray(self.origin))
+        return np.asarray(from_resized(pixels, self.scale) + self.origin)
 
     def from_mosaic(self, mosaic: Points) -> Points:
         """Canvas pixels (N, 2) of mosaic pixels (N, 2)."""
@@ -134,7 +135,7 @@ def draw_reduced(
     factor = min(1.0, 1.0 / max(step, 1e-6))
     source = reduce_image(photo.photo, factor, fine=False)
     ratio = np.array([source.shape[1] / photo.photo.shape[1], source.shape[0] / photo.photo.shape[0]])
-    dense = between_nodes(((seen + 0.5) * ratio - 0.5).astype(np.float32), width, height)
+    dense = between_nodes(to_resized(seen, ratio).astype(np.float32), width, height)
     image = take_values(source, dense, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
     flat_places = between_nodes(flat.astype(np.float32), width, height)
     on_page = take_values(photo.shown.view(np.uint8), flat_places, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Mask, Points
 from services.contract.rectify import Illumination
+from services.geometry.homographies import from_resized, to_resized
 from services.imaging.levels import Levels, NormalizationParameters, level_coefficients, measure_levels
 from services.imaging.node_grid import take_values
 from services.imaging.pictures import find_pictures, levels_beside_pictures
@@ -228,7 +229,7 @@ class _FlatGrid:
 
     def sample(self, values: FloatImage, left: float, top: float, step: float) -> FloatImage:
         """Samples (rows, columns, C) of `values`, each of which covers `step` canvas pixels, from (left, top) on."""
-        places = (self.points - (left, top) + 0.5) / step - 0.5
+        places = from_resized(self.points - (left, top), step)
         places = places.reshape(self.rows, self.columns, 2).astype(np.float32)
         return np.asarray(take_values(values, places, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE), np.float32)
 
@@ -280,7 +281,7 @@ def _gray_paper_view(
     factor = min(1.0, NormalizationParameters().working_long_side_px / max(width, height))
     size = (max(1, round(width * factor)), max(1, round(height * factor)))
     ratio = np.array([width / size[0], height / size[1]])
-    image, shown = draw_reduced(photo, lambda view: (view + 0.5) * ratio - 0.5, *size)
+    image, shown = draw_reduced(photo, lambda view: to_resized(view, ratio), *size)
     enlarged = cv2.resize(gain * np.float32(p.gray_paper), size, interpolation=cv2.INTER_LINEAR)
     view = np.asarray(cv2.multiply(image, enlarged, dtype=cv2.CV_8U), np.uint8)
     is_paper = cv2.resize(measured, size, interpolation=cv2.INTER_LINEAR) > 0.5

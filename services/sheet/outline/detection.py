@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from services.arrays import Points, RgbImage
+from services.geometry.homographies import from_resized
 from services.imaging.reduction import Halves
 from services.sheet.outline.candidates import (
     Candidate,
@@ -135,7 +136,7 @@ def _measure(
     window = reduced.window_of(photo.shape, 1.0)
     guides = guide_sides(edge, corners, located)
     smooth = smooth_sides(edge, corners)
-    in_photo = [(guide + 0.5) / f - 0.5 for guide in [*guides, *(smooth or [])]]
+    in_photo = [from_resized(guide, f) for guide in [*guides, *(smooth or [])]]
     measured = measure_sides(photo, in_photo, diagonal, window)
     measured, tried = measured[:4], measured[4:]
     if tried:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
+from services.geometry.homographies import from_resized
 from services.imaging.channels import length_of_channels
 from services.imaging.reduction import Halves
 
@@ -51,7 +52,7 @@ class ReducedPhoto:
 
     def to_photo(self, points: Points) -> Points:
         """Photo pixels (N, 2) of reduced ones."""
-        return np.asarray((points + 0.5) / self.factor - 0.5)
+        return from_resized(points, self.factor)
 
     def from_photo(self, points: Points) -> Points:
         """Reduced pixels (N, 2) of photo pixels."""

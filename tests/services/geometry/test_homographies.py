@@ -10,9 +10,11 @@ from hypothesis.extra.numpy import arrays
 from services.arrays import Homography, Points
 from services.geometry.homographies import (
     denominators,
+    from_resized,
     jacobians,
     resizing,
     scaling,
+    to_resized,
     transform_points,
     translation,
 )
@@ -90,7 +92,9 @@ def test_no_points_make_no_points() -> None:
 def test_resizing_is_inverse_and_composes(n: int, points: Points) -> None:
     assert np.allclose(resizing(n) @ resizing(1 / n), np.eye(3))
     assert np.allclose(resizing(0.3) @ resizing(n), resizing(0.3 * n))
-    assert np.allclose(transform_points(resizing(n), points), (points + 0.5) * n - 0.5)
+    assert np.allclose(transform_points(resizing(n), points), to_resized(points, n))
+    assert np.allclose(from_resized(to_resized(points, n), n), points)
+    assert np.allclose(to_resized(points, np.array([n, 1.0]))[:, 1], points[:, 1])
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])
