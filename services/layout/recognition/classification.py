@@ -26,12 +26,21 @@ class ClassificationParameters:
     """Share of a class's mean cost that is subtracted: pages of homogeneous classes have lower costs."""
     sharpness: float = 3.0
     """Log odds of two classes for each unit of cost a zone; the likelihood of held-out pages is largest at 2 to 6."""
-    least_fit: float = 0.55
-    """A page fits a class when its cost is this share of the class's mean. Of title pages and letters 98 % have 0.63
-    or more by models of their class from eight samples on, of pages of classes that no model was made of 90 % less
-    than 0.56. A missing class costs the user more than a class that is nearly right."""
-    fit_sharpness: float = 15.0
-    """Log odds of fitting for each unit of that share."""
+    fit_share_of_mean: float = 0.8
+    """Share of a class's mean cost that a page's cost is compared with, to tell whether it fits."""
+    fit_sharpness: float = 1.2
+    """Log odds of fitting for each unit of cost a zone below that; learned, as `fit_zones`, by a logistic regression on
+    the nearest classes of pages with and without their own class among the models (`docs/decisions/layout.md`,
+    2026-11-24)."""
+    fit_zones: float = 1.15
+    """Log odds of fitting for each unit of the logarithm of the number of zones: a low cost a zone on a page of few
+    zones comes about by chance."""
+    fit_offset: float = -1.0
+    """The regression has -3.4 where pages with and without a class are equally frequent. But a missing class costs the
+    user more than one that is nearly right, so that as many pages without their class are unknown as before."""
+    fewest_zones: int = 6
+    most_zones: int = 40
+    """Pages of fewer or more zones count as these, which were learned from."""
 
 
 def calibrate(costs_per_zone: Sequence[float]) -> Calibration:
@@ -57,22 +66,31 @@ def class_evidence(
     return np.asarray(-ClassificationParameters().sharpness * excess_costs(costs_per_zone, means))
 
 
-def log_odds_of_fit(cost_per_zone: float, calibration: Calibration) -> float:
-    """Log odds that a page belongs to a class rather than to none, from its cost over the class's mean cost."""
-    p = ClassificationParameters()
-    fit = (cost_per_zone + calibration.bias) / min(calibration.mean, -1.0)
+def log_odds_of_fit(cost_per_zone: float, calibration: Calibration, zones: int) -> float:
+    """Log odds that a page of `zones` zones belongs to a class rather than to none, from its cost by that class."""
+    below = cost_that_fits(calibration, zones) - cost_per_zone - calibration.bias
     # Bounded, so that the nearest class always has a higher probability than the others.
-    odds = np.clip(p.fit_sharpness * (fit - p.least_fit), -MOST_LOG_ODDS, MOST_LOG_ODDS)
-    return float(odds)
+    odds = ClassificationParameters().fit_sharpness * below
+    return float(np.clip(odds, -MOST_LOG_ODDS, MOST_LOG_ODDS))
+
+
+def cost_that_fits(calibration: Calibration, zones: int) -> float:
+    """Cost a zone, with the bias of the class, at which a page of `zones` zones as likely belongs to it as to none."""
+    p = ClassificationParameters()
+    of_zones = p.fit_zones * float(np.log(np.clip(zones, p.fewest_zones, p.most_zones)))
+    return p.fit_share_of_mean * calibration.mean + (of_zones + p.fit_offset) / p.fit_sharpness
 
 
 def classify(
-    costs_per_zone: NDArray[np.float64], calibrations: Sequence[Calibration]
+    costs_per_zone: NDArray[np.float64], calibrations: Sequence[Calibration], zones: int
 ) -> tuple[NDArray[np.float64], float]:
-    """Probabilities (M,) of the classes and that of none of them, which sum to 1; costs as in `class_evidence`."""
+    """Probabilities (M,) of the classes and that of none of them, which sum to 1, for a page of `zones` zones.
+
+    Costs as in `class_evidence`.
+    """
     among = softmax(class_evidence(costs_per_zone, calibrations))
     best = int(np.argmax(among))
-    odds = log_odds_of_fit(float(costs_per_zone[best]), calibrations[best])
+    odds = log_odds_of_fit(float(costs_per_zone[best]), calibrations[best], zones)
     return np.asarray(expit(odds) * among), float(expit(-odds))
 
 

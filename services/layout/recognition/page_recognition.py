@@ -242,6 +242,7 @@ def _classify(
     return classify(
         np.array([match.comparable_cost for match in matches]) / graph.zones,
         [match.model.model.calibration for match in matches],
+        graph.zones,
     )
 
 
