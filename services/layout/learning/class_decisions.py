@@ -5,15 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.layout.model.layout_model import Calibration
-from services.layout.recognition.classification import ClassificationParameters, cost_that_fits
+from services.layout.recognition.classification import ClassificationParameters, least_fit
 
 
 @dataclass(frozen=True, slots=True)
 class DecisionParameters:
-    """The margin between classes is log odds of 1."""
+    """Margins are log odds of 1 between classes, and of fitting."""
 
-    fit_margin: float = 0.5
-    """Log odds of fitting that are enough: 0.4 of cost a zone, about as much as between classes."""
     most_step: float = 0.5
     """Largest change of a bias by one page, in cost a zone. It is 1.5 log odds, so that no single page changes a class
     much."""
@@ -56,21 +54,18 @@ def prefer_class(
 
 def accept_page(cost_per_zone: float, calibration: Calibration, zones: int) -> Calibration:
     """The calibration after a page of this class, of `zones` zones, was rejected: the page now fits better."""
-    most = cost_that_fits(calibration, zones) - _margin_of_fit()
+    usual = ClassificationParameters()
+    most = (least_fit(zones) + 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
     loss = cost_per_zone + calibration.bias - most
     return _biased(calibration, -min(DecisionParameters().most_step, max(0.0, loss)))
 
 
 def refuse_page(cost_per_zone: float, calibration: Calibration, zones: int) -> Calibration:
-    """The calibration after a page of no class was accepted for this class: the page now fits worse."""
-    least = cost_that_fits(calibration, zones) + _margin_of_fit()
+    """The calibration after a page of no class, of `zones` zones, was accepted for this class: it now fits worse."""
+    usual = ClassificationParameters()
+    least = (least_fit(zones) - 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
     loss = least - cost_per_zone - calibration.bias
     return _biased(calibration, min(DecisionParameters().most_step, max(0.0, loss)))
-
-
-def _margin_of_fit() -> float:
-    """In cost a zone."""
-    return DecisionParameters().fit_margin / ClassificationParameters().fit_sharpness
 
 
 def _excess(cost_per_zone: float, calibration: Calibration, usual: ClassificationParameters) -> float:

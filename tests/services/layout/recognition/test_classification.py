@@ -10,7 +10,7 @@ from services.layout.recognition.classification import (
     ClassificationParameters,
     calibrate,
     classify,
-    cost_that_fits,
+    least_fit,
 )
 
 P = ClassificationParameters()
@@ -56,10 +56,8 @@ def test_a_lower_cost_makes_a_class_more_probable(cost: float, less: float, othe
 
 
 def test_one_class_by_hand() -> None:
-    # 0.8 of the mean, and what 20 zones allow above it.
-    fits = -4.8 + (1.15 * np.log(20) - 1.0) / 1.2
-    for cost, odds in ((fits, 0.0), (fits - 2.0, 2.4), (fits + 2.0, -2.4)):
-        probabilities, unknown = classify(np.array([cost]), [Calibration(-6.0, 1.0, 5)], 20)
+    for share, odds in ((0.56, 0.0), (0.76, 3.0), (0.36, -3.0)):
+        probabilities, unknown = classify(np.array([-6.0 * share]), [Calibration(-6.0, 1.0, 5)], 20)
         assert probabilities[0] == pytest.approx(1 / (1 + np.exp(-odds)))
         assert unknown == pytest.approx(1 / (1 + np.exp(odds)))
 
@@ -85,23 +83,17 @@ def test_the_nearest_class_is_first_however_bad_it_fits() -> None:
 
 def test_a_page_of_no_class_is_unknown() -> None:
     told = [Calibration(-6.0, 1.0, 5), Calibration(-8.0, 1.0, 5)]
-    assert classify(np.array([-1.0, 0.0]), told, ZONES)[1] > 0.9
-    assert classify(np.array([-6.5, -1.0]), told, ZONES)[1] < 0.02
+    assert classify(np.array([-2.0, -1.0]), told, ZONES)[1] > 0.9
+    assert classify(np.array([-6.0, -1.0]), told, ZONES)[1] < 0.01
 
 
 def test_the_same_cost_says_more_of_a_page_of_many_zones() -> None:
     told = [Calibration(-6.0, 1.0, 5)]
-    few, many = (classify(np.array([-3.0]), told, zones)[1] for zones in (10, 20))
-    # Twice the zones are log odds of 1.15 times log 2.
-    assert np.log(few / (1 - few)) - np.log(many / (1 - many)) == pytest.approx(1.15 * np.log(2))
-    assert classify(np.array([-3.0]), told, 1) == classify(np.array([-3.0]), told, P.fewest_zones)
-    assert classify(np.array([-3.0]), told, 500) == classify(np.array([-3.0]), told, P.most_zones)
-
-
-@given(calibrations, st.integers(0, 500))
-def test_the_cost_that_fits_is_as_likely_of_the_class_as_of_none(told: Calibration, zones: int) -> None:
-    probabilities, unknown = classify(np.array([cost_that_fits(told, zones) - told.bias]), [told], zones)
-    assert probabilities[0] == pytest.approx(unknown)
+    few, many = (classify(np.array([-3.0]), told, zones)[1] for zones in (20, 30))
+    # The share that is enough falls by 0.153 of log 1.5, at log odds of 15 for each unit.
+    assert np.log(few / (1 - few)) - np.log(many / (1 - many)) == pytest.approx(15 * 0.153 * np.log(1.5))
+    assert least_fit(0) == least_fit(1) == least_fit(20) == P.least_fit
+    assert least_fit(500) == least_fit(40) == pytest.approx(P.least_fit - 0.153 * np.log(2))
 
 
 def test_costs_are_calibrated_by_hand() -> None:
