@@ -58,10 +58,14 @@ def _zones(page: HtmlPage) -> Iterator[HtmlZone]:
     """Zones in reading order, with the parts of the picture that they need."""
     document = page.document
     pixels = _pixels(page.picture)
+    # A date may stand in a zone of another label, which is more than the date.
+    labels = {zone["id"]: zone["label"] for zone in document["zones"]}
     dates = {
-        found["zones"][0]: found["value"]
+        zone: found["value"]
         for found in document.get("fields", ())
         if found["type"] == "date" and found["value"] and len(found["zones"]) == 1
+        for zone in found["zones"]
+        if labels[zone] == found["label"]
     }
     left = _MOST_AREA * document["width"] * document["height"]
     for zone in sorted(document["zones"], key=lambda each: each["order"]):

@@ -37,8 +37,8 @@ def number_zones(page: Page) -> tuple[Page, list[int]]:
 def join_recognition(seen: Recognition, page: Page, groups: Groups) -> Recognition:
     """The recognition of a page for the `page` that `join_page` has made of it.
 
-    A zone has the label of its pieces, and the least of their confidences and of their evidence. The match stays that
-    of the pieces; its zones have their new ids.
+    A zone has the label of its pieces, and the least of their confidences and of their evidence; of several pieces no
+    other labels are told. The match stays that of the pieces; its zones have their new ids.
     """
     zones = tuple(
         LabelledZone(
@@ -51,6 +51,7 @@ def join_recognition(seen: Recognition, page: Page, groups: Groups) -> Recogniti
                 (each for each in (seen.zones[place].evidence for place in group) if each is not None),
                 default=None,
             ),
+            seen.zones[group[0]].others if len(group) == 1 else {},
         )
         for order, (zone, group) in enumerate(zip(page.zones, groups, strict=True))
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.layout.model.layout_model import Calibration
-from services.layout.recognition.classification import ClassificationParameters
+from services.layout.recognition.classification import ClassificationParameters, least_fit
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,18 +52,18 @@ def prefer_class(
     return _biased(right[1], -step), _biased(wrong[1], step)
 
 
-def accept_page(cost_per_zone: float, calibration: Calibration) -> Calibration:
-    """The calibration after a page of this class was rejected: the page now fits better."""
+def accept_page(cost_per_zone: float, calibration: Calibration, zones: int) -> Calibration:
+    """The calibration after a page of this class, of `zones` zones, was rejected: the page now fits better."""
     usual = ClassificationParameters()
-    most = (usual.least_fit + 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
+    most = (least_fit(zones) + 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
     loss = cost_per_zone + calibration.bias - most
     return _biased(calibration, -min(DecisionParameters().most_step, max(0.0, loss)))
 
 
-def refuse_page(cost_per_zone: float, calibration: Calibration) -> Calibration:
-    """The calibration after a page of no class was accepted for this class: the page now fits worse."""
+def refuse_page(cost_per_zone: float, calibration: Calibration, zones: int) -> Calibration:
+    """The calibration after a page of no class, of `zones` zones, was accepted for this class: it now fits worse."""
     usual = ClassificationParameters()
-    least = (usual.least_fit - 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
+    least = (least_fit(zones) - 1 / usual.fit_sharpness) * min(calibration.mean, -1.0)
     loss = least - cost_per_zone - calibration.bias
     return _biased(calibration, min(DecisionParameters().most_step, max(0.0, loss)))
 

@@ -161,9 +161,9 @@ def _decide(
     if taught_right is not None and taught_wrong is not None:
         taught_right, taught_wrong = prefer_class((cost, taught_right), (other, taught_wrong))
     elif taught_right is not None and found_class is None:
-        taught_right = accept_page(cost, taught_right)
+        taught_right = accept_page(cost, taught_right, graph.zones)
     elif taught_wrong is not None:
-        taught_wrong = refuse_page(other, taught_wrong)
+        taught_wrong = refuse_page(other, taught_wrong, graph.zones)
     return None if taught_right is None else count_cost(taught_right, cost), taught_wrong
 
 

@@ -1,5 +1,6 @@
 """Document classification: comparison of least costs of different models, and pages that fit no class (5.6.1)."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,10 +27,16 @@ class ClassificationParameters:
     """Share of a class's mean cost that is subtracted: pages of homogeneous classes have lower costs."""
     sharpness: float = 3.0
     """Log odds of two classes for each unit of cost a zone; the likelihood of held-out pages is largest at 2 to 6."""
-    least_fit: float = 0.55
-    """A page fits a class when its cost is this share of the class's mean. Of title pages and letters 98 % have 0.63
-    or more by models of their class from eight samples on, of pages of classes that no model was made of 90 % less
-    than 0.56. A missing class costs the user more than a class that is nearly right."""
+    least_fit: float = 0.56
+    """A page fits a class when its cost is this share of the class's mean. A missing class costs the user more than a
+    class that is nearly right: of pages by models of their class 97 to 99 % are above from five samples on, of pages of
+    classes that no model was made of 80 to 90 % below."""
+    less_by_zones: float = 0.153
+    """By so much `least_fit` falls for each unit of the logarithm of the number of zones: the mean of many costs tells
+    more. Learned by a logistic regression on the nearest classes of pages with and without their own class among the
+    models (`docs/decisions/layout.md`, 2026-11-24)."""
+    zones_between: tuple[int, int] = (20, 40)
+    """Pages of fewer or more zones count as these; `least_fit` is that of 20."""
     fit_sharpness: float = 15.0
     """Log odds of fitting for each unit of that share."""
 
@@ -57,22 +64,31 @@ def class_evidence(
     return np.asarray(-ClassificationParameters().sharpness * excess_costs(costs_per_zone, means))
 
 
-def log_odds_of_fit(cost_per_zone: float, calibration: Calibration) -> float:
-    """Log odds that a page belongs to a class rather than to none, from its cost over the class's mean cost."""
+def least_fit(zones: int) -> float:
+    """Share of a class's mean cost from which on a page of `zones` zones belongs to the class rather than to none."""
     p = ClassificationParameters()
+    fewest, most = p.zones_between
+    return p.least_fit - p.less_by_zones * math.log(min(max(zones, fewest), most) / fewest)
+
+
+def log_odds_of_fit(cost_per_zone: float, calibration: Calibration, zones: int) -> float:
+    """Log odds that a page of `zones` zones belongs to a class rather than to none, from its cost over the mean one."""
     fit = (cost_per_zone + calibration.bias) / min(calibration.mean, -1.0)
+    odds = ClassificationParameters().fit_sharpness * (fit - least_fit(zones))
     # Bounded, so that the nearest class always has a higher probability than the others.
-    odds = np.clip(p.fit_sharpness * (fit - p.least_fit), -MOST_LOG_ODDS, MOST_LOG_ODDS)
-    return float(odds)
+    return float(np.clip(odds, -MOST_LOG_ODDS, MOST_LOG_ODDS))
 
 
 def classify(
-    costs_per_zone: NDArray[np.float64], calibrations: Sequence[Calibration]
+    costs_per_zone: NDArray[np.float64], calibrations: Sequence[Calibration], zones: int
 ) -> tuple[NDArray[np.float64], float]:
-    """Probabilities (M,) of the classes and that of none of them, which sum to 1; costs as in `class_evidence`."""
+    """Probabilities (M,) of the classes and that of none of them, which sum to 1, for a page of `zones` zones.
+
+    Costs as in `class_evidence`.
+    """
     among = softmax(class_evidence(costs_per_zone, calibrations))
     best = int(np.argmax(among))
-    odds = log_odds_of_fit(float(costs_per_zone[best]), calibrations[best])
+    odds = log_odds_of_fit(float(costs_per_zone[best]), calibrations[best], zones)
     return np.asarray(expit(odds) * among), float(expit(-odds))
 
 

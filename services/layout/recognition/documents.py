@@ -247,7 +247,8 @@ def _fit(recognition: Recognition, model: VersionedModel, parameters: Recognitio
     """Log odds of a labelled page being of its model."""
     if recognition.chosen is None:
         return 0.0
-    return log_odds_of_fit(recognition.chosen.comparable_cost, model.model.calibration)
+    zones = len(recognition.page.zones)
+    return log_odds_of_fit(recognition.chosen.comparable_cost, model.model.calibration, zones)
 
 
 def _cost(seen: Sequence[Recognition], evidence: Sequence[Mapping[str, float]], each: _Class) -> float:

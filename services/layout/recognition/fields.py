@@ -1,7 +1,7 @@
 """The fields of a page: the text of every label, and its value by the type that the settings of the class name."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import prod
 
 from services.contract.fields import FieldSetting, FieldType, ValueProblem
@@ -19,7 +19,8 @@ class Field:
     `value` is normalized by `type` (`services.layout.values`); None where the text has no such value, with the reason
     in `problem`. `currency` is that of an amount. `confidence` is the probability, 0-1, that the class, all labels and
     the text of the value are right, as if these were independent. A text that came with the zones counts as right.
-    `zones` are ids.
+    `zones` are ids. Where no zone of the label has a value of the type, the field is of one zone that has, and whose
+    other probable labels (`LabelledZone.others`) have this one among them; its confidence is as low as that is.
     """
 
     label: str
@@ -43,31 +44,81 @@ def gather_fields(
 
 
 def _fields(recognition: Recognition, settings: Mapping[str, FieldSetting]) -> Iterator[Field]:
+    read = [each for each in sorted(recognition.zones, key=lambda each: each.order) if each.zone.text.strip()]
     by_label: dict[str, list[LabelledZone]] = {}
-    for each in sorted(recognition.zones, key=lambda each: each.order):
-        if each.label is not None and each.zone.text.strip():
+    for each in read:
+        if each.label is not None:
             by_label.setdefault(each.label, []).append(each)
     of_class = recognition.classes[0].probability if recognition.classes else 0.0
-    for label, zones in by_label.items():
-        setting = settings.get(label, FieldSetting())
-        text = "\n".join(each.zone.text for each in zones)
-        plain = plain_text(text)
-        words = [word for each in zones for word in each.zone.words]
-        found = find_value(plain, setting)
-        if setting.type == "text" or found.value is None:
-            read = _mean_confidence(words)
-        else:
-            read = prod(word.confidence for word in _words_in(plain, words, found.span))
-        yield Field(
-            label=label,
-            text=text,
-            value=found.value,
-            type=setting.type,
-            currency=found.currency,
-            problem=found.problem,
-            confidence=of_class * prod(each.confidence for each in zones) * read,
-            zones=tuple(each.zone.id for each in zones),
-        )
+    found: list[tuple[int, Field]] = []
+    for label in dict.fromkeys((*by_label, *settings)):
+        setting, zones = settings.get(label, FieldSetting()), by_label.get(label, [])
+        field = _field(label, zones, zones, setting, of_class) if zones else None
+        if setting.type != "text" and (field is None or field.problem == "no-value"):
+            field = _of_one_zone(label, zones, setting, of_class) or field
+            if field is None or field.value is None:
+                field = _of_another_label(label, read, setting, of_class) or field
+        if field is not None:
+            place = next(each.order for each in read if each.zone.id in field.zones)
+            found.append((place, field))
+    yield from (field for _, field in sorted(found, key=lambda each: each[0]))
+
+
+def _field(
+    label: str,
+    zones: Sequence[LabelledZone],
+    searched: Sequence[LabelledZone],
+    setting: FieldSetting,
+    of_class: float,
+) -> Field:
+    """The field of `zones`, its value from the text of those that are `searched`."""
+    plain = plain_text(_text(searched))
+    words = [word for each in searched for word in each.zone.words]
+    found = find_value(plain, setting)
+    if setting.type == "text" or found.value is None:
+        read = _mean_confidence(words)
+    else:
+        read = prod(word.confidence for word in _words_in(plain, words, found.span))
+    return Field(
+        label=label,
+        text=_text(zones),
+        value=found.value,
+        type=setting.type,
+        currency=found.currency,
+        problem=found.problem,
+        confidence=of_class * prod(each.confidence for each in zones) * read,
+        zones=tuple(each.zone.id for each in zones),
+    )
+
+
+def _of_one_zone(
+    label: str, zones: Sequence[LabelledZone], setting: FieldSetting, of_class: float
+) -> Field | None:
+    """The field of `zones` if their texts one by one have one value: a pattern may tell where a text begins."""
+    each = [_field(label, zones, [zone], setting, of_class) for zone in zones]
+    found = [field for field in each if field.problem != "no-value"]
+    same = len({(field.value, field.currency) for field in found}) == 1
+    return max(found, key=lambda field: field.confidence) if same and found[0].value is not None else None
+
+
+def _of_another_label(
+    label: str, read: Sequence[LabelledZone], setting: FieldSetting, of_class: float
+) -> Field | None:
+    """The field of the zone that most probably has this label among those with another one, if it has a value."""
+    taken = [
+        replace(each, confidence=(1.0 - each.confidence) * each.others[label])
+        for each in read
+        if label in each.others
+    ]
+    for each in sorted(taken, key=lambda each: -each.confidence):
+        field = _field(label, [each], [each], setting, of_class)
+        if field.value is not None:
+            return field
+    return None
+
+
+def _text(zones: Iterable[LabelledZone]) -> str:
+    return "\n".join(each.zone.text for each in zones)
 
 
 def _mean_confidence(words: list[ReadWord]) -> float:

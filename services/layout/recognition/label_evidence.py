@@ -49,6 +49,11 @@ PAIR_COSTS: Final = (-5.0, 2.0)
 """Costs of pairs beyond these bounds count as these."""
 
 
+MOST_AWAY = 2.0
+"""Log odds between a zone's label and another one that is told beside it. Of values that made letters, memos and fax
+sheets had in zones with other labels only, 12 of 16 were right up to 2, 4 of 13 from 2 to 4, 4 of 24 from 4 to 8."""
+
+
 def evidence_of(is_read: bool) -> Evidence:
     return READ if is_read else UNREAD
 
@@ -56,6 +61,21 @@ def evidence_of(is_read: bool) -> Evidence:
 def label_confidences(conditional: NDArray[np.float64], labels: NDArray[np.intp]) -> NDArray[np.float64]:
     """Probability (N,) of each of `labels` among all labels, from `conditional_costs` (N, L)."""
     return np.asarray(softmax(-conditional, axis=1)[np.arange(len(labels)), labels])
+
+
+def other_labels(conditional: NDArray[np.float64], labels: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Probabilities (N, L) of the labels if `labels` (N,) are wrong, from `conditional_costs` (N, L).
+
+    0 for `labels` themselves, and for those that are less probable by more than `MOST_AWAY`.
+    """
+    rows = np.arange(len(labels))
+    is_near = conditional - conditional[rows, labels][:, None] <= MOST_AWAY
+    is_near[rows, labels] = False
+    rest = conditional.copy()
+    rest[rows, labels] = np.inf
+    # A model of null alone has no other label.
+    shares = softmax(-rest, axis=1) if conditional.shape[1] > 1 else np.zeros_like(rest)
+    return np.where(is_near, shares, 0.0)
 
 
 def label_evidence(

@@ -23,7 +23,7 @@ from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
 from services.layout.recognition.classification import classify
 from services.layout.recognition.hierarchy import MOST_CANDIDATES, Competitor, rank_models
-from services.layout.recognition.label_evidence import label_confidences, label_evidence
+from services.layout.recognition.label_evidence import label_confidences, label_evidence, other_labels
 from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
 
 CONTENDER = 0.02
@@ -76,6 +76,8 @@ class _Match:
     evidence: NDArray[np.float64] | None = None
     """Of labels (N,), of thorough matches (`label_evidence`). Not the tables themselves: those of a page of 500 zones
     and a model of 60 labels have 300 MB, and many models may compete."""
+    others: NDArray[np.float64] | None = None
+    """(N, L) `other_labels`, of thorough matches."""
 
     @property
     def cost(self) -> float:
@@ -242,6 +244,7 @@ def _classify(
     return classify(
         np.array([match.comparable_cost for match in matches]) / graph.zones,
         [match.model.model.calibration for match in matches],
+        graph.zones,
     )
 
 
@@ -264,7 +267,8 @@ def _match(
     evidence = label_evidence(
         tables, matching.labels, conditional, model.model.samples, is_read=graph.is_read
     )
-    return replace(match, confidences=confidences, evidence=evidence)
+    others = other_labels(conditional, matching.labels)
+    return replace(match, confidences=confidences, evidence=evidence, others=others)
 
 
 def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
@@ -275,6 +279,7 @@ def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
     """
     assert match.confidences is not None, "the most probable class was matched thoroughly"
     assert match.evidence is not None, "evidence comes with confidences"
+    assert match.others is not None, "other labels come with confidences"
     chosen = match.matching.labels
     labels = match.compiled.labels
     return tuple(
@@ -285,6 +290,11 @@ def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
             group=labels[chosen[index]],
             order=index,
             evidence=float(match.evidence[index]),
+            others={
+                name: float(share)
+                for name, share in zip(labels, match.others[index], strict=True)
+                if name is not None and share > 0
+            },
         )
         for index, zone in enumerate(page.zones)
     )

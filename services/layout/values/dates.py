@@ -18,7 +18,8 @@ _NAMED = re.compile(
     r"(?<!\w)(?:"
     rf"\d{{1,2}}(?:\.|st|nd|rd|th|er|º|°)?[\s-]{{0,2}}(?:(?:de|of)\s)?{_MONTH}[.,]{{0,2}}[\s-]{{0,2}}(?:(?:de|del)\s)?'?\d{{2,4}}"
     rf"|{_MONTH}\.?\s{{0,2}}\d{{1,2}}(?:st|nd|rd|th)?\s{{0,2}}[.,]{{0,2}}\s{{0,2}}'?\d{{4}}"
-    rf"|\d{{4}}[,\s]\s?{_MONTH}\.?\s\d{{1,2}}"
+    # A number before the date is no year where a year follows.
+    rf"|\d{{4}}[,\s]\s?{_MONTH}\.?\s\d{{1,2}}(?!(?:st|nd|rd|th)?\s{{0,2}}[.,]{{0,2}}\s{{0,2}}'?\d{{4}}(?!\w))"
     r")(?!\w)"
 )
 

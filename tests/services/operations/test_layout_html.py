@@ -117,6 +117,8 @@ def test_dates_are_machine_readable() -> None:
     moment = root.find("body/main/p/time")
     assert moment is not None
     assert (moment.get("datetime"), moment.text) == ("1998-03-03", "On pages")
+    found["fields"][0]["label"] = "another"  # the zone is more than its date
+    assert parsed(render_html([HtmlPage(found)], "")).find("body/main/p/time") is None
     assert {"label", "type", "value", "zones"} <= {*Field.__slots__}
 
 

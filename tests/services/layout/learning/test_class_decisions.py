@@ -37,7 +37,7 @@ def test_the_right_class_gains(
     right: float, of_right: Calibration, wrong: float, of_wrong: Calibration
 ) -> None:
     def odds(first: Calibration, second: Calibration) -> float:
-        among, _ = classify(np.array([right, wrong]), [first, second])
+        among, _ = classify(np.array([right, wrong]), [first, second], 15)
         return float(np.log(max(among[0], 1e-200)) - np.log(max(among[1], 1e-200)))
 
     before = odds(of_right, of_wrong)
@@ -53,28 +53,29 @@ def test_the_right_class_gains(
         assert after == pytest.approx(min(1.0, before + 6 * most), abs=1e-6)
 
 
-@given(costs, calibrations)
-def test_a_page_taken_for_none_is_accepted_sooner(cost: float, calibration: Calibration) -> None:
-    taught = accept_page(cost, calibration)
-    before, after = (classify(np.array([cost]), [each])[1] for each in (calibration, taught))
+@given(costs, calibrations, st.integers(1, 60))
+def test_a_page_taken_for_none_is_accepted_sooner(cost: float, calibration: Calibration, zones: int) -> None:
+    taught = accept_page(cost, calibration, zones)
+    before, after = (classify(np.array([cost]), [each], zones)[1] for each in (calibration, taught))
     assert after <= before
     assert abs(taught.bias - calibration.bias) <= DecisionParameters().most_step + 1e-9
 
 
-@given(costs, calibrations)
-def test_a_page_of_no_class_is_refused_sooner(cost: float, calibration: Calibration) -> None:
-    taught = refuse_page(cost, calibration)
-    before, after = (classify(np.array([cost]), [each])[1] for each in (calibration, taught))
+@given(costs, calibrations, st.integers(1, 60))
+def test_a_page_of_no_class_is_refused_sooner(cost: float, calibration: Calibration, zones: int) -> None:
+    taught = refuse_page(cost, calibration, zones)
+    before, after = (classify(np.array([cost]), [each], zones)[1] for each in (calibration, taught))
     assert after >= before
     assert abs(taught.bias - calibration.bias) <= DecisionParameters().most_step + 1e-9
 
 
-def test_repeated_it_is_decided_by_a_margin() -> None:
+@pytest.mark.parametrize("zones", [3, 30, 100])
+def test_repeated_it_is_decided_by_a_margin(zones: int) -> None:
     calibration = Calibration(-6.0, 0.8, 10)
     refusing = calibration
     for _ in range(30):
-        refusing = refuse_page(-6.0, refusing)
-    assert classify(np.array([-6.0]), [refusing])[1] == pytest.approx(1 / (1 + np.exp(-1)), abs=1e-6)
+        refusing = refuse_page(-6.0, refusing, zones)
+    assert classify(np.array([-6.0]), [refusing], zones)[1] == pytest.approx(1 / (1 + np.exp(-1)), abs=1e-6)
     for _ in range(30):
-        refusing = accept_page(-6.0, refusing)
-    assert classify(np.array([-6.0]), [refusing])[1] == pytest.approx(1 / (1 + np.exp(1)), abs=1e-6)
+        refusing = accept_page(-6.0, refusing, zones)
+    assert classify(np.array([-6.0]), [refusing], zones)[1] == pytest.approx(1 / (1 + np.exp(1)), abs=1e-6)

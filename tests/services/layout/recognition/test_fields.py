@@ -1,6 +1,7 @@
 """Fields: the text of every label in reading order, with the joint confidence of class, labels and words."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -67,3 +68,47 @@ def test_text_that_came_with_the_zones_counts_as_right() -> None:
 def test_zones_without_label_or_text_make_no_field() -> None:
     assert gather_fields(recognition(labelled(0, None, "loose"), labelled(1, "logo", " "))) == ()
     assert gather_fields(recognition(probability=None)) == ()
+
+
+DATE = {"date": FieldSetting("date")}
+
+
+def test_a_pattern_is_looked_for_zone_by_zone_where_all_together_have_no_value() -> None:
+    name = {"signature": FieldSetting("pattern", pattern="^([A-Z][a-z]{1,9} [A-Z][a-z]{1,9})")}
+    zones = [labelled(0, "signature", "by phone", 0.5), labelled(1, "signature", "Ann Hall", 0.8)]
+    [field] = gather_fields(recognition(*zones), name)
+    assert (field.value, field.text, field.zones) == ("Ann Hall", "by phone\nAnn Hall", ("z0", "z1"))
+    assert field.confidence == pytest.approx(0.9 * 0.5 * 0.8)
+    [field] = gather_fields(recognition(*zones, labelled(2, "signature", "Bob Hill")), name)
+    assert (field.value, field.problem) == (None, "no-value")
+
+
+def test_a_value_in_a_zone_of_another_label_is_found_if_that_zone_may_have_this_one() -> None:
+    head = labelled(0, "letterhead", "Ann Hall\nMarch 3, 1998", 0.8)
+    body = labelled(1, "body", "yours of March 1, 1998", 0.6)
+    [letterhead, text] = gather_fields(recognition(head, body), DATE)
+    assert [letterhead.label, text.label] == ["letterhead", "body"]
+    head, body = replace(head, others={"date": 0.6}), replace(body, others={"date": 0.2})
+    found = gather_fields(recognition(head, body), DATE)
+    assert [field.label for field in found] == ["letterhead", "date", "body"]
+    # The letterhead is wrong with 0.2, and a date then with 0.6; the body is one with 0.4 * 0.2.
+    assert (found[1].value, found[1].zones, found[1].text) == ("1998-03-03", ("z0",), head.zone.text)
+    assert found[1].confidence == pytest.approx(0.9 * 0.2 * 0.6)
+    assert (found[0].value, found[0].zones) == ("Ann Hall March 3, 1998", ("z0",))
+
+
+def test_zones_of_the_label_come_before_those_of_others() -> None:
+    other = replace(labelled(1, "body", "March 1, 1998", 0.5), others={"date": 0.9})
+    [own, _] = gather_fields(recognition(labelled(0, "date", "March 3, 1998"), other), DATE)
+    assert (own.value, own.zones) == ("1998-03-03", ("z0",))
+    several = labelled(0, "date", "March 3, 1998 or May 3, 1998")
+    [own, _] = gather_fields(recognition(several, other), DATE)
+    assert (own.value, own.problem) == (None, "several-values")
+    by_label = {
+        field.label: field for field in gather_fields(recognition(labelled(0, "date", "no"), other), DATE)
+    }
+    assert (by_label["date"].value, by_label["date"].zones) == ("1998-03-01", ("z1",))
+    assert by_label["body"].zones == ("z1",)
+    nothing = replace(labelled(1, "body", "never", 0.5), others={"date": 0.9})
+    [own, _] = gather_fields(recognition(labelled(0, "date", "no day"), nothing), DATE)
+    assert (own.text, own.problem) == ("no day", "no-value")

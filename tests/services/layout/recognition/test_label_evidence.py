@@ -9,12 +9,14 @@ from services.layout.matching import conditional_costs, own_costs
 from services.layout.matching.cost_tables import CostTables
 from services.layout.recognition.label_evidence import (
     EVIDENCE_FEATURES,
+    MOST_AWAY,
     READ,
     UNREAD,
     Evidence,
     label_confidences,
     label_evidence,
     label_features,
+    other_labels,
 )
 
 LABELS = np.array([1, 2, 1, 0])
@@ -105,3 +107,12 @@ def test_a_page_without_pairs_has_no_costs_of_pairs() -> None:
     alone = CostTables(np.zeros((2, 2)), np.zeros((0, 2), np.intp), np.zeros((0, 2, 2)), np.zeros((2, 3)))
     own, pairs = own_costs(alone, np.array([0, 1]))
     assert own.tolist() == pairs.tolist() == [0.0, 0.0]
+
+
+def test_other_labels_share_what_is_left_if_a_label_is_wrong() -> None:
+    conditional = np.array([[-5.0, -4.5, -4.5 + np.log(3), 19.0], [3.0, 0.0, MOST_AWAY + 0.1, 8.0]])
+    found = other_labels(conditional, np.array([0, 1]))
+    # One of the first zone's is three times as probable as the next one; the second zone's are all too far away.
+    assert found == pytest.approx(np.array([[0.0, 0.75, 0.25, 0.0], [0.0, 0.0, 0.0, 0.0]]), abs=1e-5)
+    assert found[:, 3].tolist() == [0.0, 0.0]
+    assert other_labels(np.array([[1.0]]), np.array([0])).tolist() == [[0.0]]
