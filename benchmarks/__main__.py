@@ -22,6 +22,7 @@ MODULES = {
     "layout_values": "layout.values",
     "layout_calibration": "layout.label_trust",
     "layout_evidence": "layout.evidence_learning",
+    "layout_joins": "layout.join_learning",
     "layout_segmentation": "layout.segmentation",
     "layout_matching": "layout.matching",
     "layout_documents": "layout.documents",

@@ -42,6 +42,8 @@ processes that do nothing else, one feedback in 10 000 fails every time."""
 LONGEST_PAUSE_S = 0.05
 """Longest pause between two tries: about the time of one adaptation."""
 
+_RECOGNIZED = "recognized"
+"""Key of a result's document with what was recognized, where a person has changed it since."""
 _MOST_NAMED = 20
 _random = random.Random()
 
@@ -111,7 +113,7 @@ class _Given:
 
     def verdicts(self, adaptation: Adaptation) -> list[list[Any]]:
         """What the person said of the zones that were recognized; nothing if a person has changed them before."""
-        if "recognized" in self.found:
+        if _RECOGNIZED in self.found:
             return []
         verified = self.verified
         kept = {str(zone["id"]) for zone in verified.page["zones"]}
@@ -149,6 +151,7 @@ async def _verified(
         labels = {str(zone["id"]): zone.get("label") for zone in revised.zones}
         found_labels = {zone: given.found_labels.get(zone) for zone in labels}
         given = replace(given, found_labels=found_labels, labels=labels)
+        given = replace(given, found_page=document.get(_RECOGNIZED, document)["page"])
     changed = {"page": revised.page, "result": result}
     return replace(given, page=revised.page), _Revision(changed, revised.texts)
 

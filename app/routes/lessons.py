@@ -53,8 +53,10 @@ def lesson_document(
     """The lesson as it is stored, with the labels of all zones; None for a page without zones: it teaches nothing."""
     if not adaptation.zones:
         return None
+    found = {} if verified.found_page is None else {"found_page": verified.found_page}
     return {
         "page": verified.page,
+        **found,
         "found_class": verified.found_class,
         "found_labels": verified.found_labels,
         "verified_class": verified.verified_class,
@@ -71,6 +73,7 @@ def lesson_page(lesson: Mapping[str, Any]) -> VerifiedPage[dict[str, Any]]:
         dict(lesson["found_labels"]),
         lesson["verified_class"],
         dict(lesson["labels"]),
+        lesson.get("found_page"),
     )
 
 

@@ -21,6 +21,7 @@ from benchmarks.layout.recognition import ReadingOptions, segment_all
 from benchmarks.layout.specimens import OTHER_LETTERS, Specimen, load_specimens
 from benchmarks.layout.truth import layout_folder
 from benchmarks.learning.classes import FEEDBACK_CLASSES
+from benchmarks.learning.image_streams import IMAGE_ONCE, IMAGE_STREAMS
 from benchmarks.learning.once import ONCE
 from benchmarks.learning.rounds import ROUNDS, draw_rounds
 from benchmarks.learning.speed import ADAPTATION_SPEED
@@ -33,12 +34,17 @@ PARTS: dict[str, Part] = {
     "once": ONCE,
     "classes": FEEDBACK_CLASSES,
     "speed": ADAPTATION_SPEED,
+    "image-streams": IMAGE_STREAMS,
+    "image-once": IMAGE_ONCE,
 }
 PICTURES: dict[str, Callable[[Path, Results], None]] = {"rounds": draw_rounds, "streams": draw_streams}
 METRICS = {
     "rounds_error_percent": Metric(0.5),
     "stream_error_percent": Metric(0.5),
     "same_left_percent": Metric(3.0),
+    "image_stream_zones_percent": Metric(3.0),
+    "image_stream_words_percent": Metric(2.0),
+    "image_spared_percent": Metric(5.0, True),
     "class_error_percent": Metric(3.0),
     "others_right_percent": Metric(0.5, True),
 }

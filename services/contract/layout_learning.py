@@ -1,5 +1,6 @@
 """Input and output of learning: from feedback on one page, and in training rounds over all samples."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Literal, TypeVar
 
@@ -35,6 +36,9 @@ class VerifiedPage(Generic[P]):
     labels
         The labels that the person gave, by zone id. If the class was right, the other zones keep their recognized
         label. Otherwise the model of the verified class finds their label.
+    found_page
+        Where the person drew zones: the page in the zones that were found, from which the model learns which pieces of
+        segmentation belong together. None: the zones are the found ones.
     """
 
     page: P
@@ -42,10 +46,14 @@ class VerifiedPage(Generic[P]):
     found_labels: dict[str, str | None]
     verified_class: str | None
     labels: dict[str, str | None]
+    found_page: P | None = None
 
-    def with_page(self, page: Q) -> "VerifiedPage[Q]":
-        """The same feedback with the page in another form."""
-        return VerifiedPage(page, self.found_class, self.found_labels, self.verified_class, self.labels)
+    def read_by(self, read: Callable[[P], Q]) -> "VerifiedPage[Q]":
+        """The same feedback with its pages in another form."""
+        found = None if self.found_page is None else read(self.found_page)
+        return VerifiedPage(
+            read(self.page), self.found_class, self.found_labels, self.verified_class, self.labels, found
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,8 @@ class Zone:
     `font_size` is the em of its print and `line_spacing` the distance of its baselines, in pixels; `weight` the
     stroke width as a share of the font size; `content` the confidence, 0-1, that it has a content feature
     (Table 5.1). `label` is the logical label where it is known, None for none of the model's.
-    `appearance` is that of its ink. `words` are those of `text` where OCR read it, in their order.
+    `appearance` is that of its ink. `words` are those of `text` where OCR read it, in their order. `pieces` are the
+    boxes of the zones of segmentation that it was put together from; none where it is one of these.
     """
 
     id: str
@@ -74,6 +75,7 @@ class Zone:
     content: Mapping[str, float] = field(default_factory=dict)
     label: str | None = None
     words: tuple[ReadWord, ...] = ()
+    pieces: tuple[Box, ...] = ()
 
     @property
     def text_confidence(self) -> float | None:

@@ -47,6 +47,7 @@ __all__ = [
     "read_page",
     "recognize",
     "regroup",
+    "regroup_pieces",
     "segment_read_page",
     "with_believable_labels",
 ]
@@ -152,24 +153,38 @@ def regroup(
 ) -> Recognition:
     """A recognition of the zones of `fine`, regrouped as the model of the page's class explains them best.
 
-    Zones are first cut and joined where that changes labels (`regroup_page`). Then pieces with one label are put
-    together; what is whole now is labelled again, and pieces that only then have one label follow. The class stays. So
-    does a page that fits no model.
+    Zones are first cut and joined where that changes labels (`regroup_pieces`). Then pieces with one label are put
+    together, and what is whole now is labelled again. The class stays. So does a page that fits no model.
     """
     if seen.chosen is None:
         return seen
     features = features or content_features()
     parameters = parameters or RecognitionParameters()
-    best = next(each for each in models if each.model.name == seen.chosen.name)
-    lines = compose_with_lines(fine)[1]
+    seen, lines = regroup_pieces(fine, seen, models, parameters, features)
+    best = _chosen(seen, models)
+    joined = _join_pieces(fine, seen, lines, best, features)
+    return seen if joined is seen else relabelled(joined, joined.page, best, features.names, parameters)
+
+
+def regroup_pieces(
+    fine: FinePage,
+    seen: Recognition,
+    models: Sequence[VersionedModel],
+    parameters: RecognitionParameters,
+    features: ContentFeatures,
+) -> tuple[Recognition, tuple[tuple[int, ...], ...]]:
+    """A recognition of a known class, its zones cut and joined where that changes labels, and the lines of these."""
+    best, lines = _chosen(seen, models), compose_with_lines(fine)[1]
     page, lines = regroup_page(fine, seen.page, lines, best.model, features)
     if page is not seen.page:
         seen = relabelled(seen, page, best, features.names, parameters)
-    joined, lines = _join_pieces(fine, seen, lines, best, features)
-    if joined is seen:
-        return seen
-    seen = relabelled(joined, joined.page, best, features.names, parameters)
-    return _join_pieces(fine, seen, lines, best, features)[0]
+    return seen, lines
+
+
+def _chosen(seen: Recognition, models: Sequence[VersionedModel]) -> VersionedModel:
+    assert seen.chosen is not None, "a page of no class keeps its zones"
+    name = seen.chosen.name
+    return next(each for each in models if each.model.name == name)
 
 
 def _join_pieces(
@@ -178,15 +193,14 @@ def _join_pieces(
     lines: tuple[tuple[int, ...], ...],
     model: VersionedModel,
     features: ContentFeatures,
-) -> tuple[Recognition, tuple[tuple[int, ...], ...]]:
-    """The recognition with pieces of one zone put together, and the lines of its zones; the same where none are."""
-    joining = {node.label: node.joining for node in model.model.nodes if node.label is not None}
-    groups = find_groups(seen.zones, seen.page, joining)
+) -> Recognition:
+    """The recognition with pieces of one zone put together; the same where none are."""
+    learned = {node.label: node.pieces for node in model.model.nodes if node.label is not None}
+    groups = find_groups(seen.zones, seen.page, learned)
     if len(groups) == len(seen.page.zones):
-        return seen, lines
+        return seen
     page, ordered = join_page(fine, seen.page, lines, groups)
-    own = tuple(tuple(line for place in group for line in lines[place]) for group in ordered)
-    return join_recognition(seen, features.measure_page(page), ordered), own
+    return join_recognition(seen, features.measure_page(page), ordered)
 
 
 def _read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:

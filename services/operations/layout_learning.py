@@ -15,14 +15,15 @@ from services.errors import InvalidOption
 from services.layout.content.content_features import content_features
 from services.layout.exchange.page_json import page_from_document, page_to_document
 from services.layout.learning import feedback
+from services.layout.learning.label_transfer import transfer_labels
 from services.layout.learning.revised_zones import revise_zones
 from services.layout.learning.training import train_in_rounds
 from services.layout.model.layout_model import MOST_LABELS
 from services.layout.model.model_document import model_to_document
-from services.layout.page import InvalidLayout
+from services.layout.page import InvalidLayout, Page
 from services.layout.recognition.fields import NO_FIELDS
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
-from services.operations.layout_models import draft_of, read_samples, sample_document
+from services.operations.layout_models import FOUND, draft_of, read_samples, sample_document
 from services.operations.layout_result import describe_fields, describe_zones
 from services.operations.page_zones import exchange_limits, read_kept_page
 from services.operations.replies import rounded, to_json_ready
@@ -52,7 +53,7 @@ def adapt_models(
         When the model would have too many labels, or when zones have no label and no model can find it.
     """
     features = content_features(settings.content_features)
-    read = verified.with_page(features.measure_page(read_kept_page(verified.page, settings)))
+    read = verified.read_by(lambda page: features.measure_page(read_kept_page(page, settings)))
     named = {stored.name: read_model(stored) for stored in models}
     right = named.get(verified.verified_class or "")
     if right is not None:  # checked before learning: tables for hundreds of labels take gigabytes
@@ -81,9 +82,17 @@ def adapt_models(
             {"model": name, "found": _costs(each.found), "verified": _costs(each.verified)}
             for name, each in learned.items()
         ],
-        sample=sample_document(replace(read.page, zones=zones)),
+        sample=_sample(replace(read.page, zones=zones), read.found_page),
         zones=len(zones),
     )
+
+
+def _sample(verified: Page, found: Page | None) -> dict[str, object]:
+    """The stored form of a verified page, with the found zones as its second view where a person drew others."""
+    document = sample_document(verified)
+    if found is not None:
+        document[FOUND] = sample_document(transfer_labels(verified, found))
+    return document
 
 
 def train_model(

@@ -1,7 +1,7 @@
 """Zones JSON of the HTTP contract, used in the request field `zones`, in samples, and in answers of /layout.
 
 `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "label"?, "kind"?, "lines"?, "font_size"?,
-"line_spacing"?, "weight"?, "alignment"?, "appearance"?, "text"?, "content"?}]}`; other keys are passed over.
+"line_spacing"?, "weight"?, "alignment"?, "appearance"?, "text"?, "content"?, "pieces"?}]}`; other keys are passed over.
 """
 
 from dataclasses import asdict, fields
@@ -87,6 +87,8 @@ def _zone_document(zone: Zone) -> dict[str, Any]:
             document[name] = value
     if zone.appearance is not None:
         document["appearance"] = asdict(zone.appearance)
+    if zone.pieces:
+        document["pieces"] = [[plain_number(value) for value in box] for box in zone.pieces]
     if zone.text:
         document["text"] = zone.text
     if zone.content:
@@ -120,7 +122,7 @@ def _zone(given: Any, field: str, width: float, height: float, limits: ExchangeL
         )
     return Zone(
         id=_id(given, field, limits),
-        box=_box(given, field, width, height),
+        box=_box(given.get("box"), f"{field}.box", width, height),
         kind=cast(Kind, _choice(given.get("kind"), f"{field}.kind", KINDS) or "text"),
         lines=_lines(given.get("lines"), f"{field}.lines"),
         font_size=_measure(given.get("font_size"), f"{field}.font_size", limits),
@@ -131,6 +133,7 @@ def _zone(given: Any, field: str, width: float, height: float, limits: ExchangeL
         text=_text(given.get("text"), f"{field}.text", limits),
         content=_content(given.get("content"), f"{field}.content", limits),
         label=_label(given.get("label"), f"{field}.label", limits),
+        pieces=_pieces(given.get("pieces"), f"{field}.pieces", width, height, limits),
     )
 
 
@@ -152,9 +155,7 @@ def _id(given: dict[Any, Any], field: str, limits: ExchangeLimits) -> str:
     return name
 
 
-def _box(given: dict[Any, Any], field: str, width: float, height: float) -> Box:
-    value = given.get("box")
-    field = f"{field}.box"
+def _box(value: Any, field: str, width: float, height: float) -> Box:
     if not isinstance(value, list | tuple) or len(value) != 4 or not all(map(is_finite_number, value)):
         raise InvalidLayout(
             f"The box must be four finite numbers [x0, y0, x1, y1] in pixels; here it is {_shown(value)}.",
@@ -176,6 +177,14 @@ def _box(given: dict[Any, Any], field: str, width: float, height: float) -> Box:
             f"The box {_shown(value)} goes far beyond {page}; measure both on one image.", field
         )
     return (max(x0, 0.0), max(y0, 0.0), min(x1, width), min(y1, height))
+
+
+def _pieces(value: Any, field: str, width: float, height: float, limits: ExchangeLimits) -> tuple[Box, ...]:
+    if value is None:
+        return ()
+    if not isinstance(value, list | tuple) or len(value) > limits.max_zones:
+        raise InvalidLayout(f"The pieces must be a list of at most {limits.max_zones} boxes, or null.", field)
+    return tuple(_box(box, f"{field}[{index}]", width, height) for index, box in enumerate(value))
 
 
 def _choice(value: Any, field: str, choices: tuple[str, ...]) -> str | None:

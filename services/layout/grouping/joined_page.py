@@ -75,16 +75,40 @@ def join_recognition(seen: Recognition, page: Page, groups: Groups) -> Recogniti
     return replace(seen, page=page, zones=zones, match=match)
 
 
+def in_pieces(page: Page) -> Page:
+    """The page before its pieces were put together: for each piece a zone, as far as its box tells what it was like."""
+    if not any(zone.pieces for zone in page.zones):
+        return page
+    return replace(page, zones=tuple(piece for zone in page.zones for piece in _divide(zone)))
+
+
+def _divide(zone: Zone) -> list[Zone]:
+    if not zone.pieces:
+        return [zone]
+    heights = [box[3] - box[1] for box in zone.pieces]
+    return [
+        replace(
+            zone,
+            id=f"{zone.id}.{number}",
+            box=box,
+            lines=zone.lines and max(1, round(zone.lines * height / sum(heights))),
+            pieces=(),
+        )
+        for number, (box, height) in enumerate(zip(zone.pieces, heights, strict=True), 1)
+    ]
+
+
 def _join(fine: FinePage, pieces: Sequence[Zone], lines: Sequence[Sequence[int]]) -> Zone:
     if len(pieces) == 1:
         return pieces[0]
     box = pieces[0].box
+    boxes = tuple(each for piece in pieces for each in piece.pieces or (piece.box,))
     for piece in pieces[1:]:
         box = joined_box(box, piece.box)
     found = [line for own in lines for line in own]
     if not found:
-        joined = replace(pieces[0], box=box, kind="figure")
+        joined = replace(pieces[0], box=box, kind="figure", pieces=boxes)
     else:
         order = order_by_rows([fine.lines[line] for line in found], fine.boxes[found, 0].tolist())
-        joined = replace(text_zone(fine, [found[place] for place in order]), box=box)
+        joined = replace(text_zone(fine, [found[place] for place in order]), box=box, pieces=boxes)
     return with_appearance(fine.ink, [joined])[0]

@@ -1,15 +1,18 @@
-"""Neighbouring zones with one label, and the probability that they are pieces of one zone."""
+"""Pieces of zones, and how probably two neighbours with one label are pieces of one zone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 
+from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Box, Page, Zone
 
-PIECE_FEATURES = (
+Values = NDArray[np.float64]
+Places = NDArray[np.intp]
+
+PAIR_FEATURES = (
     "gap-along",
     "gap-across",
     "font-step",
@@ -22,12 +25,11 @@ PIECE_FEATURES = (
     "pitch",
     "constant",
 )
-"""What is measured of a pair of pieces; `piece_features` has their order."""
+"""What is measured of two pieces; `pair_features` has their order."""
 
-USUAL_WEIGHTS = (-1.05, -0.09, 0.72, 2.87, -0.15, 0.07, 0.38, 1.77, -0.69, -0.48, 1.64)
-"""Log odds for each feature: a logistic regression on 2423 pairs of zones that segmentation found on title pages of
-three publications, letters, memos and fax sheets; each set weighs the root of its number of pairs. On a set that is
-left out 65 to 93 % of the pairs are decided correctly."""
+PAIR_WEIGHTS = (-1.05, -0.09, 0.72, 2.87, -0.15, 0.07, 0.38, 1.77, -0.69, -0.48, 1.64)
+"""Log odds for each feature, as `python -m benchmarks layout_joins` learns them. What a class adds for its labels
+(`PieceStatistics.joining`) is about these."""
 
 
 MOST_ZONES = 300
@@ -61,81 +63,153 @@ class PairParameters:
     """Height of a line's ink over its em."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Pieces:
+    """N pieces of a page: zones, and zones put together.
+
+    `boxes` (N, 4) in ems of the page's print; `lines` (N,), 0 where unknown; `sizes`, `weights` natural logarithms of
+    em and stroke weight and `spaces` white space between lines in ems, NaN where unknown; `others` are pieces that are
+    no text, `solid` ones text or figures. `labels` (N,) number the labels, -1 for null.
+    """
+
+    boxes: Values
+    lines: Values
+    sizes: Values
+    weights: Values
+    spaces: Values
+    others: NDArray[np.bool_]
+    solid: NDArray[np.bool_]
+    labels: Places
+
+    def taken(self, places: Places | slice) -> "Pieces":
+        """Those at `places`."""
+        return Pieces(*(getattr(self, name)[places] for name in self.__slots__))
+
+    def with_room(self, more: int) -> "Pieces":
+        """These, with room for `more` that `put` fills; room has the label -2, which no piece has."""
+        grown = Pieces(
+            *(
+                np.concatenate([values, np.zeros((more, *values.shape[1:]), values.dtype)])
+                for values in (getattr(self, name) for name in self.__slots__)
+            )
+        )
+        grown.labels[len(self.labels) :] = -2
+        return grown
+
+    def put(self, place: int, first: int, second: int) -> None:
+        """Fill `place` with two pieces put together, with the print of the one that has more lines."""
+        larger = first if self.lines[first] >= self.lines[second] else second
+        for name in ("sizes", "weights", "spaces", "labels"):
+            values = getattr(self, name)
+            values[place] = values[larger]
+        self.boxes[place] = _hulls(self.boxes[[first]], self.boxes[[second]])[0]
+        self.lines[place] = self.lines[first] + self.lines[second]
+        self.others[place] = self.others[first] and self.others[second]
+        self.solid[place] = self.solid[first] or self.solid[second]
+
+
+def describe_pieces(zones: Sequence[Zone], em: float) -> tuple[Pieces, list[str]]:
+    """The zones as pieces, and the labels by their numbers; `em` of the page's print in pixels."""
+    p = PairParameters()
+    named = list(dict.fromkeys(zone.label for zone in zones if zone.label is not None))
+    number = {label: place for place, label in enumerate(named)}
+
+    def known(values: list[float | None]) -> Values:
+        return np.array([np.nan if value is None else value for value in values], np.float64)
+
+    pieces = Pieces(
+        boxes=np.array([zone.box for zone in zones], np.float64).reshape(-1, 4) / em,
+        lines=np.array([zone.lines or 0 for zone in zones], np.float64),
+        sizes=np.log(known([zone.font_size or None for zone in zones])),
+        weights=np.log(known([zone.weight or None for zone in zones])),
+        spaces=known(
+            [
+                zone.line_spacing / em - p.line_height * (zone.font_size or em) / em
+                if zone.line_spacing and (zone.lines or 0) > 1
+                else None
+                for zone in zones
+            ]
+        ),
+        others=np.array([zone.kind != "text" for zone in zones], bool),
+        solid=np.array([zone.kind in ("text", "figure") for zone in zones], bool),
+        labels=np.array([-1 if zone.label is None else number[zone.label] for zone in zones], np.intp),
+    )
+    return pieces, named
+
+
 def print_size(page: Page) -> float:
     """Median em of the page's zones in pixels; a seventieth of its height where none is known."""
     sizes = [zone.font_size for zone in page.zones if zone.font_size]
     return float(np.median(sizes)) if sizes else page.height / 70
 
 
-def neighbours_of(index: int, zones: Sequence[Zone | None], em: float) -> list[int]:
-    """Zones with the label of `zones[index]` that are near it, with none of another label between them.
+def are_neighbours(pieces: Pieces, first: Places, second: Places, zones: Pieces) -> NDArray[np.bool_]:
+    """Which pairs (P,) have one label and are near, with none of `zones` that has another label between them.
 
-    Zones that are None are not there any more. Rules and noise lie between no zones.
+    Rules and noise lie between no pieces.
     """
     p = PairParameters()
-    own = zones[index]
-    if own is None or own.label is None:
-        return []
-    present = [number for number, zone in enumerate(zones) if zone is not None]
-    boxes = np.array([zone.box for zone in zones if zone is not None])
-    same = np.array([zone.label == own.label for zone in zones if zone is not None])
-    solid = np.array([zone.kind in ("text", "figure") for zone in zones if zone is not None])
-    x0, y0, x1, y1 = own.box
-    across = np.maximum(np.maximum(boxes[:, 0] - x1, x0 - boxes[:, 2]), 0.0)
-    along = np.maximum(np.maximum(boxes[:, 1] - y1, y0 - boxes[:, 3]), 0.0)
-    near = same & (across <= p.reach_across * em) & (along <= p.reach_along * em)
-    areas = np.maximum(np.prod(boxes[:, 2:] - boxes[:, :2], axis=1), 1e-9)
-    foreign = ~same & solid
-    found = []
-    for place in np.flatnonzero(near):
-        other = present[int(place)]
-        if other == index:
-            continue
-        hull = np.array(joined_box(own.box, tuple(boxes[place])))
-        sides = np.minimum(boxes[:, 2:], hull[2:]) - np.maximum(boxes[:, :2], hull[:2])
-        inside = np.prod(np.maximum(sides, 0.0), axis=1) / areas
-        if not np.any(foreign & (inside > p.foreign_share)):
-            found.append(other)
-    return found
+    a, b = pieces.boxes[first], pieces.boxes[second]
+    gaps = np.maximum(np.maximum(a[:, :2] - b[:, 2:], b[:, :2] - a[:, 2:]), 0.0)
+    near: NDArray[np.bool_] = (
+        (first != second)
+        & (pieces.labels[first] == pieces.labels[second])
+        & (pieces.labels[first] >= 0)
+        & (gaps[:, 0] <= p.reach_across)
+        & (gaps[:, 1] <= p.reach_along)
+    )
+    found = np.flatnonzero(near)
+    solid = np.flatnonzero(zones.solid)
+    if len(found) and len(solid):
+        boxes = zones.boxes[solid]
+        hulls = _hulls(a[found], b[found])
+        sides = np.minimum(hulls[:, None, 2:], boxes[:, 2:]) - np.maximum(hulls[:, None, :2], boxes[:, :2])
+        areas = np.maximum(np.prod(boxes[:, 2:] - boxes[:, :2], axis=1), 1e-9)
+        inside = np.prod(np.maximum(sides, 0.0), axis=2) / areas
+        foreign = zones.labels[solid] != pieces.labels[first[found], None]
+        near[found] = ~np.any(foreign & (inside > p.foreign_share), axis=1)
+    return near
 
 
-def piece_features(first: Zone, second: Zone, em: float) -> NDArray[np.float64]:
-    """`PIECE_FEATURES` of two zones, in any order; `em` of the page's print in pixels."""
+def pair_features(pieces: Pieces, first: Places, second: Places) -> Values:
+    """`PAIR_FEATURES` (P, 11) of pairs of pieces, each in any order."""
     p = PairParameters()
-    upper, lower = (first, second) if first.box[1] <= second.box[1] else (second, first)
-    a, b = np.array(upper.box) / em, np.array(lower.box) / em
-    across, along = max(a[0] - b[2], b[0] - a[2], 0.0), max(b[1] - a[3], 0.0)
-    left, right = abs(a[0] - b[0]), abs(a[2] - b[2])
-    centres = abs(a[0] + a[2] - b[0] - b[2]) / 2
-    edges = np.log1p(np.minimum([min(left, right, centres), centres, left], p.most_edge))
-    spaces = [
-        zone.line_spacing / em - p.line_height * (zone.font_size or em) / em
-        for zone in (upper, lower)
-        if zone.line_spacing and (zone.lines or 0) > 1
-    ]
-    pitch = along / max(min(spaces), 0.15) if spaces else p.usual_pitch
-    return np.array(
+    is_upper = pieces.boxes[first, 1] <= pieces.boxes[second, 1]
+    upper, lower = np.where(is_upper, first, second), np.where(is_upper, second, first)
+    a, b = pieces.boxes[upper], pieces.boxes[lower]
+    across = np.maximum(np.maximum(a[:, 0] - b[:, 2], b[:, 0] - a[:, 2]), 0.0)
+    along = np.maximum(b[:, 1] - a[:, 3], 0.0)
+    left, right = np.abs(a[:, 0] - b[:, 0]), np.abs(a[:, 2] - b[:, 2])
+    centres = np.abs(a[:, 0] + a[:, 2] - b[:, 0] - b[:, 2]) / 2
+    space = np.fmin(pieces.spaces[upper], pieces.spaces[lower])
+    pitch = np.where(np.isfinite(space), along / np.maximum(np.nan_to_num(space), 0.15), p.usual_pitch)
+
+    def edges(distances: Values) -> Values:
+        return np.asarray(np.log1p(np.minimum(distances, p.most_edge)))
+
+    def step(values: Values) -> Values:
+        return np.asarray(np.nan_to_num(np.minimum(np.abs(values[upper] - values[lower]), p.most_step)))
+
+    return np.column_stack(
         [
-            min(along, p.most_gap),
-            min(across, p.most_gap_across),
-            _step(upper.font_size, lower.font_size, p.most_step),
-            _step(upper.weight, lower.weight, p.most_step),
-            *edges,
-            float(upper.kind != "text") + float(lower.kind != "text"),
-            np.log(max(upper.lines or 1, lower.lines or 1)),
-            np.log1p(min(pitch, p.most_pitch)),
-            1.0,
+            np.minimum(along, p.most_gap),
+            np.minimum(across, p.most_gap_across),
+            step(pieces.sizes),
+            step(pieces.weights),
+            edges(np.minimum(np.minimum(left, right), centres)),
+            edges(centres),
+            edges(left),
+            pieces.others[upper].astype(float) + pieces.others[lower],
+            np.log(np.maximum(np.maximum(pieces.lines[upper], pieces.lines[lower]), 1.0)),
+            np.log1p(np.minimum(pitch, p.most_pitch)),
+            np.ones(len(first)),
         ]
     )
 
 
-def piece_probability(first: Zone, second: Zone, em: float, joining: Mapping[str, float]) -> float:
-    """Probability that two zones with one label are pieces of one zone.
-
-    `joining` has log odds that a class has learned for its labels; a label that is missing has the usual ones.
-    """
-    odds = float(piece_features(first, second, em) @ USUAL_WEIGHTS)
-    return float(expit(odds + joining.get(first.label or "", 0.0)))
+def joining_of(labels: Sequence[str], learned: Mapping[str, PieceStatistics]) -> Values:
+    """Log odds (L,) that a class has learned for its labels; 0 for those that it does not know."""
+    return np.array([learned[label].joining if label in learned else 0.0 for label in labels], np.float64)
 
 
 def joined_box(first: Box, second: Box) -> Box:
@@ -148,5 +222,6 @@ def joined_box(first: Box, second: Box) -> Box:
     )
 
 
-def _step(first: float | None, second: float | None, most: float) -> float:
-    return min(abs(float(np.log(first / second))), most) if first and second else 0.0
+def _hulls(first: Values, second: Values) -> Values:
+    """Boxes (P, 4) round pairs of boxes."""
+    return np.hstack([np.minimum(first[:, :2], second[:, :2]), np.maximum(first[:, 2:], second[:, 2:])])

@@ -9,7 +9,7 @@ import numpy as np
 
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.graph.layout_graph import build_graph
-from services.layout.learning.learned_joining import learn_joining
+from services.layout.learning.learned_pieces import learn_pieces
 from services.layout.learning.over_segmentation import over_segment
 from services.layout.matching import MatchingParameters, match_directly
 from services.layout.model.cost import build_cost_tables
@@ -138,7 +138,7 @@ def _begin(
         samples=len(seen),
         calibration=calibrate([]),
         content_names=graphs[0][0].graph.content_names,
-        joining=learn_joining((views[0].page, views[1].page) for views in seen if views[1].is_found),
+        pieces=learn_pieces((views[0].page, views[1].page) for views in seen if views[1].is_found),
     )
     return begun, held_out
 

@@ -21,6 +21,7 @@ from services.layout.model.layout_model import (
     ModelNode,
     ModelStatistics,
     NumericExpectation,
+    PieceStatistics,
 )
 from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
 
@@ -117,7 +118,7 @@ def name_parts(
     content_names: Sequence[str],
     calibration: Calibration,
     statistics: ModelStatistics | None,
-    joining: Mapping[str, float],
+    pieces: Mapping[str, PieceStatistics],
 ) -> LayoutModel:
     """The model as it is stored, its arrays as mappings by name, rounded and clipped to the limits of a model."""
     values, variances = _stored(model.values, 5).tolist(), _stored(model.variances, 8).tolist()
@@ -157,7 +158,7 @@ def name_parts(
                     for feature, weight in zip(content_names, content_weights[row], strict=True)
                     if weight != 1.0
                 },
-                joining=round(joining.get(label or "", 0.0), 4),
+                pieces=pieces.get(label or "", PieceStatistics()),
             )
             for row, label in enumerate(model.labels)
         ),

@@ -39,13 +39,31 @@ class NumericExpectation:
 
 
 @dataclass(frozen=True, slots=True)
+class PieceStatistics:
+    """What verified pages say of the pieces that segmentation makes of the zones of a label.
+
+    `joining` are log odds, beyond the usual ones, that two neighbouring zones of segmentation with the label are pieces
+    of one zone, and `certainty` how sure they are: the second derivative of the negative log likelihood. `whole`
+    verified zones were found in one piece, `divided` ones in several. `widths` and `heights` are those of verified
+    zones, as binary logarithms of shares of the page: their number, their sum and that of their squares.
+    """
+
+    joining: float = 0.0
+    certainty: float = 0.0
+    whole: float = 0.0
+    divided: float = 0.0
+    widths: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    heights: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
 class ModelNode:
     """One logical component of a class; `label` None is null, what zones without a label look like.
 
     `zones` is how many zones of the samples had the label. `content` holds the expectation value, 0-1, of every
     content feature (Equation 5.3). `count_costs[n]` is the cost of n zones with the label on a page, the last
-    one also of more; `count_costs[0]` is thus the cost of the component's absence. `joining` are log odds, beyond the
-    usual ones, that two neighbouring zones with the label are pieces of one zone.
+    one also of more; `count_costs[0]` is thus the cost of the component's absence. `pieces` is what is known of the
+    pieces of its zones.
     """
 
     label: str | None
@@ -55,7 +73,7 @@ class ModelNode:
     content: Mapping[str, float]
     count_costs: tuple[float, ...]
     content_weights: Mapping[str, float] = field(default_factory=dict)
-    joining: float = 0.0
+    pieces: PieceStatistics = PieceStatistics()
 
 
 @dataclass(frozen=True, slots=True)

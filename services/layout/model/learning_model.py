@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from services.layout.model.compiled_model import CompiledModel, compile_model
 from services.layout.model.estimation import estimate_model, name_parts
-from services.layout.model.layout_model import Calibration, LayoutModel
+from services.layout.model.layout_model import Calibration, LayoutModel, PieceStatistics
 from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
 from services.layout.model.stored_statistics import restore_statistics, store_statistics, with_nodes
 
@@ -20,7 +20,7 @@ class LearningModel:
     `model` is what matching sees, `statistics` the sums over the pages that were counted, `certainty` (K,) how sure
     the scales are. Differences between `model` and the estimate of `statistics` were learned from errors or set by
     hand; they remain when a page is counted. `zones` are the verified zones of each node, `samples` the verified pages;
-    `joining` has the log odds of `ModelNode.joining` by label.
+    `pieces` has `ModelNode.pieces` by label.
     """
 
     name: str
@@ -31,7 +31,7 @@ class LearningModel:
     samples: int
     calibration: Calibration
     content_names: tuple[str, ...]
-    joining: Mapping[str, float] = field(default_factory=dict)
+    pieces: Mapping[str, PieceStatistics] = field(default_factory=dict)
 
     @property
     def labels(self) -> tuple[str | None, ...]:
@@ -56,7 +56,7 @@ def begin_learning(model: LayoutModel, content_names: Sequence[str]) -> Learning
         samples=model.samples,
         calibration=model.calibration,
         content_names=tuple(content_names),
-        joining={node.label: node.joining for node in model.nodes if node.label is not None},
+        pieces={node.label: node.pieces for node in model.nodes if node.label is not None},
     )
 
 
@@ -70,7 +70,7 @@ def end_learning(learned: LearningModel) -> LayoutModel:
         learned.content_names,
         learned.calibration,
         store_statistics(learned.statistics, learned.labels, learned.content_names, learned.certainty),
-        learned.joining,
+        learned.pieces,
     )
 
 

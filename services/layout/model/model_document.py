@@ -26,6 +26,7 @@ from services.layout.model.layout_model import (
     ModelStatistics,
     NodeStatistics,
     NumericExpectation,
+    PieceStatistics,
 )
 from services.layout.page import InvalidLayout, is_finite_number
 
@@ -155,6 +156,15 @@ class _Expectation(TypedDict):
     weight: NotRequired[Weight]
 
 
+class _Pieces(TypedDict):
+    joining: Bias
+    certainty: Positive
+    whole: Positive
+    divided: Positive
+    widths: tuple[Total, SignedTotal, Total]
+    heights: tuple[Total, SignedTotal, Total]
+
+
 class _Node(TypedDict):
     label: NotRequired[Label | None]
     zones: Positive
@@ -164,6 +174,7 @@ class _Node(TypedDict):
     count_costs: Annotated[Row[Number], Field(min_length=2)]
     content_weights: NotRequired[ByName[Weight]]
     joining: NotRequired[Bias]
+    pieces: NotRequired[_Pieces]
 
 
 class _Edge(_Ends):
@@ -216,7 +227,9 @@ _PLAIN = TypeAdapter(LayoutModel)
 def _node(read: _Node) -> ModelNode:
     numeric = {name: NumericExpectation(**each) for name, each in read["numeric"].items()}
     values: dict[str, Any] = {"label": None, **read, "numeric": numeric}
-    return ModelNode(**values)
+    joining = values.pop("joining", 0.0)  # all that models of earlier releases know of pieces
+    pieces = PieceStatistics(**read["pieces"]) if "pieces" in read else PieceStatistics(joining)
+    return ModelNode(**{**values, "pieces": pieces})
 
 
 def _statistics(read: _Statistics, labels: list[str | None]) -> ModelStatistics:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from services.arrays import GrayImage
+from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Page, Zone
 from services.layout.pipeline import (
     complete_page,
@@ -171,7 +172,8 @@ def test_pieces_are_put_together_and_the_class_stays() -> None:
     plain = model_of("memo", 3)
 
     def taught(joining: float) -> list[VersionedModel]:
-        nodes = tuple(replace(node, joining=joining if node.label else 0.0) for node in plain.nodes)
+        pieces = PieceStatistics(joining, whole=9.0 * (joining < 0), divided=9.0 * (joining > 0))
+        nodes = tuple(replace(node, pieces=pieces) for node in plain.nodes)
         return [VersionedModel(replace(plain, nodes=nodes), 7)]
 
     first = recognize(seen, taught(0.0))

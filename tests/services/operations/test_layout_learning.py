@@ -62,3 +62,13 @@ def test_labels_that_were_found_count_only_where_they_stay() -> None:
 def test_a_page_without_zones_teaches_nothing() -> None:
     adaptation = adapt_models(task(page_of(), None, {}), [LETTER], LayoutSettings())
     assert (adaptation.documents, adaptation.zones, adaptation.costs) == ({}, 0, [])
+
+
+def test_found_zones_become_the_second_view_of_a_sample_whose_zones_a_person_drew() -> None:
+    page = labelled_page("letter", FIRST_UNSEEN)
+    found = replace(page, zones=tuple(replace(zone, label=None) for zone in page.zones[:-1]))
+    labels = {zone.id: zone.label for zone in page.zones}
+    drawn = replace(task(page, "letter", labels), found_page=page_to_document(found))
+    sample = adapt_models(drawn, [LETTER], LayoutSettings()).sample
+    assert [zone["label"] for zone in sample["found"]["zones"]] == [zone.label for zone in page.zones[:-1]]
+    assert "found" not in adapt_models(task(page, "letter", labels), [LETTER], LayoutSettings()).sample

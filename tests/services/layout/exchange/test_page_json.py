@@ -73,6 +73,17 @@ def test_what_a_result_says_is_a_page() -> None:
     )
 
 
+def test_pieces_are_kept_and_wrong_ones_refused() -> None:
+    pieces = [[10, 20, 30, 40], [10, 50, 30, 60]]
+    page = page_from_document(document(zone(pieces=pieces)), LIMITS)
+    assert page.zones[0].pieces == ((10, 20, 30, 40), (10, 50, 30, 60))
+    assert page_to_document(page)["zones"][0]["pieces"] == pieces
+    for wrong, field in (("two", "zones[0].pieces"), ([[1, 2, 3]], "zones[0].pieces[0]")):
+        with pytest.raises(InvalidLayout) as refused:
+            page_from_document(document(zone(pieces=wrong)), LIMITS)
+        assert refused.value.field == field
+
+
 def test_appearance_is_kept() -> None:
     looks = {"density": 0.2, "size": 1.1, "size_spread": 0.4, "stroke": 0.9, "slant": -0.1, "regularity": 1}
     page = page_from_document(document(zone(appearance=looks)), LIMITS)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from services.layout.grouping.joined_page import join_page
+from services.layout.grouping.joined_page import in_pieces, join_page
 from services.layout.page import Page, Zone
 from services.layout.segmentation import FinePage, compose_with_lines, segment_finely
 from services.layout.segmentation.measures import order_by_rows
@@ -79,3 +79,14 @@ def test_zones_alone_stay_as_they_are(fine: FinePage) -> None:
     page, lines = compose_with_lines(fine)
     alone = tuple((place,) for place in range(len(page.zones)))
     assert join_page(fine, page, lines, alone) == (page, alone)
+
+
+def test_a_joined_zone_remembers_its_pieces(fine: FinePage) -> None:
+    page, lines = compose_with_lines(fine)
+    joined, _ = join_page(fine, page, lines, ((0, 1), *((place,) for place in range(2, len(page.zones)))))
+    [zone] = [zone for zone in joined.zones if zone.pieces]
+    assert set(zone.pieces) == {page.zones[0].box, page.zones[1].box}
+    parts = in_pieces(joined)
+    assert sorted(each.box for each in parts.zones) == sorted(each.box for each in page.zones)
+    assert len({each.id for each in parts.zones}) == len(parts.zones)
+    assert in_pieces(page) is page

@@ -157,3 +157,26 @@ def test_the_learner_is_chosen_by_model() -> None:
     assert any(
         expected.weight != 1 for node in by["error-correction"].nodes for expected in node.numeric.values()
     )
+
+
+def test_zones_that_a_person_drew_teach_which_pieces_belong_together() -> None:
+    """One zone of the verified page was found in two pieces; feedback on labels alone says nothing of pieces."""
+    model, page = model_of("letter", 3), unseen("letter", 4)
+    whole = max(page.zones, key=lambda zone: (zone.label is not None) * (zone.box[3] - zone.box[1]))
+    x0, y0, x1, y1 = whole.box
+    middle = (y0 + y1) / 2
+    pieces = [
+        replace(whole, id="upper", box=(x0, y0, x1, middle - 4)),
+        replace(whole, id="lower", box=(x0, middle + 4, x1, y1)),
+    ]
+    zones = [each for zone in page.zones for each in (pieces if zone is whole else [zone])]
+    told = said(page, recognized(page, model), "letter")
+    after = {}
+    for name, found_page in (("labels", None), ("zones", unlabelled(replace(page, zones=tuple(zones))))):
+        _, learned = adapt_models(replace(told, found_page=found_page), {"letter": model}, {}, NAMES)
+        [node] = [node for node in learned["letter"].model.nodes if node.label == whole.label]
+        after[name] = node.pieces
+    [before] = [node.pieces for node in model.nodes if node.label == whole.label]
+    assert after["labels"] == before
+    assert after["zones"].divided == before.divided + 1
+    assert after["zones"].joining > before.joining

@@ -23,6 +23,7 @@ from services.layout.model.layout_model import (
     ModelStatistics,
     NodeStatistics,
     NumericExpectation,
+    PieceStatistics,
 )
 from services.layout.model.model_document import (
     LONGEST_NAME,
@@ -46,6 +47,7 @@ MODEL = LayoutModel(
             {"date": 0.9},
             (3.0, 0.1, 4.0),
             {"date": 0.5},
+            PieceStatistics(0.5, 1.5, 2.0, 1.0, (3.0, -4.5, 7.0), (3.0, -9.0, 28.0)),
         ),
     ),
     edges=(
@@ -218,6 +220,9 @@ DAMAGES: list[tuple[Path, Any, str]] = [
     (("calibration", "evidence_slope"), 1e9, "calibration.evidence_slope"),
     ((*NODE, "numeric", "left", "weight"), -0.1, "nodes[1].numeric.left.weight"),
     ((*NODE, "joining"), 1e9, "nodes[1].joining"),
+    ((*NODE, "pieces", "joining"), 1e9, "nodes[1].pieces.joining"),
+    ((*NODE, "pieces", "whole"), -1, "nodes[1].pieces.whole"),
+    ((*NODE, "pieces", "widths"), [1, 2], "nodes[1].pieces.widths"),
     ((*NODE, "content_weights", "date"), "much", "nodes[1].content_weights.date"),
     (("memory",), [], "memory"),
     (("memory", "pages"), -1, "memory.pages"),
@@ -250,6 +255,13 @@ def paths(value: Any, here: Path = ()) -> Iterator[Path]:
             yield from paths(inner, (*here, step))
 
 
+def test_models_of_earlier_releases_keep_their_log_odds_of_pieces() -> None:
+    earlier = document()
+    del earlier["nodes"][1]["pieces"]
+    earlier["nodes"][1]["joining"] = 1.25
+    assert model_from_document(earlier).nodes[1].pieces == PieceStatistics(1.25)
+
+
 def test_a_version_of_more_digits_than_are_told_is_refused() -> None:
     with pytest.raises(InvalidLayout, match="format_version"):
         model_from_document(changed(("format_version",), 10**5000))
@@ -262,7 +274,7 @@ LEARNED = (
     "weight",
     "content_weights",
     "bias",
-    "joining",
+    "pieces",
     "memory",
     "evidence_slope",
     "evidence_intercept",
