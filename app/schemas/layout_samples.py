@@ -38,6 +38,9 @@ class PageZone(BaseModel):
     content: dict[str, float] | None = Field(
         default=None, description="Content features, each with a confidence 0-1."
     )
+    pieces: list[tuple[float, float, float, float]] | None = Field(
+        default=None, description="Boxes of the zones of segmentation that it was put together from."
+    )
 
 
 class PageBody(BaseModel):

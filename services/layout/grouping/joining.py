@@ -41,7 +41,7 @@ WHOLE_FEATURES = (
 )
 """What is measured of a node that is joined; `whole_features` has their order."""
 
-WHOLE_WEIGHTS = (0.83, -0.44, 0.15, 0.25, -1.3, 0.0, 0.0, 0.0, -2.19)
+WHOLE_WEIGHTS = (0.788, -0.446, 0.159, 0.242, -1.458, -0.466, 0.61, -1.624, -0.817)
 """Score for each feature, as `python -m benchmarks layout_joins` learns them."""
 
 Groups = tuple[tuple[int, ...], ...]

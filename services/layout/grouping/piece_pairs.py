@@ -27,7 +27,7 @@ PAIR_FEATURES = (
 )
 """What is measured of two pieces; `pair_features` has their order."""
 
-PAIR_WEIGHTS = (-1.05, -0.09, 0.72, 2.87, -0.15, 0.07, 0.38, 1.77, -0.69, -0.48, 1.64)
+PAIR_WEIGHTS = (-1.311, -0.296, -0.1, 2.013, -0.568, 0.05, 0.346, -0.338, -0.955, -0.915, 2.2)
 """Log odds for each feature, as `python -m benchmarks layout_joins` learns them. What a class adds for its labels
 (`PieceStatistics.joining`) is about these."""
 
