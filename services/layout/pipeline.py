@@ -154,7 +154,7 @@ def regroup(
     """A recognition of the zones of `fine`, regrouped as the model of the page's class explains them best.
 
     Zones are first cut and joined where that changes labels (`regroup_pieces`). Then pieces with one label are put
-    together, and what is whole now is labelled again. The class stays. So does a page that fits no model.
+    together; they keep it, and all other zones are labelled again. The class stays. So does a page that fits no model.
     """
     if seen.chosen is None:
         return seen
@@ -163,7 +163,15 @@ def regroup(
     seen, lines = regroup_pieces(fine, seen, models, parameters, features)
     best = _chosen(seen, models)
     joined = _join_pieces(fine, seen, lines, best, features)
-    return seen if joined is seen else relabelled(joined, joined.page, best, features.names, parameters)
+    if joined is seen:
+        return seen
+    again = relabelled(joined, joined.page, best, features.names, parameters)
+    # A zone was put together because its pieces have one label, so it keeps that.
+    zones = (
+        old if new.zone.pieces and new.label != old.label else new
+        for old, new in zip(joined.zones, again.zones, strict=True)
+    )
+    return replace(again, zones=tuple(zones))
 
 
 def regroup_pieces(
