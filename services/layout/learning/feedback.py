@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner, VerifiedPage
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.learning.class_decisions import accept_page, count_cost, prefer_class, refuse_page
+from services.layout.learning.label_transfer import transfer_labels
 from services.layout.learning.learned_pieces import learn_pieces
 from services.layout.learning.learners import learn_page
 from services.layout.matching import MatchingParameters, match_directly
 from services.layout.model.compiled_model import CompiledModel, compile_model
 from services.layout.model.cost import build_cost_tables, labelling_cost
-from services.layout.model.layout_model import Calibration, LayoutModel, PieceStatistics
+from services.layout.model.layout_model import Calibration, LayoutModel
 from services.layout.model.learning_model import LearningModel, begin_learning, end_learning, with_labels
 from services.layout.model.statistics import LabelledGraph, label_indices
 from services.layout.page import Page
@@ -98,8 +99,15 @@ def adapt_models(
     learned: dict[str, LearnedModel] = {}
     if learning is not None and right is not None and accepting is not None:
         learner = learners.get(learning.name, DEFAULT_LEARNER)
-        after = learn_page(replace(learning, calibration=accepting), LabelledGraph(graph, labels), learner)
-        after = replace(after, pieces=_learn_pieces(verified, labels, after.pieces))
+        page = _labelled(verified.page, labels)
+        found_view = None
+        if verified.found_page is not None:
+            found_page = transfer_labels(page, verified.found_page)
+            found_view = LabelledGraph(build_graph(found_page, content_names), _labels_of(found_page))
+            learning = replace(learning, pieces=learn_pieces([(page, found_page)], learning.pieces))
+        after = learn_page(
+            replace(learning, calibration=accepting), LabelledGraph(graph, labels), learner, found_view
+        )
         learned[learning.name] = LearnedModel(
             end_learning(after),
             *_changes(graph, right, _CalibratedModel(after.model, accepting), found, labels),
@@ -112,15 +120,13 @@ def adapt_models(
     return labels, learned
 
 
-def _learn_pieces(
-    verified: VerifiedPage[Page], labels: Labels, known: Mapping[str, PieceStatistics]
-) -> Mapping[str, PieceStatistics]:
-    """What is known of pieces after a page whose zones a person drew."""
-    if verified.found_page is None:
-        return known
-    zones = (replace(zone, label=label) for zone, label in zip(verified.page.zones, labels, strict=True))
-    page = replace(verified.page, zones=tuple(zones))
-    return learn_pieces([(page, verified.found_page)], known)
+def _labelled(page: Page, labels: Labels) -> Page:
+    zones = (replace(zone, label=label) for zone, label in zip(page.zones, labels, strict=True))
+    return replace(page, zones=tuple(zones))
+
+
+def _labels_of(page: Page) -> Labels:
+    return tuple(zone.label for zone in page.zones)
 
 
 def _all_labels(

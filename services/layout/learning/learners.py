@@ -20,12 +20,20 @@ from services.layout.model.learning_model import LearningModel, with_labels
 from services.layout.model.statistics import LabelledGraph, label_indices
 
 
-def learn_page(learned: LearningModel, page: LabelledGraph, learner: Learner) -> LearningModel:
-    """The model after learning from a new page; new labels become nodes."""
+def learn_page(
+    learned: LearningModel, page: LabelledGraph, learner: Learner, found: LabelledGraph | None = None
+) -> LearningModel:
+    """The model after learning from a new page; new labels become nodes.
+
+    `found` is the same page in the zones that were found, where a person drew others: both views count as one page, as
+    those of a sample do, and the errors of both are corrected.
+    """
+    views = [page] if found is None else [page, found]
     if learner != "error-correction":
-        learned = update_statistics(learned, page)
+        learned = update_statistics(learned, page, found=found)
     learned = with_labels(learned, page.labels)
-    learned, _ = correct_page(learned, page, learner)
+    for view in views:
+        learned, _ = correct_page(learned, view, learner)
     return learned
 
 

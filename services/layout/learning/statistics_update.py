@@ -18,7 +18,7 @@ from services.layout.model.scale_fitting import (
     negative_log_likelihood,
 )
 from services.layout.model.scale_fitting import scale_certainty as certainty_of
-from services.layout.model.statistics import LabelledGraph, LabelStatistics, gather_statistics, label_indices
+from services.layout.model.statistics import LabelledGraph, LabelStatistics, label_indices, sample_statistics
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,9 @@ def update_statistics(
     learned: LearningModel,
     page: LabelledGraph,
     parameters: StatisticsUpdateParameters = StatisticsUpdateParameters(),
+    found: LabelledGraph | None = None,
 ) -> LearningModel:
-    """The model after one more page; new labels become nodes.
+    """The model after one more page; new labels become nodes. `found` is a second view of the same page.
 
     First the scales take a step of Newton's method for the page. The estimates have not seen the page yet, just as
     initialization fits scales on pages that were held out. Then the page is added to the sums. Differences between
@@ -45,7 +46,8 @@ def update_statistics(
     learned = with_labels(learned, page.labels)
     scales, certainty = _step_scales(learned, page, parameters)
     kept = min(1.0, (parameters.most_pages - 1) / max(1.0, float(learned.statistics.pages[0])))
-    statistics = _faded(learned.statistics, kept) + gather_statistics(page, learned.labels)
+    views = [page] if found is None else [page, found]
+    statistics = _faded(learned.statistics, kept) + sample_statistics(views, learned.labels)
     before = estimate_model(learned.statistics, learned.labels, scales)
     after = estimate_model(statistics, learned.labels, scales)
     zones = learned.zones + np.bincount(

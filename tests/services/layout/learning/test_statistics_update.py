@@ -11,7 +11,7 @@ from services.layout.learning.learners import learn_page, wrong_zones
 from services.layout.learning.statistics_update import StatisticsUpdateParameters, moved, update_statistics
 from services.layout.model.estimation import estimate_model
 from services.layout.model.learning_model import begin_learning, end_learning, with_labels
-from services.layout.model.statistics import gather_statistics, total_statistics
+from services.layout.model.statistics import gather_statistics, sample_statistics, total_statistics
 from tests.services.layout.learning.learning_models import ALL_NAMES, classes, learning_model, lesson, seeds
 
 STILL = StatisticsUpdateParameters(scale_rate=0.0)
@@ -37,6 +37,18 @@ def test_counting_is_initialization_of_all_pages(document_class: str, chosen: li
     assert_same(counted.model, estimate_model(total, labels, learned.model.scales))
     assert counted.samples == learned.samples + len(pages)
     assert counted.zones.sum() == learned.zones.sum() + sum(len(page.labels) for page in pages)
+
+
+def test_two_views_of_a_page_count_as_one_page() -> None:
+    learned, page, found = learning_model("memo"), lesson("memo", 5), lesson("memo", 6)
+    counted = update_statistics(learned, page, STILL, found)
+    grown = with_labels(learned, counted.labels)
+    views = sample_statistics([page, found], counted.labels)
+    total = total_statistics([grown.statistics, views])
+    assert_same(counted.model, estimate_model(total, counted.labels, learned.model.scales))
+    assert counted.statistics.pages[0] == learned.statistics.pages[0] + 1
+    assert counted.samples == learned.samples + 1
+    assert counted.zones.sum() == learned.zones.sum() + len(page.labels)
 
 
 @settings(max_examples=10, deadline=None)
