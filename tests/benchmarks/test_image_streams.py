@@ -5,10 +5,8 @@ from collections import Counter
 import pytest
 
 from benchmarks.learning.image_streams import (
-    DEFAULT_LEARNER,
     IMAGE_ONCE,
     IMAGE_STREAMS,
-    NONE,
     Sight,
     begin,
     faults,
@@ -17,6 +15,8 @@ from benchmarks.learning.image_streams import (
     taught,
     wrong_of,
 )
+from benchmarks.learning.pages import NONE
+from services.contract.layout_learning import DEFAULT_LEARNER
 from services.layout.page import Box, Page, Zone
 from tests.benchmarks.photos import simulated_photos
 
