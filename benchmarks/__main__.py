@@ -12,6 +12,7 @@ MODULES = {
     "advice": "rectify.advice",
     "preview": "rectify.preview",
     "searchable": "rectify.searchable",
+    "documents": "rectify.documents",
     "camera_memory": "rectify.camera_memory",
     "languages": "rectify.languages",
     "paper": "rectify.paper",

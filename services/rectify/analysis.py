@@ -344,8 +344,9 @@ def find_text(
         # Print on many grounds (posters, boxes) is not clutter: at most a minority is dropped.
         text = keep_characters(text, on_paper) if on_paper.mean() > 0.6 else text
     if paper is None or len(text.components.sizes) < FEWEST_CHARACTERS:
+        count = len(text.components.sizes)
         raise NoText(
-            f"only {len(text.components.sizes)} printed characters were found; at least {FEWEST_CHARACTERS} are "
+            f"{f'only {count}' if count else 'no'} printed characters were found; at least {FEWEST_CHARACTERS} are "
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )

@@ -87,7 +87,7 @@ class PreviewParameters:
                 repeats=1,
                 field_spacing=4.0,
             ),
-            minor=MinorFlowParameters(max_edges=60_000, band_rows=48, band_share=0.5),
+            minor=MinorFlowParameters(max_edges=40_000, band_rows=48, band_share=0.5),
             paper=PaperParameters(long_side_px=280),
         )
     )
