@@ -95,28 +95,14 @@ def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> Err
 
 
 def fit_crooked_lines(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> ErrorModel:
-    """The model with the coefficients of crooked and sloping lines of least absolute distances to the `errors`."""
-    without = replace(ErrorModel(), crooked_lines=0.0, sloping_lines=0.0)
+    """The model with the coefficient of crooked lines that has the least absolute distances to the `errors`."""
+    without = replace(ErrorModel(), crooked_lines=0.0)
     read = 1 - np.array([predict_character_error(quality, without) for quality in qualities])
-    tilts = np.array([quality.line_tilt_rad for quality in qualities])
-    known = np.array([quality.line_slope_rad is not None for quality in qualities])
-    slopes = np.array([quality.line_slope_rad or 0.0 for quality in qualities])
-    return replace(
-        without,
-        crooked_lines=_median_factor(tilts, read, errors),
-        sloping_lines=_median_factor(slopes[known], read[known], errors[known]),
-    )
-
-
-def _median_factor(
-    tilts: NDArray[np.float64], read: NDArray[np.float64], errors: NDArray[np.float64]
-) -> float:
-    """Factor of the `tilts` (N,) with the least absolute distances: a weighted median."""
-    weights = read * np.maximum(tilts, 1e-6)
-    factors = (errors - 1 + read) / weights
-    order = np.argsort(factors)
+    weights = read * np.maximum([quality.line_tilt_rad for quality in qualities], 1e-6)
+    slopes = (errors - 1 + read) / weights
+    order = np.argsort(slopes)  # the weighted median
     middle = int(np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2))
-    return round(max(float(factors[order][middle]), 0.0), 2)
+    return replace(without, crooked_lines=round(max(float(slopes[order][middle]), 0.0), 2))
 
 
 def left_out(
@@ -169,7 +155,6 @@ def measure(photo: NDArray[np.uint8], lines: Sequence[str]) -> Measured | None:
     quality = measure_quality(gray, result.print.characters, result.print.heights_px, result.mesh)
     if quality is None:
         return None
-    quality = replace(quality, line_slope_rad=result.orientation.line_slope_rad)
     text = read_flat_page(result.image, engine, language)
     error = 1.0 - character_score(lines, "\n".join(line.text for line in text.lines))
     unsure = unsure_share(text.words)
@@ -215,9 +200,7 @@ def main(arguments: Sequence[str]) -> int:
         print(f"  of models without the photo, by its lines: {spearmanr(each, errors).statistic:.3f}")
         if asked.fit:
             model = fit_crooked_lines(qualities, errors)
-            print(
-                f"  coefficients of crooked and sloping lines: {model.crooked_lines}, {model.sloping_lines}"
-            )
+            print(f"  coefficient of crooked lines: {model.crooked_lines}")
     return 0
 
 

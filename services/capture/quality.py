@@ -53,8 +53,7 @@ class CaptureQuality:
     `cut_off_fraction` is the share of the characters at the photo's border or seen at more than 75 degrees.
     `blurred_side` names the part of the photo that is less sharp than the rest, if there is one. `letter_px` is the
     height of small letters by the rows of text, which blur does not change; `line_tilt_rad` is the mean angle of these
-    rows to the flat page's, `line_slope_rad` that of whole text lines on the flat view, where they were sought (None:
-    they were not); `detail_across` and `detail_least` are what is left of the strokes' detail
+    rows to the flat page's; `detail_across` and `detail_least` are what is left of the strokes' detail
     (`StrokeDetail`).
     """
 
@@ -72,7 +71,6 @@ class CaptureQuality:
     line_tilt_rad: float = 0.0
     detail_across: float = 1.0
     detail_least: float = 1.0
-    line_slope_rad: float | None = None
 
     def enlarged(self, factor: int) -> "CaptureQuality":
         """Figures of the photo that is `factor` times as large as the one that was measured, by area averages."""

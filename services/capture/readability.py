@@ -39,8 +39,6 @@ class ErrorModel:
     uneven_light: float = 4.0
     crooked_lines: float = 1.36
     """Share of the characters that is misread for each radian of `line_tilt_rad`."""
-    sloping_lines: float = 5.02
-    """The same for `line_slope_rad`, where it is known: whole lines on the flat view show it more surely."""
 
 
 def features_of(quality: CaptureQuality) -> tuple[float, float, float, float, float]:
@@ -69,11 +67,8 @@ def _predict_misread(quality: CaptureQuality, m: ErrorModel) -> float:
     """Share of the characters in view that OCR will not read right."""
     weights = (m.lost_detail, m.blur, m.noise, m.few_pixels, m.uneven_light)
     logit = m.constant + sum(w * f for w, f in zip(weights, features_of(quality), strict=True))
-    if quality.line_slope_rad is None:
-        crooked = m.crooked_lines * quality.line_tilt_rad
-    else:
-        crooked = m.sloping_lines * quality.line_slope_rad
-    return 1.0 - (1.0 - _logistic(logit)) * (1.0 - min(crooked, 1.0))
+    level = 1.0 - min(m.crooked_lines * quality.line_tilt_rad, 1.0)
+    return 1.0 - (1.0 - _logistic(logit)) * level
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,5 @@
 """Detection of text lines on a flat page without OCR, to cut crops that an OCR engine can read."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,8 +14,6 @@ from services.imaging.reduction import reduce_image
 
 _CROP_MARGIN = 0.2
 """Above and below a line in its crop, in heights of the line: dots and tails that the line's box cuts off."""
-_SLOPE_HEIGHTS = 3.0
-"""Lines of less length over height have no sure slope."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,14 +281,6 @@ def _lines_along_rows(
         )
     )
     return TextLines(lines, mass, inverted)
-
-
-def mean_slope(lines: Sequence[TextLine]) -> float | None:
-    """Mean absolute slope of `lines`, weighted by their lengths; None without lines of a few letters at least."""
-    long = [line for line in lines if line.width_px > _SLOPE_HEIGHTS * line.height_px]
-    if not long:
-        return None
-    return float(np.average([abs(line.slope) for line in long], weights=[line.width_px for line in long]))
 
 
 def crop_place(line: TextLine, height_px: int) -> tuple[float, float]:

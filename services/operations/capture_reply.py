@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 from services.arrays import RgbImage
 from services.capture.advice import advise
@@ -29,7 +28,7 @@ def describe_quality(
     quality = measure_quality(gray, result.print.characters, result.print.heights_px, result.mesh)
     if quality is None:
         return None
-    quality = replace(quality.enlarged(reduction), line_slope_rad=result.orientation.line_slope_rad)
+    quality = quality.enlarged(reduction)
     if words is None:
         error, source = predict_character_error(quality), "photo"
     else:

@@ -1,7 +1,7 @@
 """Orientation of a flat page: a few of its lines are read in every possible orientation."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from services.arrays import GrayImage
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.ocr.engine import DirectionDetector, OcrEngine
-from services.ocr.text_lines import PageLines, TextLine, TextLines, cut_line, detect_text_lines, mean_slope
+from services.ocr.text_lines import TextLine, TextLines, cut_line, detect_text_lines
 from services.rectify.results import Orientation
 
 
@@ -99,14 +99,8 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
         Its confidence is at least 0.5 if one orientation can be read and the others cannot. Otherwise (blank pages,
         handwriting, a script that the engine does not know) it is lower, and nothing is turned.
     """
-    lines = detect_text_lines(flat)
-    found = _estimate(flat, lines, ocr)
-    along = lines.columns if found.rotation_deg % 180 else lines.rows
-    return replace(found, line_slope_rad=mean_slope(along.lines))
-
-
-def _estimate(flat: GrayImage, lines: PageLines, ocr: OcrEngine) -> Orientation:
     parameters = OrientationParameters()
+    lines = detect_text_lines(flat)
     rows = _LineReader(flat, lines.rows, 0, ocr, parameters)
     if rows.mass >= parameters.clear_mass:
         # A flat page has been turned until its lines run along the rows: mostly these can be read.

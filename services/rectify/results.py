@@ -69,14 +69,12 @@ class Orientation:
     """Clockwise turn that was applied to the flat view so that it reads.
 
     `rotation_deg` is one of 0, 90, 180, 270; `mirrored` means that the view was flipped left to right
-    before the turn; `confidence` is 0-1, None when nothing was read (no OCR, or `upright=False`). `line_slope_rad` is
-    the mean slope (>= 0) of the flat view's text lines; None where none was sought or found.
+    before the turn; `confidence` is 0-1, None when nothing was read (no OCR, or `upright=False`).
     """
 
     rotation_deg: int
     mirrored: bool
     confidence: float | None
-    line_slope_rad: float | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

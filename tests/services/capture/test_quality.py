@@ -145,13 +145,6 @@ def test_a_reading_with_more_unsure_letters_has_more_errors() -> None:
     )
 
 
-def test_the_slope_of_whole_lines_replaces_the_tilt_of_windows() -> None:
-    tilted = replace(GOOD, line_tilt_rad=0.05)
-    level, sloping = replace(tilted, line_slope_rad=0.0), replace(tilted, line_slope_rad=0.03)
-    assert predict_character_error(level) == predict_character_error(GOOD)
-    assert predict_character_error(sloping) > predict_character_error(tilted) > predict_character_error(level)
-
-
 def test_the_sentence_says_the_figure() -> None:
     (advice,) = advise(CaptureQuality(7.2, 18.0, 0.8, 0.8, 0.0, 0.0, 0.0))
     assert advice.detail == "Come closer: letters are 7 pixels high, 14 read well."

@@ -140,17 +140,6 @@ def test_unreadable_page_is_left_as_it_is_with_low_confidence(
         assert reader.reads <= 18 * 8
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_the_slope_of_the_lines_is_that_of_the_view(turned: bool) -> None:
-    shear = np.array([[1.0, 0.0, 0.0], [0.02, 1.0, -9.0]])
-    sloping = cv2.warpAffine(page_of_flags(), shear, (900, 900), borderValue=255)
-    page = np.ascontiguousarray(np.rot90(sloping) if turned else sloping).astype(np.uint8)
-    found = estimate_orientation(page, FlagReader())
-    assert found.rotation_deg == (90 if turned else 0)
-    assert found.line_slope_rad == pytest.approx(0.02, abs=0.002)
-    assert estimate_orientation(page_of_flags(), FlagReader()).line_slope_rad == pytest.approx(0, abs=0.001)
-
-
 @pytest.mark.parametrize("turned_deg", [0, 90, 180, 270])
 def test_direction_of_an_unknown_script_is_asked_of_the_engine(turned_deg: int) -> None:
     reader = DirectedReader(good=("abcdef", 0.3), poor=("abcdef", 0.3))
