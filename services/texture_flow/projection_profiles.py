@@ -27,18 +27,14 @@ def scan_directions(
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     width, height = (max(round(v) | 1, 3) for v in window)
     reach = np.arange(-(height // 2), height // 2 + 1)
-    diagonal = int(np.ceil(np.hypot(rows, columns))) + 2
+    # Half a window is added on all sides for the windows that reach beyond the turned image.
+    side = int(np.ceil(np.hypot(rows, columns))) + 2 + 2 * (height // 2)
     energies = np.empty((len(centres), 2, len(quarter)))
     for k, angle in enumerate(quarter):
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, s], [-s, c]])  # photo -> turned frame
-        # The turned image fills only a part of its diagonal's square. Half a window is added on all sides for the
-        # windows that reach beyond it.
-        extent = np.abs(turn) @ [columns, rows]
-        outside = np.floor((diagonal - extent) / 2 - 1).clip(0) - height // 2
-        shift = (diagonal - 1) / 2 - outside - turn @ middle
-        side_x, side_y = (diagonal - 2 * outside).astype(int).tolist()
-        turned = cv2.warpAffine(ink, np.column_stack([turn, shift]), (side_x, side_y), flags=cv2.INTER_LINEAR)
+        shift = (side - 1) / 2 - turn @ middle
+        turned = cv2.warpAffine(ink, np.column_stack([turn, shift]), (side, side), flags=cv2.INTER_LINEAR)
         x, y = np.round(centres @ turn.T + shift).astype(int).T
         profile = cv2.blur(turned, (width, 1), borderType=cv2.BORDER_CONSTANT)
         energies[:, 0, k] = profile[y[:, None] + reach, x[:, None]].std(axis=1)
