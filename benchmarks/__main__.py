@@ -23,6 +23,7 @@ MODULES = {
     "layout_calibration": "layout.label_trust",
     "layout_evidence": "layout.evidence_learning",
     "layout_segmentation": "layout.segmentation",
+    "layout_hard_pages": "layout.hard_pages",
     "layout_matching": "layout.matching",
     "layout_documents": "layout.documents",
     "layout_hierarchy": "layout.hierarchy",

@@ -96,14 +96,16 @@ def read_flat_page(
 
 
 def _believable_regions(page: Page, words: list[Word]) -> list[Region]:
-    """Text zones of segmentation; none where they miss most words, so that the words are arranged by rows alone.
+    """Zones of segmentation with words; none where they miss most words, so that the words are arranged by rows alone.
 
     A dark photo with much desk in view can be taken for light print on dark ground. Its zones are then bits of the
     paper between letters.
     """
     # Zones of `/layout` keep the order in which samples were measured.
     order = reading_order([zone.box for zone in page.zones], heads_first=True)
-    zones = [page.zones[index] for index in order if page.zones[index].kind == "text"]
+    zones = [
+        page.zones[index] for index in order if page.zones[index].kind == "text" or page.zones[index].words
+    ]
     held = sum(len(zone.words) for zone in zones)
     return [_region(zone) for zone in zones] if held >= LEAST_HELD * len(words) else []
 

@@ -84,11 +84,14 @@ def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:
         weight=zone_weight(lines),
         alignment=zone_alignment(lines, fine.column, em),
         text="\n".join(fine.texts[index] for index in read),
-        words=tuple(
-            ReadWord(word.text, word.box, word.confidence, row)
-            for row, index in enumerate(read)
-            for word in fine.words[index]
-        ),
+        words=read_words([fine.words[index] for index in read]),
+    )
+
+
+def read_words(lines: Sequence[Sequence[Word]]) -> tuple[ReadWord, ...]:
+    """Words of a zone's lines, numbered by line."""
+    return tuple(
+        ReadWord(word.text, word.box, word.confidence, row) for row, line in enumerate(lines) for word in line
     )
 
 
