@@ -11,6 +11,7 @@ MODULES = {
     "rectify_load": "rectify.load",
     "advice": "rectify.advice",
     "preview": "rectify.preview",
+    "text_confidence": "rectify.text_confidence",
     "searchable": "rectify.searchable",
     "camera_memory": "rectify.camera_memory",
     "languages": "rectify.languages",

@@ -15,6 +15,7 @@ from services.layout.segmentation.reading_order import reading_order
 from services.ocr.engine import OcrEngine, Word
 from services.ocr.languages import language_tag
 from services.ocr.tesseract import default_language, installed_languages
+from services.ocr.word_trust import probability_right
 from services.operations.reader import ocr_engine
 from services.text.alto import write_alto_pages
 from services.text.arrangement import Region, arrange_words
@@ -125,7 +126,7 @@ def describe_text(text: PageText) -> dict[str, object]:
         "words": [
             {
                 "text": word.text,
-                "confidence": round(word.confidence, 4),
+                "confidence": round(probability_right(word.confidence), 4),
                 "box": [round(edge, 2) for edge in word.box],
                 "photo": place,
                 "line": line,

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.page import Box, Page, ReadWord, Zone
+from services.layout.page import Box, Page, Zone
+from services.layout.read_words import read_words
 from services.layout.segmentation.appearance import InkMarks, with_appearance
 from services.layout.segmentation.gathering import trim_figures
 from services.layout.segmentation.measures import (
@@ -85,13 +86,6 @@ def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:
         alignment=zone_alignment(lines, fine.column, em),
         text="\n".join(fine.texts[index] for index in read),
         words=read_words([fine.words[index] for index in read]),
-    )
-
-
-def read_words(lines: Sequence[Sequence[Word]]) -> tuple[ReadWord, ...]:
-    """Words of a zone's lines, numbered by line."""
-    return tuple(
-        ReadWord(word.text, word.box, word.confidence, row) for row, line in enumerate(lines) for word in line
     )
 
 

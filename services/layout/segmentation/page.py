@@ -7,10 +7,11 @@ import numpy as np
 
 from services.arrays import GrayImage
 from services.layout.page import Box, Page, Zone
+from services.layout.read_words import read_words
 from services.layout.segmentation.appearance import mark_ink
 from services.layout.segmentation.components import Indices
 from services.layout.segmentation.entries import find_entries
-from services.layout.segmentation.fine_page import FinePage, compose_page, read_words
+from services.layout.segmentation.fine_page import FinePage, compose_page
 from services.layout.segmentation.frame import Frame, analyse_print
 from services.layout.segmentation.gathering import gather_scraps
 from services.layout.segmentation.ink import Components

@@ -8,6 +8,7 @@ from services.layout.page import Box, Zone
 from services.layout.segmentation import segment_page
 from services.layout.segmentation.line_drawings import read_drawing
 from services.ocr.engine import Word
+from services.ocr.word_trust import probability_right
 from simulation.hard_pages import Difficulty, hard_page
 from simulation.labelled_zones import LabelledPage
 
@@ -57,7 +58,9 @@ def test_words_in_a_figure_are_the_figure_s() -> None:
     found = zones_of(page, [above, inner])
     [figure] = [zone for zone in found if zone.kind == "figure"]
     assert overlap(figure.box, true.box) > 0.9
-    assert [(word.text, word.confidence) for word in figure.words] == [("optimization", 0.95)]
+    assert [(word.text, word.confidence) for word in figure.words] == [
+        ("optimization", probability_right(0.95))
+    ]
     assert figure.text == ""
     within = [zone for zone in found if zone.kind == "text" and y0 < zone.box[1] and zone.box[3] < y1]
     assert within == []
