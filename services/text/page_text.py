@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from services.ocr.engine import Word
+from services.ocr.word_trust import probability_right
 
 Box = tuple[float, float, float, float]
 """(x0, y0, x1, y1) in pixels of the flat page, x1 > x0 and y1 > y0."""
@@ -13,7 +14,7 @@ Quadrilateral = tuple[tuple[float, float], tuple[float, float], tuple[float, flo
 """Corners (x, y), clockwise from the top left one of the flat page."""
 BlockKind = Literal["heading", "text"]
 SURE = 0.8
-"""Least confidence of a word of which the engine is sure: the share of other letters ranks pages by their errors.
+"""Least confidence (the engine's own) of a sure word: the share of other letters ranks pages by their errors.
 With 0.6 and 0.9 the ranks are as good."""
 
 _RIGHT_TO_LEFT = frozenset({"R", "AL"})
@@ -85,9 +86,10 @@ class PageText:
 
     @property
     def confidence(self) -> float | None:
-        """Mean confidence of the words, weighted by their length; None if there are none."""
+        """Mean probability that a word is right, weighted by their length; None if there are none."""
         letters = sum(len(word.text) for word in self.words)
-        return sum(len(word.text) * word.confidence for word in self.words) / letters if letters else None
+        believed = sum(len(word.text) * probability_right(word.confidence) for word in self.words)
+        return believed / letters if letters else None
 
     def resized(self, width: int, height: int) -> "PageText":
         """The text of the same page in another size; places in the photo stay."""
