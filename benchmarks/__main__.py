@@ -13,6 +13,7 @@ MODULES = {
     "preview": "rectify.preview",
     "text_confidence": "rectify.text_confidence",
     "searchable": "rectify.searchable",
+    "documents": "rectify.documents",
     "camera_memory": "rectify.camera_memory",
     "languages": "rectify.languages",
     "paper": "rectify.paper",
