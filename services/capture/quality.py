@@ -167,8 +167,7 @@ def _cosines(mesh: NDArray[np.float64], characters: Points) -> Vector:
     aspect = (columns - 1) / max(rows - 1, 1)
     across = np.diff(mesh, axis=1)[:-1] * aspect
     down = np.diff(mesh, axis=0)[:, :-1]
-    stretch = np.linalg.svd(np.nan_to_num(np.stack([across, down], axis=-1)), compute_uv=False)
-    cosines = np.where(stretch[..., 0] > 0, stretch[..., 1] / np.maximum(stretch[..., 0], 1e-9), 1.0)
+    cosines = _least_over_largest(np.nan_to_num(across), np.nan_to_num(down))
     middles = (mesh[:-1, :-1] + mesh[1:, 1:]) / 2
     known = np.isfinite(middles).all(axis=-1)
     if not known.any():
@@ -177,12 +176,21 @@ def _cosines(mesh: NDArray[np.float64], characters: Points) -> Vector:
     return np.asarray(cosines[known][nearest])
 
 
+def _least_over_largest(across: Floats, down: Floats) -> Floats:
+    """Ratio of the singular values of the matrices with the columns `across` and `down` (..., 2); 1 for zeros."""
+    squares = np.sum(across**2, axis=-1) + np.sum(down**2, axis=-1)
+    area = np.abs(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0])
+    # s1^2 + s2^2 and s1 s2 give (s1 + s2)^2 and (s1 - s2)^2.
+    total, apart = np.sqrt(squares + 2 * area), np.sqrt(np.maximum(squares - 2 * area, 0.0))
+    return np.asarray(np.where(total > 0, (total - apart) / np.maximum(total + apart, 1e-9), 1.0))
+
+
 def _measure_light(
     gray: GrayImage, characters: Points, height_px: float, p: QualityParameters
 ) -> tuple[float, float]:
     """Shares of the page's area that are glare, and shadow without detail."""
     factor = min(1.0, p.area_side_px / max(gray.shape))
-    small = reduce_image(gray, factor)
+    small = reduce_image(gray, factor, fine=False)
     page = np.zeros(small.shape, np.uint8)
     hull = cv2.convexHull((characters * factor).astype(np.float32))
     cv2.fillConvexPoly(page, np.round(hull).astype(np.int32), 1)
