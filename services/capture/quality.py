@@ -12,6 +12,7 @@ from services.capture.letter_size import measure_letter_rows, text_axes
 from services.capture.print_patches import measure_patches
 from services.capture.stroke_detail import measure_strokes
 from services.imaging.reduction import reduce_image
+from services.order_statistics import median
 
 FEWEST_EDGES = 5
 SHARP_PX = 0.7
@@ -140,7 +141,7 @@ def _least_height(characters: Points, sizes: Vector, p: QualityParameters) -> fl
     low, extent = characters.min(axis=0), np.maximum(np.ptp(characters, axis=0), 1.0)
     cell = np.minimum(((characters - low) / extent * p.cells).astype(int), p.cells - 1) @ [1, p.cells]
     medians = [
-        float(np.median(sizes[cell == number]))
+        median(sizes[cell == number])
         for number in range(p.cells**2)
         if np.count_nonzero(cell == number) >= p.cell_characters
     ]
@@ -165,10 +166,13 @@ def _cosines(mesh: NDArray[np.float64], characters: Points) -> Vector:
     """Cosine of the angle at which the page is seen at each character: the map's least over its largest stretch."""
     rows, columns = mesh.shape[:2]
     aspect = (columns - 1) / max(rows - 1, 1)
-    across = np.diff(mesh, axis=1)[:-1] * aspect
-    down = np.diff(mesh, axis=0)[:, :-1]
-    stretch = np.linalg.svd(np.nan_to_num(np.stack([across, down], axis=-1)), compute_uv=False)
-    cosines = np.where(stretch[..., 0] > 0, stretch[..., 1] / np.maximum(stretch[..., 0], 1e-9), 1.0)
+    across = np.nan_to_num(np.diff(mesh, axis=1)[:-1] * aspect)
+    down = np.nan_to_num(np.diff(mesh, axis=0)[:, :-1])
+    # Of singular values a >= b of a map, a b is its determinant and a^2 + b^2 the sum of its squares.
+    area = np.abs(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0])
+    squares = (across**2 + down**2).sum(axis=-1)
+    largest = np.sqrt((squares + np.sqrt(np.maximum(squares**2 - 4 * area**2, 0.0))) / 2)
+    cosines = np.where(largest > 0, area / np.maximum(largest, 1e-9) ** 2, 1.0)
     middles = (mesh[:-1, :-1] + mesh[1:, 1:]) / 2
     known = np.isfinite(middles).all(axis=-1)
     if not known.any():
