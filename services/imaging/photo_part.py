@@ -10,9 +10,6 @@ from services.geometry.homographies import from_resized
 from services.imaging.illumination import flatten_part
 from services.imaging.reduction import reduce_image
 
-MOST_BLUR = 2.0
-"""Variance of the reduction's blur, over that of area averages: the characters of a part are some 20 px high."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhotoPart:
@@ -34,7 +31,7 @@ def cut_part(
 
     `light` is the photo's `reduced_light`.
     """
-    part = reduce_image(gray[first[1] : last[1], first[0] : last[0]], factor, most_blur=MOST_BLUR)
+    part = reduce_image(gray[first[1] : last[1], first[0] : last[0]], factor)
     # Pixel u of the part shows the photo's (u + 1/2) / factor - 1/2 + first, and the light likewise.
     x, y = (np.array(light.shape) / gray.shape)[::-1]
     light_from_part = np.array(
