@@ -122,6 +122,7 @@ bench-layout: venv-dev
 	@$(BIN)/python -m benchmarks layout_recognition $(BENCH_OPTIONS)
 	@$(BIN)/python -m benchmarks layout_words
 	@$(BIN)/python -m benchmarks layout_segmentation
+	@$(BIN)/python -m benchmarks layout_hard_pages
 	@$(BIN)/python -m benchmarks layout_matching --two-steps
 
 bench-learning: venv-dev

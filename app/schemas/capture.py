@@ -1,5 +1,7 @@
 """Quality of a photo in responses."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from app.schemas.page import Answer
@@ -39,5 +41,8 @@ class Quality(Answer):
     )
     predicted_character_error: float = Field(
         ge=0, le=1, description="Share of the characters that OCR will probably not read right."
+    )
+    predicted_from: Literal["photo", "reading"] = Field(
+        description="What the error is predicted from: figures of the photo, or confidences of its words (text=true)."
     )
     advice: list[Advice] = Field(description="The most important first; empty for a photo that reads well.")

@@ -24,6 +24,8 @@ from services.layout.page import Page
 FEW = (3, 5)
 """Samples of a model besides all."""
 DRAWS = 2
+BINS = 15
+"""Of the reliability diagram of class probabilities."""
 FOLDS = 10
 """Of a class's pages (the smallest classes have ten), instead of leaving out one by one: minutes, not half an hour."""
 _FEW = {f"{few} samples": few for few in FEW}
@@ -69,10 +71,22 @@ class _Decisions:
         if chosen not in (wanted, "unknown"):
             counts[f"taken for {chosen}"] += 1
         others = {name: model for name, model in models.items() if name != wanted}
-        stranger = recognized(page, others).chosen
+        recognized_others = recognized(page, others)
+        stranger = recognized_others.chosen
         counts["unknown to others"] += stranger is None
         if stranger is not None:
             counts[f"unseen, taken for {stranger.name}"] += 1
+        nearest_odds = answer.classes[0].probability if answer.classes else 0.0
+        self._believe(counts, "known", nearest_odds, is_right=nearest == wanted)
+        strange = recognized_others.classes[0].probability if recognized_others.classes else 0.0
+        self._believe(counts, "unseen", strange, is_right=False)
+
+    @staticmethod
+    def _believe(counts: Counter[str], what: str, probability: float, *, is_right: bool) -> None:
+        """Sums over the bins of a reliability diagram: thousandths of probability, and right decisions."""
+        place = min(int(BINS * probability), BINS - 1)
+        counts[f"{what} {place} probability"] += round(1000 * probability)
+        counts[f"{what} {place} right"] += is_right
 
     def result(self) -> Result:
         return {row: dict(counts) for row, counts in self.rows.items()}
@@ -147,6 +161,15 @@ def _total(rows: Iterable[Mapping[str, int]]) -> Counter[str]:
     return total
 
 
+def _expected_error(total: Mapping[str, int], kinds: Sequence[str]) -> float:
+    """Expected calibration error, percent, of the probability of the nearest class, over pages of `kinds`."""
+    wrong = 0.0
+    for place in range(BINS):
+        believed = sum(total.get(f"{kind} {place} probability", 0) for kind in kinds) / 1000
+        wrong += abs(believed - sum(total.get(f"{kind} {place} right", 0) for kind in kinds))
+    return share(wrong, len(kinds) * total["pages"])
+
+
 _COUNTED = ("right", "nearest right", "unknown", "unknown to others")
 
 
@@ -166,10 +189,13 @@ def _report(results: Results) -> str:
             rows.append([name, counts["pages"], *shares, taken if name != "all" else ""])
         parts.append(table(f"Class decision, {job}", head, rows))
         unseen = _total(result.values())
-        strangers = {what: count for what, count in unseen.items() if what.startswith("unseen")}
+        strangers = {what: count for what, count in unseen.items() if what.startswith("unseen, ")}
         if strangers:
             listed = sorted(strangers.items(), key=lambda item: -item[1])[:5]
             parts[-1] += "\n  " + "; ".join(f"{what} {count}" for what, count in listed)
+        errors = [_expected_error(unseen, kinds) for kinds in (("known",), ("known", "unseen"))]
+        parts[-1] += "\n  expected error of the nearest class's probability, %: pages of known classes "
+        parts[-1] += f"{errors[0]:.1f}; as many of unseen ones beside them {errors[1]:.1f}"
     wanted = "wanted: 100 % of all classes (dissertation: 85/85), four kinds at least 98 %"
     return "\n\n".join([*parts, wanted])
 

@@ -4,7 +4,8 @@ python -m benchmarks layout_values [--sizes 5,all] [--limit N]
 
 Fields of a page are labelled from its image by models of other pages and typed by settings of the class. A value counts
 where the page shows one and OCR reads it right in the zones that are known (`readable`); the percent says for how many
-of these the value from the image is right. Days of the truth are read by another library than ours.
+of these the value from the image is right. Confidences of all values that are given are compared with how many the page
+shows (expected calibration error). Days of the truth are read by another library than ours.
 """
 
 import sys
@@ -14,6 +15,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 
 import cv2
+import numpy as np
 from dateutil import parser as date_parser
 
 from benchmarks.common.baseline import Figures, Metric, judge
@@ -22,6 +24,7 @@ from benchmarks.common.memory import Memory
 from benchmarks.common.options import make_parser
 from benchmarks.common.places import BASELINE, MEMORY, OUTPUT
 from benchmarks.common.workers import Progress, run_in_workers
+from benchmarks.layout.label_trust import expected_error
 from benchmarks.layout.part import share, table
 from benchmarks.layout.protocols import draws, folds, make_model, recognize_finely
 from benchmarks.layout.specimens import load_gray
@@ -58,7 +61,7 @@ SETTINGS: Mapping[str, Mapping[str, FieldSetting]] = {
 SIZES = ("5", "all")
 DRAWS = 2
 FOLDS = 4
-METRICS = {"right_percent": Metric(1.0, True)}
+METRICS = {"right_percent": Metric(1.0, True), "expected_error_percent": Metric(1.0)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,16 +117,19 @@ def read_pages(page: LabelledPage, engine: OcrEngine | None, memory: Memory) -> 
 
 Counts = dict[str, list[int]]
 """Of each label: values right from images, and values that OCR can give."""
+Beliefs = list[tuple[float, bool]]
+"""Confidence of every value that is given, and whether the page shows it."""
 
 
-def count_values(class_name: str, pages: Sequence[ReadPage], size: str) -> tuple[Counts, list[str]]:
-    """Counts over folds or draws, and what is wrong, in words."""
+def count_values(class_name: str, pages: Sequence[ReadPage], size: str) -> tuple[Counts, Beliefs, list[str]]:
+    """Counts over folds or draws, confidences of values, and what is wrong, in words."""
     if size == "all":
         splits = list(folds(len(pages), FOLDS))
     else:
         drawn = draws(len(pages), int(size), DRAWS, seed=7)
         splits = [(each, [at for at in range(len(pages)) if at not in each]) for each in drawn]
     counts: Counts = {}
+    beliefs: Beliefs = []
     wrong = []
     for learned, tested in splits:
         model = make_model(class_name, [(pages[at].true, pages[at].own) for at in learned])
@@ -131,6 +137,11 @@ def count_values(class_name: str, pages: Sequence[ReadPage], size: str) -> tuple
             page = pages[at]
             seen = recognize_finely(page.fine, model)
             found = {field.label: field for field in gather_fields(seen, SETTINGS[class_name])}
+            beliefs += [
+                (field.confidence, page.truth.get(label) == field.value)
+                for label, field in found.items()
+                if label in SETTINGS[class_name] and field.value is not None
+            ]
             for label, value in page.truth.items():
                 if page.readable.get(label) != value:
                     continue
@@ -140,7 +151,7 @@ def count_values(class_name: str, pages: Sequence[ReadPage], size: str) -> tuple
                 if given != value:
                     text = found[label].text if label in found else ""
                     wrong.append(f"{page.name} {label}: {value!r}, found {given!r} in {text!r}")
-    return counts, wrong
+    return counts, beliefs, wrong
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -180,8 +191,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for name, read in by_class.items()
         for label in SETTINGS[name]
     }
-    for name, size, (counts, wrong) in run_in_workers(_count, tasks, _start, kept, options.workers):
+    believed: dict[str, Beliefs] = {size: [] for size in options.sizes.split(",")}
+    for name, size, (counts, beliefs, wrong) in run_in_workers(_count, tasks, _start, kept, options.workers):
         print("\n".join(f"{name}, {size} samples: {each}" for each in wrong), file=sys.stderr)
+        believed[size] += beliefs
         for label, (right, known) in counts.items():
             figures[f"{name}, {size} samples, {label}"] = {
                 "right_percent": share(right, known),
@@ -189,16 +202,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 "readable": known,
             }
     for size in options.sizes.split(","):
-        each = [figure for case, figure in figures.items() if f", {size} samples" in case]
+        each = [f for case, f in figures.items() if f", {size} samples" in case and "right" in f]
         right, known = (sum(int(figure[key]) for figure in each) for key in ("right", "readable"))
         figures[f"all, {size} samples"] = {
             "right_percent": share(right, known),
             "right": right,
             "readable": known,
         }
+        judged = np.array([c for c, _ in believed[size]]), np.array([r for _, r in believed[size]], bool)
+        figures[f"confidences, {size} samples"] = {"expected_error_percent": 100 * expected_error(judged)}
     columns = ("right_percent", "right", "readable")
-    rows = [[case, *(float(figure[key]) for key in columns)] for case, figure in figures.items()]
+    rows = [[case, *(float(f[key]) for key in columns)] for case, f in figures.items() if "right" in f]
     print(table("Values right from images", ("class, samples, label", *columns), rows))
+    for size, values in believed.items():
+        error = figures[f"confidences, {size} samples"]["expected_error_percent"]
+        print(f"Expected error of {len(values)} values' confidences, {size} samples: {error:.1f} %")
     print("Readable where zones are known: " + ", ".join(f"{k} {a}/{b}" for k, (a, b) in unreadable.items()))
     write_json(OUTPUT / f"{NAME}.json", plain_values(figures))
     if options.limit or options.sizes != ",".join(SIZES):
@@ -222,5 +240,7 @@ def _read(page: LabelledPage) -> tuple[str, ReadPage]:
     return page.class_name, read_pages(page, *_started[0])
 
 
-def _count(task: tuple[str, str, Sequence[ReadPage]]) -> tuple[str, str, tuple[Counts, list[str]]]:
+def _count(
+    task: tuple[str, str, Sequence[ReadPage]],
+) -> tuple[str, str, tuple[Counts, Beliefs, list[str]]]:
     return *task[:2], count_values(task[0], task[2], task[1])

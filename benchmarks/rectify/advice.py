@@ -1,4 +1,7 @@
-"""Predicted and measured character error of photos: rank correlation, and the coefficients of the model.
+"""Predicted and measured character error of photos: rank correlation, and the coefficients of the models.
+
+*Photo*: the error that the photo's figures let expect. *Reading*: the error that the confidences of the words let
+expect, once the page has been read.
 
 Of each damage there are two photos, with other text and other noise: the rank correlation of their errors says how well
 any figures of the photo could predict the error (about its square root, since both errors have a part of chance).
@@ -22,11 +25,20 @@ from benchmarks.common.places import OUTPUT, data_folder
 from benchmarks.common.reading import character_score
 from benchmarks.rectify.advice_photos import Measured, measure_photos, usual_focus_measures
 from services.capture.quality import CaptureQuality, measure_quality
-from services.capture.readability import ErrorModel, features_of, predict_character_error
+from services.capture.readability import (
+    LEAST_SHARE,
+    ErrorModel,
+    ReadingModel,
+    features_of,
+    mean_logit,
+    predict_character_error,
+    predict_error_of_reading,
+)
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
 from services.operations.page_reading import read_flat_page, reading_engine
 from services.rectify.pipeline import rectify
+from services.text.page_text import unsure_share
 
 _RIDGE = 0.02
 _PARTS = 10
@@ -37,12 +49,13 @@ _UNEVEN_LIGHT = 4.0
 
 def simulated(count: int, seed: int) -> list[Measured]:
     """Measured photos, from the cache if they were measured before."""
-    path = OUTPUT / f"advice_{seed}_{count}_pairs.json"
+    path = OUTPUT / f"advice_{seed}_{count}_pairs_read.json"
     if path.is_file():
         return [
             Measured(
                 CaptureQuality(**row["quality"]),
                 row["error"],
+                row["unsure"],
                 tuple(row["focus"]),
                 row["group"],
                 row["damage"],
@@ -106,7 +119,30 @@ def left_out(
     return predicted
 
 
-def measure(photo: NDArray[np.uint8], lines: Sequence[str]) -> tuple[CaptureQuality, float] | None:
+def fit_reading(rows: Sequence[Measured], photo: ErrorModel | None = None) -> ReadingModel:
+    """Coefficients of least squared logit distance to the errors of the letters that are not cut off."""
+    cut = np.array([row.quality.cut_off_fraction for row in rows])
+    misread = 1 - (1 - np.array([row.error for row in rows])) / np.maximum(1 - cut, 0.05)
+    misread = np.clip(misread, LEAST_SHARE, 1 - LEAST_SHARE)
+    means = [mean_logit(row.quality, row.unsure, photo) for row in rows]
+    slope, constant = np.polyfit(means, np.log(misread / (1 - misread)), 1)
+    return ReadingModel(round(float(constant), 2), round(float(slope), 2))
+
+
+def reading_left_out(rows: Sequence[Measured], parts: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Errors (N,) by models of photo and reading that were fitted to the photos of the other `parts` (N,)."""
+    predicted = np.zeros(len(rows))
+    for part in np.unique(parts):
+        others = [row for row, own in zip(rows, parts, strict=True) if own != part]
+        photo = fit([row.quality for row in others], np.array([row.error for row in others]))
+        model = fit_reading(others, photo)
+        for index in np.flatnonzero(parts == part):
+            row = rows[index]
+            predicted[index] = predict_error_of_reading(row.quality, row.unsure, model, photo)
+    return predicted
+
+
+def measure(photo: NDArray[np.uint8], lines: Sequence[str]) -> Measured | None:
     """Figures and the measured character error of a whole photo; None if its page was not found."""
     engine, language = reading_engine(None)
     try:
@@ -117,9 +153,12 @@ def measure(photo: NDArray[np.uint8], lines: Sequence[str]) -> tuple[CaptureQual
         return None
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     quality = measure_quality(gray, result.print.characters, result.print.heights_px, result.mesh)
+    if quality is None:
+        return None
     text = read_flat_page(result.image, engine, language)
     error = 1.0 - character_score(lines, "\n".join(line.text for line in text.lines))
-    return None if quality is None else (quality, error)
+    unsure = unsure_share(text.words)
+    return Measured(quality, error, unsure, usual_focus_measures(gray), "development")
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -136,18 +175,22 @@ def main(arguments: Sequence[str]) -> int:
     asked = parser.parse_args(arguments)
     rows = simulated(asked.photos, asked.seed)
     qualities, errors = [row.quality for row in rows], np.array([row.error for row in rows])
-    _report("simulated", qualities, errors, np.array([row.focus for row in rows]))
+    _report("simulated", rows)
     groups = np.unique([row.group for row in rows], return_inverse=True)[1]
     damages = np.array([row.damage for row in rows])
     _report_chance(damages, errors)
     for name, parts in (("tenths", damages % _PARTS), ("kinds of damage", groups)):
         found = spearmanr(left_out(qualities, errors, parts), errors).statistic
-        print(f"  of models without the photo's part, {name}: {found:.3f}")
+        read = spearmanr(reading_left_out(rows, parts), errors).statistic
+        print(f"  of models without the photo's part, {name}: photo {found:.3f}, reading {read:.3f}")
     if asked.fit:
-        print(f"  coefficients of all: {astuple(fit(qualities, errors))}")
+        print(
+            f"  coefficients of all: {astuple(fit(qualities, errors))}, reading {astuple(fit_reading(rows))}"
+        )
     if asked.development:
-        qualities, errors, focus = _development()
-        _report("development", qualities, errors, focus)
+        own = _development()
+        _report("development", own)
+        qualities, errors = [row.quality for row in own], np.array([row.error for row in own])
         each = [
             predict_character_error(
                 quality, fit_crooked_lines(qualities[:k] + qualities[k + 1 :], np.delete(errors, k))
@@ -170,8 +213,8 @@ def _report_chance(damages: NDArray[np.intp], errors: NDArray[np.float64]) -> No
     )
 
 
-def _development() -> tuple[list[CaptureQuality], NDArray[np.float64], NDArray[np.float64]]:
-    qualities, errors, focus = [], [], []
+def _development() -> list[Measured]:
+    rows = []
     folder = data_folder(None)
     texts = sorted(file for name in ("photos", "photos_more") for file in (folder / name).glob("*.txt"))
     for text in texts:
@@ -183,23 +226,26 @@ def _development() -> tuple[list[CaptureQuality], NDArray[np.float64], NDArray[n
             rgb = np.ascontiguousarray(photo[:, :, ::-1]).astype(np.uint8)
             found = measure(rgb, text.read_text(encoding="utf-8").splitlines())
             if found is not None:
-                qualities.append(found[0])
-                errors.append(found[1])
-                focus.append(
-                    usual_focus_measures(np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8))
-                )
-    return qualities, np.array(errors), np.array(focus)
+                rows.append(found)
+    return rows
 
 
-def _report(
-    name: str, qualities: Sequence[CaptureQuality], errors: NDArray[np.float64], focus: NDArray[np.float64]
-) -> None:
-    predicted = [predict_character_error(quality) for quality in qualities]
+def _report(name: str, rows: Sequence[Measured]) -> None:
+    errors, focus = np.array([row.error for row in rows]), np.array([row.focus for row in rows])
+    predicted = {
+        "photo": [predict_character_error(row.quality) for row in rows],
+        "reading": [predict_error_of_reading(row.quality, row.unsure) for row in rows],
+    }
     middle = np.percentile(errors, [25, 50, 75])
     print(
         f"{name}: {len(errors)} photos, character error {middle[0]:.3f}, {middle[1]:.3f}, {middle[2]:.3f} (quartiles)"
     )
-    print(f"  rank correlation of predicted and measured error {spearmanr(predicted, errors).statistic:.3f}")
+    for source, expected in predicted.items():
+        off = np.abs(np.array(expected) - errors)
+        print(
+            f"  rank correlation of the error predicted from the {source} and the measured one "
+            f"{spearmanr(expected, errors).statistic:.3f}; off by {100 * np.median(off):.1f} points (median)"
+        )
     ranks = [spearmanr(-focus[:, column], errors).statistic for column in range(focus.shape[1])]
     print(f"  of variance of the Laplacian, Tenengrad, Brenner {', '.join(f'{rank:.3f}' for rank in ranks)}")
 

@@ -20,6 +20,7 @@ from services.ocr.engine import Word
 from services.operations.page_reading import reading_engine
 from services.rectify.analysis import find_text
 from services.rectify.print_sample import print_heights
+from services.text.page_text import unsure_share
 from simulation.degradation import Degradation, Exposure, degrade, expose
 from simulation.flat_page import Page
 from simulation.pages import own_pages
@@ -58,10 +59,14 @@ class Damage:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A photo's figures, its measured character error, and usual focus measures (larger is sharper)."""
+    """A photo's figures, its measured character error, and usual focus measures (larger is sharper).
+
+    `unsure` is the share of letters that OCR read in words of little confidence.
+    """
 
     quality: CaptureQuality
     error: float
+    unsure: float
     focus: tuple[float, float, float]
     group: str
     """What the photo suffers from most."""
@@ -206,8 +211,11 @@ def _whole(H: Homography, box: Sequence[float], width: int, height: int) -> bool
     return bool((at > 2).all() and (at < [width - 3, height - 3]).all())
 
 
-def measure_error(photo: CropPhoto) -> float | None:
-    """Share of the characters that OCR misreads at the places of their words; None where the photo shows few words."""
+def read_photo(photo: CropPhoto) -> tuple[float, list[Word]] | None:
+    """Share of the characters that OCR misreads at the places of their words, and the words that it reads.
+
+    None where the photo shows few words.
+    """
     if len(photo.words) < 8:
         return None
     height, width = photo.image.shape[:2]
@@ -231,7 +239,7 @@ def measure_error(photo: CropPhoto) -> float | None:
     gray = np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2GRAY), np.uint8)
     engine, _ = reading_engine(None)
     read = engine.read_page(flatten_illumination(gray))
-    return misread_share(photo.words, read, lambda points: transform_points(H_page_flat, points))
+    return misread_share(photo.words, read, lambda points: transform_points(H_page_flat, points)), read
 
 
 def misread_share(
@@ -273,11 +281,12 @@ def measure_photos(count: int, seed: int = 19, repeats: int = 2) -> Iterator[Mea
     """Figures and errors of simulated photos; those without text that is found are left out."""
     for number, photos in enumerate(make_photos(count, seed, repeats)):
         for photo in photos:
-            error = measure_error(photo)
-            quality = None if error is None else measure_figures(photo)
-            if quality is not None and error is not None:
+            read = read_photo(photo)
+            quality = None if read is None else measure_figures(photo)
+            if quality is not None and read is not None:
                 gray = np.asarray(cv2.cvtColor(photo.image, cv2.COLOR_RGB2GRAY), np.uint8)
-                yield Measured(quality, error, usual_focus_measures(gray), photo.group, number)
+                unsure = unsure_share(read[1])
+                yield Measured(quality, read[0], unsure, usual_focus_measures(gray), photo.group, number)
 
 
 def measure_figures(photo: CropPhoto) -> CaptureQuality | None:

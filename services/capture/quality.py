@@ -166,13 +166,9 @@ def _cosines(mesh: NDArray[np.float64], characters: Points) -> Vector:
     """Cosine of the angle at which the page is seen at each character: the map's least over its largest stretch."""
     rows, columns = mesh.shape[:2]
     aspect = (columns - 1) / max(rows - 1, 1)
-    across = np.nan_to_num(np.diff(mesh, axis=1)[:-1] * aspect)
-    down = np.nan_to_num(np.diff(mesh, axis=0)[:, :-1])
-    # Of singular values a >= b of a map, a b is its determinant and a^2 + b^2 the sum of its squares.
-    area = np.abs(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0])
-    squares = (across**2 + down**2).sum(axis=-1)
-    largest = np.sqrt((squares + np.sqrt(np.maximum(squares**2 - 4 * area**2, 0.0))) / 2)
-    cosines = np.where(largest > 0, area / np.maximum(largest, 1e-9) ** 2, 1.0)
+    across = np.diff(mesh, axis=1)[:-1] * aspect
+    down = np.diff(mesh, axis=0)[:, :-1]
+    cosines = _least_over_largest(np.nan_to_num(across), np.nan_to_num(down))
     middles = (mesh[:-1, :-1] + mesh[1:, 1:]) / 2
     known = np.isfinite(middles).all(axis=-1)
     if not known.any():
@@ -181,12 +177,21 @@ def _cosines(mesh: NDArray[np.float64], characters: Points) -> Vector:
     return np.asarray(cosines[known][nearest])
 
 
+def _least_over_largest(across: Floats, down: Floats) -> Floats:
+    """Ratio of the singular values of the matrices with the columns `across` and `down` (..., 2); 1 for zeros."""
+    squares = np.sum(across**2, axis=-1) + np.sum(down**2, axis=-1)
+    area = np.abs(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0])
+    # s1^2 + s2^2 and s1 s2 give (s1 + s2)^2 and (s1 - s2)^2.
+    total, apart = np.sqrt(squares + 2 * area), np.sqrt(np.maximum(squares - 2 * area, 0.0))
+    return np.asarray(np.where(total > 0, (total - apart) / np.maximum(total + apart, 1e-9), 1.0))
+
+
 def _measure_light(
     gray: GrayImage, characters: Points, height_px: float, p: QualityParameters
 ) -> tuple[float, float]:
     """Shares of the page's area that are glare, and shadow without detail."""
     factor = min(1.0, p.area_side_px / max(gray.shape))
-    small = reduce_image(gray, factor)
+    small = reduce_image(gray, factor, fine=False)
     page = np.zeros(small.shape, np.uint8)
     hull = cv2.convexHull((characters * factor).astype(np.float32))
     cv2.fillConvexPoly(page, np.round(hull).astype(np.int32), 1)

@@ -7,6 +7,8 @@ pixels take it away, noise hides it. Faint print alone is read with few errors.
 On creased paper, words are misread where lines are not level on the flat page, however sharp they are. These errors
 come on top of the others; their coefficient is fitted to development photos by `python -m benchmarks advice --fit
 --development`.
+
+Once a page has been read, the OCR's own confidences say more: how many letters are in words of which it is unsure.
 """
 
 import math
@@ -20,6 +22,8 @@ LEAST_NOISE = 0.03
 """Noise, as a share of the step from ink to paper, that makes no difference to OCR."""
 LARGEST_LETTER_PX = 40.0
 """Height of small letters above which more pixels are worth nothing; the photos of the fit end at 26."""
+LEAST_SHARE = 0.003
+"""Shares nearer to 0 or 1 make no difference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +37,7 @@ class ErrorModel:
     few_pixels: float = -2.07
     """Below 0 because blur is already relative to the letters: small letters are worse by 1.58 all in all."""
     uneven_light: float = 4.0
-    crooked_lines: float = 1.3
+    crooked_lines: float = 1.36
     """Share of the characters that is misread for each radian of `line_tilt_rad`."""
 
 
@@ -55,9 +59,47 @@ def features_of(quality: CaptureQuality) -> tuple[float, float, float, float, fl
 
 def predict_character_error(quality: CaptureQuality, model: ErrorModel | None = None) -> float:
     """Share of the characters, 0-1, that OCR will not read right. What is cut off is lost."""
-    m = model or ErrorModel()
+    misread = _predict_misread(quality, model or ErrorModel())
+    return 1.0 - (1.0 - misread) * (1.0 - quality.cut_off_fraction)
+
+
+def _predict_misread(quality: CaptureQuality, m: ErrorModel) -> float:
+    """Share of the characters in view that OCR will not read right."""
     weights = (m.lost_detail, m.blur, m.noise, m.few_pixels, m.uneven_light)
     logit = m.constant + sum(w * f for w, f in zip(weights, features_of(quality), strict=True))
-    misread = 1.0 / (1.0 + math.exp(-max(min(logit, 50.0), -50.0)))
     level = 1.0 - min(m.crooked_lines * quality.line_tilt_rad, 1.0)
-    return 1.0 - (1.0 - misread) * level * (1.0 - quality.cut_off_fraction)
+    return 1.0 - (1.0 - _logistic(logit)) * level
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingModel:
+    """Logistic model: the logit of the error is a line of a mean of two logits.
+
+    These are the logit of the error that the photo lets expect, and that of the share of unsure letters.
+    """
+
+    constant: float = -1.08
+    slope: float = 1.08
+
+
+def mean_logit(quality: CaptureQuality, unsure: float, photo: ErrorModel | None = None) -> float:
+    """The variable of `ReadingModel`, of a page of which the share `unsure` of the letters was read unsurely."""
+    return (_logit(_predict_misread(quality, photo or ErrorModel())) + _logit(unsure)) / 2
+
+
+def predict_error_of_reading(
+    quality: CaptureQuality, unsure: float, model: ReadingModel | None = None, photo: ErrorModel | None = None
+) -> float:
+    """Share of the characters, 0-1, that were not read right, by that of `unsure` letters. What is cut off is lost."""
+    m = model or ReadingModel()
+    misread = _logistic(m.constant + m.slope * mean_logit(quality, unsure, photo))
+    return 1.0 - (1.0 - misread) * (1.0 - quality.cut_off_fraction)
+
+
+def _logit(share: float) -> float:
+    inside = min(max(share, LEAST_SHARE), 1.0 - LEAST_SHARE)
+    return math.log(inside / (1.0 - inside))
+
+
+def _logistic(logit: float) -> float:
+    return 1.0 / (1.0 + math.exp(-max(min(logit, 50.0), -50.0)))

@@ -6,14 +6,14 @@ BAND_ROWS = 256
 """Rows of a band. A band of an analysis image and its filtered versions stay in the processor's cache."""
 
 
-def row_bands(height: int, halo: int) -> Iterator[tuple[slice, slice, slice]]:
-    """Bands of an image of `height` rows for a filter that looks `halo` rows up and down.
+def row_bands(height: int, halo: int, band_rows: int = BAND_ROWS) -> Iterator[tuple[slice, slice, slice]]:
+    """Bands of `band_rows` of an image of `height` rows for a filter that looks `halo` rows up and down.
 
     Yields the rows of the band, those that the filter has to see, and the rows of the band among the seen ones.
     """
     top = 0
     while top < height:
-        bottom = min(top + BAND_ROWS, height)
+        bottom = min(top + band_rows, height)
         # The filter reflects at the image's ends only, and needs its halo on this side of them.
         if height - bottom < halo:
             bottom = height

@@ -58,7 +58,8 @@ class Zone:
     `font_size` is the em of its print and `line_spacing` the distance of its baselines, in pixels; `weight` the
     stroke width as a share of the font size; `content` the confidence, 0-1, that it has a content feature
     (Table 5.1). `label` is the logical label where it is known, None for none of the model's.
-    `appearance` is that of its ink. `words` are those of `text` where OCR read it, in their order.
+    `appearance` is that of its ink. `words` are those of `text` where OCR read it, in their order; of a figure, which
+    has no text of its own, those that are printed within it.
     """
 
     id: str

@@ -1,20 +1,26 @@
 """The `quality` of the HTTP contract: figures of a photo, the error to expect, advice."""
 
 import math
+from collections.abc import Sequence
 
 from services.arrays import RgbImage
 from services.capture.advice import advise
 from services.capture.quality import measure_quality
-from services.capture.readability import predict_character_error
+from services.capture.readability import predict_character_error, predict_error_of_reading
 from services.imaging.channels import luminance
+from services.ocr.engine import Word
 from services.operations.replies import rounded
 from services.rectify.results import RectifyResult
+from services.text.page_text import unsure_share
 
 
-def describe_quality(photo: RgbImage, result: RectifyResult, reduction: int = 1) -> dict[str, object] | None:
+def describe_quality(
+    photo: RgbImage, result: RectifyResult, reduction: int = 1, words: Sequence[Word] | None = None
+) -> dict[str, object] | None:
     """Quality of a photo whose flat page is `result`; None for a page without text.
 
     `photo` (H, W, 3) and `result` may be those of the photo reduced by `reduction`; the figures are those of the whole.
+    `words` are those that were read on the page, if it was read.
     """
     if result.print is None:
         return None
@@ -23,6 +29,10 @@ def describe_quality(photo: RgbImage, result: RectifyResult, reduction: int = 1)
     if quality is None:
         return None
     quality = quality.enlarged(reduction)
+    if words is None:
+        error, source = predict_character_error(quality), "photo"
+    else:
+        error, source = predict_error_of_reading(quality, unsure_share(words)), "reading"
     return {
         "text_height_px": {
             "min": rounded(quality.text_height_min_px, 1),
@@ -34,6 +44,7 @@ def describe_quality(photo: RgbImage, result: RectifyResult, reduction: int = 1)
         "glare_fraction": rounded(quality.glare_fraction),
         "shadow_fraction": rounded(quality.shadow_fraction),
         "line_tilt_deg": rounded(math.degrees(quality.line_tilt_rad), 2),
-        "predicted_character_error": rounded(predict_character_error(quality)),
+        "predicted_character_error": rounded(error),
+        "predicted_from": source,
         "advice": [{"code": each.code, "detail": each.detail} for each in advise(quality)],
     }

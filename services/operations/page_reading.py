@@ -15,6 +15,7 @@ from services.layout.segmentation.reading_order import reading_order
 from services.ocr.engine import OcrEngine, Word
 from services.ocr.languages import language_tag
 from services.ocr.tesseract import default_language, installed_languages
+from services.ocr.word_trust import probability_right
 from services.operations.reader import ocr_engine
 from services.text.alto import write_alto_pages
 from services.text.arrangement import Region, arrange_words
@@ -96,14 +97,16 @@ def read_flat_page(
 
 
 def _believable_regions(page: Page, words: list[Word]) -> list[Region]:
-    """Text zones of segmentation; none where they miss most words, so that the words are arranged by rows alone.
+    """Zones of segmentation with words; none where they miss most words, so that the words are arranged by rows alone.
 
     A dark photo with much desk in view can be taken for light print on dark ground. Its zones are then bits of the
     paper between letters.
     """
     # Zones of `/layout` keep the order in which samples were measured.
     order = reading_order([zone.box for zone in page.zones], heads_first=True)
-    zones = [page.zones[index] for index in order if page.zones[index].kind == "text"]
+    zones = [
+        page.zones[index] for index in order if page.zones[index].kind == "text" or page.zones[index].words
+    ]
     held = sum(len(zone.words) for zone in zones)
     return [_region(zone) for zone in zones] if held >= LEAST_HELD * len(words) else []
 
@@ -123,7 +126,7 @@ def describe_text(text: PageText) -> dict[str, object]:
         "words": [
             {
                 "text": word.text,
-                "confidence": round(word.confidence, 4),
+                "confidence": round(probability_right(word.confidence), 4),
                 "box": [round(edge, 2) for edge in word.box],
                 "photo": place,
                 "line": line,

@@ -133,7 +133,7 @@ def describe_page(
         with timed("reading", result.timings_ms, READING_BEGINS):
             text = read_flat_page(result.image, engine, language, result.mesh)
     with timed("quality", result.timings_ms):
-        quality = describe_quality(photo.pixels, result)
+        quality = describe_quality(photo.pixels, result, words=None if text is None else text.words)
     view = reduce_view(result, encoding)
     page = _document(result, view, parameters, photo, quality)
     height, width = view.image.shape[:2]

@@ -11,7 +11,7 @@ from services.geometry.homographies import from_resized, to_resized
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
 from services.imaging.illumination import divide_by_light, reduced_light
-from services.imaging.paper import Paper, model_paper
+from services.imaging.paper import Paper, PaperParameters, model_paper
 from services.imaging.photo_part import PhotoPart, cut_part
 from services.imaging.reduction import Halves, reduce_image
 from services.rectify.page_choice import PageChoice, choose_page
@@ -51,11 +51,14 @@ class AnalysisParameters:
     """Text and major flow: text height is then about 8 px on a full page of small print."""
     stroke_text_height_px: float = 20.0
     """Minor flow: above this text height, strokes gain nothing from more pixels."""
+    least_reduction: float = 1.0
+    """A factor above this is left out: it takes more time than the pixels that it saves."""
     other_page_share: float = 0.02
     """If a larger share of the characters was left out as those of another page, the flows are measured again."""
     min_flow_samples: int = 6
     major: MajorFlowParameters = field(default_factory=MajorFlowParameters)
     minor: MinorFlowParameters = field(default_factory=MinorFlowParameters)
+    paper: PaperParameters = field(default_factory=PaperParameters)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -336,13 +339,14 @@ def find_text(
     text = identify_text(reduced, guide)
     printed, paper = text.components, None
     if len(text.components.sizes) >= FEWEST_CHARACTERS:
-        paper = model_paper(halves, characters_in_photo(text, factor))
+        paper = model_paper(halves, characters_in_photo(text, factor), p.paper)
         on_paper = paper.holds(characters_in_photo(text, factor))
         # Print on many grounds (posters, boxes) is not clutter: at most a minority is dropped.
         text = keep_characters(text, on_paper) if on_paper.mean() > 0.6 else text
     if paper is None or len(text.components.sizes) < FEWEST_CHARACTERS:
+        count = len(text.components.sizes)
         raise NoText(
-            f"only {len(text.components.sizes)} printed characters were found; at least {FEWEST_CHARACTERS} are "
+            f"{f'only {count}' if count else 'no'} printed characters were found; at least {FEWEST_CHARACTERS} are "
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )
@@ -364,7 +368,9 @@ def _measure_flows(
 
 def _cut_text(seen: FoundText, text: IdentifiedText, p: AnalysisParameters) -> tuple[PhotoPart, Mask]:
     """The part of the photo that holds the `text`, at the size for strokes, and the text's area (h, w) there."""
-    factor = min(1.0, p.stroke_text_height_px * seen.factor / text.text_height_px)
+    factor = p.stroke_text_height_px * seen.factor / text.text_height_px
+    if factor > p.least_reduction:
+        factor = 1.0
     margin = int(np.ceil(MARGIN_TEXT_HEIGHTS * text.text_height_px))
     left, top, width, height = cv2.boundingRect(text.area.view(np.uint8))
     low = np.maximum(np.array([left, top]) - margin, 0)

@@ -64,9 +64,9 @@ class OrientationParameters:
     least_detection_confidence: float = 12.0
     """Of Tesseract's script detection, wrong at up to 4 on print, and at up to 11.5 on mirrored print."""
     east_asian_scripts: tuple[str, ...] = ("Han", "Hangul", "Japanese", "Korean")
-    least_east_asian_confidence: float = 6.0
+    least_sure_confidence: float = 6.0
     """Of these scripts, for which other print is not taken, mirrored or not. Eight photos of a Chinese page were all
-    right, at 7.8 to 11.2."""
+    right, at 7.8 to 11.2. And of a direction that the lines' readings found as well."""
     detection_long_side_px: int = 1600
     crop_height_px: int = 36
 
@@ -115,24 +115,34 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     if axes[0].mass == 0.0:
         return Orientation(0, False, 0.0)
     ratio = axes[1].mass / axes[0].mass
-    found = _decide(axes[: 1 if ratio < parameters.clear_axis else 2], (False,), parameters)
-    if (found.confidence or 0.0) < parameters.certain_confidence:
+    plain = found = _decide(axes[: 1 if ratio < parameters.clear_axis else 2], (False,), parameters)
+    if (plain.confidence or 0.0) < parameters.certain_confidence:
         found = _decide(axes[: 1 if ratio < parameters.certain_axis else 2], (False, True), parameters)
     if (found.confidence or 0.0) < parameters.least_confidence and isinstance(ocr, DirectionDetector):
-        return _ask_engine(flat, ocr, found, parameters)
+        return _ask_engine(flat, ocr, found, plain, parameters)
     return found
 
 
 def _ask_engine(
-    flat: GrayImage, ocr: DirectionDetector, found: Orientation, parameters: OrientationParameters
+    flat: GrayImage,
+    ocr: DirectionDetector,
+    found: Orientation,
+    plain: Orientation,
+    parameters: OrientationParameters,
 ) -> Orientation:
-    """Orientation by the page detection of the engine, which knows scripts whose words it cannot read."""
+    """Orientation by the page detection of the engine, which knows scripts whose words it cannot read.
+
+    `plain` is what the lines' readings say if mirrored ways are left out: less confidence is enough for the same.
+    """
     factor = min(1.0, parameters.detection_long_side_px / max(flat.shape))
     direction = ocr.detect_direction(flatten_illumination(reduce_image(flat, factor)))
     if direction is None:
         return found
-    east_asian = direction.script in parameters.east_asian_scripts
-    least = parameters.least_east_asian_confidence if east_asian else parameters.least_detection_confidence
+    sure = direction.script in parameters.east_asian_scripts or (
+        (plain.confidence or 0.0) >= parameters.least_confidence
+        and plain.rotation_deg == -direction.turned_deg % 360
+    )
+    least = parameters.least_sure_confidence if sure else parameters.least_detection_confidence
     if direction.confidence < least:
         return found
     surplus = direction.confidence / least - 1.0

@@ -19,6 +19,7 @@ from services.geometry.homographies import to_resized
 from services.geometry.page_frame import mesh_of
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.paper import PaperParameters
 from services.imaging.reduction import Halves
 from services.rectify.analysis import AnalysisParameters, FoundText, PageAnalysis, analyse_text, find_text
 from services.rectify.focal_length import focal_prior, remembered
@@ -76,6 +77,7 @@ class PreviewParameters:
     analysis: AnalysisParameters = field(
         default_factory=lambda: AnalysisParameters(
             long_side_px=800,
+            least_reduction=0.8,
             major=MajorFlowParameters(
                 coarse_block=7.0,
                 coarse_step_rad=np.deg2rad(7.5),
@@ -85,11 +87,13 @@ class PreviewParameters:
                 repeats=1,
                 field_spacing=4.0,
             ),
-            minor=MinorFlowParameters(max_edges=60_000),
+            minor=MinorFlowParameters(max_edges=40_000, band_rows=48, band_share=0.5),
+            paper=PaperParameters(long_side_px=280),
         )
     )
     """Print of 10 points on a full page is 5 px high then, enough to be found. The lines of a page have few bends, so
-    that fewer windows show their directions; the strokes' directions need all of their blocks, but not all edges."""
+    that fewer windows show their directions; the strokes' directions need all of their blocks, but not all edges. To
+    reduce the photo for strokes by a factor near 1 takes more time than it saves."""
     pose: PoseParameters = field(default_factory=lambda: PoseParameters(rounds=1))
     outline: OutlineParameters = field(
         default_factory=lambda: OutlineParameters(

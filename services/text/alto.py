@@ -5,6 +5,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from services.layout.exchange.alto import begin_alto
 from services.layout.exchange.xml_writing import clean, decimal, document
+from services.ocr.word_trust import probability_right
 from services.text.page_text import Box, PageText, TextBlock, needs_space
 
 
@@ -39,7 +40,10 @@ def _write_block(space: Element, block: TextBlock, name: str, tag: str) -> None:
             if before is not None and needs_space(before.text, word.text):
                 SubElement(text_line, "SP")
             string = {"ID": f"{name}-line-{row}-word-{order + 1}", **_place(word.box)}
-            string |= {"CONTENT": clean(word.text), "WC": decimal(round(word.confidence, 4))}
+            string |= {
+                "CONTENT": clean(word.text),
+                "WC": decimal(round(probability_right(word.confidence), 4)),
+            }
             SubElement(text_line, "String", string)
 
 

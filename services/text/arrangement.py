@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.ocr.engine import Word
 from services.text.page_text import BlockKind, Box, TextBlock, TextLine, is_right_to_left
+from services.text.word_boxes import settle_boxes, with_common_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,10 @@ def rows_of(words: Sequence[Word], parameters: ArrangementParameters | None = No
 
 
 def _line(words: Sequence[Word]) -> TextLine:
+    words = settle_boxes(words)
     backwards = is_right_to_left("".join(word.text for word in words))
+    if backwards:
+        words = with_common_rows(words)
     order = sorted(words, key=lambda word: -word.box[2] if backwards else word.box[0])
     return TextLine(tuple(order))
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from services.layout.exchange.xml_writing import SOFTWARE, clean
+from services.ocr.word_trust import probability_right
 from services.text.page_text import Box, PageText, TextLine, union_box
 
 _NAMESPACE = "http://www.w3.org/1999/xhtml"
@@ -57,7 +58,7 @@ def _write_page(body: Element, page: PageText, number: int, dpi: float) -> None:
             row = _part(paragraph, "span", "ocr_line", f"line_{number}_{lines}", _line_title(line))
             for word in line.words:
                 words += 1
-                title = f"{_bbox(word.box)}; x_wconf {round(100 * word.confidence)}"
+                title = f"{_bbox(word.box)}; x_wconf {round(100 * probability_right(word.confidence))}"
                 _part(row, "span", "ocrx_word", f"word_{number}_{words}", title).text = clean(word.text)
 
 

@@ -6,12 +6,16 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from services.ocr.engine import Word
+from services.ocr.word_trust import probability_right
 
 Box = tuple[float, float, float, float]
 """(x0, y0, x1, y1) in pixels of the flat page, x1 > x0 and y1 > y0."""
 Quadrilateral = tuple[tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float]]
 """Corners (x, y), clockwise from the top left one of the flat page."""
 BlockKind = Literal["heading", "text"]
+SURE = 0.8
+"""Least confidence (the engine's own) of a sure word: the share of other letters ranks pages by their errors.
+With 0.6 and 0.9 the ranks are as good."""
 
 _RIGHT_TO_LEFT = frozenset({"R", "AL"})
 _LEFT_TO_RIGHT = "L"
@@ -82,9 +86,10 @@ class PageText:
 
     @property
     def confidence(self) -> float | None:
-        """Mean confidence of the words, weighted by their length; None if there are none."""
+        """Mean probability that a word is right, weighted by their length; None if there are none."""
         letters = sum(len(word.text) for word in self.words)
-        return sum(len(word.text) * word.confidence for word in self.words) / letters if letters else None
+        believed = sum(len(word.text) * probability_right(word.confidence) for word in self.words)
+        return believed / letters if letters else None
 
     def resized(self, width: int, height: int) -> "PageText":
         """The text of the same page in another size; places in the photo stay."""
@@ -107,6 +112,12 @@ def union_box(boxes: Sequence[Box]) -> Box:
     """The box round one box or more."""
     x0, y0, x1, y1 = zip(*boxes, strict=True)
     return min(x0), min(y0), max(x1), max(y1)
+
+
+def unsure_share(words: Sequence[Word]) -> float:
+    """Share of the letters that are in words of which the engine is unsure; 1 where nothing was read."""
+    letters = sum(len(word.text) for word in words)
+    return sum(len(word.text) for word in words if word.confidence < SURE) / letters if letters else 1.0
 
 
 def is_right_to_left(text: str) -> bool:

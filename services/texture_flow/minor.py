@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from services.arrays import Floats, GrayImage, Mask, Vector
-from services.imaging.row_bands import row_bands
+from services.imaging.row_bands import BAND_ROWS, row_bands
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.regression import reject_outliers, smooth_samples
 
+GOLDEN = (5**0.5 - 1) / 2
 LIKELY_SHARE = 0.5
 """Edges that are weaker than this share of what is strong in the first bands are not kept ..."""
 ENOUGH_SHARE = 0.03
@@ -51,6 +52,10 @@ class MinorFlowParameters:
     min_edges: int = 40
     max_edges: int = 200_000
     """Largest number of edge pixels; a thousand determine a block's direction to 0.1 degree."""
+    band_rows: int = BAND_ROWS
+    """Edges are sought in bands of so many rows ..."""
+    band_share: float = 1.0
+    """... in this share of them. Multiples of the golden ratio choose them: no period coincides with that of lines."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +124,9 @@ def _strong_edges(
     slope = taps * smooth / float((taps**2 * smooth).sum())
     sampled, found = list[NDArray[np.float32]](), list[_Edges]()
     step, passed, least, strong = max(int(area.sum()) // 100_000, 1), 0, p.edge_floor, 0.0
-    for rows, seen, inner in row_bands(len(gray), len(taps) // 2):
+    for number, (rows, seen, inner) in enumerate(row_bands(len(gray), len(taps) // 2, p.band_rows)):
+        if number * GOLDEN % 1.0 >= p.band_share:
+            continue
         gx, gy = (
             np.asarray(cv2.sepFilter2D(gray[seen], cv2.CV_32F, *kernels), np.float32)[inner].ravel()
             for kernels in ((slope, smooth), (smooth, slope))

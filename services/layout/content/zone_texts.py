@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.layout.page import Page, ReadWord, Zone
+from services.layout.page import Page, Zone
+from services.layout.read_words import read_words
 from services.ocr.engine import Word
 
 
@@ -39,11 +40,7 @@ def _with_words(zone: Zone, lines: Sequence[Sequence[Word]]) -> Zone:
     return replace(
         zone,
         text="\n".join(" ".join(word.text for word in line) for line in lines),
-        words=tuple(
-            ReadWord(word.text, word.box, word.confidence, row)
-            for row, line in enumerate(lines)
-            for word in line
-        ),
+        words=read_words(lines),
     )
 
 

@@ -54,8 +54,11 @@ _NOISE = "noise"
 _SPACES = ("TopMargin", "LeftMargin", "RightMargin", "BottomMargin", "PrintSpace")
 _LABEL_TAGS = ("LayoutTag", "StructureTag", "OtherTag")
 """Tags that label blocks: the nearest counts, and OtherTags (kraken, eScriptorium) where there is no other."""
-_TABLE = "table"
-"""What the TYPE of ComposedBlocks that are tables begins with (ABBYY, PRImA); it is free by the schema."""
+_PRINTED_FIGURE = "printed-figure"
+"""TYPE of our figures with print within them: an Illustration holds no words."""
+_WHOLE = ("table", _PRINTED_FIGURE)
+"""What the TYPE of ComposedBlocks that are one zone begins with: tables (ABBYY, PRImA), figures of ours. It is free by
+the schema."""
 _LONGEST_REFERENCES = 10_000
 """Characters of TAGREFS; they are read for every block in a block."""
 _ALIGNMENTS = {"Left": "left", "Right": "right", "Center": "centre", "Block": "justified"}
@@ -144,9 +147,9 @@ def _blocks(parent: Element, inherited: tuple[str, ...]) -> Iterator[tuple[Eleme
             yield from _blocks(element, inherited)
         elif element.tag in _KINDS:
             references = (*inherited, element.get("TAGREFS", "")[:_LONGEST_REFERENCES])
-            table = element.get("TYPE", "").lower().startswith(_TABLE)
+            is_whole = element.get("TYPE", "").lower().startswith(_WHOLE)
             holds_blocks = next(children(element, *_KINDS), None) is not None
-            if element.tag == "ComposedBlock" and holds_blocks and not table:
+            if element.tag == "ComposedBlock" and holds_blocks and not is_whole:
                 yield from _blocks(element, references)
             else:
                 yield element, references
@@ -255,7 +258,7 @@ def write_alto(recognition: Recognition, file_name: str, created: datetime) -> b
         references = tags.of(zone, name)
         if references:
             block["TAGREFS"] = " ".join(references)
-        _write_block(space, zone.zone, block)
+        _write_block(space, zone.zone, block, names)
     for kind, type_, label, name in tags.given:
         SubElement(tag_list, kind, {"ID": name, "TYPE": type_, "LABEL": label})
     for empty in (part for part in (style_list, tag_list) if len(part) == 0):
@@ -326,8 +329,14 @@ def _lines(zone: Zone) -> list[list[str]]:
     return [words for line in clean(zone.text).split("\n") if (words := line.split())]
 
 
-def _write_block(space: Element, zone: Zone, attributes: dict[str, str]) -> None:
-    block = SubElement(space, _BLOCK_OF[zone.kind], {**attributes, **_place(zone.box)})
+def _write_block(space: Element, zone: Zone, attributes: dict[str, str], names: Names) -> None:
+    place = _place(zone.box)
+    if zone.kind == "figure" and zone.words:
+        block = SubElement(space, "ComposedBlock", {**attributes, **place, "TYPE": _PRINTED_FIGURE})
+        within = {"ID": names.give(f"{attributes['ID']}-text"), **place}
+        _write_read_lines(SubElement(block, "TextBlock", within), zone)
+        return
+    block = SubElement(space, _BLOCK_OF[zone.kind], {**attributes, **place})
     if zone.kind == "noise":
         block.set("TYPE", _NOISE)
     if zone.kind != "text":

@@ -278,14 +278,15 @@ def _write_region(
     region = SubElement(page, tag, attributes)
     SubElement(region, "Coords", {"points": points})
     text = clean(zone.text)
-    if text:
+    if text or zone.words:
         holder = region
         if zone.kind != "text":
             holder = SubElement(region, "TextRegion", {"id": names.give(f"{name}-text")})
             SubElement(holder, "Coords", {"points": points})
         for number, line in enumerate(zone_lines(zone), 1):
             _write_line(holder, line, f"{name}-line-{number}", size, names)
-        SubElement(SubElement(holder, "TextEquiv"), "Unicode").text = text
+        if text:
+            SubElement(SubElement(holder, "TextEquiv"), "Unicode").text = text
 
 
 def _write_line(

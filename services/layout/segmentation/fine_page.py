@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.page import Box, Page, ReadWord, Zone
+from services.layout.page import Box, Page, Zone
+from services.layout.read_words import read_words
 from services.layout.segmentation.appearance import InkMarks, with_appearance
 from services.layout.segmentation.gathering import trim_figures
 from services.layout.segmentation.measures import (
@@ -84,11 +85,7 @@ def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:
         weight=zone_weight(lines),
         alignment=zone_alignment(lines, fine.column, em),
         text="\n".join(fine.texts[index] for index in read),
-        words=tuple(
-            ReadWord(word.text, word.box, word.confidence, row)
-            for row, index in enumerate(read)
-            for word in fine.words[index]
-        ),
+        words=read_words([fine.words[index] for index in read]),
     )
 
 

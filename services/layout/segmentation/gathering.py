@@ -56,8 +56,15 @@ def gather_scraps(
     for group in np.unique(groups[~alone]):
         own = np.flatnonzero(groups == group)
         noise = all(index >= len(words) and parts[loose[index - len(words)]].kind == "noise" for index in own)
+        inner = [
+            row for index in own if index >= len(words) for row in parts[loose[index - len(words)]].lines
+        ]
         gathered.append(
-            Part(np.concatenate([members[index] for index in own]), "noise" if noise else "figure")
+            Part(
+                np.concatenate([members[index] for index in own]),
+                "noise" if noise else "figure",
+                tuple(inner),
+            )
         )
     taken_words = {words[index] for index in np.flatnonzero(~alone & is_text)}
     taken_parts = {loose[index - len(words)] for index in np.flatnonzero(~alone & ~is_text)}

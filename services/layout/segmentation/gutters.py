@@ -104,9 +104,10 @@ def _is_gutter(index: int, gaps: _Gaps, rows: _Rows, parameters: SegmentationPar
     """Whether a gap continues in the rows above and below, or is wide enough without that."""
     x0, x1, em = gaps.x0[index], gaps.x1[index], gaps.em[index]
     width = (x1 - x0) / em
-    if x1 - x0 < parameters.gap_over_space * rows.space[gaps.row[index]]:
+    over_space = (x1 - x0) / max(rows.space[gaps.row[index]], 1e-9)
+    if over_space < parameters.gutter_over_space:
         return False
-    if width > parameters.widest_gap:
+    if width > parameters.widest_gap and over_space > parameters.gap_over_space:
         return True
     distance = np.abs(rows.middle - rows.middle[gaps.row[index]])
     near = (distance < parameters.gutter_reach * em) & (distance > 0.5 * em)
@@ -121,6 +122,9 @@ def _is_gutter(index: int, gaps: _Gaps, rows: _Rows, parameters: SegmentationPar
     supports = len(supporting)
     crossing[supporting] = False
     contras = int(np.count_nonzero(crossing))
+    if over_space < parameters.gap_over_space:
+        # As wide as a space of justified print: a gutter only where all rows around have it.
+        return supports >= parameters.gutter_rows and contras == 0
     if supports >= 2:
         return supports > contras
     if supports == 1:

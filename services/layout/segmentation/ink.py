@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage
 from services.imaging.components import label_components
 from services.imaging.illumination import flatten_illumination
+from services.layout.segmentation.line_drawings import LEAST_SIDE_PX, MOST_INK, read_drawing
 from services.layout.segmentation.parameters import SegmentationParameters
 
 _LEAST_HEIGHT_PX = 4
@@ -38,7 +39,8 @@ class Components:
 
     `boxes` (N, 4) x0, y0, x1, y1, ends exclusive; `area` (N,) of ink; `stroke` (N,) mean width of strokes;
     `hang` (N,) how far words whose letters touch hang below their baseline, 0 for all others; `slant` (N,) of
-    their ink, how far it leans to the right by height: about 0.2 more in italics.
+    their ink, how far it leans to the right by height: about 0.2 more in italics. `is_border` (N,) are open borders of
+    straight lines, `cells` (N,) counts the cells of grids, 0 for all else.
     """
 
     boxes: NDArray[np.float64]
@@ -46,6 +48,8 @@ class Components:
     stroke: NDArray[np.float64]
     hang: NDArray[np.float64]
     slant: NDArray[np.float64]
+    is_border: NDArray[np.bool_]
+    cells: NDArray[np.intp]
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -106,7 +110,14 @@ def find_components(ink: Ink, parameters: SegmentationParameters) -> Components:
         own = labels[y[index] : y[index] + h[index], x[index] : x[index] + w[index]] == kept[index]
         hang[index] = _hang(np.count_nonzero(own, axis=1))
     slant = _slants(pixels)[kept]
-    return Components(boxes, area[kept].astype(np.float64), area[kept] / length, hang, slant)
+    is_border, cells = np.zeros(len(kept), dtype=bool), np.zeros(len(kept), dtype=np.intp)
+    for index in np.flatnonzero((np.minimum(w, h) >= LEAST_SIDE_PX) & (area[kept] < MOST_INK * w * h)):
+        own = labels[y[index] : y[index] + h[index], x[index] : x[index] + w[index]] == kept[index]
+        drawing = read_drawing(own)
+        is_border[index], cells[index] = drawing.is_border, drawing.cells
+    return Components(
+        boxes, area[kept].astype(np.float64), area[kept] / length, hang, slant, is_border, cells
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,10 +14,11 @@ from services.layout.segmentation.text_lines import group_linked, unite_boxes
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """A zone without text: the components in it, and its kind."""
+    """A zone without text of its own: the components in it, its kind, and the lines of print within a figure."""
 
     members: Indices
     kind: Kind
+    lines: tuple[int, ...] = ()
 
 
 def find_parts(
@@ -158,7 +159,7 @@ def _is_compact(
 
 
 def _is_frame(components: Components, members: Indices, lines: Boxes, unit: float) -> NDArray[np.bool_]:
-    """Thin ink round text: boxes and the grids of forms."""
+    """Thin ink round text: boxes, the grids of forms, and borders of which some sides are seen."""
     boxes = components.boxes[members]
     sides = boxes[:, 2:] - boxes[:, :2]
     frame = (components.area[members] < 0.12 * np.prod(sides, axis=1)) & (np.min(sides, axis=1) > 3 * unit)
@@ -166,5 +167,9 @@ def _is_frame(components: Components, members: Indices, lines: Boxes, unit: floa
         x0, y0, x1, y1 = boxes[index]
         inside = (lines[:, 0] > x0) & (lines[:, 1] > y0) & (lines[:, 2] < x1) & (lines[:, 3] < y1)
         covered = np.sum(np.prod(lines[inside, 2:] - lines[inside, :2], axis=1))
-        frame[index] = covered > 0.1 * (x1 - x0) * (y1 - y0)
-    return np.asarray(frame)
+        # Most fields of a form are filled in; the squares of a plot are not.
+        is_form = np.count_nonzero(inside) >= max(3, 0.5 * components.cells[members[index]])
+        frame[index] = covered > 0.1 * (x1 - x0) * (y1 - y0) or (
+            components.cells[members[index]] > 2 and is_form
+        )
+    return np.asarray(frame | components.is_border[members])

@@ -4,22 +4,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from services.arrays import GrayImage
 from services.layout.page import Box, Page, Zone
+from services.layout.read_words import read_words
 from services.layout.segmentation.appearance import mark_ink
-from services.layout.segmentation.components import Boxes, Indices
+from services.layout.segmentation.components import Indices
 from services.layout.segmentation.entries import find_entries
 from services.layout.segmentation.fine_page import FinePage, compose_page
 from services.layout.segmentation.frame import Frame, analyse_print
 from services.layout.segmentation.gathering import gather_scraps
 from services.layout.segmentation.ink import Components
-from services.layout.segmentation.non_text import Part, find_parts, without_dirt
+from services.layout.segmentation.inner_print import block_boxes, give_to_figures, lie_within
+from services.layout.segmentation.line_numbers import split_line_numbers
+from services.layout.segmentation.non_text import find_parts, without_dirt
 from services.layout.segmentation.page_numbers import split_page_numbers
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_line_choice import ReadLines, choose_text_lines
-from services.layout.segmentation.text_lines import Line, find_lines, measure_line, unite_boxes
+from services.layout.segmentation.text_lines import Line, find_lines, measure_line
 from services.layout.segmentation.words import assign_words, line_confidences, words_of_lines
 from services.layout.segmentation.zone_grouping import group_lines
 from services.ocr.engine import Word
@@ -55,28 +57,43 @@ def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
     levelled = printed.levelled
     lines = find_lines(levelled, np.flatnonzero(printed.kinds.glyphs), parameters)
     lines = split_page_numbers(lines, levelled, printed.frame.size[1], parameters)
-    read, own_words = _read(lines, words, printed.frame, parameters)
-    is_text = choose_text_lines(lines, read, levelled, printed.frame.size, parameters)
+    lines, numbers = split_line_numbers(lines, levelled, parameters)
+    read, own_words = _read([*lines, *numbers], words, printed.frame, parameters)
+    is_text = choose_text_lines(lines, read.of_first(len(lines)), levelled, printed.frame.size, parameters)
     kept = np.flatnonzero(is_text).tolist()
     rows = _Rows([lines[i] for i in kept], [read.texts[i] for i in kept], [own_words[i] for i in kept])
     rows, begins = _join_entries(rows, levelled, parameters)
+    blocks = group_lines(rows.lines, begins, levelled, printed.frame.size[1], parameters)
+    if numbers:
+        blocks.append(list(range(len(rows.lines), len(rows.lines) + len(numbers))))
+        rows = _Rows(
+            rows.lines + numbers, rows.texts + read.texts[len(lines) :], rows.words + own_words[len(lines) :]
+        )
     lines, texts = rows.lines, rows.texts
     line_boxes = np.array([line.box for line in lines]).reshape(-1, 4)
-    blocks = group_lines(lines, begins, levelled, printed.frame.size[1], parameters)
-    hulls = np.array([_hull([lines[index] for index in block]) for block in blocks]).reshape(-1, 4)
-    unused = ~_lie_within(levelled.boxes, hulls)
+    unused = ~lie_within(levelled.boxes, block_boxes(blocks, lines))
     for line in lines:
         unused[line.members] = False
     parts = find_parts(
         levelled, printed.kinds, unused, line_boxes, printed.unit, printed.frame.size, parameters
     )
-    blocks = _without_inner(blocks, hulls, lines, texts, parts, levelled, parameters)
+    is_read = np.array([bool(text) for text in texts], dtype=bool)
+    own = levelled, printed.frame.size, parameters
+    blocks, parts = give_to_figures(blocks, lines, is_read, parts, *own)
     is_sure = np.array([sum(map(str.isalnum, text)) > 1 for text in texts], dtype=bool)
     blocks, parts = gather_scraps(blocks, lines, is_sure, parts, levelled, printed.unit, parameters)
+    # Pictures are put together of pieces only there.
+    blocks, parts = give_to_figures(blocks, lines, is_read, parts, *own)
     parts = without_dirt(parts, levelled, printed.unit, parameters)
     page_components = printed.components
     others = tuple(
-        Zone("", _union(page_components, part.members, printed.frame), kind=part.kind) for part in parts
+        Zone(
+            "",
+            _union(page_components, part.members, printed.frame),
+            kind=part.kind,
+            words=read_words([rows.words[index] for index in part.lines]),
+        )
+        for part in parts
     )
     return FinePage(
         width=float(width),
@@ -147,48 +164,6 @@ def _read(
     own = words_of_lines(seen, word_boxes, line_of_word, len(lines))
     texts = [" ".join(word.text for word in each) for each in own]
     return ReadLines(texts, confidence), own
-
-
-def _hull(lines: Sequence[Line]) -> NDArray[np.float64]:
-    boxes = np.array([line.box for line in lines])
-    return np.concatenate([boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)])
-
-
-def _lie_within(boxes: Boxes, blocks: Boxes) -> NDArray[np.bool_]:
-    """Which of `boxes` (N, 4) lie by most of their area in one of `blocks` (M, 4)."""
-    area = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
-    within = np.zeros(len(boxes), dtype=bool)
-    for x0, y0, x1, y1 in blocks:
-        across = np.minimum(boxes[:, 2], x1) - np.maximum(boxes[:, 0], x0)
-        down = np.minimum(boxes[:, 3], y1) - np.maximum(boxes[:, 1], y0)
-        within |= np.maximum(across, 0.0) * np.maximum(down, 0.0) > 0.6 * area
-    return within
-
-
-def _without_inner(
-    blocks: list[list[int]],
-    hulls: Boxes,
-    lines: Sequence[Line],
-    texts: Sequence[str],
-    parts: Sequence[Part],
-    levelled: Components,
-    parameters: SegmentationParameters,
-) -> list[list[int]]:
-    """`blocks` without scraps of unread print that lie in a figure: letters of a plot, a logo or a stamp."""
-    figures = [
-        unite_boxes(levelled.boxes[part.members], np.zeros(len(part.members), dtype=np.intp))
-        for part in parts
-        if part.kind == "figure"
-    ]
-    if not figures or not blocks:
-        return blocks
-    inner = _lie_within(hulls, np.concatenate(figures))
-    kept = []
-    for block, lies in zip(blocks, inner, strict=True):
-        count = sum(len(lines[index].members) for index in block)
-        if not lies or count > parameters.scrap_components or any(texts[index] for index in block):
-            kept.append(block)
-    return kept
 
 
 def _union(components: Components, members: Indices, frame: Frame) -> Box:

@@ -51,6 +51,9 @@ class SegmentationParameters:
     """Narrower gaps are between letters."""
     gap_over_space: float = 1.9
     """Least ratio of a gap that ends a line to the spaces between words around it."""
+    gutter_over_space: float = 1.1
+    """The same where at least `gutter_rows` rows around have the gap, and none crosses it."""
+    gutter_rows: int = 4
     widest_space: float = 1.1
     """Spaces are taken to be no wider: a typewriter's are 1.0."""
     gutter_reach: float = 3.6
@@ -108,6 +111,16 @@ class SegmentationParameters:
     """which is higher than the capitals next to it by this factor,"""
     number_gap: float = 2.5
     """or apart from them by this multiple of the spaces between words."""
+    least_number_gap: float = 0.9
+    """Line numbers are at least this far from their lines, ..."""
+    sure_number_gap: float = 1.8
+    """... and this far where they are not smaller than the print."""
+    number_edge_px: float = 3.0
+    """Numbers of one column have a common edge, in pixels of the working copy."""
+    least_numbers: int = 8
+    """A column has at least so many, ..."""
+    regular_numbers: float = 0.75
+    """... of which this share follow each other by one step."""
     shortest_note: float = 4.8
     """A first line this short at the foot of a letter's text ("JRB:tc", "Encl.") is no name or place."""
     foot_of_text: float = 0.5
@@ -146,6 +159,8 @@ class SegmentationParameters:
     least_rule: float = 6.0
     """Shorter rules are dashes, in units."""
 
+    least_picture: float = 0.06
+    """Figures of this share of the page's area have what is printed in them; signatures and stamps are smaller."""
     scrap_components: int = 6
     """Unread print of at most this many glyphs within a figure is part of it. Elsewhere it may be a piece of a
     signature or a stamp, ..."""

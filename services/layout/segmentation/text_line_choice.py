@@ -17,8 +17,12 @@ from services.layout.segmentation.text_lines import Line
 class ReadLines:
     """Text and confidence that OCR read in each of the lines (L,)."""
 
-    texts: Sequence[str]
+    texts: list[str]
     confidence: NDArray[np.float64]
+
+    def of_first(self, count: int) -> "ReadLines":
+        """Those of the first `count` lines."""
+        return ReadLines(self.texts[:count], self.confidence[:count])
 
 
 def choose_text_lines(

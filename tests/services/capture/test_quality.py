@@ -1,5 +1,7 @@
 """Figures of drawn photos whose height, blur, contrast and light are known, and what is advised."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,9 @@ import pytest
 from services.arrays import Points
 from services.capture.advice import advise
 from services.capture.quality import CaptureQuality, QualityParameters, measure_quality
-from services.capture.readability import predict_character_error
+from services.capture.readability import predict_character_error, predict_error_of_reading
+from services.ocr.engine import Word
+from services.text.page_text import unsure_share
 
 HEIGHT_PX = 24.0
 GOOD = CaptureQuality(24.0, 24.0, 0.8, 0.8, 0.0, 0.0, 0.0)
@@ -123,6 +127,22 @@ def test_every_fault_has_its_advice_and_costs(worse: dict[str, object], code: st
     assert [advice.code for advice in advise(quality)] == [code]
     assert predict_character_error(quality) >= predict_character_error(GOOD)
     assert advise(GOOD) == ()
+
+
+def test_a_reading_with_more_unsure_letters_has_more_errors() -> None:
+    def page(unsure: int) -> list[Word]:
+        return [Word("letters", (0, 0, 90, 30), 0.3 if index < unsure else 0.95) for index in range(10)]
+
+    shares = [unsure_share(page(unsure)) for unsure in (0, 3, 10)]
+    assert shares == pytest.approx([0.0, 0.3, 1.0])
+    assert unsure_share([]) == 1.0, "where nothing was read, nothing is sure"
+    errors = [predict_error_of_reading(GOOD, share) for share in shares]
+    assert 0.0 < errors[0] < errors[1] < errors[2] < 1.0
+    # Of two readings with the same confidences, that of the worse photo has more errors; what is cut off is lost.
+    assert predict_error_of_reading(replace(GOOD, worst_blur_px=6.0), 0.3) > errors[1]
+    assert predict_error_of_reading(replace(GOOD, cut_off_fraction=0.5), 0.0) == pytest.approx(
+        0.5 + 0.5 * errors[0]
+    )
 
 
 def test_the_sentence_says_the_figure() -> None:

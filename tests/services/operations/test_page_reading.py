@@ -11,6 +11,7 @@ from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption
 from services.layout.page import Page, ReadWord, Zone
 from services.ocr.engine import Word
+from services.ocr.word_trust import probability_right
 from services.operations import page_reading
 from tests.services.imaging.files import make_file
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
@@ -43,7 +44,8 @@ def read(encoding: Encoding, parameters: RectifyParameters = READ) -> PageReply:
 def test_json_has_the_words_in_both_frames() -> None:
     document = json.loads(json.dumps(read(Encoding("json")).document), parse_constant=reject_constant)
     text = document["text"]
-    assert (text["language"], text["confidence"]) == ("eng", pytest.approx((4 * 0.9 + 5 * 0.8) / 9, abs=1e-4))
+    believed = (4 * probability_right(0.9) + 5 * probability_right(0.8)) / 9
+    assert (text["language"], text["confidence"]) == ("eng", pytest.approx(believed, abs=1e-4))
     assert [word["text"] for word in text["words"]] == ["Dear", "Smith"]
     assert text["words"][1]["box"] == [200, 100, 300, 130]
     assert text["words"][1]["line"] == 0

@@ -160,6 +160,26 @@ def test_less_confidence_is_enough_for_scripts_that_no_other_print_is_taken_for(
     assert estimate_orientation(page, readers["Cyrillic"]).rotation_deg == 0, "mirrored Latin print may be it"
 
 
+class FacelessReader(DirectedReader):
+    """Sees which way up flags stand, and not which way they face."""
+
+    def read_line(self, image: GrayImage) -> tuple[str, float]:
+        ink = 255 - image.astype(np.float64)
+        return self.good if image.shape[1] >= 600 and ink[:18].sum() > ink[18:].sum() else self.poor
+
+
+@pytest.mark.parametrize(("seen_deg", "turn_deg"), [(180, 180), (0, 0)])
+def test_less_confidence_is_enough_for_a_direction_that_readings_found_too(
+    seen_deg: int, turn_deg: int
+) -> None:
+    page = laid(page_of_flags(), Orientation(180, False, None))
+    reader = FacelessReader(good=("abcdef abcdef abcdef", 0.55), poor=("abcdef abcdef abcdef", 0.3))
+    reader.directions = [ReadDirection(seen_deg, 8.0, "Greek")]
+    found = estimate_orientation(page, reader)
+    assert found.rotation_deg == turn_deg
+    assert ((found.confidence or 0.0) >= 0.5) == (seen_deg == 180)
+
+
 @pytest.mark.parametrize("direction", [None, ReadDirection(180, 5.0), ReadDirection(180, 5.0, "Han")])
 def test_doubtful_direction_is_not_believed(direction: ReadDirection | None) -> None:
     reader = DirectedReader(good=("abcdef", 0.3), poor=("abcdef", 0.3), directions=[direction])

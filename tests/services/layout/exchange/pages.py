@@ -60,6 +60,15 @@ def read_page() -> Page:
     return Page(100.0, 60.0, (zone,))
 
 
+def printed_figure() -> Page:
+    """A page with a figure in which OCR read words."""
+    words = (
+        ReadWord("Axis", (10.0, 12.0, 30.0, 20.0), 0.8, 0),
+        ReadWord("0.5", (50.0, 12.0, 60.0, 20.0), 0.7, 0),
+    )
+    return Page(100.0, 60.0, (Zone("f", (5.0, 5.0, 80.0, 40.0), kind="figure", words=words, label="figure"),))
+
+
 def recognized(page: Page, name: str | None = "letter") -> Recognition:
     """The page's own labels as if they were found, in the order of its zones but told in another."""
     labelled = [

@@ -92,7 +92,7 @@ PAGE_RULES = {
 
 _PLACE = {name: is_float for name in ("HEIGHT", "WIDTH", "HPOS", "VPOS")}
 _BLOCK = {**_PLACE, "STYLEREFS": names, "TAGREFS": names}
-_BLOCKS = "TextBlock Illustration GraphicalElement"
+_BLOCKS = "TextBlock Illustration GraphicalElement ComposedBlock"
 _TAG = Rule({"ID": is_name, "LABEL": anything}, {"TYPE": anything})
 ALTO_RULES = {
     "alto": Rule(
@@ -144,6 +144,7 @@ ALTO_RULES = {
     "PrintSpace": Rule({}, {**_PLACE, "ID": is_name}, ((_BLOCKS, 0, MANY),)),
     "TextBlock": Rule({"ID": is_name}, _BLOCK, (("TextLine", 0, MANY),)),
     "Illustration": Rule({"ID": is_name}, {**_BLOCK, "TYPE": anything}),
+    "ComposedBlock": Rule({"ID": is_name}, {**_BLOCK, "TYPE": anything}, ((_BLOCKS, 0, MANY),)),
     "GraphicalElement": Rule({"ID": is_name}, _BLOCK),
     "TextLine": Rule({}, _PLACE, (("String SP", 1, MANY),)),
     "String": Rule({"CONTENT": anything}, {**_PLACE, "WC": is_share}),

@@ -9,7 +9,7 @@ from services.layout.exchange.alto import write_alto
 from services.layout.exchange.xml_writing import clean
 from services.layout.exchange.zones_file import read_zones_file
 from services.layout.page import InvalidLayout, Page, Zone
-from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, read_page, recognized
+from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, printed_figure, read_page, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_alto
 
 V2, V3, V4 = (f"http://www.loc.gov/standards/alto/ns-v{version}#" for version in (2, 3, 4))
@@ -61,6 +61,15 @@ def test_words_are_written_with_their_places_and_confidences() -> None:
     assert [words[1].get(side) for side in ("HPOS", "VPOS", "WIDTH", "HEIGHT")] == ["45", "11", "35", "10"]
     [back] = read_zones_file(written, LIMITS).zones
     assert (back.text, back.lines) == ("Dear Ms <&>\nRoe,", 2)
+
+
+def test_words_within_a_figure_are_written_and_the_figure_stays_one_zone() -> None:
+    written = write_alto(recognized(printed_figure()), "p.png", CREATED)
+    assert faults_of_alto(written) == []
+    words = [word.get("CONTENT") for word in fromstring(written).iter(f"{{{V4}}}String")]
+    assert words == ["Axis", "0.5"]
+    [back] = read_zones_file(written, LIMITS).zones
+    assert (back.id, back.kind, back.label, back.box) == ("f", "figure", "figure", (5.0, 5.0, 80.0, 40.0))
 
 
 def test_lines_of_the_text_are_lines() -> None:

@@ -10,7 +10,7 @@ from services.layout.exchange.page_xml import NAMESPACE, write_page_xml
 from services.layout.exchange.xml_writing import clean
 from services.layout.exchange.zones_file import read_zones_file
 from services.layout.page import InvalidLayout, Page, Zone
-from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, read_page, recognized
+from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, printed_figure, read_page, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_page_xml
 
 
@@ -62,6 +62,17 @@ def test_words_are_written_with_their_places_and_confidences() -> None:
     assert sure == ["0.9", "0.25", "1"]
     [back] = read_zones_file(written, LIMITS).zones
     assert (back.text, back.lines) == ("Dear Ms <&>\nRoe,", 2)
+
+
+def test_words_within_a_figure_are_written_and_the_figure_stays_one_zone() -> None:
+    written = write_page_xml(recognized(printed_figure()), "p.png", CREATED)
+    assert faults_of_page_xml(written) == []
+    words = fromstring(written).findall(
+        ".//pc:ImageRegion//pc:Word/pc:TextEquiv/pc:Unicode", {"pc": NAMESPACE}
+    )
+    assert [word.text for word in words] == ["Axis", "0.5"]
+    [back] = read_zones_file(written, LIMITS).zones
+    assert (back.id, back.kind, back.label, back.box) == ("f", "figure", "figure", (5.0, 5.0, 80.0, 40.0))
 
 
 def test_boxes_are_rounded_and_stay_on_the_page() -> None:

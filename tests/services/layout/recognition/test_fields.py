@@ -7,7 +7,7 @@ import pytest
 
 from services.contract.fields import FieldSetting
 from services.layout.page import Page, ReadWord, Zone
-from services.layout.recognition.fields import gather_fields
+from services.layout.recognition.fields import gather_fields, probability_of_value
 from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 
 
@@ -48,7 +48,18 @@ def test_a_typed_value_is_as_sure_as_its_own_words() -> None:
     zone = labelled(0, "date", "Re: ??, March 3, 1998", 0.8, (0.9, 0.1, 0.5, 1.0, 0.75))
     [field] = gather_fields(recognition(zone), {"date": FieldSetting("date")})
     assert (field.type, field.value, field.problem) == ("date", "1998-03-03", None)
-    assert field.confidence == pytest.approx(0.9 * 0.8 * 0.5 * 1.0 * 0.75)
+    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.8, 0.5 * 1.0 * 0.75))
+    without_words = labelled(0, "date", "March 3, 1998", 0.8)
+    [surer] = gather_fields(recognition(without_words), DATE)
+    assert field.confidence < surer.confidence < 0.9
+
+
+def test_a_value_is_surer_with_its_labels_and_words() -> None:
+    sure = probability_of_value(0.95, 0.9)
+    assert probability_of_value(0.5, 0.9) < sure < probability_of_value(0.95, 0.99)
+    assert sure > 0.95 * 0.9
+    assert probability_of_value(1.0, 1.0) < 1.0
+    assert 0.0 < probability_of_value(0.0, 0.0) < 0.05
 
 
 def test_a_text_without_its_type_has_no_value() -> None:
@@ -78,7 +89,7 @@ def test_a_pattern_is_looked_for_zone_by_zone_where_all_together_have_no_value()
     zones = [labelled(0, "signature", "by phone", 0.5), labelled(1, "signature", "Ann Hall", 0.8)]
     [field] = gather_fields(recognition(*zones), name)
     assert (field.value, field.text, field.zones) == ("Ann Hall", "by phone\nAnn Hall", ("z0", "z1"))
-    assert field.confidence == pytest.approx(0.9 * 0.5 * 0.8)
+    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.8, 1.0))
     [field] = gather_fields(recognition(*zones, labelled(2, "signature", "Bob Hill")), name)
     assert (field.value, field.problem) == (None, "no-value")
 
@@ -93,7 +104,7 @@ def test_a_value_in_a_zone_of_another_label_is_found_if_that_zone_may_have_this_
     assert [field.label for field in found] == ["letterhead", "date", "body"]
     # The letterhead is wrong with 0.2, and a date then with 0.6; the body is one with 0.4 * 0.2.
     assert (found[1].value, found[1].zones, found[1].text) == ("1998-03-03", ("z0",), head.zone.text)
-    assert found[1].confidence == pytest.approx(0.9 * 0.2 * 0.6)
+    assert found[1].confidence == pytest.approx(0.9 * probability_of_value(0.2 * 0.6, 1.0))
     assert (found[0].value, found[0].zones) == ("Ann Hall March 3, 1998", ("z0",))
 
 

@@ -1,0 +1,116 @@
+"""Line numbers in the left margin of manuscripts, pleadings and poems: a column of its own beside the text."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.segmentation.components import Indices
+from services.layout.segmentation.ink import Components
+from services.layout.segmentation.parameters import SegmentationParameters
+from services.layout.segmentation.text_lines import Line, measure_line
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Head:
+    """What may be the number of line `index`: its components, ends, middle row, and what is left of the line."""
+
+    index: int
+    members: Indices
+    x0: float
+    x1: float
+    middle: float
+    rest: Indices
+
+
+def split_line_numbers(
+    lines: Sequence[Line], components: Components, parameters: SegmentationParameters
+) -> tuple[list[Line], list[Line]]:
+    """`lines` without the numbers before them, and those numbers from the top down; none without a column of them.
+
+    Numbers are words of few digits, far from the text or smaller than it, with one edge in common. They count every
+    line, every fifth or every tenth: so marks of lists, which entries of several lines have, are none.
+    """
+    heads = [
+        head
+        for number, line in enumerate(lines)
+        if (head := _find_head(number, line, components, parameters))
+    ]
+    heads = _in_one_column(heads, parameters)
+    if len(heads) < parameters.least_numbers:
+        return list(lines), []
+    number_of = {head.index: head for head in heads}
+    kept: list[Line] = []
+    for index, line in enumerate(lines):
+        head = number_of.get(index)
+        if head is None:
+            kept.append(line)
+        elif len(head.rest):
+            kept.append(measure_line(components, head.rest, parameters))
+    if not _counts_rows(heads, kept, parameters):
+        return list(lines), []
+    return kept, [measure_line(components, head.members, parameters) for head in heads]
+
+
+def _find_head(
+    index: int, line: Line, components: Components, parameters: SegmentationParameters
+) -> _Head | None:
+    """The word of few digits that a line begins with or is; None without."""
+    members = line.members[np.argsort(components.boxes[line.members, 0], kind="stable")]
+    boxes = components.boxes[members]
+    gaps = boxes[1:, 0] - np.maximum.accumulate(boxes[:, 2])[:-1]
+    digits = parameters.number_digits
+    wide = np.flatnonzero(gaps[:digits] > parameters.least_number_gap * line.em)
+    if len(wide):
+        own = slice(0, int(wide[0]) + 1)
+    elif len(members) <= digits and line.width < 0.8 * digits * line.em:
+        own = slice(0, len(members))
+    else:
+        return None
+    height = boxes[own, 3] - boxes[own, 1]
+    rest = members[own.stop :]
+    if np.ptp(height) > max(2.0, 0.2 * float(np.max(height))):
+        return None
+    if len(rest):
+        gap = float(gaps[wide[0]])
+        capitals = parameters.capital_height * measure_line(components, rest, parameters).em
+        is_small = float(np.max(height)) < 0.85 * capitals
+        if not is_small and gap < parameters.sure_number_gap * line.em:
+            return None
+    x0, x1 = float(np.min(boxes[own, 0])), float(np.max(boxes[own, 2]))
+    middle = float(np.min(boxes[own, 1]) + np.max(boxes[own, 3])) / 2
+    return _Head(index, np.asarray(members[own]), x0, x1, middle, np.asarray(rest))
+
+
+def _in_one_column(heads: list[_Head], parameters: SegmentationParameters) -> list[_Head]:
+    """The most heads that have an edge in common, from the top down."""
+    best: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+    for edge in (np.array([head.x1 for head in heads]), np.array([head.x0 for head in heads])):
+        for place in edge:
+            near = np.flatnonzero(np.abs(edge - place) < parameters.number_edge_px)
+            if len(near) > len(best):
+                best = near
+    return sorted((heads[index] for index in best), key=lambda head: head.middle)
+
+
+def _counts_rows(heads: Sequence[_Head], texts: Sequence[Line], parameters: SegmentationParameters) -> bool:
+    """Whether every row of `texts`, every fifth or every tenth has a number, and no text is in their column."""
+    right = max(head.x1 for head in heads)
+    top, bottom = heads[0].middle, heads[-1].middle
+    beside = [line for line in texts if top - line.em < _middle(line.box) < bottom + line.em]
+    beside = [line for line in beside if line.box[2] > right]
+    if not beside or sum(line.box[0] < right for line in beside) > 0.1 * len(beside):
+        return False
+    em = float(np.median([line.em for line in beside]))
+    middles = np.sort([_middle(line.box) for line in beside])
+    rows = middles[np.diff(middles, prepend=-np.inf) > 0.5 * em]
+    numbered = np.argmin(np.abs(rows[None, :] - np.array([head.middle for head in heads])[:, None]), axis=1)
+    steps = np.diff(numbered)
+    return any(
+        np.count_nonzero(steps == step) >= parameters.regular_numbers * len(steps) for step in (1, 5, 10)
+    )
+
+
+def _middle(box: Sequence[float]) -> float:
+    return (box[1] + box[3]) / 2

@@ -1,0 +1,36 @@
+"""Confidences of read words that mean what they say: the probability that the word is right.
+
+Tesseract's own are too low where it is sure and too high where it is not: 99.8 % of words at 0.96 to 0.97 are right,
+but a third of those at 0.3 to 0.6. Beta calibration (Kull, Silva Filho and Flach 2017) has a term for each end. The
+coefficients are learned by `python -m benchmarks text_confidence`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import expit
+
+LEAST, LARGEST = 0.01, 0.985
+"""Confidences are bounded to this range, beyond which there were no words to learn from."""
+
+
+@dataclass(frozen=True, slots=True)
+class WordTrust:
+    """logit p = `constant` + `of_confidence` ln c - `of_doubt` ln(1 - c)."""
+
+    constant: float = -2.12
+    of_confidence: float = 0.18
+    of_doubt: float = 2.25
+
+
+def features_of(confidence: ArrayLike) -> NDArray[np.float64]:
+    """The columns (N, 3) of the calibration's logit: 1, ln c, -ln(1 - c)."""
+    c = np.clip(np.asarray(confidence, dtype=np.float64), LEAST, LARGEST)
+    return np.stack([np.ones_like(c), np.log(c), -np.log(1.0 - c)], axis=-1)
+
+
+def probability_right(confidence: float, trust: WordTrust | None = None) -> float:
+    """Probability, 0-1, that a word of the engine's `confidence` is right."""
+    t = trust or WordTrust()
+    return float(expit(features_of(confidence) @ (t.constant, t.of_confidence, t.of_doubt)))
