@@ -60,7 +60,7 @@ help:
 	@echo 'make lock             pin the dependencies anew'
 	@echo 'make bench-rectify    the experiments on simulated photos, clean and degraded (BENCH_OPTIONS=...)'
 	@echo 'make bench-photos     the real photos, page-dewarp and UVDoc side by side (BENCH_OPTIONS=...)'
-	@echo 'make bench-speed      time of an upload as a ratio to decode, remap and encode; page-dewarp and UVDoc in the same run'
+	@echo 'make bench-speed      time of an upload as a ratio to decode, remap and encode; page-dewarp and UVDoc in the same run; then of every kind of answer'
 	@echo 'make bench-attack     hostile files, bodies and clients against the running service, and what each must be answered'
 	@echo 'make bench-jobs       accepted jobs while workers, services and PostgreSQL are killed and restarted (BENCH_OPTIONS=...)'
 	@echo 'make bench-mosaic     mosaics of simulated photos, peers on the same photos; then the checks (BENCH_OPTIONS=...)'
@@ -106,6 +106,7 @@ bench-photos: venv-dev venv-bench
 bench-speed: venv-dev venv-bench
 	@$(BIN)/python -m benchmarks rectify_speed --page-dewarp $(BENCH_VENV)/bin/page-dewarp \
 		--uvdoc-python $(BENCH_VENV)/bin/python $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks speed
 
 bench-attack: venv-dev
 	@$(BIN)/python -m benchmarks attack $(BENCH_OPTIONS)

@@ -8,6 +8,7 @@ MODULES = {
     "rectify_simulated": "rectify.simulated",
     "rectify_photos": "rectify.photos",
     "rectify_speed": "rectify.speed",
+    "speed": "speed",
     "rectify_load": "rectify.load",
     "advice": "rectify.advice",
     "preview": "rectify.preview",

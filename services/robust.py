@@ -21,6 +21,7 @@ from collections.abc import Callable
 import numpy as np
 
 from services.arrays import Floats, Vector
+from services.order_statistics import median
 
 MAD_TO_DEVIATION = 1.4826
 """Standard deviation of normal errors over their median absolute value."""
@@ -38,7 +39,7 @@ Scale = Callable[[int, Vector], float]
 
 def robust_scale(residuals: Floats, empty: float = 0.0) -> float:
     """Standard deviation of normal errors with the median absolute value of `residuals` (N,); `empty` of none."""
-    return MAD_TO_DEVIATION * float(np.median(np.abs(residuals))) if np.size(residuals) else empty
+    return MAD_TO_DEVIATION * median(np.abs(residuals).ravel()) if np.size(residuals) else empty
 
 
 def cauchy_weights(residuals: Floats, scale: float | Floats = 1.0) -> Floats:

@@ -55,17 +55,17 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     names = [name]
     if how == "wrong class":
         names.append(next(each for each in classes if each != name))
-    models = {name: _stored(name, samples)}
+    models = {name: stored_model(name, samples)}
     for other in names[1:]:
-        models[other] = _stored(other, [each.true for each in classes[other] if each.true.zones])
+        models[other] = stored_model(other, [each.true for each in classes[other] if each.true.zones])
     learner = next((each for each in LEARNERS if each == how), LEARNERS[0])
     # Reads settings and fills caches, as a worker's first task does.
-    _follow(taught[:1], models, names, learner)
+    follow_feedback(taught[:1], models, names, learner)
     collect_seldom()
-    spent = _follow(taught, models, names, learner)
+    spent = follow_feedback(taught, models, names, learner)
     profile = cProfile.Profile()
     profile.enable()
-    _follow(taught[:4], models, names, learner)
+    follow_feedback(taught[:4], models, names, learner)
     profile.disable()
     return {
         "labels": len(json.loads(models[name].document)["nodes"]) - 1,
@@ -77,7 +77,7 @@ def _measure(job: str, specimens: Sequence[Specimen]) -> Result:
     }
 
 
-def _stored(name: str, samples: Sequence[Page]) -> ModelDocument:
+def stored_model(name: str, samples: Sequence[Page]) -> ModelDocument:
     document = model_to_document(make_model(name, [(page, None) for page in samples]))
     return ModelDocument(name, 1, _bytes(document))
 
@@ -87,7 +87,7 @@ def _bytes(document: Mapping[str, object]) -> bytes:
     return json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
 
 
-def _follow(
+def follow_feedback(
     pages: Sequence[Page], models: Mapping[str, ModelDocument], names: Sequence[str], learner: Learner
 ) -> list[_Spent]:
     """Each page is recognized and taught; the models go on from version to version, as they do in the service.

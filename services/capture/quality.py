@@ -12,6 +12,7 @@ from services.capture.letter_size import measure_letter_rows, text_axes
 from services.capture.print_patches import measure_patches
 from services.capture.stroke_detail import measure_strokes
 from services.imaging.reduction import reduce_image
+from services.order_statistics import median
 
 FEWEST_EDGES = 5
 SHARP_PX = 0.7
@@ -140,7 +141,7 @@ def _least_height(characters: Points, sizes: Vector, p: QualityParameters) -> fl
     low, extent = characters.min(axis=0), np.maximum(np.ptp(characters, axis=0), 1.0)
     cell = np.minimum(((characters - low) / extent * p.cells).astype(int), p.cells - 1) @ [1, p.cells]
     medians = [
-        float(np.median(sizes[cell == number]))
+        median(sizes[cell == number])
         for number in range(p.cells**2)
         if np.count_nonzero(cell == number) >= p.cell_characters
     ]

@@ -1,5 +1,6 @@
 """The pin-hole camera: focal length, directions of vanishing points, plane to image (3.2.3, 3.2.4)."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,12 +58,20 @@ def focal_length_from_vanishing_points(v_h: Floats, v_v: Floats) -> float | None
 
 def rotation_from_vector(vector: Floats) -> Floats:
     """Rotation matrix (3, 3) of an axis-angle vector (3,), by Rodrigues' formula."""
-    angle = float(np.linalg.norm(vector))
+    x, y, z = map(float, vector)
+    angle = math.sqrt(x * x + y * y + z * z)
     if angle < 1e-12:
         return np.eye(3)
-    x, y, z = vector / angle
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K))
+    x, y, z = x / angle, y / angle, z / angle
+    s, c = math.sin(angle), math.cos(angle)
+    r = 1.0 - c
+    return np.array(
+        [
+            [c + r * x * x, r * x * y - s * z, r * x * z + s * y],
+            [r * x * y + s * z, c + r * y * y, r * y * z - s * x],
+            [r * x * z - s * y, r * y * z + s * x, c + r * z * z],
+        ]
+    )
 
 
 def rotation_from_flows(v_h: Floats, v_v: Floats, focal_length: float) -> Floats:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Vector
-from services.imaging.grid_paths import accumulate_scores, trace_back
+from services.imaging.grid_paths import accumulate_to_row, trace_back
+from services.order_statistics import median, median_along
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +135,7 @@ def _extent(
     It is followed from the text to where two bands in a row have no step, or one that is much fainter than along
     the text (a path finds some step everywhere on a desk).
     """
-    there = steps > max(0.5 * contrast, p.fading * float(np.median(steps[text])))
+    there = steps > max(0.5 * contrast, p.fading * median(steps[text]))
     lost = ~(there[:-1] | there[1:])
     inner = np.flatnonzero(text)
     above = np.flatnonzero(lost[: inner[0]])
@@ -152,14 +153,7 @@ def _ground_beside(
     at = np.clip(paths[..., None] + side * np.arange(near, far), 0, brightness.shape[1] - 1)
     rows = np.arange(paths.shape[1] * p.band_px).reshape(-1, p.band_px)
     values = brightness[rows[None, :, :, None], at[:, :, None, :]]
-    return np.asarray(_median(_median(values, 2), 2), np.float32)
-
-
-def _median(values: Floats, axis: int) -> Floats:
-    """As np.median, which takes several times as long where there are few values."""
-    ordered, count = np.sort(values, axis=axis), values.shape[axis]
-    middle = ordered.take([(count - 1) // 2, count // 2], axis=axis)
-    return np.asarray(middle.mean(axis=axis))
+    return np.asarray(median_along(median_along(values, 2), 2), np.float32)
 
 
 def _ends_on_paper(edge: LongEdge, extent: tuple[int, int], weight: Floats, p: LongEdgeParameters) -> bool:
@@ -172,7 +166,7 @@ def _ends_on_paper(edge: LongEdge, extent: tuple[int, int], weight: Floats, p: L
     if p.sheet_on_either_side:
         sides.append((edge.left_ground, edge.right_ground))
     inside = slice(first, last + 1)
-    if np.abs(np.median((edge.left_ground - edge.right_ground)[inside])) > p.desk_contrast:
+    if abs(median((edge.left_ground - edge.right_ground)[inside])) > p.desk_contrast:
         return False
     for end, way in ((first, -1), (last, 1)):
         after = end + way * np.arange(2, 5)
@@ -180,7 +174,7 @@ def _ends_on_paper(edge: LongEdge, extent: tuple[int, int], weight: Floats, p: L
         after = after[weight[after, edge.columns[after]] > 0]
         before = end - way * np.arange(1, 4)
         for sheet, other in sides:
-            if len(after) and np.abs(np.median(sheet[after]) - np.median(other[before])) < p.end_contrast:
+            if len(after) and abs(median(sheet[after]) - median(other[before])) < p.end_contrast:
                 return True
     return False
 
@@ -225,9 +219,7 @@ def _paths(
     score = np.where(weight > 0, supports - p.support, -p.unseen_cost) * share
     inner = np.flatnonzero(text)
     middle = int(inner[len(inner) // 2])
-    # From both ends of the bands to the middle one, where the halves of a path meet.
-    halves = [score[:, : middle + 1], score[:, middle:][:, ::-1]]
-    down, up = (accumulate_scores(half, p.max_shift_px, p.shift_cost) for half in halves)
+    down, up = accumulate_to_row(score, middle, p.max_shift_px, p.shift_cost)
     through = down[:, -1] + up[:, -1] - score[:, middle]
     peak = through >= cv2.dilate(through, np.ones((1, 2 * p.distinct_px + 1), np.uint8))
     found = []
@@ -290,4 +282,4 @@ def _is_straight(
     c = np.linalg.lstsq(design, path[good].astype(np.float64), rcond=None)[0]
     slope = max(abs(c[1] - 2 * c[2]), abs(c[1] + 2 * c[2])) / unit
     away = np.abs(design @ c - path[good])
-    return bool(slope <= p.max_slope and np.median(away) <= p.straightness_px)
+    return bool(slope <= p.max_slope and median(away) <= p.straightness_px)

@@ -8,6 +8,11 @@ _LEFT_AFTER_HALVES = 0.5
 """Largest factor of the last step. Averages of averages blur twice: with a last step of 0.9 the variance is twice that
 of one step, and small letters ran together; from 0.5 down it is at most a third more."""
 
+_NOISE = 1.05
+"""Variance of noise, over that of area averages, that the quick way may leave."""
+_MOST_BLUR = 4 / 3
+"""Variance of its blur, over that of area averages: as for halves. With 1.6 the minor flow's errors grew by 6 %."""
+
 
 def halve(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Half of `image` (H, W) or (H, W, 3) by area averages, without an odd last row or column."""
@@ -45,14 +50,21 @@ class Halves:
 
 
 def reduce_image(
-    image: NDArray[np.uint8] | Halves, factor: float, least_side_px: int = 1, *, fine: bool = True
+    image: NDArray[np.uint8] | Halves,
+    factor: float,
+    least_side_px: int = 1,
+    *,
+    fine: bool = True,
 ) -> NDArray[np.uint8]:
     """`image` (H, W) or (H, W, 3) at `factor` of its size (not above 1) by area averages.
 
     It is halved while at least another half remains, and then resized to the rest of `factor`. Averages of 2 x 2 pixels
-    are four times as fast as those of other areas. Where nothing `fine` such as print is sought, it is halved once
+    are ten times as fast as those of other areas. Where nothing `fine` such as print is sought, it is halved once
     more. An odd last row or column is left out of a half, and the size is rounded, so a place is off by at most half a
     pixel of the answer at its far ends. No side is below `least_side_px`.
+
+    The last step is a small blur and bilinear interpolation, in a third of the time, where that leaves as little noise
+    as area averages and the variance of its blur is at most `_MOST_BLUR` times theirs.
     """
     halves, times = Halves.of(image), 0
     seen = halves.image
@@ -65,4 +77,26 @@ def reduce_image(
     height, width = (max(round(side * factor), least_side_px) for side in seen.shape[:2])
     if (height, width) == seen.shape[:2]:
         return seen
-    return np.asarray(cv2.resize(seen, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    size = (width, height)
+    beside = _weight_beside(factor)
+    if beside is None or (1 / 6 + 2 * beside) * 12 * factor**2 > _MOST_BLUR:
+        return np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_AREA), np.uint8)
+    # The Gaussian whose weights are those of three neighbours.
+    sigma = (-0.5 / np.log(beside / (1 - 2 * beside))) ** 0.5
+    smooth = cv2.GaussianBlur(seen, (3, 3), sigma)
+    return np.asarray(cv2.resize(smooth, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+
+
+def _weight_beside(factor: float) -> float | None:
+    """Weight w of the pixels beside each, after which bilinear interpolation at steps of 1 / `factor` has little noise.
+
+    That is, of unit noise along one axis, 1.05 times the mean variance f - f^2 / 3 that area averages leave. Weights
+    (w, 1 - 2w, w) and bilinear interpolation leave 2/3 - 2 w + 8/3 w^2 on average. None where three weights are not
+    enough.
+    """
+    wanted = _NOISE * (factor - factor**2 / 3)
+    square = 1 - 8 / 3 * (2 / 3 - wanted)
+    if square < 0 or wanted >= 2 / 3:
+        return None
+    weight = 3 / 8 * (1 - square**0.5)
+    return float(weight) if weight <= 1 / 3 else None

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.focal_prior import FOCAL
 from services.geometry.homographies import transform_points
+from services.order_statistics import median_along
 from services.robust import robust_scale
 from services.sheet.developable.observations import ObservationParameters
 from services.sheet.tracing.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
@@ -143,7 +144,7 @@ class LineTerms:
         unlike = (log - mean[..., self._kind]) / self._alike_deviation
         length = np.hypot(delta[..., 0], delta[..., 1])
         text_height = (
-            np.median(o.relative_heights * length, axis=-1, keepdims=True) if len(o.starts) else np.ones(1)
+            median_along(o.relative_heights * length, -1)[..., None] if len(o.starts) else np.ones(1)
         )
         x = np.where(self._left, a[..., self._ends, 0], b[..., self._ends, 0])
         margins = (x - _medians(x, self._margin)[..., self._margin]) / (p.margin * text_height)

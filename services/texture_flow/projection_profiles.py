@@ -8,6 +8,7 @@ a few degrees around a known direction, at any points.
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import saxpy
 
 from services.arrays import Floats, Points, Vector
 
@@ -91,14 +92,14 @@ def scan_slopes(
     offset_of = (np.arange(strips) + 0.5) * width - 0.5 - (columns - 1) / 2
     height = rows - 2 * margin
     energies = np.empty((count, len(slopes)))
-    part = np.empty((height, count), np.float32)
     for k, slope in enumerate(slopes):
         profile = np.zeros((height, count), np.float32)
+        total = profile.ravel()
         for j, offset in enumerate(offset_of * slope):
             whole = int(np.floor(offset))
             top = margin + whole - 1
             for i, weight in enumerate(catmull_rom(offset - whole)):
-                profile += np.multiply(used[j, top + i : top + i + height], weight, out=part)
+                saxpy(used[j, top + i : top + i + height].ravel(), total, a=weight)
         energies[:, k] = profile.std(axis=0)
     return energies, used[:, margin : margin + height].sum(axis=(0, 1))
 

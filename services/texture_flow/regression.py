@@ -8,6 +8,7 @@ times the error of the samples. A quadric over five text heights does not.
 import numpy as np
 
 from services.arrays import Floats, Vector
+from services.order_statistics import median
 from services.robust import robust_scale
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 
@@ -66,7 +67,7 @@ def regress_directions(
     # No samples at all: direction 0.
     far = np.stack(far_values) / np.maximum(far_weight, 1e-12)
     # The far field enters as a weak observation of the value, zero as a weak one of the slopes.
-    floor = max(_FAR_SHARE * float(np.median(w)), 1e-6) if len(w) else 1.0
+    floor = max(_FAR_SHARE * median(w), 1e-6) if len(w) else 1.0
     held = np.arange(len(i))
     normal[held, held] += np.where(held > 0, _DAMPING[order], 0.0)[:, None, None] * second[0, 0] + floor
     right[0] += floor * far

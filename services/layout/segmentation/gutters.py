@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes, Indices
-from services.layout.segmentation.order_statistics import median, quantile
 from services.layout.segmentation.parameters import SegmentationParameters
+from services.order_statistics import median, quantile
 
 
 @dataclass(frozen=True, slots=True, eq=False)

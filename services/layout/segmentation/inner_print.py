@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from services.layout.segmentation.components import Boxes
 from services.layout.segmentation.ink import Components
 from services.layout.segmentation.non_text import Part
-from services.layout.segmentation.order_statistics import median
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line, unite_boxes
+from services.order_statistics import median
 
 
 def give_to_figures(

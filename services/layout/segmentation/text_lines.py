@@ -10,8 +10,8 @@ from scipy.sparse.csgraph import connected_components
 from services.layout.segmentation.components import Boxes, Indices, near_pairs
 from services.layout.segmentation.gutters import split_at_gutters
 from services.layout.segmentation.ink import Components
-from services.layout.segmentation.order_statistics import higher_quantile, mean, median, quantile
 from services.layout.segmentation.parameters import SegmentationParameters
+from services.order_statistics import higher_quantile, mean, median, quantile
 
 _LONG = 4
 """Lines with this many components are not fragments of others."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.ink import Components
 from services.layout.segmentation.notes import note_starts
-from services.layout.segmentation.order_statistics import median
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
+from services.order_statistics import median
 
 
 def group_lines(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
+from services.order_statistics import median
 from services.sheet.outline.edges import EdgePoints
 
 
@@ -263,7 +264,7 @@ def _end_line(points: Points, seen: NDArray[np.bool_], p: CornerParameters) -> t
             used = design[keep]
             fit = np.linalg.solve(used.T @ used + 1e-12 * np.eye(3), used.T @ d[keep])
             residual = np.abs(d - design @ fit)
-            keep = residual <= 3 * np.median(residual) + 1e-6
+            keep = residual <= 3 * median(residual) + 1e-6
         fit = fit / powers
         if np.sqrt(np.mean(residual[keep] ** 2)) < p.smooth * side and keep.mean() > p.kept:
             end = float((points[0] - centre) @ axes[0])

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats
-from services.imaging.grid_paths import accumulate_scores, trace_back
+from services.imaging.grid_paths import accumulate_to_row, trace_back
 
 
 def find_closed_paths(score: Floats, max_shift: int, shift_cost: float) -> NDArray[np.intp]:
@@ -23,6 +23,10 @@ def find_closed_paths(score: Floats, max_shift: int, shift_cost: float) -> NDArr
 
 def find_open_paths(score: Floats, max_shift: int, shift_cost: float) -> NDArray[np.intp]:
     """As `find_closed_paths`, from the first ray to the last."""
-    best = accumulate_scores(score, max_shift, shift_cost)
-    grids = np.arange(len(score))
-    return trace_back(best, grids, best[:, -1].argmax(axis=1), max_shift, shift_cost)
+    middle = score.shape[1] // 2
+    down, up = accumulate_to_row(score, middle, max_shift, shift_cost)
+    there = score[:, middle]
+    through = down[:, -1] + np.where(np.isfinite(there), up[:, -1] - np.nan_to_num(there), -np.inf)
+    grids, at = np.arange(len(score)), through.argmax(axis=1)
+    above, below = (trace_back(half, grids, at, max_shift, shift_cost) for half in (down, up))
+    return np.concatenate([above, below[:, :-1][:, ::-1]], axis=1)

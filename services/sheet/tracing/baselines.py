@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from services.arrays import Floats, Mask, Points, Vector
 from services.imaging.components import label_components
+from services.order_statistics import median
 from services.robust import geman_mcclure_weights
 
 EDGE_ROUNDS = 10
@@ -172,7 +173,7 @@ def _fit_lines(characters: CharacterRows, p: BaselineParameters) -> Floats:
     left, right, top, bottom = (
         side[member] for side in (characters.left, characters.right, characters.top, characters.bottom)
     )
-    unit = np.array([np.median(high[:n]) for high, n in zip(bottom - top, size, strict=True)])
+    unit = np.array([median(high[:n]) for high, n in zip(bottom - top, size, strict=True)])
     x = 0.5 * (left + right)
     middle = (x * present).sum(axis=1) / size
     spread = np.sqrt((((x - middle[:, None]) * present) ** 2).sum(axis=1) / size)

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.node_grid import band_nodes, between_nodes, node_grid, take_values
 from services.imaging.row_bands import row_bands
+from services.order_statistics import median
 from services.robust import geman_mcclure_weights
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import (
@@ -63,20 +65,24 @@ class FlatInk:
 
 
 def sampling_maps(
-    page_map: PageMap, width: int, height: int, scale: float, offset: tuple[float, float], step: int = 16
-) -> Iterator[tuple[slice, Floats]]:
-    """Yield bands of a flat view: rows, and the centred photo points (rows, width, 2) float32 of their pixels.
+    page_map: PageMap,
+    width: int,
+    height: int,
+    scale: float,
+    offset: tuple[float, float],
+    H_image_centred: Floats,
+) -> Iterator[tuple[slice, NDArray[np.float32]]]:
+    """Yield bands of a flat view: rows, and the points (rows, width, 2) of the image that their pixels show.
 
-    The map is exact at every `step`-th pixel, and bilinear between them.
+    `H_image_centred` (3, 3) scales and shifts the photo's centred coordinates. The map is exact at nodes and bilinear
+    between them.
     """
-    columns, rows = -(-width // step) + 1, -(-height // step) + 1
-    x, y = np.meshgrid(np.arange(columns) * step, np.arange(rows) * step)
-    grid = (np.stack([x.ravel(), y.ravel()], axis=1) + np.array(offset)) / scale
-    nodes = page_map.to_photo(grid).reshape(rows, columns, 2).astype(np.float32)
-    u = np.arange(width, dtype=np.float32) / step
+    grid, shape = node_grid(0, 0, width, height)
+    centred = page_map.to_photo((grid + np.array(offset)) / scale)
+    nodes = (centred * H_image_centred[0, 0] + H_image_centred[:2, 2]).reshape(*shape, 2).astype(np.float32)
     for band, _, _ in row_bands(height, 0):
-        v = np.arange(band.start, band.stop, dtype=np.float32) / step
-        yield band, np.asarray(cv2.remap(nodes, *np.meshgrid(u, v), cv2.INTER_LINEAR))
+        rows = band.stop - band.start
+        yield band, between_nodes(nodes[band_nodes(band.start, rows)], width, rows)
 
 
 def flatten_ink(
@@ -98,9 +104,8 @@ def flatten_ink(
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)
     dark, flat = ink.astype(np.uint8) * 255, np.empty((height, width), bool)
-    for band, seen in sampling_maps(page_map, width, height, scale, offset):
-        at = seen * np.float32(H_reduced_centred[0, 0]) + H_reduced_centred[:2, 2].astype(np.float32)
-        flat[band] = cv2.remap(dark, at[..., 0], at[..., 1], cv2.INTER_LINEAR) > 127
+    for band, at in sampling_maps(page_map, width, height, scale, offset, H_reduced_centred):
+        flat[band] = take_values(dark, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT) > 127
     return FlatInk(flat, scale, offset)
 
 
@@ -191,7 +196,7 @@ def _trace_rows(found: CharacterRows, p: TracingParameters) -> list[_TracedRow]:
     """The rows of characters that are long enough and have both lines. All are fitted at once."""
     long = []
     for members in sorted(found.rows, key=len):
-        unit = float(np.median(found.bottom[members] - found.top[members]))
+        unit = median(found.bottom[members] - found.top[members])
         if np.ptp(np.concatenate([found.left[members], found.right[members]])) >= p.min_length * unit:
             long.append((members, unit))
     traced: list[_TracedRow] = []

@@ -15,6 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from services.arrays import Floats, GrayImage, Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.node_grid import take_values
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
 from services.sheet.tracing.line_tracing import TracingParameters, sampling_maps
@@ -104,11 +105,9 @@ def flatten_darkness(
     )
     area = cv2.dilate(area, np.ones((side // 4 | 1, side // 4 | 1), np.uint8))
     darkness = np.empty((height, width), np.float32)
-    for band, seen in sampling_maps(page_map, width, height, scale, offset):
-        at = seen * np.float32(H_gray_centred[0, 0]) + H_gray_centred[:2, 2].astype(np.float32)
-        x, y = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
-        flat = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderValue=255.0).astype(np.float32)
-        inside = cv2.remap(area, x, y, cv2.INTER_LINEAR) > 127
+    for band, at in sampling_maps(page_map, width, height, scale, offset, H_gray_centred):
+        flat = take_values(gray, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT, 255.0).astype(np.float32)
+        inside = take_values(area, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT) > 127
         darkness[band] = np.where(inside, np.clip((235.0 - flat) / 235.0, 0.0, 1.0), 0.0)
     return FlatGray(darkness, scale, offset, text_height * grow * scale)
 

@@ -5,17 +5,35 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from services.arrays import Floats
+
 
 def mean(values: NDArray[np.float64]) -> float:
     """As `np.mean` of values (N,), N >= 1."""
     return float(values.sum()) / len(values)
 
 
-def median(values: NDArray[np.float64]) -> float:
-    """As `np.median` of values (N,), N >= 1, none of them NaN."""
-    ordered, count = np.sort(values), len(values)
+_FEW = 500
+"""Up to so many values, sorting them all takes less time than NumPy's call."""
+
+
+def median(values: Floats) -> float:
+    """As `np.median` of values (N,), N >= 1: NaN where one of them is."""
+    count = len(values)
+    if count > _FEW:
+        return float(np.median(values))
+    ordered = np.sort(values)
     low, high = float(ordered[(count - 1) // 2]), float(ordered[count // 2])
+    if math.isnan(ordered[-1]):
+        return math.nan
     return low if count % 2 else (low + high) / 2
+
+
+def median_along(values: Floats, axis: int) -> Floats:
+    """As `np.median` of values of any shape along `axis`, none of them NaN; for few values along it."""
+    ordered, count = np.sort(values, axis=axis), values.shape[axis]
+    middle = ordered.take([(count - 1) // 2, count // 2], axis=axis)
+    return np.asarray(middle.mean(axis=axis))
 
 
 def quantile(values: NDArray[np.float64], share: float) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.layout.segmentation.order_statistics import higher_quantile, mean, median, quantile
+from services.order_statistics import higher_quantile, mean, median, quantile
 
 VALUES = st.lists(st.floats(-1e4, 1e4), min_size=1, max_size=30).map(np.array)
 
