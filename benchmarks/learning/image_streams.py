@@ -214,7 +214,7 @@ def _stream_figures(results: Results) -> Figures:
 
 
 def faults(true: Page, found: Page) -> Counter[Fault]:
-    """Zones that are split, and found zones that hold several true ones."""
+    """Zones with a label that are split, and found zones that hold several true ones, one with a label at least."""
     if not true.zones or not found.zones:
         return Counter()
     shared = shared_areas(true.zones, found.zones)
@@ -223,11 +223,11 @@ def faults(true: Page, found: Page) -> Counter[Fault]:
     within, held = shared / found_area >= 0.5, shared / area >= 0.5
     counted: Counter[Fault] = Counter()
     for row, zone in enumerate(true.zones):
-        if not same[row].any() and within[row].sum() > 1:
+        if zone.label is not None and not same[row].any() and within[row].sum() > 1:
             counted["split", (str(zone.label),)] += 1
     for column in range(len(found.zones)):
         labels = {str(true.zones[row].label) for row in np.flatnonzero(held[:, column])}
-        if held[:, column].sum() > 1 and not same[:, column].any():
+        if held[:, column].sum() > 1 and labels != {"None"} and not same[:, column].any():
             counted["merge", tuple(sorted(labels))] += 1
     return counted
 

@@ -21,7 +21,7 @@ from services.layout.page import Box, Page, Zone
 from tests.benchmarks.photos import simulated_photos
 
 
-def page(*zones: tuple[str, Box]) -> Page:
+def page(*zones: tuple[str | None, Box]) -> Page:
     return Page(
         1000.0, 1000.0, tuple(Zone(f"z{k}", box, label=label) for k, (label, box) in enumerate(zones))
     )
@@ -32,6 +32,8 @@ def test_faults_are_splits_and_merges_of_boxes_whatever_their_found_labels() -> 
     found = page(("x", (0, 0, 100, 40)), ("head", (0, 50, 100, 100)), ("body", (0, 200, 100, 280)))
     assert faults(true, found) == Counter({("split", ("head",)): 1, ("merge", ("body", "date")): 1})
     assert faults(true, true) == Counter()
+    without = page((None, (0, 0, 100, 100)), ("date", (0, 200, 100, 240)), ("body", (0, 240, 100, 280)))
+    assert list(faults(without, found)) == [("merge", ("body", "date"))]
     assert faults(true, page()) == Counter()
 
 
