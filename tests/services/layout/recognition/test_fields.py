@@ -58,7 +58,7 @@ def test_a_value_is_surer_with_its_labels_and_words() -> None:
     sure = probability_of_value(0.95, 0.9)
     assert probability_of_value(0.5, 0.9) < sure < probability_of_value(0.95, 0.99)
     assert sure > 0.95 * 0.9
-    assert probability_of_value(1.0, 1.0) < 1.0
+    assert probability_of_value(0.999, 1.0) < probability_of_value(1.0, 1.0) == 1.0
     assert 0.0 < probability_of_value(0.0, 0.0) < 0.05
 
 
