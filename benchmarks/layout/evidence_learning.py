@@ -8,25 +8,20 @@ set and number of samples weighs the same. For each set the weights are learned 
 expected calibration error and the log loss, without the line that a class adds. Nothing is compared with a baseline.
 """
 
-import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from benchmarks.common.memory import Memory
-from benchmarks.common.options import make_parser
-from benchmarks.common.places import MEMORY
-from benchmarks.common.workers import Progress, run_in_workers
 from benchmarks.layout.label_trust import expected_error, splits_of
 from benchmarks.layout.part import table
 from benchmarks.layout.protocols import make_model, recognize_finely, recognized
-from benchmarks.layout.truth import TITLES_MADE, LabelledPage, layout_folder
-from benchmarks.layout.word_labels import SETS, Photo, load_pages, read_photo
+from benchmarks.layout.truth import TITLES_MADE
+from benchmarks.layout.weight_learning import Task, measure_cases, told
+from benchmarks.layout.word_labels import SETS, Photo
 from services.layout.graph.layout_graph import build_graph
 from services.layout.learning.label_transfer import transfer_labels
 from services.layout.matching import conditional_costs
@@ -43,8 +38,6 @@ from services.layout.recognition.label_evidence import (
     label_features,
 )
 from services.layout.recognition.results import Recognition
-from services.ocr.engine import OcrEngine
-from services.ocr.tesseract import open_engine
 
 NAME = "layout_evidence"
 LEARNED_SETS: Mapping[str, tuple[str, str | None]] = {
@@ -150,9 +143,9 @@ def report(kind: str, cases: Mapping[Case, Judged]) -> str:
                 loss = f"{log_loss(confidence, is_right):.3f}"
                 rows.append([f"{name}, {size} samples", error, loss, len(is_right)])
     head = (f"{kind} pages: log odds for", *EVIDENCE_FEATURES)
-    lines = [["learned", *_told(weights)], ["shipped", *_told(evidence.weights)]]
+    lines = [["learned", *told(weights)], ["shipped", *told(evidence.weights)]]
     if others:
-        lines.append(["most change without a set", *_told(np.abs(np.array(others) - weights).max(axis=0))])
+        lines.append(["most change without a set", *told(np.abs(np.array(others) - weights).max(axis=0))])
     parts = [table(f"Weights of {kind} pages", head, lines)]
     if rows:
         title = f"Confidences of {kind} pages by weights that were learned without the set"
@@ -160,61 +153,14 @@ def report(kind: str, cases: Mapping[Case, Judged]) -> str:
     return "\n\n".join(parts)
 
 
-def _told(weights: Iterable[float]) -> list[str]:
-    return [f"{each:.3f}" for each in weights]
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Learn and print."""
-    parser = make_parser(NAME, __doc__)
-    parser.add_argument("--sets", default=",".join(LEARNED_SETS), help="which sets, by commas (default: all)")
-    parser.add_argument("--sizes", default=",".join(SIZES), help="numbers of samples, by commas")
-    parser.add_argument("--limit", type=int, default=None, help="only the first N pages of each set")
-    options = parser.parse_args(arguments)
-    names, sizes = options.sets.split(","), options.sizes.split(",")
-    if unknown := [name for name in names if name not in LEARNED_SETS]:
-        parser.error(f"no such set: {', '.join(unknown)} (there are {', '.join(LEARNED_SETS)})")
-    pages = [
-        (name, page) for name in names for page in load_pages(name, options.data, options.limit, LEARNED_SETS)
-    ]
-    if not pages:
-        print(f"no pages in {layout_folder(options.data)}: nothing is learned", file=sys.stderr)
-        return 0
-    kept = None if options.fresh else "kept"
-    photos: dict[str, list[Photo]] = {name: [] for name in names}
-    progress = Progress(len(pages))
-    for name, photo in run_in_workers(_read, pages, _start, kept, options.workers):
-        photos[name].append(photo)
-        progress.tell(photo.name)
-    tasks = [
-        (name, size, sorted(photos[name], key=lambda photo: photo.name))
-        for name in names
-        for size in sizes
-        if len(photos[name]) > (1 if size == "all" else int(size))
-    ]
-    judged: dict[Case, dict[str, Judged]] = {}
-    progress = Progress(len(tasks))
-    for case, each in run_in_workers(_measure, tasks, _start, kept, options.workers):
-        judged[case] = each
-        progress.tell(", ".join(case))
-    order = [(name, size) for name, size, _ in tasks]
-    for kind in KINDS:
-        print(report(kind, {case: judged[case][kind] for case in order}), end="\n\n", flush=True)
+    judged = measure_cases(NAME, __doc__, arguments, LEARNED_SETS, SIZES, _measure)
+    for kind in KINDS if judged else ():
+        print(report(kind, {case: each[kind] for case, each in judged.items()}), end="\n\n", flush=True)
     return 0
 
 
-_started: list[tuple[OcrEngine | None, Memory]] = []
-
-
-def _start(memory: str | None) -> None:
-    cv2.setNumThreads(1)
-    _started[:] = [(open_engine(), Memory(MEMORY if memory else None))]
-
-
-def _read(task: tuple[str, LabelledPage]) -> tuple[str, Photo]:
-    return task[0], read_photo(task[1], *_started[0])
-
-
-def _measure(task: tuple[str, str, Sequence[Photo]]) -> tuple[Case, dict[str, Judged]]:
+def _measure(task: Task) -> tuple[Case, dict[str, Judged]]:
     name, size, photos = task
     return (name, size), judge_labels_of(photos, size)

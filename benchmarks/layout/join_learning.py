@@ -11,27 +11,21 @@ again.
 Nothing is compared with a baseline.
 """
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from benchmarks.common.memory import Memory
-from benchmarks.common.options import make_parser
-from benchmarks.common.places import MEMORY
-from benchmarks.common.workers import Progress, run_in_workers
 from benchmarks.layout.label_trust import splits_of
 from benchmarks.layout.marks import SAME_ZONE
 from benchmarks.layout.part import share, table
 from benchmarks.layout.protocols import make_model
-from benchmarks.layout.truth import LabelledPage, layout_folder
-from benchmarks.layout.word_labels import SETS, Photo, load_pages, read_photo
+from benchmarks.layout.weight_learning import Task, measure_cases, told
+from benchmarks.layout.word_labels import SETS, Photo
 from services.layout.grouping.joining import (
     WHOLE_FEATURES,
     WHOLE_WEIGHTS,
@@ -49,8 +43,6 @@ from services.layout.pipeline import VersionedModel, content_features, recognize
 from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.results import Recognition
 from services.layout.segmentation import compose_page
-from services.ocr.engine import OcrEngine
-from services.ocr.tesseract import open_engine
 
 NAME = "layout_joins"
 LEARNED_SETS: Mapping[str, tuple[str, str | None]] = {**SETS, "made letters": ("letters/made", "letter")}
@@ -318,10 +310,10 @@ def report(cases: Sequence[Case]) -> str:
     parts = []
     shipped = (PAIR_WEIGHTS, WHOLE_WEIGHTS)
     for place, (title, head) in enumerate((("Pairs", PAIR_FEATURES), ("Whole zones", WHOLE_FEATURES))):
-        lines = [["learned", *_told(learned[place])], ["shipped", *_told(np.array(shipped[place]))]]
+        lines = [["learned", *told(learned[place])], ["shipped", *told(np.array(shipped[place]))]]
         if others:
             away = np.abs(np.array([each[place] for each in others]) - learned[place]).max(axis=0)
-            lines.append(["most change without a set", *_told(away)])
+            lines.append(["most change without a set", *told(away)])
         parts.append(table(title, ("log odds for", *head), lines))
     if rows:
         head = ("set, samples", "pieces", "joined", "by_all_sets", "zones")
@@ -329,58 +321,13 @@ def report(cases: Sequence[Case]) -> str:
     return "\n\n".join(parts)
 
 
-def _told(weights: Values) -> list[str]:
-    return [f"{each:.3f}" for each in weights]
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Learn and print."""
-    parser = make_parser(NAME, __doc__)
-    parser.add_argument("--sets", default=",".join(LEARNED_SETS), help="which sets, by commas (default: all)")
-    parser.add_argument("--sizes", default=",".join(SIZES), help="numbers of samples, by commas")
-    parser.add_argument("--limit", type=int, default=None, help="only the first N pages of each set")
-    options = parser.parse_args(arguments)
-    names, sizes = options.sets.split(","), options.sizes.split(",")
-    if unknown := [name for name in names if name not in LEARNED_SETS]:
-        parser.error(f"no such set: {', '.join(unknown)} (there are {', '.join(LEARNED_SETS)})")
-    pages = [
-        (name, page) for name in names for page in load_pages(name, options.data, options.limit, LEARNED_SETS)
-    ]
-    if not pages:
-        print(f"no pages in {layout_folder(options.data)}: nothing is learned", file=sys.stderr)
-        return 0
-    kept = None if options.fresh else "kept"
-    photos: dict[str, list[Photo]] = {name: [] for name in names}
-    progress = Progress(len(pages))
-    for name, photo in run_in_workers(_read, pages, _start, kept, options.workers):
-        photos[name].append(photo)
-        progress.tell(photo.name)
-    tasks = [
-        (name, size, sorted(photos[name], key=lambda photo: photo.name))
-        for name in names
-        for size in sizes
-        if len(photos[name]) > (1 if size == "all" else int(size))
-    ]
-    cases: dict[tuple[str, str], Case] = {}
-    progress = Progress(len(tasks))
-    for case in run_in_workers(_label, tasks, _start, kept, options.workers):
-        cases[case.name, case.size] = case
-        progress.tell(f"{case.name}, {case.size} samples")
-    print(report([cases[name, size] for name, size, _ in tasks]), flush=True)
+    cases = measure_cases(NAME, __doc__, arguments, LEARNED_SETS, SIZES, _label)
+    if cases:
+        print(report(list(cases.values())), flush=True)
     return 0
 
 
-_started: list[tuple[OcrEngine | None, Memory]] = []
-
-
-def _start(memory: str | None) -> None:
-    cv2.setNumThreads(1)
-    _started[:] = [(open_engine(), Memory(MEMORY if memory else None))]
-
-
-def _read(task: tuple[str, LabelledPage]) -> tuple[str, Photo]:
-    return task[0], read_photo(task[1], *_started[0])
-
-
-def _label(task: tuple[str, str, Sequence[Photo]]) -> Case:
-    return label_pages(*task)
+def _label(task: Task) -> tuple[tuple[str, str], Case]:
+    return task[:2], label_pages(*task)
