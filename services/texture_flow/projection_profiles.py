@@ -82,6 +82,8 @@ def scan_slopes(
     rows.
     """
     count, rows, columns = windows.shape
+    if count == 0:  # BLAS takes no empty vectors
+        return np.empty((0, len(slopes))), np.zeros(0)
     width = columns // strips
     sums = np.repeat(np.eye(strips, dtype=np.float32), width, axis=0)
     summed = windows[:, :, : width * strips].reshape(-1, width * strips) @ sums

@@ -174,3 +174,9 @@ def test_parabola_peak_at_the_ends_and_on_flat_curves() -> None:
     assert inner.tolist() == [False, False, False, True]
     assert np.isfinite(found).all()
     assert abs(found[3]) <= 0.3
+
+
+def test_no_windows_have_no_energies() -> None:
+    energies, ink = scan_slopes(np.empty((0, 40, 32), np.float32), np.linspace(-0.1, 0.1, 5), 4, 8)
+    assert energies.shape == (0, 5)
+    assert ink.shape == (0,)
