@@ -2,7 +2,7 @@
 
 Words in a figure, a table, a letterhead in columns, handwriting across print, a round seal, notes in the margin, line
 numbers, a page number in the running head, the dark border of a scan, the reverse side shining through, the boxes of a
-form, footnotes, columns. All that stands on them is invented (`simulation.invented`).
+form, footnotes, columns, the listing of a program. All that stands on them is invented (`simulation.invented`).
 """
 
 from collections.abc import Callable
@@ -23,6 +23,7 @@ GrayImage = NDArray[np.uint8]
 Difficulty = Literal[
     "figure-words", "table", "letterhead-columns", "handwriting", "seal", "margin-notes", "line-numbers",
     "page-number", "dark-border", "bleed-through", "form", "footnotes", "two-columns", "three-columns",
+    "listing",
 ]  # fmt: skip
 DIFFICULTIES: tuple[Difficulty, ...] = get_args(Difficulty)
 _SIZE = 20.0
@@ -311,6 +312,48 @@ def _columns(rng: np.random.Generator, count: int, size: float, gutter: float) -
     return setter.page("columns")
 
 
+def _listing(rng: np.random.Generator, plain: bool) -> LabelledPage:
+    """A program between paragraphs, every character in a cell of its own; plain: with the widths of usual print."""
+    setter, left, measure = _paper()
+    y = set_body(rng, setter, left, 140.0, measure, _SIZE, 520.0) + 20
+    row, part, whole = (str(name) for name in rng.permutation(["row", "cell", "term", "page", "n", "k"])[:3])
+    lines = [
+        f"{whole}, count = 0, {int(rng.integers(1, 90))}",
+        f"# what is left of every {row}",
+        f"for {row} in table({part}, {int(rng.integers(100, 900))}):",
+        f"    {part} = weight({row}, count)",
+        f"    {whole} = {whole} + {part} * {row}   # not less than 0",
+        "    count = count + 1",
+        f"mean = {whole} / count",
+        f"print(mean, {whole}, count)  # as above",
+    ][: int(rng.integers(5, 9))]
+    size, step = 0.8 * _SIZE, 1.1 * _SIZE
+    font, cell = _font(round(size)), 0.62 * size
+    advance = cell if not plain else 0.5 * size
+    bottom, right = y + len(lines) * step, left + advance * max(map(len, lines))
+    zone = LabelledZone(
+        "listing",
+        (round(left), round(y), round(right), round(bottom)),
+        "listing",
+        len(lines),
+        size,
+        "\n".join(lines),
+    )
+    setter.zones.append(zone)
+    set_body(rng, setter, left, bottom + 30, measure, _SIZE, setter.height - 160.0)
+    page = setter.page("plain")
+    pen, image = _pen(page)
+    for number, line in enumerate(lines):
+        level = y + (number + 0.8) * step
+        if plain:
+            indent = len(line) - len(line.lstrip())
+            pen.text((left + indent * advance, level), line.lstrip(), fill=0, font=font, anchor="ls")
+            continue
+        for place, character in enumerate(line):
+            pen.text((left + (place + 0.5) * cell, level), character, fill=0, font=font, anchor="ms")
+    return replace(page, image=np.asarray(image))
+
+
 def _paper() -> tuple[ZoneSetter, float, float]:
     """An empty A4 page, its left margin and its measure."""
     return ZoneSetter(*A4_PX), 150.0, A4_PX[0] - 300.0
@@ -346,4 +389,5 @@ _PAGES: dict[Difficulty, Callable[[np.random.Generator, bool], LabelledPage]] = 
     "footnotes": _footnotes,
     "two-columns": _two_columns,
     "three-columns": _three_columns,
+    "listing": _listing,
 }

@@ -6,7 +6,7 @@ import pytest
 from simulation.hard_pages import DIFFICULTIES, Difficulty, hard_page
 
 NEVER_PLAIN = {"margin-notes"}
-SET_ANEW = {"footnotes", "two-columns", "three-columns"}
+SET_ANEW = {"footnotes", "two-columns", "three-columns", "listing"}
 """Their text has other places on the plain page."""
 ADDED_TEXT = {"line-numbers", "page-number"}
 

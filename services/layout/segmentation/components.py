@@ -59,3 +59,10 @@ def near_pairs(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[Ind
     first = np.repeat(np.arange(len(low)), counts)
     second = np.arange(len(first)) - np.repeat(total - counts, counts) + first + 1
     return order[first], order[second]
+
+
+def members_of(groups: Indices) -> list[Indices]:
+    """Items of each group, of the numbers of all items' groups (N,); negative ones are none."""
+    order = np.argsort(groups, kind="stable")
+    order = order[groups[order] >= 0]
+    return np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.segmentation.components import Boxes, Indices
+from services.layout.segmentation.components import Boxes, Indices, members_of
+from services.layout.segmentation.monospace import cell_widths
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.order_statistics import median, quantile
 
@@ -31,15 +32,31 @@ class _Rows:
     space: NDArray[np.float64]
 
 
-def split_at_gutters(boxes: Boxes, rows: Indices, parameters: SegmentationParameters) -> Indices:
+def split_at_gutters(
+    boxes: Boxes,
+    rows: Indices,
+    parameters: SegmentationParameters,
+    glyphs: tuple[Boxes, Indices],
+    operators: Boxes,
+) -> Indices:
     """Pieces (words,) of rows, split at gaps that are gutters; -1 for words of no row.
 
-    `boxes` (words, 4) and their `rows` (words,), numbered from 0, -1 for none.
+    Parameters
+    ----------
+    boxes, rows
+        (words, 4), and the rows (words,) numbered from 0, -1 for none.
+    glyphs
+        The same two of the glyphs of all words.
+    operators
+        (M, 4); they lie in gaps, but make no rows.
     """
-    members = _members(rows)
-    table, gaps = _measure(boxes, members, parameters)
+    members = members_of(rows)
+    table, gaps = _measure(boxes, members, operators, parameters)
+    cells = cell_widths(glyphs[0], members_of(glyphs[1]), parameters)
     cuts: dict[int, list[float]] = {}
     for index in np.flatnonzero(np.isfinite(gaps.x0)):
+        if gaps.x1[index] - gaps.x0[index] < parameters.least_blank_cells * cells[gaps.row[index]]:
+            continue
         if _is_gutter(int(index), gaps, table, parameters):
             cuts.setdefault(int(gaps.row[index]), []).append(float(gaps.x1[index]))
     pieces = np.full(len(rows), -1, dtype=np.intp)
@@ -51,16 +68,11 @@ def split_at_gutters(boxes: Boxes, rows: Indices, parameters: SegmentationParame
     return pieces
 
 
-def _members(groups: Indices) -> Sequence[Indices]:
-    order = np.argsort(groups, kind="stable")
-    order = order[groups[order] >= 0]
-    return np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
-
-
 def _measure(
-    boxes: Boxes, members: Sequence[Indices], parameters: SegmentationParameters
+    boxes: Boxes, members: Sequence[Indices], operators: Boxes, parameters: SegmentationParameters
 ) -> tuple[_Rows, _Gaps]:
     rows = np.zeros((len(members), 4))
+    level = (operators[:, 1] + operators[:, 3]) / 2
     spaces: list[tuple[float, float]] = []
     gaps: list[tuple[float, float, float, float]] = []
     for row, words in enumerate(members):
@@ -72,6 +84,10 @@ def _measure(
         x1, y1 = own[:, 2:].max(axis=0).tolist()
         em = min(max((y1 - y0) / 0.9, em), 1.5 * em)
         rows[row] = (y0 + y1) / 2, x0, x1, em
+        inside = (
+            (level > y0 + 0.2 * (y1 - y0)) & (level < y1) & (operators[:, 0] > x0) & (operators[:, 2] < x1)
+        )
+        own = np.concatenate([own, operators[inside]])
         own = own[np.argsort(own[:, 0])]
         reach = np.maximum.accumulate(own[:, 2])
         gaps.append((row, -np.inf, float(own[0, 0]), em))

@@ -58,6 +58,22 @@ class SegmentationParameters:
     """Spaces are taken to be no wider: a typewriter's are 1.0."""
     gutter_reach: float = 3.6
     """Rows nearer than this support a gap: three lines above and below."""
+    operator_aspect: float = 1.5
+    """Strokes of "=" and dashes are this elongated, ..."""
+    operator_widths: tuple[float, float] = (0.3, 2.0)
+    """... have widths between these, in heights of the page's glyphs, ..."""
+    operator_gap: float = 2.0
+    """... and stand no farther from the words on both sides."""
+    most_operators: int = 1000
+    """More are dirt."""
+    least_cells: int = 8
+    """Glyphs of a row that show whether it is monospaced, ..."""
+    least_concentration: float = 0.65
+    """... by the concentration of their places in cells, ..."""
+    least_surprise: float = 10.0
+    """... which n glyphs reach by chance exp(-n times its square) times. Its exponent is larger, ..."""
+    least_blank_cells: float = 3.7
+    """... and narrower gaps, of up to three blanks, are no gutters then."""
     shared_gap: float = 0.5
     """Gaps of two rows, one above the other, that share this width may be one gutter."""
     edge_slack: float = 0.35

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from services.layout.segmentation.components import Boxes, Indices, near_pairs
 from services.layout.segmentation.gutters import split_at_gutters
 from services.layout.segmentation.ink import Components
+from services.layout.segmentation.operators import find_operators, links_across
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.order_statistics import higher_quantile, mean, median, quantile
 
@@ -51,10 +52,12 @@ def find_lines(components: Components, glyphs: Indices, parameters: Segmentation
     boxes = components.boxes[glyphs]
     words = group_linked(len(glyphs), *_word_links(boxes, parameters))
     word_boxes = unite_boxes(boxes, words)
-    rows = group_linked(len(word_boxes), *_row_links(word_boxes, parameters))
+    operators = find_operators(components, glyphs, parameters)
+    links = _row_links(word_boxes, parameters), links_across(operators, word_boxes, parameters)
+    rows = group_linked(len(word_boxes), *np.concatenate(links, axis=1))
     if rows.max() >= parameters.most_lines:
         rows = _widest(word_boxes, rows, parameters.most_lines)
-    pieces = split_at_gutters(word_boxes, rows, parameters)
+    pieces = split_at_gutters(word_boxes, rows, parameters, (boxes, rows[words]), operators)
     piece_of_glyph = pieces[words]
     order = np.argsort(piece_of_glyph, kind="stable")
     order = order[piece_of_glyph[order] >= 0]

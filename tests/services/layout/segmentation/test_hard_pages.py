@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from services.layout.page import Box, Zone
-from services.layout.segmentation import segment_page
+from services.layout.segmentation import segment_finely, segment_page
 from services.layout.segmentation.line_drawings import read_drawing
 from services.ocr.engine import Word
 from services.ocr.word_trust import probability_right
@@ -43,7 +43,7 @@ def share_found(difficulty: Difficulty, *, plain: bool) -> float:
 
 
 @pytest.mark.parametrize(
-    "difficulty", ["form", "line-numbers", "dark-border", "three-columns", "page-number"]
+    "difficulty", ["form", "line-numbers", "dark-border", "three-columns", "page-number", "listing"]
 )
 def test_a_difficulty_costs_no_zones(difficulty: Difficulty) -> None:
     assert share_found(difficulty, plain=False) >= share_found(difficulty, plain=True) - 0.02
@@ -123,3 +123,13 @@ def test_drawings_are_told_by_their_lines() -> None:
     y, x = np.indices((300, 300))
     circle = np.abs(np.hypot(x - 150, y - 150) - 145) < 3
     assert read_drawing(circle) == read_drawing(np.zeros((300, 300), bool)) == read_drawing(grid[:40])
+
+
+def test_the_lines_of_a_listing_are_whole() -> None:
+    for seed in SEEDS:
+        page = hard_page(np.random.default_rng(seed), "listing")
+        assert page.image is not None
+        [true] = [zone for zone in page.zones if zone.label == "listing"]
+        boxes = segment_finely(page.image, None).boxes
+        middle = (boxes[:, 1] + boxes[:, 3]) / 2
+        assert np.count_nonzero((middle > true.box[1]) & (middle < true.box[3])) == true.lines
