@@ -36,7 +36,7 @@ def cell_widths(
         [np.concatenate([glyphs[own, :2].min(axis=0), glyphs[own, 2:].max(axis=0)]) for own in members]
     )
     middle, height = (boxes[:, 1] + boxes[:, 3]) / 2, boxes[:, 3] - boxes[:, 1]
-    for row in np.flatnonzero(sure == 0):
+    for row in np.flatnonzero(sure == 0).tolist():
         near = (sure > 0) & (np.abs(middle - middle[row]) < parameters.gutter_reach * height[row])
         near &= (boxes[:, 0] < boxes[row, 2]) & (boxes[row, 0] < boxes[:, 2])
         if np.any(near):
