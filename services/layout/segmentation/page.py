@@ -11,6 +11,7 @@ from services.layout.read_words import read_words
 from services.layout.segmentation.appearance import mark_ink
 from services.layout.segmentation.components import Indices
 from services.layout.segmentation.entries import find_entries
+from services.layout.segmentation.enumerations import item_starts
 from services.layout.segmentation.fine_page import FinePage, compose_page
 from services.layout.segmentation.frame import Frame, analyse_print
 from services.layout.segmentation.gathering import gather_scraps
@@ -63,6 +64,7 @@ def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
     kept = np.flatnonzero(is_text).tolist()
     rows = _Rows([lines[i] for i in kept], [read.texts[i] for i in kept], [own_words[i] for i in kept])
     rows, begins = _join_entries(rows, levelled, parameters)
+    begins |= item_starts(rows.lines, rows.texts, parameters)
     blocks = group_lines(rows.lines, begins, levelled, printed.frame.size[1], parameters)
     if numbers:
         blocks.append(list(range(len(rows.lines), len(rows.lines) + len(numbers))))
