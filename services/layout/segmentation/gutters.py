@@ -76,6 +76,13 @@ def _measure(
     spaces: list[tuple[float, float]] = []
     gaps: list[tuple[float, float, float, float]] = []
     for row, words in enumerate(members):
+        if len(words) == 1:
+            # Dirty pages have hundreds of them.
+            x0, y0, x1, y1 = boxes[words[0]].tolist()
+            em = (y1 - y0) / 0.85
+            rows[row] = (y0 + y1) / 2, x0, x1, em
+            gaps.append((row, -np.inf, x0, em))
+            continue
         own = boxes[words]
         # A word's box is 0.45 to 0.95 em high, 0.7 to 0.9 where it has ascenders.
         em = quantile(own[:, 3] - own[:, 1], 0.6) / 0.85
@@ -96,7 +103,8 @@ def _measure(
         for k in np.flatnonzero(width > parameters.wide_gap * em):
             gaps.append((row, float(reach[k]), float(own[k + 1, 0]), em))
     table = np.array(gaps)
-    rows[:, 3] = _typical_spaces(np.array(spaces).reshape(-1, 2), rows[:, 0], rows[:, 3], parameters)
+    divided = np.unique(table[np.isfinite(table[:, 1]), 0]).astype(np.intp)
+    rows[:, 3] = _typical_spaces(np.array(spaces).reshape(-1, 2), rows[:, 0], rows[:, 3], divided, parameters)
     return _Rows(*rows.T), _Gaps(table[:, 0].astype(np.intp), *table[:, 1:].T)
 
 
@@ -104,13 +112,14 @@ def _typical_spaces(
     spaces: NDArray[np.float64],
     middle: NDArray[np.float64],
     em: NDArray[np.float64],
+    divided: Indices,
     parameters: SegmentationParameters,
 ) -> NDArray[np.float64]:
-    """Median space of every row and those around, px; of `spaces` (S, 2), row and width."""
+    """Median space of the rows `divided` and those around each, px, 0 of others; of `spaces` (S, 2), row and width."""
     typical = np.zeros(len(middle))
     level = middle[spaces[:, 0].astype(np.intp)]
-    for row, centre in enumerate(middle):
-        near = spaces[np.abs(level - centre) < parameters.gutter_reach * em[row], 1]
+    for row in divided.tolist():
+        near = spaces[np.abs(level - middle[row]) < parameters.gutter_reach * em[row], 1]
         widest = parameters.widest_space * em[row]
         typical[row] = min(median(near), widest) if len(near) else 0.0
     return typical

@@ -57,6 +57,8 @@ def _find_head(
     index: int, line: Line, components: Components, parameters: SegmentationParameters
 ) -> _Head | None:
     """The word of few digits that a line begins with or is; None without."""
+    if len(line.members) == 1:
+        return _lone_head(index, line, parameters)
     members = line.members[np.argsort(components.boxes[line.members, 0], kind="stable")]
     boxes = components.boxes[members]
     gaps = boxes[1:, 0] - np.maximum.accumulate(boxes[:, 2])[:-1]
@@ -83,14 +85,22 @@ def _find_head(
     return _Head(index, np.asarray(members[own]), x0, x1, middle, np.asarray(rest))
 
 
+def _lone_head(index: int, line: Line, parameters: SegmentationParameters) -> _Head | None:
+    """A line of one component, as dirty pages have many."""
+    if line.width >= 0.8 * parameters.number_digits * line.em:
+        return None
+    return _Head(index, line.members, line.box[0], line.box[2], _middle(line.box), line.members[:0])
+
+
 def _in_one_column(heads: list[_Head], parameters: SegmentationParameters) -> list[_Head]:
     """The most heads that have an edge in common, from the top down."""
     best: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+    reach = parameters.number_edge_px
     for edge in (np.array([head.x1 for head in heads]), np.array([head.x0 for head in heads])):
-        for place in edge:
-            near = np.flatnonzero(np.abs(edge - place) < parameters.number_edge_px)
-            if len(near) > len(best):
-                best = near
+        ordered = np.sort(edge)
+        counts = np.searchsorted(ordered, edge + reach) - np.searchsorted(ordered, edge - reach, side="right")
+        if counts.max(initial=0) > len(best):
+            best = np.flatnonzero(np.abs(edge - edge[np.argmax(counts)]) < reach)
     return sorted((heads[index] for index in best), key=lambda head: head.middle)
 
 

@@ -28,21 +28,28 @@ def cell_widths(
     members
         Of each row, indices of its glyphs.
     """
-    sure = np.array([_cell_width(glyphs[own], parameters) for own in members])
-    cells = sure.copy()
-    if not np.any(sure):
-        return cells
-    boxes = np.array(
-        [np.concatenate([glyphs[own, :2].min(axis=0), glyphs[own, 2:].max(axis=0)]) for own in members]
+    sure = np.array(
+        [
+            _cell_width(glyphs[own], parameters) if len(own) >= parameters.least_cells else 0.0
+            for own in members
+        ]
     )
-    middle, height = (boxes[:, 1] + boxes[:, 3]) / 2, boxes[:, 3] - boxes[:, 1]
-    for row in np.flatnonzero(sure == 0).tolist():
-        near = (sure > 0) & (np.abs(middle - middle[row]) < parameters.gutter_reach * height[row])
-        near &= (boxes[:, 0] < boxes[row, 2]) & (boxes[row, 0] < boxes[:, 2])
-        if np.any(near):
-            cell = median(sure[near])
-            if concentration(glyphs[members[row]], np.array([cell]))[0] > parameters.least_concentration:
-                cells[row] = cell
+    cells = sure.copy()
+    known = np.flatnonzero(sure)
+    if not len(known):
+        return cells
+    counts = np.array([len(own) for own in members])
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    ordered = glyphs[np.concatenate(members)]
+    x0, y0 = np.minimum.reduceat(ordered[:, :2], starts).T
+    x1, y1 = np.maximum.reduceat(ordered[:, 2:], starts).T
+    away = np.abs((y0 + y1)[:, None] - (y0 + y1)[known]) / 2
+    near = (away < parameters.gutter_reach * (y1 - y0)[:, None]) & (x0[known] < x1[:, None])
+    near &= x0[:, None] < x1[known]
+    for row in np.flatnonzero((sure == 0) & near.any(axis=1)).tolist():
+        cell = median(sure[known[near[row]]])
+        if concentration(glyphs[members[row]], np.array([cell]))[0] > parameters.least_concentration:
+            cells[row] = cell
     return cells
 
 
@@ -53,8 +60,6 @@ def concentration(glyphs: Boxes, cells: NDArray[np.float64]) -> NDArray[np.float
 
 
 def _cell_width(glyphs: Boxes, parameters: SegmentationParameters) -> float:
-    if len(glyphs) < parameters.least_cells:
-        return 0.0
     tried = quantile(glyphs[:, 3] - glyphs[:, 1], 0.6) * _WIDTHS
     found = concentration(glyphs, tried)
     best = int(np.argmax(found))

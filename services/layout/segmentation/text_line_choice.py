@@ -84,6 +84,8 @@ def _may_be_glyph(line: Line, components: Components) -> bool:
 
 def _is_regular(line: Line, components: Components) -> bool:
     """Whether the feet of a line's components are on its baseline, and none reaches far beyond it."""
+    if len(line.members) == 1:
+        return 0.3 * line.em < line.height < 1.7 * line.em
     boxes = components.boxes[line.members]
     foot = boxes[:, 3] - components.hang[line.members]
     standing = np.abs(foot - line.baseline) < 0.14 * line.em

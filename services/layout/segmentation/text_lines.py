@@ -16,6 +16,8 @@ from services.order_statistics import higher_quantile, mean, median, quantile
 
 _LONG = 4
 """Lines with this many components are not fragments of others."""
+_TOGETHER = 256
+"""Fragments that are compared with all longer lines at a time, which bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,18 +81,19 @@ def _join_fragments(
     wide = boxes[long] + reach
     joined: dict[int, list[Indices]] = {}
     kept = np.ones(len(lines), dtype=bool)
-    for index in np.flatnonzero(counts < _LONG):
-        x0, y0, x1, y1 = boxes[index]
+    short = np.flatnonzero(counts < _LONG)
+    for some in (short[at : at + _TOGETHER] for at in range(0, len(short) if len(long) else 0, _TOGETHER)):
+        x0, y0, x1, y1 = boxes[some].T[:, :, None]
         across = np.minimum(wide[:, 2], x1) - np.maximum(wide[:, 0], x0)
         down = np.minimum(wide[:, 3], y1) - np.maximum(wide[:, 1], y0)
         within = (across > 0.5 * (x1 - x0)) & (down > 0.5 * (y1 - y0)) & (y1 - y0 < 1.4 * em)
         # A mark at the left is narrow; a word there is not the line's.
         within &= (x0 >= boxes[long, 0]) | (x1 - x0 < 1.2 * em)
-        within &= counts[long] > 2 * counts[index]
-        if np.any(within):
-            target = int(long[np.argmax(np.where(within, down * across, -1.0))])
-            joined.setdefault(target, []).append(pieces[index])
-            kept[index] = False
+        within &= counts[long] > 2 * counts[some, None]
+        targets = long[np.argmax(np.where(within, down * across, -1.0), axis=1)]
+        for place in np.flatnonzero(within.any(axis=1)).tolist():
+            joined.setdefault(int(targets[place]), []).append(pieces[some[place]])
+            kept[some[place]] = False
     for target, more in joined.items():
         members = np.concatenate([pieces[target], *more])
         lines[target] = measure_line(components, members, parameters)
@@ -99,6 +102,8 @@ def _join_fragments(
 
 def measure_line(components: Components, members: Indices, parameters: SegmentationParameters) -> Line:
     """A line of the components `members`: baseline, em from the height of capitals and ascenders, strokes."""
+    if len(members) == 1:
+        return _measure_glyph(components, members, parameters)
     boxes = components.boxes[members]
     x0, y0 = boxes[:, :2].min(axis=0).tolist()
     x1, y1 = boxes[:, 2:].max(axis=0).tolist()
@@ -122,10 +127,20 @@ def measure_line(components: Components, members: Indices, parameters: Segmentat
     em = max(capitals, 1.0) / parameters.capital_height
     small = quantile(rise, 0.4)
     # Words whose letters touch have no slant of their own.
-    letters = tall & (components.width[members] < 1.2 * height)
+    letters = tall & (boxes[:, 2] - boxes[:, 0] < 1.2 * height)
     slants = components.slant[members[letters]]
     slant = median(slants) if len(slants) >= parameters.slanted_letters else None
     return Line(members, (x0, y0, x1, y1), baseline, em, small, stroke, slant)
+
+
+def _measure_glyph(components: Components, members: Indices, parameters: SegmentationParameters) -> Line:
+    """`measure_line` of one component; dirty pages have hundreds."""
+    glyph = int(members[0])
+    x0, y0, x1, y1 = components.boxes[glyph].tolist()
+    hang, area = float(components.hang[glyph]), components.area[glyph]
+    rise = (y1 - y0) - hang
+    em = max(rise, 1.0) / parameters.capital_height
+    return Line(members, (x0, y0, x1, y1), y1 - hang, em, rise, float(components.stroke[glyph] * area / area))
 
 
 def _near_mean(values: NDArray[np.float64], centre: float, reach: float) -> float:
