@@ -26,6 +26,8 @@ class ArrangementParameters:
     """Longer blocks are paragraphs in large print."""
     made_up: float = 0.3
     """A word outside of all blocks is left out below this confidence: the engine reads specks and pictures as such."""
+    sure: float = 0.8
+    """In a row whose letters have less than that in the mean, as the grain of a desk, words need this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
     """Blocks of all `words` (in the engine's order), in the order of `regions`.
 
     A word belongs to the region that segmentation put it in, else to the smallest region that contains its centre.
-    Words in no region make blocks of their own at the end, but for those that the engine probably made up.
+    Words in no region make blocks of their own at the end, but for words and rows that the engine probably made up.
     """
     p = ArrangementParameters()
     region_of = {box: index for index, region in enumerate(regions) for row in region.rows for box in row}
@@ -54,13 +56,22 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
             index = _smallest_around(boxes, word.box)
         if index is not None:
             held[index].append(word)
-        elif word.confidence >= p.made_up and any(map(str.isalnum, word.text)):
+        elif any(map(str.isalnum, word.text)):
             others.append(word)
     usual = _usual_size(regions, held)
     blocks = [
         _block(mine, region.font_size, usual, p) for region, mine in zip(regions, held, strict=True) if mine
     ]
-    return (*blocks, *(TextBlock((line,)) for line in rows_of(others, p)))
+    rows = [kept for row in rows_of(others, p) if (kept := _believed(row.words, p))]
+    return (*blocks, *(TextBlock((TextLine(tuple(kept)),)) for kept in rows))
+
+
+def _believed(row: Sequence[Word], parameters: ArrangementParameters) -> list[Word]:
+    """Words of a row that were probably not made up; in a row that mostly was, the sure ones."""
+    letters = [len(word.text) for word in row]
+    mean = sum(n * word.confidence for n, word in zip(letters, row, strict=True)) / sum(letters)
+    least = parameters.made_up if mean >= parameters.made_up else parameters.sure
+    return [word for word in row if word.confidence >= least]
 
 
 def rows_of(words: Sequence[Word], parameters: ArrangementParameters | None = None) -> tuple[TextLine, ...]:

@@ -1,6 +1,7 @@
 """Pictures that are kept with results: who gets them, in which sizes, and when they are gone."""
 
 import json
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -48,7 +49,8 @@ def image_path(result: dict[str, Any]) -> str:
 
 
 def files_in(folder: Path) -> list[str]:
-    return sorted(path.name for path in (folder / FOLDER).rglob("*") if path.is_file())
+    # Files and folders may go while they are listed; `os.walk` passes over them.
+    return sorted(name for _, _, names in os.walk(folder / FOLDER) for name in names)
 
 
 def test_a_picture_is_kept_where_it_was_asked_for(client: httpx.Client) -> None:

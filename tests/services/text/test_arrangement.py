@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from services.ocr.engine import Word
 from services.text.arrangement import Region, arrange_words, rows_of
 from services.text.page_text import is_right_to_left, join_words
 from services.text.photo_places import locate_boxes, locate_points
@@ -83,3 +84,13 @@ def test_a_word_outside_of_the_photo_has_no_place() -> None:
     mesh = np.array([[[0.0, 0], [9, 0]], [[0, 9], [np.nan, np.nan]]])
     assert locate_boxes(mesh, 10, 10, [(2, 2, 5, 5)]) == (None,)
     assert locate_boxes(mesh, 10, 10, []) == ()
+
+
+def test_a_row_that_was_made_up_is_left_out_but_for_its_sure_words() -> None:
+    """The grain of a desk is read as a row of letters, some of them with some confidence."""
+    body = Word("body", (100, 100, 180, 120), 0.95)
+    grain = [Word("ppppqpppppqp", (100, 300, 300, 320), 0.05), Word("p", (310, 300, 316, 320), 0.6)]
+    number = Word("17", (700, 300, 730, 320), 0.9)
+    alone = Word("foot", (100, 400, 150, 420), 0.45)
+    regions = [Region((90, 90, 200, 130), 20.0, ((body.box,),))]
+    assert texts(arrange_words([body, *grain, number, alone], regions)) == [["body"], ["17"], ["foot"]]
