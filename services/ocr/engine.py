@@ -1,5 +1,6 @@
 """Interface of OCR engines; the service also works without one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -58,3 +59,9 @@ class LineReader(OcrEngine, Protocol):
     def read_line_words(self, image: GrayImage) -> list[Word]:
         """Words of one horizontal line; boxes are in pixels of `image` (H, W) uint8."""
         ...
+
+
+def mean_confidence(words: Sequence[Word]) -> float:
+    """Mean confidence of the words' letters; 0 without words."""
+    letters = sum(len(word.text) for word in words)
+    return sum(len(word.text) * word.confidence for word in words) / max(letters, 1)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage
-from services.ocr.engine import LineReader, OcrEngine, Word
+from services.ocr.engine import LineReader, OcrEngine, Word, mean_confidence
 from services.ocr.text_lines import TextLine, crop_place, cut_line, detect_text_lines
 
 
@@ -68,7 +68,7 @@ def with_lost_lines(gray: GrayImage, words: Sequence[Word], engine: OcrEngine) -
         second = _read_line(gray, line, engine, p)
         first = [words[k] for k in np.flatnonzero(own).tolist()]
         letters = _sure_letters(second)
-        if _mean_confidence(second) >= p.least_confidence and letters >= p.gain * _sure_letters(first):
+        if mean_confidence(second) >= p.least_confidence and letters >= p.gain * _sure_letters(first):
             added[index] = second
             dropped |= own | (fused & (shares[:, index] >= p.fused_share))
         else:
@@ -107,7 +107,7 @@ def _read_line(gray: GrayImage, line: TextLine, engine: LineReader, p: LostLineP
     words = engine.read_line_words(crop)
     confidences = [word.confidence for word in words]
     is_short = line.width_px <= p.short_line * line.height_px
-    if is_short and _mean_confidence(words) < p.least_confidence:
+    if is_short and mean_confidence(words) < p.least_confidence:
         # A heading is often read right and unsurely; a reading in another mode then says the same, and surely.
         text, sure = engine.read_line(crop)
         if text.split() == [word.text for word in words]:
@@ -123,7 +123,3 @@ def _read_line(gray: GrayImage, line: TextLine, engine: LineReader, p: LostLineP
 def _sure_letters(words: Sequence[Word]) -> float:
     """Letters, each with the confidence of its word."""
     return sum(len(word.text) * word.confidence for word in words)
-
-
-def _mean_confidence(words: Sequence[Word]) -> float:
-    return _sure_letters(words) / max(sum(len(word.text) for word in words), 1)

@@ -32,7 +32,8 @@ from services.rectify.focal_length import seen_focal_length
 from services.rectify.kept_photo import keep_photo
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import rectify
-from services.rectify.preview import PREVIEW_PX, enlarge, preview_page, reduce_parameters
+from services.rectify.preview import PREVIEW_PX, preview_page
+from services.rectify.preview_scale import enlarge, reduce_parameters
 from services.rectify.results import PlaneSurface, RectifyResult
 from services.rectify.spread import RectifiedPages, page_timings, rectify_spread
 from services.sheet.surfaces import MeshSurface, StripsSurface

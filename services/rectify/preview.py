@@ -8,14 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from services.arrays import Floats, Points, RgbImage
+from services.arrays import Points, RgbImage
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
-from services.geometry.homographies import to_resized
 from services.geometry.page_frame import mesh_of
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
@@ -56,7 +54,6 @@ from services.sheet.ridged_page import (
     sides_bend,
     turn_outline,
 )
-from services.sheet.surfaces import MeshSurface, StripsSurface
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.major import MajorFlowParameters
 from services.texture_flow.minor import MinorFlowParameters
@@ -348,55 +345,3 @@ def line_direction(characters: Points, parameters: PreviewParameters | None = No
     counts = np.bincount((angles / width).astype(int) % p.direction_bins, minlength=p.direction_bins)
     counts = counts + np.roll(counts, 1) + np.roll(counts, -1)
     return float((np.argmax(counts) + 0.5) * width)
-
-
-def reduce_parameters(parameters: RectifyParameters, reduction: int) -> RectifyParameters:
-    """`parameters` in pixels of a photo reduced by `reduction`."""
-    focal, region = parameters.focal_length_px, parameters.region
-    return replace(
-        parameters,
-        focal_length_px=None if focal is None else focal / reduction,
-        region=None
-        if region is None
-        else tuple(((x + 0.5) / reduction - 0.5, (y + 0.5) / reduction - 0.5) for x, y in region),
-    )
-
-
-def enlarge(result: RectifyResult, factor: float) -> RectifyResult:
-    """`result` of a reduced photo in pixels of the photo that is `factor` times as large."""
-
-    def moved(points: Floats) -> NDArray[np.float64]:
-        return np.asarray(to_resized(points, factor), np.float64)
-
-    height, width = result.image.shape[:2]
-    size = max(round(height * factor), 1), max(round(width * factor), 1)
-    camera = result.camera
-    point = camera.principal_point
-    surface = result.surface
-    if isinstance(surface, MeshSurface):
-        surface = replace(surface, points=moved(surface.points))
-    elif isinstance(surface, StripsSurface):
-        grown = np.array(
-            [[factor, 0.0, 0.5 * (factor - 1)], [0.0, factor, 0.5 * (factor - 1)], [0.0, 0.0, 1.0]]
-        )
-        surface = replace(
-            surface, points=moved(surface.points), vanishing_points=surface.vanishing_points @ grown.T
-        )
-    printed = result.print
-    if printed is not None:
-        printed = PrintSample(moved(printed.characters), printed.heights_px * factor)
-    return replace(
-        result,
-        image=np.broadcast_to(result.image[:1, :1], (*size, 3)),
-        camera=replace(
-            camera,
-            focal_length_px=None if camera.focal_length_px is None else camera.focal_length_px * factor,
-            principal_point=None
-            if point is None
-            else (float(moved(np.array(point[0]))), float(moved(np.array(point[1])))),
-        ),
-        surface=surface,
-        mesh=moved(result.mesh),
-        corners=None if result.corners is None else moved(result.corners),
-        print=printed,
-    )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.ocr.engine import Word
+from services.ocr.engine import Word, mean_confidence
 from services.text.page_text import BlockKind, Box, TextBlock, TextLine, is_right_to_left
 from services.text.word_boxes import settle_boxes, with_common_rows
 
@@ -27,7 +27,7 @@ class ArrangementParameters:
     made_up: float = 0.3
     """A word outside of all blocks is left out below this confidence: the engine reads specks and pictures as such."""
     sure: float = 0.8
-    """In a row whose letters have less than that in the mean, as the grain of a desk, words need this."""
+    """In a row whose letters have less than `made_up` in the mean, as in the grain of a desk, words need this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +68,7 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
 
 def _believed(row: Sequence[Word], parameters: ArrangementParameters) -> list[Word]:
     """Words of a row that were probably not made up; in a row that mostly was, the sure ones."""
-    letters = [len(word.text) for word in row]
-    mean = sum(n * word.confidence for n, word in zip(letters, row, strict=True)) / sum(letters)
-    least = parameters.made_up if mean >= parameters.made_up else parameters.sure
+    least = parameters.made_up if mean_confidence(row) >= parameters.made_up else parameters.sure
     return [word for word in row if word.confidence >= least]
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from services.layout.segmentation.components import Boxes, Indices, near_pairs
+from services.layout.segmentation.components import Boxes, Indices, members_of, near_pairs
 from services.layout.segmentation.gutters import split_at_gutters
 from services.layout.segmentation.ink import Components
 from services.layout.segmentation.operators import find_operators, links_across
@@ -60,12 +60,7 @@ def find_lines(components: Components, glyphs: Indices, parameters: Segmentation
     if rows.max() >= parameters.most_lines:
         rows = _widest(word_boxes, rows, parameters.most_lines)
     pieces = split_at_gutters(word_boxes, rows, parameters, (boxes, rows[words]), operators)
-    piece_of_glyph = pieces[words]
-    order = np.argsort(piece_of_glyph, kind="stable")
-    order = order[piece_of_glyph[order] >= 0]
-    starts = np.flatnonzero(np.diff(piece_of_glyph[order], prepend=-1))
-    own = np.split(order, starts)[1:]
-    return _join_fragments([glyphs[members] for members in own], components, parameters)
+    return _join_fragments([glyphs[members] for members in members_of(pieces[words])], components, parameters)
 
 
 def _join_fragments(

@@ -8,13 +8,8 @@ import pytest
 
 from services.contract.rectify import PageKind, RectifyParameters
 from services.errors import NoText
-from services.rectify.preview import (
-    SEEMS_CURVED,
-    enlarge,
-    line_direction,
-    preview_page,
-    reduce_parameters,
-)
+from services.rectify.preview import SEEMS_CURVED, line_direction, preview_page
+from services.rectify.preview_scale import enlarge, reduce_parameters
 from services.rectify.results import RectifyResult
 from services.sheet.surfaces import StripsSurface
 from simulation.degradation import Degradation
