@@ -168,9 +168,10 @@ def _detect_ink(small: GrayImage, parameters: TextLineParameters) -> NDArray[np.
     contrast = cv2.subtract(mean, flat)
     # Within print, ink lies at two standard deviations; noise seldom lies at more than one.
     square = cv2.sqrBoxFilter(flat, cv2.CV_32F, size, borderType=cv2.BORDER_REPLICATE)
-    deviation = np.sqrt(np.maximum(square - np.square(mean, dtype=np.float32), 0.0))
-    least = np.maximum(255 * parameters.ink_contrast, parameters.ink_deviations * deviation)
-    return np.asarray(contrast > least, dtype=np.uint8)
+    deviation = np.subtract(square, np.square(mean, dtype=np.float32), out=square)
+    np.sqrt(np.maximum(deviation, 0.0, out=deviation), out=deviation)
+    deviation *= parameters.ink_deviations
+    return np.asarray(contrast > np.maximum(255 * parameters.ink_contrast, deviation)).view(np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -243,8 +244,9 @@ def _lines_along_rows(
     joined = cv2.morphologyEx(ink, cv2.MORPH_CLOSE, np.ones((1, gap), np.uint8))
     count, joined_labels = cv2.connectedComponents(joined, connectivity=4)
     labels = np.asarray(joined_labels, dtype=np.int32)
-    y, x = np.nonzero(ink)
-    label = labels[y, x]
+    at = np.flatnonzero(ink.view(np.bool_))
+    y, x = np.divmod(at, ink.shape[1])
+    label = labels.ravel()[at]
     # Level every component: regression of y on x from its moments.
     n = np.maximum(np.bincount(label, minlength=count), 1).astype(np.float64)
     mean_x = np.bincount(label, x, count) / n

@@ -96,17 +96,18 @@ def detect_edges(gray: GrayImage, parameters: TextIdentificationParameters) -> M
     diagonal = float(np.hypot(*gray.shape))
     sigma = max(parameters.log_sigma * diagonal, 0.8)
     smoothed = cv2.GaussianBlur(gray, (0, 0), sigma, dst=None)
-    response = np.abs(cv2.Laplacian(smoothed, cv2.CV_16S, ksize=1).astype(np.float32)) * sigma**2
-    noise = robust_scale(response[::7, ::7])
+    response = np.abs(cv2.Laplacian(smoothed, cv2.CV_16S, ksize=1))
+    noise = robust_scale(response[::7, ::7].astype(np.float32) * sigma**2)
     threshold = max(parameters.edge_noise_factor * noise, parameters.edge_contrast * sigma**2 / 2)
-    return response > threshold
+    # Responses are whole numbers, so their bound is one too.
+    return np.asarray(response > int(threshold / sigma**2))
 
 
 def find_text_area(edges: Mask, diameter_px: float) -> Mask:
     """Closing of the edges, which fills the gaps between strokes, words and lines (step 2 of 2.3.1)."""
     size = max(int(diameter_px) | 1, 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
-    return cv2.morphologyEx(edges.astype(np.uint8), cv2.MORPH_CLOSE, kernel).astype(bool)
+    return np.asarray(cv2.morphologyEx(edges.view(np.uint8), cv2.MORPH_CLOSE, kernel)).view(np.bool_)
 
 
 def binarize_niblack(gray: GrayImage, area: Mask, window_px: float, k: float, contrast: float) -> Mask:
@@ -118,11 +119,15 @@ def binarize_niblack(gray: GrayImage, area: Mask, window_px: float, k: float, co
     size = max(int(window_px) | 1, 5)
     ink = np.zeros(gray.shape, bool)
     for rows, seen, inner in row_bands(len(gray), size // 2):
-        values = gray[seen].astype(np.float32)
-        mean = cv2.boxFilter(values, -1, (size, size), borderType=cv2.BORDER_REFLECT)[inner]
-        square = cv2.sqrBoxFilter(values, -1, (size, size), borderType=cv2.BORDER_REFLECT)[inner]
-        deviation = np.sqrt(np.maximum(square - mean * mean, 0.0))
-        ink[rows] = area[rows] & (deviation > contrast) & (values[inner] < mean + k * deviation)
+        values = gray[seen]
+        mean = cv2.boxFilter(values, cv2.CV_32F, (size, size), borderType=cv2.BORDER_REFLECT)[inner]
+        square = cv2.sqrBoxFilter(values, cv2.CV_32F, (size, size), borderType=cv2.BORDER_REFLECT)[inner]
+        # In place: new arrays of this size cost more than the sums.
+        deviation = np.subtract(square, mean * mean, out=square)
+        np.sqrt(np.maximum(deviation, 0.0, out=deviation), out=deviation)
+        seen_ink = area[rows] & (deviation > contrast)
+        threshold = np.add(mean, np.multiply(deviation, k, out=deviation), out=mean)
+        ink[rows] = seen_ink & (values[inner] < threshold)
     return ink
 
 
@@ -232,7 +237,7 @@ def measure_strokes(ink: Mask, label_image: NDArray[np.int32], area: Vector) -> 
 
     The pixels across a stroke of width w are 1, 2, ... w/2, ... 2, 1 from the ground: (w + 2) / 4 on average.
     """
-    distance = np.asarray(cv2.distanceTransform(ink.astype(np.uint8), cv2.DIST_L2, 3))
+    distance = np.asarray(cv2.distanceTransform(ink.view(np.uint8), cv2.DIST_L2, 3))
     at = np.flatnonzero(ink)
     total = np.bincount(label_image.ravel()[at], weights=distance.ravel()[at], minlength=len(area))
     return np.asarray(4 * total / np.maximum(area, 1) - 2)
@@ -247,7 +252,7 @@ def _stand_in_line(centres: Points, sizes: Vector, p: TextIdentificationParamete
     near = (distance > 0) & (distance < p.reach * np.maximum(sizes[index], sizes[:, None]))
     fellow = near & (ratio < p.size_ratio) & (ratio > 1 / p.size_ratio)
     way = (centres[index] - centres[:, None]) / np.maximum(distance, 1e-9)[..., None]
-    cross = np.abs(way[:, :, None, 0] * way[:, None, :, 1] - way[:, :, None, 1] * way[:, None, :, 0])
-    pair = fellow[:, :, None] & fellow[:, None, :] & ~np.eye(index.shape[1], dtype=bool)
-    aligned = (pair & (cross < p.alignment)).any(axis=(1, 2))
+    first, second = np.triu_indices(index.shape[1], 1)
+    cross = np.abs(way[:, first, 0] * way[:, second, 1] - way[:, first, 1] * way[:, second, 0])
+    aligned = (fellow[:, first] & fellow[:, second] & (cross < p.alignment)).any(axis=1)
     return np.asarray((fellow.sum(axis=1) >= p.min_neighbours) & aligned)

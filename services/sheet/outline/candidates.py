@@ -58,19 +58,24 @@ class _Search:
     typical: float
     paths: list[NDArray[np.intp]] = field(default_factory=list)
     found: list[Candidate] = field(default_factory=list)
+    known: dict[bytes, Candidate] = field(default_factory=dict)
+    """By their paths: several searches find the same one."""
 
     def add(self, *sought: tuple[Vector, Floats | float]) -> None:
         """The best paths, each beyond samples (N,) and with log odds of paper; all of them are sought together."""
         for path in self.rays.search(sought, self.typical, self.parameters.rays):
-            curve = self.rays.at(path)
+            key = path.tobytes()
+            if key not in self.known:
+                curve = self.rays.at(path)
+                cut = float((path >= self.rays.last).mean())
+                self.known[key] = Candidate(curve, self.rate(curve), cut)
             self.paths.append(path)
-            cut = float((path >= self.rays.last).mean())
-            self.found.append(Candidate(curve, self.rate(curve), cut))
+            self.found.append(self.known[key])
 
     def best(self, count: int, first: int = 0) -> list[NDArray[np.intp]]:
-        """Paths of the `count` best candidates from number `first` on."""
+        """Paths of the `count` best candidates from number `first` on, or fewer if some are the same."""
         order = sorted(range(first, len(self.found)), key=lambda k: -self.found[k].rating)
-        return [self.paths[k] for k in order[:count]]
+        return list({self.paths[k].tobytes(): self.paths[k] for k in order[:count]}.values())
 
 
 def find_candidates(
