@@ -56,7 +56,9 @@ def cell_widths(
 def concentration(glyphs: Boxes, cells: NDArray[np.float64]) -> NDArray[np.float64]:
     """How alike the places of glyphs are in cells of each width (C,): the length of the mean phase, 0-1."""
     centres = (glyphs[:, 0] + glyphs[:, 2]) / 2
-    return np.asarray(np.abs(np.exp(2j * np.pi * centres[:, None] / cells).mean(axis=0)))
+    phases = 2 * np.pi * centres[:, None] / cells
+    # Real functions take a fifth of the time of the complex exponential.
+    return np.asarray(np.hypot(np.cos(phases).mean(axis=0), np.sin(phases).mean(axis=0)))
 
 
 def _cell_width(glyphs: Boxes, parameters: SegmentationParameters) -> float:

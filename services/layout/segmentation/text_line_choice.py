@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -108,16 +107,17 @@ def _dirt(
     for line, clean in zip(lines, is_line, strict=True):
         if clean:
             loose[line.members] = False
-    points = np.maximum(np.rint(centre[loose]), 0).astype(np.intp)
-    sides = points.max(axis=0) + 1 if len(points) else np.array([1, 1])
-    number = np.bincount(points[:, 1] * sides[0] + points[:, 0], minlength=int(sides[0] * sides[1]))
-    total = cv2.integral(number.reshape(sides[1], sides[0]).astype(np.float32), sdepth=cv2.CV_64F)
-    boxes = np.array([line.box for line in lines]) + em[:, None] * np.array([-1.0, -1.0, 1.0, 1.0])
-    x0, x1 = (np.clip(np.rint(boxes[:, k]), 0, sides[0]).astype(np.intp) for k in (0, 2))
-    y0, y1 = (np.clip(np.rint(boxes[:, k]), 0, sides[1]).astype(np.intp) for k in (1, 3))
-    around = total[y1, x1] - total[y0, x1] - total[y1, x0] + total[y0, x0]
+    # Of a whole page's pixels few rows and columns hold loose points: the others need no sums.
+    columns, x = np.unique(np.maximum(np.rint(centre[loose, 0]), 0), return_inverse=True)
+    rows, y = np.unique(np.maximum(np.rint(centre[loose, 1]), 0), return_inverse=True)
+    number = np.bincount(y * len(columns) + x, minlength=len(rows) * len(columns))
+    total = np.zeros((len(rows) + 1, len(columns) + 1), np.intp)
+    total[1:, 1:] = number.reshape(len(rows), len(columns)).cumsum(axis=0).cumsum(axis=1)
+
+    def count_in(boxes: Boxes) -> Indices:
+        x0, x1 = (np.searchsorted(columns, np.rint(boxes[:, k])) for k in (0, 2))
+        y0, y1 = (np.searchsorted(rows, np.rint(boxes[:, k])) for k in (1, 3))
+        return np.asarray(total[y1, x1] - total[y0, x1] - total[y1, x0] + total[y0, x0])
+
     inner = np.array([line.box for line in lines])
-    x0, x1 = (np.clip(np.rint(inner[:, k]), 0, sides[0]).astype(np.intp) for k in (0, 2))
-    y0, y1 = (np.clip(np.rint(inner[:, k]), 0, sides[1]).astype(np.intp) for k in (1, 3))
-    within = total[y1, x1] - total[y0, x1] - total[y1, x0] + total[y0, x0]
-    return np.asarray(around - within, dtype=np.intp)
+    return count_in(inner + em[:, None] * np.array([-1.0, -1.0, 1.0, 1.0])) - count_in(inner)

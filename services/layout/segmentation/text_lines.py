@@ -175,13 +175,13 @@ def group_linked(count: int, first: Indices, second: Indices) -> Indices:
 
 def _side_by_side(boxes: Boxes) -> tuple[Indices, Indices, NDArray[np.float64], NDArray[np.float64]]:
     """Pairs whose rows overlap: left one, right one, gap between them in x, shared rows over the lower's height."""
-    i, j = near_pairs(boxes[:, 1], boxes[:, 3])
-    swap = boxes[i, 0] + boxes[i, 2] > boxes[j, 0] + boxes[j, 2]
+    x0, y0, x1, y1 = np.ascontiguousarray(boxes.T)
+    i, j = near_pairs(y0, y1)
+    middle, height = x0 + x1, y1 - y0
+    swap = middle[i] > middle[j]
     i, j = np.where(swap, j, i), np.where(swap, i, j)
-    gap = boxes[j, 0] - boxes[i, 2]
-    shared = np.minimum(boxes[i, 3], boxes[j, 3]) - np.maximum(boxes[i, 1], boxes[j, 1])
-    lower = np.minimum(boxes[i, 3] - boxes[i, 1], boxes[j, 3] - boxes[j, 1])
-    return i, j, gap, shared / np.maximum(lower, 1e-9)
+    shared = np.minimum(y1[i], y1[j]) - np.maximum(y0[i], y0[j])
+    return i, j, x0[j] - x1[i], shared / np.maximum(np.minimum(height[i], height[j]), 1e-9)
 
 
 def _without_bridges(components: Components, glyphs: Indices) -> Indices:
