@@ -56,9 +56,11 @@ def cell_widths(
 def concentration(glyphs: Boxes, cells: NDArray[np.float64]) -> NDArray[np.float64]:
     """How alike the places of glyphs are in cells of each width (C,): the length of the mean phase, 0-1."""
     centres = (glyphs[:, 0] + glyphs[:, 2]) / 2
-    phases = 2 * np.pi * centres[:, None] / cells
-    # Real functions take a fifth of the time of the complex exponential.
-    return np.asarray(np.hypot(np.cos(phases).mean(axis=0), np.sin(phases).mean(axis=0)))
+    turns = centres[:, None] / cells
+    # Within one turn single precision is exact to 1e-7, and takes a twentieth of the complex exponential's time.
+    phases = (2 * np.pi * (turns - np.floor(turns))).astype(np.float32)
+    mean = [part.mean(axis=0, dtype=np.float64) for part in (np.cos(phases), np.sin(phases))]
+    return np.asarray(np.hypot(*mean))
 
 
 def _cell_width(glyphs: Boxes, parameters: SegmentationParameters) -> float:
