@@ -11,23 +11,20 @@ most confident on, as long as at most 1 % of them are wrong; a curve shows the e
 import sys
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common.baseline import Figures, Metric, judge
 from benchmarks.common.figures import plain_values, write_json
-from benchmarks.common.memory import Memory
 from benchmarks.common.options import make_parser
-from benchmarks.common.places import BASELINE, MEMORY, OUTPUT
+from benchmarks.common.places import BASELINE, OUTPUT
 from benchmarks.common.workers import Progress, run_in_workers
 from benchmarks.layout.part import table
 from benchmarks.layout.protocols import draws, folds, make_model, recognize_finely
-from benchmarks.layout.truth import LabelledPage, layout_folder
-from benchmarks.layout.word_labels import SETS, Photo, load_pages, read_photo
+from benchmarks.layout.truth import layout_folder
+from benchmarks.layout.weight_learning import read_named, start_reading
+from benchmarks.layout.word_labels import SETS, Photo, load_pages
 from services.layout.learning.label_transfer import transfer_labels
-from services.ocr.engine import OcrEngine
-from services.ocr.tesseract import open_engine
 
 NAME = "layout_calibration"
 SIZES = ("3", "5", "all")
@@ -135,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     kept = None if options.fresh else "kept"
     photos: dict[str, list[Photo]] = {}
     progress = Progress(len(pages))
-    for name, photo in run_in_workers(_read, pages, _start, kept, options.workers):
+    for name, photo in run_in_workers(read_named, pages, start_reading, kept, options.workers):
         photos.setdefault(name, []).append(photo)
         progress.tell(photo.name)
     tasks = [
@@ -146,7 +143,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ]
     order = [f"{name}, {size} samples" for name in names for size in sizes]
     judged = sorted(
-        run_in_workers(_judge, tasks, _start, kept, options.workers), key=lambda each: order.index(each[0])
+        run_in_workers(_judge, tasks, start_reading, kept, options.workers),
+        key=lambda each: order.index(each[0]),
     )
     figures: Figures = {
         case: {
@@ -178,18 +176,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     print(verdict, flush=True)
     return 0 if good else 1
-
-
-_started: list[tuple[OcrEngine | None, Memory]] = []
-
-
-def _start(memory: str | None) -> None:
-    cv2.setNumThreads(1)
-    _started[:] = [(open_engine(), Memory(MEMORY if memory else None))]
-
-
-def _read(task: tuple[str, LabelledPage]) -> tuple[str, Photo]:
-    return task[0], read_photo(task[1], *_started[0])
 
 
 def _judge(task: tuple[str, str, Sequence[Photo]]) -> tuple[str, Judged]:

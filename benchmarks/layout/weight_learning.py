@@ -46,7 +46,7 @@ def measure_cases(
     kept = None if options.fresh else "kept"
     photos: dict[str, list[Photo]] = {each: [] for each in names}
     progress = Progress(len(pages))
-    for owner, photo in run_in_workers(_read, pages, start_reading, kept, options.workers):
+    for owner, photo in run_in_workers(read_named, pages, start_reading, kept, options.workers):
         photos[owner].append(photo)
         progress.tell(photo.name)
     tasks = [
@@ -77,5 +77,6 @@ def start_reading(memory: str | None) -> None:
     _started[:] = [(open_engine(), Memory(MEMORY if memory else None))]
 
 
-def _read(task: tuple[str, LabelledPage]) -> tuple[str, Photo]:
+def read_named(task: tuple[str, LabelledPage]) -> tuple[str, Photo]:
+    """A set's name and the photo of one of its pages, in a worker that `start_reading` has started."""
     return task[0], read_photo(task[1], *_started[0])
