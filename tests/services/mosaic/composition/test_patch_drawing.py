@@ -8,6 +8,7 @@ import pytest
 
 from services.arrays import Points
 from services.geometry.homographies import scaling, transform_points, translation
+from services.imaging.node_grid import take_values
 from services.mosaic.composition.patch_drawing import (
     RIM_PX,
     DrawablePatch,
@@ -73,7 +74,8 @@ def test_rectangles_fit_together() -> None:
     at = part.within(Rectangle(0, 0, WIDTH, HEIGHT))
     assert np.abs(draw_patch(patch, found) - drawn[at])[found.covered > 0].max() <= 12
     assert (found.covered != whole.covered[at]).mean() < 1e-3
-    gray = cv2.cvtColor(draw_patch(patch, found), cv2.COLOR_RGB2GRAY).astype(int)
+    bilinear = take_values(patch.source, found.source, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
+    gray = cv2.cvtColor(bilinear, cv2.COLOR_RGB2GRAY).astype(int)
     gray_source = np.asarray(cv2.cvtColor(patch.source, cv2.COLOR_RGB2GRAY), np.uint8)
     assert np.abs(draw_gray_patch(gray_source, found) - gray)[found.covered > 0].max() <= 2
 
