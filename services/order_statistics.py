@@ -1,11 +1,13 @@
-"""Means, medians and quantiles of a few values: to the last bit NumPy's, whose calls take up to ten times as long."""
+"""Means, medians and quantiles: of a few values to the last bit NumPy's, whose calls take up to ten times as long, and
+percentiles of many values in single precision."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats
+from services.arrays import Floats, Vector
 
 
 def mean(values: NDArray[np.float64]) -> float:
@@ -49,3 +51,31 @@ def quantile(values: NDArray[np.float64], share: float) -> float:
 def higher_quantile(values: NDArray[np.float64], share: float) -> float:
     """As `np.quantile` with method "higher": one of the values (N,), N >= 1."""
     return float(np.sort(values)[math.ceil((len(values) - 1) * share)])
+
+
+def percentile_of_sorted(ordered: NDArray[np.float32] | Vector, percent: float) -> NDArray[Any]:
+    """Percentile (...) of values (..., K) in ascending order, linear between them as `np.percentile`'s.
+
+    For several percentiles of one row, sorting takes as long as the partitions of `np.percentile`, or less.
+    """
+    below, part = _place(ordered.shape[-1], percent)
+    low, high = ordered[..., below], ordered[..., min(below + 1, ordered.shape[-1] - 1)]
+    return np.asarray(low + (high - low) * part)
+
+
+def high_percentile(values: NDArray[np.float32] | Vector, percent: float) -> NDArray[Any]:
+    """As `percentile_of_sorted` (...) of values (..., K) in any order, for a percentile near 100.
+
+    A partition of 300 000 values takes a fifth of the time of sorting them, and few are left above it.
+    """
+    below, part = _place(values.shape[-1], percent)
+    parted = np.partition(values, below, axis=-1)
+    low = parted[..., below]
+    high = parted[..., below + 1 :].min(axis=-1, initial=np.float32(np.inf))
+    return np.asarray(low if part == 0 else low + (high - low) * part)
+
+
+def _place(count: int, percent: float) -> tuple[int, np.float32]:
+    """Rank of the value at or below a percentile of `count` values, and the part of the step to the next one."""
+    place = percent / 100 * (count - 1)
+    return int(place), np.float32(place - int(place))

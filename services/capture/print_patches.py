@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Points, Vector
+from services.order_statistics import high_percentile, percentile_of_sorted
 
 Patches = NDArray[np.float32]
 """(N, S, S) gray values, a character in the middle of each."""
@@ -110,34 +111,6 @@ def _blur_of(steepness: Vector, p: PatchParameters) -> Vector:
     """
     sigma = 1 / (np.sqrt(2 * np.pi) * steepness)
     return np.asarray(np.sqrt(np.maximum(sigma**2 - p.smoothing_px**2, 0.0)))
-
-
-def percentile_of_sorted(ordered: Patches | Vector, percent: float) -> Vector:
-    """Percentile (...) of values (..., K) in ascending order, linear between them as `np.percentile`'s.
-
-    For several percentiles of one row, sorting takes as long as the partitions of `np.percentile`, or less.
-    """
-    below, part = _place(ordered.shape[-1], percent)
-    low, high = ordered[..., below], ordered[..., min(below + 1, ordered.shape[-1] - 1)]
-    return np.asarray(low + (high - low) * part)
-
-
-def high_percentile(values: Patches | Vector, percent: float) -> Vector:
-    """As `percentile_of_sorted` (...) of values (..., K) in any order, for a percentile near 100.
-
-    A partition of 300 000 values takes a fifth of the time of sorting them, and few are left above it.
-    """
-    below, part = _place(values.shape[-1], percent)
-    parted = np.partition(values, below, axis=-1)
-    low = parted[..., below]
-    high = parted[..., below + 1 :].min(axis=-1, initial=np.float32(np.inf))
-    return np.asarray(low if part == 0 else low + (high - low) * part)
-
-
-def _place(count: int, percent: float) -> tuple[int, np.float32]:
-    """Rank of the value at or below a percentile of `count` values, and the part of the step to the next one."""
-    place = percent / 100 * (count - 1)
-    return int(place), np.float32(place - int(place))
 
 
 def _directions(across: Vector, down: Vector, count: int) -> NDArray[np.int8]:

@@ -58,19 +58,19 @@ class _Search:
     typical: float
     paths: list[NDArray[np.intp]] = field(default_factory=list)
     found: list[Candidate] = field(default_factory=list)
-    known: dict[bytes, Candidate] = field(default_factory=dict)
-    """By their paths: several searches find the same one."""
 
     def add(self, *sought: tuple[Vector, Floats | float]) -> None:
         """The best paths, each beyond samples (N,) and with log odds of paper; all of them are sought together."""
         for path in self.rays.search(sought, self.typical, self.parameters.rays):
-            key = path.tobytes()
-            if key not in self.known:
-                curve = self.rays.at(path)
-                cut = float((path >= self.rays.last).mean())
-                self.known[key] = Candidate(curve, self.rate(curve), cut)
+            # Several searches find the same path: it is rated once.
+            same = (c for known, c in zip(self.paths, self.found, strict=True) if np.array_equal(known, path))
+            self.found.append(next(same, None) or self._rated(path))
             self.paths.append(path)
-            self.found.append(self.known[key])
+
+    def _rated(self, path: NDArray[np.intp]) -> Candidate:
+        """The candidate of a path (N,)."""
+        curve = self.rays.at(path)
+        return Candidate(curve, self.rate(curve), float((path >= self.rays.last).mean()))
 
     def best(self, count: int, first: int = 0) -> list[NDArray[np.intp]]:
         """Paths of the `count` best candidates from number `first` on, or fewer if some are the same."""

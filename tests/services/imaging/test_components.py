@@ -31,3 +31,13 @@ def test_pixels_that_touch_at_corners_are_one_component() -> None:
     assert found.labels[1, 1] == found.labels[2, 2] != found.labels[4, 5]
     assert found.stats[found.labels[1, 1]].tolist() == [1, 1, 2, 2, 2]
     assert found.centres[found.labels[4, 5]].tolist() == [5.5, 4.0]
+
+
+@pytest.mark.parametrize("dtype", [np.bool_, np.uint8])
+def test_a_mask_may_be_empty_or_full(dtype: type[np.generic]) -> None:
+    empty, full = label_components(np.zeros((5, 7), dtype)), label_components(np.ones((5, 7), dtype))
+    assert empty.total == 1
+    assert empty.stats.tolist() == [[0, 0, 7, 5, 35]]
+    assert full.stats[1].tolist() == [0, 0, 7, 5, 35]
+    assert full.stats[0, 4] == 0
+    assert full.centres[1].tolist() == [3.0, 2.0]
