@@ -1,5 +1,5 @@
 # make serve   sets everything up and serves on HOST:PORT; make worker runs jobs for services that share DATABASE_URL
-# make test    sets everything up and runs the tests; make test-fast runs the fast ones
+# make test    sets everything up and runs the tests; make test-fast runs the fast ones, make test-long the full counts
 # make help    the other targets
 
 HOST ?= 127.0.0.1
@@ -44,7 +44,7 @@ BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
 BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
-.PHONY: help serve worker test test-fast lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review \
+.PHONY: help serve worker test test-fast test-long lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review \
 	system-packages postgresql chromium typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
@@ -54,6 +54,7 @@ help:
 	@echo 'make worker           set up, then run jobs, without HTTP, for services that share DATABASE_URL and BLOB_URL'
 	@echo 'make test             set up, then run all tests (TEST_PROCESSES=2, TEST_OPTIONS=...)'
 	@echo 'make test-fast        the tests of single steps: no service, no whole photo'
+	@echo 'make test-long        tests that repeat (fuzzing, races, kills) with their full counts'
 	@echo 'make lint             formatting, lint and types'
 	@echo 'make check            lint and test'
 	@echo 'make format           format the code'
@@ -85,6 +86,10 @@ test: venv-dev postgresql chromium typescript
 
 test-fast: venv-dev
 	@$(PYTEST) -m fast $(TEST_OPTIONS)
+
+# Tests that are marked `long` or read their counts from tests/counts.py.
+test-long: venv-dev postgresql
+	@LONG_TESTS=1 $(PYTEST) -m long $(TEST_OPTIONS)
 
 lint: venv-dev
 	$(BIN)/ruff format --check .
