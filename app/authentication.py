@@ -1,19 +1,15 @@
-"""API keys and short-lived tokens, checked before a body is read."""
+"""The check of API keys and tokens, before a body is read."""
 
-import base64
-import hmac
-import struct
-import time
-from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
-from types import MappingProxyType
+from collections.abc import Mapping
 from urllib.parse import parse_qsl, urlencode
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.key_names import name_of_key, spellings_of_key
-from app.roles import FileKey, digest_of_key
+from app.keyring import Keyring
+from app.known_keys import each_key
+from app.roles import ADMIN, Key, digest_of_key
+from app.tokens import Tokens
 from services.errors import DocumentError
 
 HEADER = "X-API-Key"
@@ -23,8 +19,6 @@ OPEN_PATHS = frozenset({"/", "/health/live", "/health/ready", "/metrics", "/docs
 """Paths that probes, scrapers and readers of the documentation use. None of them shows a caller's data."""
 OPEN_FOLDERS = ("/docs/", "/static/")
 """Scripts and styles of the documentation, and of the page at `/`."""
-_PURPOSE = b"document-rectification token 1"
-_MAC_BYTES = 16
 
 
 class Unauthorized(DocumentError):
@@ -34,7 +28,7 @@ class Unauthorized(DocumentError):
 
 
 class Forbidden(DocumentError):
-    """The request's API key or token is not valid."""
+    """The request's API key is not valid."""
 
     code = "forbidden"
 
@@ -43,28 +37,15 @@ class ApiKeys:
     """Middleware: a request without a valid key reaches only open paths. Without configured keys all are open.
 
     A request has its key in X-API-Key or as `Authorization: Bearer`. A GET request may have a token of
-    `make_token` as a query option instead, because a browser sends no headers for images and EventSource.
-    `request.state.api_key` is the configured key that was sent; None: no keys are configured, or the path is open.
-    `request.state.caller` is its name.
+    `POST /tokens` as a query option instead, because a browser sends no headers for images and EventSource.
+    `request.state.key` is the key that was sent, `caller` its name, `role` its role. Without configured keys
+    there is no key and no caller, and the role is admin.
     """
 
-    def __init__(
-        self,
-        app: ASGIApp,
-        keys: Collection[str],
-        clock: Callable[[], float] = time.time,
-        file_keys: Mapping[str, FileKey] = MappingProxyType({}),
-    ) -> None:
-        """`file_keys` are those of API_KEYS_FILE, by their digests."""
+    def __init__(self, app: ASGIApp, keyring: Keyring, tokens: Tokens) -> None:
         self.app = app
-        self.file_keys = file_keys
-        # In the place of the key itself, which is not known; its digest is secret too, so it can sign tokens.
-        self.entries = {digest: f"{key.name}:sha256:{digest}" for digest, key in file_keys.items()}
-        self.roles = {self.entries[digest]: key.role for digest, key in file_keys.items()}
-        self.keys = {
-            form: key for key in keys for spelled in spellings_of_key(key) for form in _bytes_of(spelled)
-        }
-        self.clock = clock
+        self.keyring = keyring
+        self.tokens = tokens
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -74,74 +55,33 @@ class ApiKeys:
         if scope["method"] in ("GET", "HEAD"):
             token, query = _without_token(scope["query_string"])
             scope = {**scope, "query_string": query}
+        keys = self.keyring.keys
         state = scope.setdefault("state", {})
-        state["api_key"] = state["caller"] = None
+        state |= {"key": None, "caller": None, "role": None if keys else ADMIN}
         is_open = scope["path"] in OPEN_PATHS or scope["path"].startswith(OPEN_FOLDERS)
-        if (self.keys or self.entries) and not is_open:
-            state["api_key"] = key = self._judge(Headers(scope=scope), token)
-            state["caller"] = name_of_key(key)
-            state["role"] = self.roles.get(key)
+        if keys and not is_open:
+            key = self._judge(Headers(scope=scope), token, keys)
+            state |= {"key": key, "caller": key.name, "role": key.role}
         await self.app(scope, receive, send)
 
-    def _judge(self, headers: Headers, token: str | None) -> str:
-        """The configured key that the request was sent with."""
+    def _judge(self, headers: Headers, token: str | None, keys: Mapping[str, Key]) -> Key:
+        """The key that the request was sent with."""
         sent = [key for key in (headers.get(HEADER), _bearer(headers.get("authorization"))) if key]
         if len(set(sent)) > 1:
             raise Forbidden(f"{HEADER} and Authorization hold different keys; send one of them.")
         if sent:
-            return self._known_key(sent[0])
+            # Starlette decodes headers as Latin-1: these are the bytes that were sent. Nobody can choose the digest of
+            # what he sends, so that the time of the search reveals nothing about a key.
+            known = keys.get(digest_of_key(sent[0].encode("latin-1")))
+            if known is None:
+                raise Forbidden(f"The API key in the {HEADER} or Authorization header is not valid.")
+            return known
         if token:
-            return key_of_token(token, sorted({*self.keys.values(), *self.entries.values()}), self.clock())
+            return self.tokens.key_of(token, each_key(keys))
         raise Unauthorized(
             f"Send an API key in the {HEADER} header, or as Authorization: Bearer KEY. A link to read something may "
             f"have a token of POST /tokens as the query option `{TOKEN_OPTION}`."
         )
-
-    def _known_key(self, key: str) -> str:
-        offered = key.encode("latin-1")  # the bytes that were sent: Starlette decodes headers as Latin-1
-        # Every key is compared in constant time, so that the response time reveals nothing about a key.
-        found = [known for form, known in self.keys.items() if hmac.compare_digest(offered, form)]
-        found += [
-            entry
-            for digest, entry in self.entries.items()
-            if hmac.compare_digest(digest_of_key(offered), digest)
-        ]
-        if not found:
-            raise Forbidden(f"The API key in the {HEADER} or Authorization header is not valid.")
-        return found[0]
-
-
-def make_token(key: str, expires_s: int) -> str:
-    """Token that allows to read with `key` until `expires_s` (seconds since 1970); it does not contain the key.
-
-    The key itself signs the token, so all services with the same keys accept it.
-    """
-    body = struct.pack(">Q", expires_s)
-    return base64.urlsafe_b64encode(body + _signature(key, body)).decode("ascii").rstrip("=")
-
-
-def key_of_token(token: str, keys: Sequence[str], now_s: float) -> str:
-    """The key that signed `token`.
-
-    Raises
-    ------
-    Forbidden
-        When none of the keys did, or the token has expired.
-    """
-    data = b""
-    with suppress(ValueError):
-        data = base64.urlsafe_b64decode(token.encode("ascii", "replace") + b"=" * (-len(token) % 4))
-    body, signature = data[:8], data[8:]
-    signers = [key for key in keys if hmac.compare_digest(_signature(key, body), signature)]
-    if len(body) != 8 or not signers:
-        raise Forbidden("The token is not valid. Get a new one with POST /tokens.")
-    if struct.unpack(">Q", body)[0] <= now_s:
-        raise Forbidden("The token has expired. Get a new one with POST /tokens.")
-    return signers[0]
-
-
-def _signature(key: str, body: bytes) -> bytes:
-    return hmac.digest(key.encode("utf-8", "surrogateescape"), _PURPOSE + body, "sha256")[:_MAC_BYTES]
 
 
 def _bearer(authorization: str | None) -> str | None:
@@ -170,11 +110,3 @@ def _without_token(query: bytes) -> tuple[str | None, bytes]:
         return None, query
     rest = urlencode([(name, value) for name, value in pairs if name != TOKEN_OPTION])
     return tokens[0], rest.encode("ascii")
-
-
-def _bytes_of(key: str) -> set[bytes]:
-    """The bytes that clients may send for a key: UTF-8 (curl), or Latin-1 if it can encode the key (browsers)."""
-    forms = {key.encode("utf-8", "surrogateescape")}
-    with suppress(UnicodeEncodeError):
-        forms.add(key.encode("latin-1"))
-    return forms

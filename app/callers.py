@@ -8,12 +8,9 @@ from hashlib import sha256
 
 from fastapi import Request
 
+from app.roles import ADMIN
 from app.routes.state import AppState
 from models.errors import ResultNotFound
-
-ADMIN = "admin"
-"""The key of this name in API_KEYS, and every key of this role in API_KEYS_FILE, see what all keys have made."""
-
 
 _SEPARATOR = "\0"
 """Not in any name of a key."""
@@ -25,6 +22,11 @@ class Caller:
 
     name: str | None
     sees_all: bool
+
+    @property
+    def only(self) -> str | None:
+        """The owner to whose things a list is limited; None: it has those of all."""
+        return None if self.sees_all else self.name
 
     def sees(self, owner: str | None) -> bool:
         """Whether something that `owner` made is shown to this caller."""
@@ -39,9 +41,7 @@ class Caller:
 
 def caller_of(request: Request) -> Caller:
     """Who sends this request."""
-    name: str | None = request.state.caller
-    role = getattr(request.state, "role", None)
-    return Caller(name, role == ADMIN or (role is None and name in (None, ADMIN)))
+    return Caller(request.state.caller, request.state.role == ADMIN)
 
 
 async def require_own_result(request: Request, state: AppState, result_id: str) -> Caller:

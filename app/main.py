@@ -14,6 +14,7 @@ import uvicorn
 from fastapi import Depends, FastAPI
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
+from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartParser
 
@@ -28,6 +29,7 @@ from app.interprocess_lock import InterprocessLock
 from app.jobs.registry import Jobs
 from app.jobs.service import JobService, job_limits
 from app.kept_images import KeptImages
+from app.keyring import Keyring
 from app.layout_store import LayoutStore, ResultLimits
 from app.logs import configure_logs
 from app.metrics import Metrics
@@ -36,6 +38,7 @@ from app.model_locks import ModelLocks
 from app.openapi import describe
 from app.problems import FrameworkErrors
 from app.review_order import ReviewOrder
+from app.roles import InvalidKeys
 from app.routes import (
     audit,
     cameras,
@@ -64,6 +67,7 @@ from app.routes.known_options import KnownQueryOptions
 from app.routes.state import AppState
 from app.run_folder import run_folder
 from app.settings import Settings
+from app.tokens import SECRET, Tokens
 from models.repository import Store
 from services.contract.operations import Operations
 from services.layout.content.content_settings import InvalidContentSettings, read_settings
@@ -114,13 +118,20 @@ MultiPartParser.spool_max_size = 256 * 1024
 
 
 def create_app(settings: Settings | None = None, operations: Operations | None = None) -> FastAPI:
-    """The service as an ASGI application; its workers start with its lifespan."""
+    """The service as an ASGI application; its workers start with its lifespan.
+
+    Raises
+    ------
+    InvalidKeys
+        When the keys of API_KEYS and API_KEYS_FILE cannot be used.
+    """
     settings = settings or Settings()
     operations = operations or Operations()
     routes = [
         route for router in (*ROUTERS, pages.router) for route in router.routes if isinstance(route, APIRoute)
     ]
     methods = methods_of(routes)
+    keyring, tokens = Keyring(settings.api_keys, settings.api_keys_file), Tokens(settings.token_ttl_s)
     metrics = Metrics(methods)
     engine = _engine(settings, operations, metrics)
     metrics.watch(engine.status)
@@ -143,12 +154,17 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         _check_content_features(settings.content_features)
         async with store.opened():  # first: a service that cannot store anything must not start
+            tokens.use(await store.call(lambda store: store.secret(SECRET)))
             await blobs.open()
             await engine.start()
             log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
             await job_service.start()
             try:
-                async with deleting_expired(store, images, sample_images), review_order.kept():
+                async with (
+                    deleting_expired(store, images, sample_images),
+                    review_order.kept(),
+                    keyring.watched(),
+                ):
                     yield
             finally:
                 begin_s = time.monotonic()
@@ -169,18 +185,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         dependencies=[Depends(KnownQueryOptions(routes))],
         form_limits={"max_fields": 50, "max_files": 4, "max_part_size": MAX_FIELD_BYTES},
     )
-    for router in ROUTERS:
-        if router is layout.router:
-            # The limit of one field must be reached before that of all fields, because its message names the field.
-            spare = settings.max_zones_bytes + MAX_FIELD_BYTES
-            # The form accepts more files than MAX_PAGES, so that the error is about pages and not about the form.
-            files = max(layout.FEWEST_FILES, 2 * settings.max_pages)
-            app.include_router(router, form_limits={"max_part_size": spare, "max_files": files})
-        else:
-            app.include_router(router)
-    app.include_router(pages.router)
-    app.mount(pages.ASSETS_PATH, pages.assets())
-    app.mount(pages.STATIC_PATH, pages.static_files())
+    _add_routes(app, settings)
     answer = FrameworkErrors(methods)
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
@@ -200,10 +205,26 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         sample_images,
         job_service,
         review_order,
+        tokens,
     )
-    add_middleware(app, settings, engine, jobs, metrics, routes)
+    add_middleware(app, settings, engine, jobs, metrics, routes, keyring, tokens)
     _describe(app, settings)
     return app
+
+
+def _add_routes(app: FastAPI, settings: Settings) -> None:
+    for router in ROUTERS:
+        if router is layout.router:
+            # The limit of one field must be reached before that of all fields, because its message names the field.
+            spare = settings.max_zones_bytes + MAX_FIELD_BYTES
+            # The form accepts more files than MAX_PAGES, so that the error is about pages and not about the form.
+            files = max(layout.FEWEST_FILES, 2 * settings.max_pages)
+            app.include_router(router, form_limits={"max_part_size": spare, "max_files": files})
+        else:
+            app.include_router(router)
+    app.include_router(pages.router)
+    app.mount(pages.ASSETS_PATH, pages.assets())
+    app.mount(pages.STATIC_PATH, pages.static_files())
 
 
 def _pictures(blobs: BlobAccess, store: LayoutStore, settings: Settings) -> tuple[KeptImages, KeptImages]:
@@ -258,7 +279,7 @@ def _describe(app: FastAPI, settings: Settings) -> None:
             app.openapi_schema = describe(
                 app,
                 TAGS,
-                keys=bool(settings.api_keys or settings.api_keys_file),
+                keys=settings.has_keys,
                 root_path=settings.root_path,
             )
         return app.openapi_schema
@@ -266,13 +287,37 @@ def _describe(app: FastAPI, settings: Settings) -> None:
     app.openapi = openapi  # type: ignore[method-assign]
 
 
+def _settings_of_environment() -> Settings:
+    """The settings; where one is wrong, the process ends with a sentence for each."""
+    try:
+        return Settings()
+    except ValidationError as error:
+        sys.exit(
+            "\n".join(f"{'_'.join(map(str, each['loc'])).upper()}: {each['msg']}" for each in error.errors())
+        )
+
+
+def _configure_process(settings: Settings) -> None:
+    """Logs go to standard output. Until the service listens to SIGHUP, that signal does not end it."""
+    configure_logs(settings.log_level)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
+def _app(settings: Settings) -> FastAPI:
+    """The application; where its keys cannot be used, the process ends with a sentence."""
+    try:
+        return create_app(settings)
+    except InvalidKeys as error:
+        sys.exit(str(error))
+
+
 def work(app: FastAPI | None = None, settings: Settings | None = None) -> None:
     """Run jobs, without HTTP, until SIGTERM or SIGINT. Running jobs may then finish within the grace period."""
-    settings = settings or Settings()
-    configure_logs(settings.log_level)
+    settings = settings or _settings_of_environment()
+    _configure_process(settings)
     if not settings.workers:
         sys.exit("WORKERS=0: a process that only runs jobs needs workers.")
-    app = app or create_app(settings)
+    app = app or _app(settings)
 
     async def run_jobs() -> None:
         stopping = asyncio.Event()
@@ -288,9 +333,9 @@ def work(app: FastAPI | None = None, settings: Settings | None = None) -> None:
 
 def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:
     """Run the service until SIGTERM or SIGINT. Requests in progress may then finish within the grace period."""
-    settings = settings or Settings()
-    configure_logs(settings.log_level)
-    app = app or create_app(settings)
+    settings = settings or _settings_of_environment()
+    _configure_process(settings)
+    app = app or _app(settings)
     server = uvicorn.Server(
         uvicorn.Config(
             app,

@@ -14,11 +14,13 @@ from app.browser_rules import OwnSite, SecurityHeaders
 from app.engine.base import Engine
 from app.jobs.forwarding import JobAdmission
 from app.jobs.registry import Jobs
+from app.keyring import Keyring
 from app.logs import RequestLog
 from app.metrics import Metrics
 from app.problems import ProblemBoundary
-from app.roles import RoleRules, read_keys_file
+from app.roles import RoleRules
 from app.settings import Settings
+from app.tokens import Tokens
 from app.transfer import ConditionalGet, HeadAndOptions, RootPath
 from app.upload_places import UploadPlaces
 from app.uploads import Admission, BodyGuard
@@ -75,6 +77,8 @@ def add_middleware(
     jobs: Jobs,
     metrics: Metrics,
     routes: list[APIRoute],
+    keyring: Keyring,
+    tokens: Tokens,
 ) -> None:
     """Add everything that every request passes before its route.
 
@@ -97,7 +101,7 @@ def add_middleware(
     app.add_middleware(HeadAndOptions, methods=methods_of(routes))
     app.add_middleware(Audit)
     app.add_middleware(RoleRules)
-    app.add_middleware(ApiKeys, keys=settings.api_keys, file_keys=read_keys_file(settings.api_keys_file))
+    app.add_middleware(ApiKeys, keyring=keyring, tokens=tokens)
     app.add_middleware(OwnSite, origins=settings.cors_origins)
     app.add_middleware(ProblemBoundary)
     app.add_middleware(

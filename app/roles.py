@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, cast, get_args
+from typing import Final, Literal, cast, get_args
 
 from starlette.routing import compile_path
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -21,6 +21,10 @@ from services.errors import DocumentError
 
 Role = Literal["reader", "verifier", "admin"]
 ROLES: tuple[Role, ...] = get_args(Role)
+ADMIN: Final = "admin"
+"""The role that may do everything, and sees what all keys have made."""
+MOST_FILE_BYTES = 1 << 20
+"""Largest file of keys: some ten thousand."""
 _LINE = re.compile(r"([A-Za-z][A-Za-z0-9_.-]{0,62})\s+(\w+)\s+([0-9a-f]{64})")
 _SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 READERS_WRITE = (
@@ -46,8 +50,8 @@ VERIFIERS_WRITE = (
 NOT_FOR_READERS = frozenset({"/audit"})
 
 
-class InvalidKeysFile(ValueError):
-    """The file of keys cannot be used; the message names the line."""
+class InvalidKeys(ValueError):
+    """The configured keys cannot be used; the message says why, and what to do."""
 
 
 class RoleForbids(DocumentError):
@@ -57,32 +61,54 @@ class RoleForbids(DocumentError):
 
 
 @dataclass(frozen=True, slots=True)
-class FileKey:
-    """A key of the file: it is known by its digest only."""
+class Key:
+    """An API key. `role` None: it may send all requests, and sees what keys of its name have made.
+
+    The key itself is not kept; `digest` is its SHA-256 in hexadecimal.
+    """
 
     name: str
-    role: Role
+    role: Role | None
+    digest: str
 
 
-def read_keys_file(path: Path | None) -> dict[str, FileKey]:
-    """Keys of the file by their digests; none without a file.
+def read_keys_file(path: Path) -> list[Key]:
+    """Keys of the file, at least one.
 
     Raises
     ------
-    InvalidKeysFile
+    InvalidKeys
+        When the file cannot be read, has a wrong line, the same key twice, or no key.
     """
-    keys: dict[str, FileKey] = {}
-    for number, line in enumerate([] if path is None else path.read_text("utf-8").splitlines(), 1):
+    try:
+        with path.open("rb") as file:
+            text = file.read(MOST_FILE_BYTES + 1).decode("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidKeys(f"API_KEYS_FILE cannot be read: {error}") from error
+    if len(text) > MOST_FILE_BYTES:
+        raise InvalidKeys(f"API_KEYS_FILE has more than {MOST_FILE_BYTES} bytes")
+    keys: dict[str, Key] = {}
+    for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         match = _LINE.fullmatch(line.strip())
         if match is None or match[2] not in ROLES:
-            raise InvalidKeysFile(
+            raise InvalidKeys(
                 f"line {number} of API_KEYS_FILE: expected NAME ROLE DIGEST, the role one of {', '.join(ROLES)}, the "
                 "digest of 64 hexadecimal digits (python -m app.roles NAME ROLE makes a line)"
             )
-        keys[match[3]] = FileKey(match[1], cast(Role, match[2]))
-    return keys
+        if match[3] in keys:
+            raise InvalidKeys(
+                f"line {number} of API_KEYS_FILE: this digest is in the file already, as {keys[match[3]].name}; "
+                "remove one of the lines"
+            )
+        keys[match[3]] = Key(match[1], cast(Role, match[2]), match[3])
+    if not keys:
+        raise InvalidKeys(
+            "API_KEYS_FILE holds no key, and without keys everybody could use the service: add a line (python -m "
+            "app.roles NAME ROLE makes one), or unset API_KEYS_FILE"
+        )
+    return list(keys.values())
 
 
 def digest_of_key(key: bytes) -> str:
@@ -93,7 +119,7 @@ def digest_of_key(key: bytes) -> str:
 class RoleRules:
     """Middleware behind the check of keys: refuses what the role of the request's key does not include.
 
-    Keys of API_KEYS, and services without keys, have no role: they may do everything.
+    Keys of API_KEYS have no role, or are admins: they may send all requests.
     """
 
     def __init__(self, app: ASGIApp) -> None:

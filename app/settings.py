@@ -19,7 +19,8 @@ FEWEST_SECRET_BYTES = 24
 class Settings(BaseSettings):
     """Each field is an environment variable with the same name in capitals (`port`: PORT)."""
 
-    model_config = SettingsConfigDict(frozen=True, extra="ignore")
+    # Inputs have secrets: an error says which setting is wrong, not what it is.
+    model_config = SettingsConfigDict(frozen=True, extra="ignore", hide_input_in_errors=True)
 
     # Server
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
@@ -321,9 +322,14 @@ class Settings(BaseSettings):
     )
 
     @property
+    def has_keys(self) -> bool:
+        """Whether requests need an API key."""
+        return bool(self.api_keys or self.api_keys_file)
+
+    @property
     def most_jobs_per_key(self) -> int:
         """Most unfinished jobs of one API key, or of all callers where there are no keys."""
-        if not self.api_keys:
+        if not self.has_keys:
             return self.max_jobs
         return self.max_jobs_per_key or max(1, self.max_jobs // 2)
 
@@ -348,6 +354,15 @@ class Settings(BaseSettings):
     def _split(cls, value: object) -> object:
         if isinstance(value, str):
             return tuple(key.strip() for key in value.split(",") if key.strip())
+        return value
+
+    @field_validator("api_keys", mode="before")
+    @classmethod
+    def _require_a_key(cls, value: object) -> object:
+        if isinstance(value, str) and value and not value.strip(", \t\r\n"):
+            raise ValueError(
+                "it is set and holds no key, and without keys everybody could use the service: add a key, or unset it"
+            )
         return value
 
     @model_validator(mode="after")

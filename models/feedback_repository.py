@@ -142,10 +142,12 @@ class FeedbackRepository(Transactions):
             stored = _stored_feedback(session, feedback, created=True)
             return replace(stored, taken_back=taken_back)
 
-    def feedbacks(self, name: str, newest: int = 50, before: str | None = None) -> list[FeedbackSummary]:
+    def feedbacks(
+        self, name: str, newest: int = 50, before: str | None = None, owner: str | None = None
+    ) -> list[FeedbackSummary]:
         """The last feedbacks whose found or verified class is this one, newest first; of those with ids below `before`.
 
-        Raises `ModelNotFound`.
+        `owner` limits them to those of one API key; None: of all. Raises `ModelNotFound`.
         """
         with self._reading() as session:
             of_model = select(FeedbackModelRow.feedback_id).where(
@@ -155,6 +157,8 @@ class FeedbackRepository(Transactions):
             wanted = wanted.options(defer(FeedbackRow.request), defer(FeedbackRow.report))
             if before is not None:
                 wanted = wanted.where(FeedbackRow.id < before)
+            if owner is not None:
+                wanted = wanted.where(FeedbackRow.owner == owner)
             rows = session.execute(wanted.order_by(FeedbackRow.id.desc()).limit(newest)).scalars().all()
             versions = _versions_of(session, [row.id for row in rows])
         return [

@@ -21,6 +21,7 @@ from models.model_repository import ModelRepository
 from models.result_repository import ResultRepository
 from models.review_repository import ReviewRepository, cursor_of
 from models.sample_repository import SampleRepository
+from models.shared_value_repository import SharedValueRepository
 from models.transactions import Author, changes_by, utc_now
 
 __all__ = ["Author", "Store", "changes_by", "cursor_of", "utc_now"]
@@ -35,5 +36,6 @@ class Store(
     ReviewRepository,
     JobRepository,
     CameraRepository,
+    SharedValueRepository,
 ):
-    """Models, samples, feedback, results, jobs and cameras in one database. `with Store.open(...)` closes it."""
+    """All that is stored, in one database. `with Store.open(...)` closes it."""

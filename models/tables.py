@@ -277,6 +277,16 @@ class CameraRow(Table):
     used_at: Mapped[datetime] = mapped_column(UtcDateTime, index=True)
 
 
+class SharedValueRow(Table):
+    """A small value that all processes share, as the secret that signs tokens."""
+
+    __tablename__ = "shared_values"
+
+    name: Mapped[str] = mapped_column(String(40), primary_key=True)
+    value: Mapped[bytes] = mapped_column(LargeBinary)
+    written_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
 class AuditRow(Table):
     """One entry of the list of who changed what, and when. `who` is the name of an API key; NULL: no key."""
 

@@ -51,6 +51,7 @@ def describe_request(request: Request, content_type: str | None) -> dict[str, An
         "headers": headers,
         "request_id": request.state.request_id,
         "caller": request.state.caller,
+        "role": request.state.role,
     }
 
 
@@ -116,8 +117,11 @@ async def do_request(
         "app": fastapi,
         "state": {
             "request_id": stored["request_id"],
-            "api_key": None,
+            "key": None,
             "caller": stored["caller"],
+            "role": stored.get(
+                "role"
+            ),  # jobs of earlier releases have none: they see what their key has made
             "seat": StubSeat(),
             RUN: run,
         },

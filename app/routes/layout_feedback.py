@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from fastapi import APIRouter, Request, Response
 
-from app.callers import require_own_result
+from app.callers import caller_of, require_own_result
 from app.connection import while_connected
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
@@ -105,9 +105,13 @@ async def layout_model_feedback(
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> FeedbackList:
-    """The latest feedbacks on pages whose found or verified class is this one, newest first."""
+    """The latest feedbacks on pages whose found or verified class is this one, newest first.
+
+    With API keys, those of the caller's key.
+    """
+    owner = caller_of(request).only
     feedbacks, has_more = await state.store.call(
-        lambda store: first_of(store.feedbacks(name, limit + 1, cursor), limit)
+        lambda store: first_of(store.feedbacks(name, limit + 1, cursor, owner), limit)
     )
     if has_more:
         link_next(request, state, response, feedbacks[-1].id)

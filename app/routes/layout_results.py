@@ -84,8 +84,7 @@ async def layout_results(
     that expires is left out. With API keys, the results are those of the caller's key.
     """
     chosen = choose_described_format(format, request.headers.get("accept"), LIST_MEDIA_TYPES)
-    caller = caller_of(request)
-    owner = None if caller.sees_all else caller.name
+    owner = caller_of(request).only
     reviews, results, following = await state.store.call(
         lambda store: _read(store, limit, state_, order, cursor, owner)
     )

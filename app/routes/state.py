@@ -16,6 +16,7 @@ from app.metrics import Metrics
 from app.model_locks import ModelLocks
 from app.review_order import ReviewOrder
 from app.settings import Settings
+from app.tokens import Tokens
 from services.contract.operations import Operations
 
 
@@ -36,6 +37,7 @@ class AppState:
     sample_images: KeptImages
     job_service: JobService
     review_order: ReviewOrder
+    tokens: Tokens
 
 
 def app_state(request: Request) -> AppState:

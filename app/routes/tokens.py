@@ -1,12 +1,11 @@
 """POST /tokens: short-lived tokens for links that cannot have an API key."""
 
-import time
 from datetime import UTC, datetime
 
 from fastapi import APIRouter, Request
 
-from app.authentication import make_token
 from app.problems import documented
+from app.roles import Key
 from app.routes.state import State
 from app.schemas.tokens import Token
 from services.errors import DocumentError
@@ -27,11 +26,10 @@ async def create_token(request: Request, state: State) -> Token:
     Browsers send no headers with images and `EventSource`. Such a link has the token as the query option `token`:
     `/jobs/{id}/events?token=...`. The token does not contain the key, and it cannot change anything.
     """
-    key: str | None = request.state.api_key
+    key: Key | None = request.state.key
     if key is None:
         raise NoKeys("No API keys are configured: links need no token.")
-    ttl_s = state.settings.token_ttl_s
-    expires_s = int(time.time()) + ttl_s
+    token, expires_s = state.tokens.make(key)
     return Token(
-        token=make_token(key, expires_s), expires=datetime.fromtimestamp(expires_s, UTC), ttl_s=ttl_s
+        token=token, expires=datetime.fromtimestamp(expires_s, UTC), ttl_s=state.settings.token_ttl_s
     )

@@ -4,6 +4,7 @@ import os
 
 import httpx
 import pytest
+from pydantic import ValidationError
 
 from app.authentication import OPEN_PATHS
 from app.main import create_app
@@ -47,9 +48,14 @@ def test_a_key_of_a_foreign_locale_is_its_bytes(monkeypatch: pytest.MonkeyPatch)
         assert rectify(client, b"schl\x99ssel").status_code == 200
 
 
-@pytest.mark.parametrize("keys", ["", " , "])
-def test_no_keys_no_guard(keys: str) -> None:
-    assert Settings(api_keys=keys).api_keys == ()  # type: ignore[arg-type]
+def test_no_keys_no_guard() -> None:
+    assert Settings(api_keys="").api_keys == ()  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("keys", [",", " ", " , "])
+def test_keys_that_are_set_and_empty_are_refused(keys: str) -> None:
+    with pytest.raises(ValidationError, match="everybody could use the service"):
+        Settings(api_keys=keys)  # type: ignore[arg-type]
 
 
 def test_the_openapi_document_tells_of_keys_when_there_are_some() -> None:

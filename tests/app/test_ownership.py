@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.key_names import name_of_key, spellings_of_key
+from app.known_keys import name_of_key, spellings_of_key
 from app.layout_store import DATABASE
 from models.repository import Store
 from tests.app.scripted import PAGE, model_document
@@ -118,7 +118,14 @@ def test_after_deletion_nothing_is_left(
     """The retention table of docs/operations.md, row by row."""
     client.put("/layout/models/letter", json=model_document("letter", "sender", "date"), headers=ADMIN)
     # The list of changes stays, as its purpose is; it has no content of pages.
-    shared = ("layout_models", "layout_model_versions", "store_state", "alembic_version", "layout_audit")
+    shared = (
+        "layout_models",
+        "layout_model_versions",
+        "store_state",
+        "alembic_version",
+        "layout_audit",
+        "shared_values",
+    )
 
     def rows() -> dict[str, int]:
         with Store.open(folder / DATABASE) as store:

@@ -1,0 +1,87 @@
+"""The API keys that are valid now. API_KEYS_FILE is read again when it changes."""
+
+import asyncio
+import logging
+import signal
+import threading
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+from app.known_keys import known_keys
+from app.roles import InvalidKeys, Key
+
+log = logging.getLogger(__name__)
+
+WATCH_EVERY_S = 2.0
+"""Pause between two looks at the file."""
+_Stamp = tuple[int, int, int]
+"""What changes when a file is written or replaced: time of its last change in ns, bytes, inode."""
+
+
+class Keyring:
+    """The valid keys by their digests (`keys`); none: everybody may use the service.
+
+    Where there is a file, it had a key at the start, and a file without one is never taken over. So a service that was
+    started with keys is never open.
+    """
+
+    def __init__(self, entries: Sequence[str], path: Path | None) -> None:
+        """`entries` are those of API_KEYS, `path` is API_KEYS_FILE. Raises `InvalidKeys`."""
+        self._entries = entries
+        self._path = path
+        self._stamp = _stamp_of(path)  # before the file is read, so that no change is missed
+        self._due = asyncio.Event()
+        self.keys: Mapping[str, Key] = known_keys(entries, path)
+
+    @asynccontextmanager
+    async def watched(self) -> AsyncIterator[None]:
+        """Inside of the block a changed file counts after `WATCH_EVERY_S`, and at once on SIGHUP."""
+        if (
+            threading.current_thread() is threading.main_thread()
+        ):  # others cannot have the signals of a process
+            asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, self._due.set)
+        watching = asyncio.create_task(self._watch())
+        try:
+            yield
+        finally:
+            watching.cancel()
+            with suppress(asyncio.CancelledError):
+                await watching
+
+    async def _watch(self) -> None:
+        while True:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(WATCH_EVERY_S):
+                    await self._due.wait()
+            is_asked = self._due.is_set()
+            self._due.clear()
+            # In a thread: a network file system may hang.
+            await asyncio.to_thread(self.read_again, is_asked=is_asked)
+
+    def read_again(self, *, is_asked: bool = False) -> None:
+        """Take over the keys of the file if it has changed, or if `is_asked`; an invalid file changes nothing."""
+        stamp = _stamp_of(self._path)
+        if stamp == self._stamp and not is_asked:
+            return
+        self._stamp = stamp
+        try:
+            self.keys = known_keys(self._entries, self._path)
+        except InvalidKeys as error:
+            log.error(
+                "API_KEYS_FILE has changed and cannot be used; the keys before it stay valid: %s", error
+            )
+            return
+        names = {key.name for key in self.keys.values()}
+        log.info("the API keys were read again", extra={"names_of_keys": len(names)})
+
+
+def _stamp_of(path: Path | None) -> _Stamp | None:
+    """The stamp of a file; None: there is no such file."""
+    if path is None:
+        return None
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
