@@ -1,7 +1,6 @@
 """What browsers may do with this service: security headers of all responses, and no writing from other sites."""
 
 from collections.abc import Collection, Mapping
-from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -121,4 +120,4 @@ class OwnSite:
         if site is not None:
             return site in ("cross-site", "same-site")
         # A proxy may have changed the scheme, so only hosts are compared.
-        return origin is not None and urlsplit(origin).netloc != headers.get("host", "")
+        return origin is not None and origin.partition("://")[2] != headers.get("host", "")

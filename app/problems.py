@@ -273,7 +273,7 @@ def _headers_of(error: DocumentError) -> tuple[tuple[str, str], ...]:
 
 def _refusal_of_http(error: HTTPException) -> Refusal:
     """Problem of an error of the framework; also of errors while it reads the body."""
-    if isinstance(error.__cause__, DocumentError):
+    if isinstance(error.__cause__, DocumentError | StoreError):
         return refusal_of(error.__cause__)
     if isinstance(error.__cause__, ClientDisconnect):
         return _gone()

@@ -106,21 +106,24 @@ class JobAdmission:
             place.leave()
 
     async def _wait(self, job: StoredJob) -> StoredJob:
-        """The job at its end. Raises `Busy` when no worker takes it in time."""
-        async with asyncio.timeout(self.queue_timeout_s) as waiting:
-            try:
+        """The job at its end. Raises `Busy` when no worker takes it in time, also after one has handed it back."""
+        try:
+            async with asyncio.timeout(self.queue_timeout_s) as waiting:
                 async for changed in self.jobs.followers.follow(job):
-                    if changed is None:
+                    if changed is None or changed.state == job.state:
                         continue
-                    if changed.state != "queued":
-                        waiting.reschedule(None)  # the worker's own limits hold from here on
                     if changed.is_over:
                         return changed
-            except TimeoutError:
-                raise Busy(
-                    f"No worker was free within {self.queue_timeout_s:g} s (QUEUE_TIMEOUT_S). "
-                    "Send the request again later."
-                ) from None
+                    job = changed
+                    # While it runs, the worker's own limits hold.
+                    is_queued = job.state == "queued"
+                    now_s = asyncio.get_running_loop().time()
+                    waiting.reschedule(now_s + self.queue_timeout_s if is_queued else None)
+        except TimeoutError:
+            raise Busy(
+                f"No worker was free within {self.queue_timeout_s:g} s (QUEUE_TIMEOUT_S). "
+                "Send the request again later."
+            ) from None
         raise Busy("The service is stopping. Send the request again.")
 
     async def _forget(self, request: Request, job: StoredJob) -> None:

@@ -36,7 +36,7 @@ def test_a_file_without_a_key_is_refused(tmp_path: Path, lines: tuple[str, ...])
 
 def test_the_same_key_twice_is_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "keys", RITA, ANNA, RITA.replace("rita reader", "boss admin"))
-    with pytest.raises(InvalidKeys, match="line 3 .* as rita"):
+    with pytest.raises(InvalidKeys, match=r"line 3 .* as rita"):
         known_keys((), path)
     path = write(tmp_path / "keys", RITA, ANNA)
     for entries in (("key-of-rita",), ("old:key-of-rita",), ("phone:secret", "secret"), ("same", "same")):

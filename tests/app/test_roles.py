@@ -1,14 +1,22 @@
 """Keys with names and roles from a file, what each may do, and the list of who changed what."""
 
+import asyncio
+import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
+from unittest.mock import Mock
 
 import httpx
 import pytest
+from fastapi import Request
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
 
+from app.callers import Caller, caller_of
+from app.jobs.stored_request import JobRun, do_request
 from app.main import create_app
 from app.roles import (
     NOT_FOR_READERS,
@@ -20,10 +28,10 @@ from app.roles import (
     read_keys_file,
 )
 from app.settings import Settings
-from tests.app.scripted import OPERATIONS, model_document
+from tests.app.scripted import OPERATIONS, PAGE, model_document
 from tests.app.scripts import upload
 from tests.app.serving import serving
-from tests.app.test_jobs import until
+from tests.app.test_jobs import LATER, start, until
 from tests.app.test_layout_feedback import give, recognize
 from tests.app.test_problems import assert_problem
 
@@ -140,6 +148,73 @@ def test_the_digest_is_no_key(client: httpx.Client) -> None:
     for key in (digest, f"anna:sha256:{digest}", f"sha256:{digest}"):
         assert_problem(client.get("/layout/models", headers={"X-API-Key": key}), 403, "forbidden")
     assert client.get("/layout/models", headers={"X-API-Key": "key-of-old"}).status_code == 200
+
+
+@pytest.fixture(scope="module")
+def titled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """A service whose verifier is called as the admin of API_KEYS would be, with one unknown page of each key."""
+    path = tmp_path_factory.mktemp("keys") / "keys.txt"
+    keys = {name: (role, f"key-of-{name}") for name, role in (("admin", "verifier"), ("boss", "admin"))}
+    path.write_text("\n".join(line(name, *of) for name, of in keys.items()))
+    with serving(api_keys_file=path, max_jobs_per_key=1, workers=1) as client:
+        for name in keys:
+            client.headers["X-API-Key"] = f"key-of-{name}"
+            client.put("/layout/models/letter", json=LETTER)
+            found = client.post("/layout", data={"zones": json.dumps(PAGE)}).json()["id"]
+            give(client, found, {"class": None}).raise_for_status()
+        yield client
+
+
+@pytest.mark.parametrize(("name", "pages"), [("admin", 1), ("boss", 2)])
+@pytest.mark.parametrize("is_job", [False, True])
+def test_a_job_has_the_role_of_its_key_and_a_name_is_none(
+    titled: httpx.Client, name: str, pages: int, is_job: bool
+) -> None:
+    """Proposals look at the unknown pages that their key may see: a verifier's own, an admin's all."""
+    titled.headers["X-API-Key"] = f"key-of-{name}"
+    proposed = titled.post("/layout/proposals", headers=LATER if is_job else {})
+    if is_job:
+        assert until(titled, proposed.headers["location"])["state"] == "succeeded"
+        proposed = titled.get(proposed.headers["location"] + "/result")
+    assert proposed.json()["looked_at"]["unknown_pages"] == pages
+
+
+def test_jobs_of_a_key_of_the_file_are_limited(titled: httpx.Client, tmp_path: Path) -> None:
+    titled.headers["X-API-Key"] = "key-of-admin"
+    first = start(titled, f"wait {tmp_path}")
+    for _ in range(2):
+        refused = titled.post("/rectify", files={"image": upload("")}, headers=LATER)
+        assert_problem(refused, 503, "busy")
+        assert "MAX_JOBS_PER_KEY" in refused.json()["detail"]
+    own = start(titled, "", {"X-API-Key": "key-of-boss"})
+    (tmp_path / "go").touch()
+    assert until(titled, first)["state"] == "succeeded"
+    assert titled.delete(own, headers={"X-API-Key": "key-of-boss"}).status_code == 204
+
+
+def test_a_stored_job_without_a_role_has_least_rights() -> None:
+    """As jobs that an earlier release has stored."""
+    seen: list[Caller] = []
+
+    async def route(scope: Scope, receive: Receive, send: Send) -> None:
+        seen.append(caller_of(Request(scope)))
+        await Response()(scope, receive, send)
+
+    async def nothing() -> AsyncIterator[bytes]:
+        return
+        yield b""
+
+    for caller in (None, "admin"):
+        stored = {
+            "method": "GET",
+            "path": "/",
+            "query": "",
+            "headers": {},
+            "request_id": "r",
+            "caller": caller,
+        }
+        asyncio.run(do_request(route, None, stored, nothing(), JobRun(Mock())))
+    assert seen == [Caller(None, sees_all=False), Caller("admin", sees_all=False)]
 
 
 def test_every_request_of_a_role_exists() -> None:
