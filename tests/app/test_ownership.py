@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from app.authentication import OPEN_PATHS
 from app.known_keys import name_of_key, spellings_of_key
 from app.layout_store import DATABASE
 from models.repository import Store
@@ -171,3 +173,75 @@ def test_after_deletion_nothing_is_left(
         assert store.model("letter").version is not None
         for version in store.model_versions("letter"):
             assert SECRET not in json.dumps(store.model("letter", version.version).document)
+
+
+OWN = {
+    "/layout/results": ("", "?format=csv", "?format=jsonl", "?order=gain", "?order=confidence", "?state=corrected",
+                        "?state=open", "?state=skipped&order=gain"),
+    "/layout/results/{id}": ("", "?format=html"),
+    "/layout/results/{id}/image": ("", "?width=10"),
+    "/layout/models/{name}/feedback": ("", "?limit=1"),
+    "/layout/unknown-pages": ("", "?limit=1"),
+    "/layout/unknown-pages/{id}": ("",),
+    "/jobs/{id}": ("",),
+    "/jobs/{id}/result": ("",),
+    "/jobs/{id}/events": ("",),
+    "/cameras": ("",),
+}  # fmt: skip
+"""Paths that show what a key has made, with the queries that are asked."""
+SHARED = {
+    "/layout/models", "/layout/models/{name}", "/layout/models/{name}/samples", "/layout/models/{name}/samples/{id}",
+    "/layout/models/{name}/versions", "/layout/models/{name}/versions/{version}/diff", "/layout/models/{name}/health",
+    "/layout/models/{name}/settings", "/layout/export", "/audit",
+}  # fmt: skip
+"""Paths that show models with their samples, which all keys share, and the list of changes."""
+
+
+@pytest.fixture(scope="module")
+def made(client: httpx.Client) -> Iterator[dict[str, str]]:
+    """What Alice has made, by path; each of them with a mark by which it is recognized in an answer."""
+    client.put("/layout/models/letter", json=model_document("letter", "sender", "date"), headers=ADMIN)
+    results = [recognize(client, ALICE) for _ in range(4)]
+    kept = recognize_image(client, ALICE)
+    for result, body in zip(results, ({"class": "letter"}, {"class": None}, {"labels": {}}), strict=False):
+        client.post(f"/layout/results/{result}/feedback", json=body, headers=ALICE).raise_for_status()
+    client.post(f"/layout/results/{results[3]}/skip", headers=ALICE).raise_for_status()
+    job = start(client, ALICE)
+    data = {"camera": "alice-s"}
+    client.post("/rectify", files={"image": upload("")}, data=data, headers=ALICE).raise_for_status()
+    [unknown] = client.get("/layout/unknown-pages", headers=ALICE).json()["pages"]
+    yield {
+        "/layout/results/{id}": results[0],
+        "/layout/results/{id}/image": kept,
+        "/layout/unknown-pages/{id}": unknown["id"],
+        "/jobs/{id}": job.removeprefix("/jobs/"),
+    }
+    for result in (*results, kept):
+        client.delete(f"/layout/results/{result}/feedback", headers=ADMIN)
+        client.delete(f"/layout/results/{result}", headers=ADMIN)
+    for path in (job, "/cameras/alice-s", "/layout/models/letter"):
+        client.delete(path, headers=ADMIN if path.startswith("/layout") else ALICE)
+
+
+@pytest.mark.parametrize("template", OWN)
+def test_what_a_key_has_made_is_shown_to_no_other(
+    client: httpx.Client, made: dict[str, str], template: str
+) -> None:
+    own = next((made[name] for name in (template, template.rpartition("/")[0]) if name in made), "")
+    path = template.replace("{id}", own).replace("{name}", "letter")
+    answers = [[client.get(path + query, headers=key) for query in OWN[template]] for key in (ALICE, BOB)]
+    assert {shown.status_code for shown in answers[0]} == {200}
+    if "{id}" in template:
+        for hidden in answers[1]:
+            assert_problem(hidden, 404, "not-found")
+        return
+    marks = set(re.findall("[0-9A-HJKMNP-TV-Z]{26}|alice-s", "".join(shown.text for shown in answers[0])))
+    assert marks
+    for hidden in answers[1]:
+        assert hidden.status_code == 200
+        assert not any(mark in hidden.text for mark in {*marks, SECRET})
+
+
+def test_every_path_shows_what_is_owned_or_shared(client: httpx.Client) -> None:
+    paths = client.get("/openapi.json").json()["paths"]
+    assert {path for path in paths if "get" in paths[path]} - OPEN_PATHS == {*OWN, *SHARED}
