@@ -293,7 +293,10 @@ def _settings_of_environment() -> Settings:
         return Settings()
     except ValidationError as error:
         sys.exit(
-            "\n".join(f"{'_'.join(map(str, each['loc'])).upper()}: {each['msg']}" for each in error.errors())
+            "\n".join(
+                f"{'_'.join(map(str, each['loc'])).upper()}: {each['msg'].removeprefix('Value error, ')}"
+                for each in error.errors()
+            )
         )
 
 

@@ -72,3 +72,9 @@ class InvalidModel(DocumentError):
     """The document is not a layout model, is damaged, or has a format that this release does not know."""
 
     code = "invalid-model"
+
+
+class NotDoneInTime(DocumentError):
+    """The time for all the work ended before this part of it was done."""
+
+    code = "timed-out"

@@ -29,6 +29,7 @@ class Operations:
     """The operations of one service; a test can replace them. An operation has the arguments of its function."""
 
     rectify: Operation[PageReply] = Operation("services.operations.rectify_documents:rectify_uploads")
+    bind_done_pages: Operation[PageReply] = Operation("services.operations.rectify_documents:bind_done_pages")
     mosaic: Operation[PageReply] = Operation("services.operations.mosaic:mosaic_uploads")
     recognize_layout: Operation[LayoutReply | DocumentReply] = Operation(
         "services.operations.layout_documents:recognize_uploads"

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 from services.contract.images import DocumentLimits, Encoding, PageReply
 from services.contract.rectify import RectifyParameters
-from services.errors import DocumentError, InvalidOption
+from services.errors import DocumentError, InvalidOption, NotDoneInTime
 from services.heap import release_freed_memory
 from services.imaging.page_images import PageLimits, PagePicture, PageSource, open_pages
+from services.operations.page_journal import Entry, PageJournal, SourceName, SourceOutcome, read_journal
 from services.operations.page_reading import reading_engine
 from services.operations.pages_reply import (
     DescribedPage,
@@ -25,12 +26,17 @@ from services.rectify.results import Notice
 
 
 def rectify_uploads(
-    uploads: Sequence[bytes], parameters: RectifyParameters, encoding: Encoding, limits: DocumentLimits
+    uploads: Sequence[bytes],
+    parameters: RectifyParameters,
+    encoding: Encoding,
+    limits: DocumentLimits,
+    journal: str = "",
 ) -> PageReply:
     """Frontal flat views of the pages in `uploads`: photos, TIFF files and PDFs of one page or more.
 
     A single page is answered as by `rectify_picture`. Of several pages, one that fails does not lose the others: the
-    document has its problem at its place, and a file of several pages leaves it out.
+    document has its problem at its place, and a file of several pages leaves it out. Of several pages, those that are
+    done are written to the file `journal`, from which `bind_done_pages` makes an answer when this call is stopped.
 
     Raises
     ------
@@ -54,16 +60,39 @@ def rectify_uploads(
                 f"region: it is of one photo, and {len(sources)} pages were sent; send the photo of the region alone.",
                 "region",
             )
-        return _rectify_pages(sources, parameters, encoding)
+        return _rectify_pages(sources, parameters, encoding, journal)
+
+
+def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
+    """The answer of a `rectify_uploads` that was stopped, with the pages that were done; the others have failed.
+
+    Raises
+    ------
+    NotDoneInTime
+        When no page was done. `reason` is the detail, also of the pages that are missing.
+    """
+    names, entries = read_journal(journal)
+    outcomes = [entry.outcome for entry in entries]
+    for name in names[len(entries) :]:
+        outcomes.append(SourceOutcome(error=NotDoneInTime(f"{name.label}: {reason}", name.field)))
+    target = entries[-1].target if entries else None
+    if target is None or not any(outcome.pages for outcome in outcomes):
+        raise NotDoneInTime(reason)
+    return _bind(outcomes, target, encoding, entries[-1].timings_ms)
 
 
 def _rectify_pages(
-    sources: Sequence[PageSource], parameters: RectifyParameters, encoding: Encoding
+    sources: Sequence[PageSource], parameters: RectifyParameters, encoding: Encoding, journal: str
 ) -> PageReply:
+    done = PageJournal(journal, [SourceName(source.label, source.field) for source in sources])
     timings_ms: dict[str, float] = {}
-    encoded: list[EncodedPage] = []
-    failures: list[FailedPage] = []
+    outcomes: list[SourceOutcome] = []
     target: PagesTarget | None = None
+
+    def note(outcome: SourceOutcome) -> None:
+        outcomes.append(outcome)
+        done.add(Entry(outcome, target, timings_ms))
+
     for index, source in enumerate(sources):
         share = ENCODING_BEGINS / len(sources)
         with progress_within(index * share, (index + 1) * share):
@@ -75,20 +104,34 @@ def _rectify_pages(
             except DocumentError as error:
                 if target is None and error.code == "not-acceptable":
                     raise
-                failures.append(FailedPage(len(encoded) + len(failures), _named(error, source)))
+                note(SourceOutcome(error=_named(error, source)))
                 continue
             del picture
             # Pixels are let go before more memory is taken: those of the photo before encoding, those of a page before
             # the next page begins.
+            encoded: list[EncodedPage] = []
             while pages:
                 page = pages.pop(0)
                 release_freed_memory()
                 encoded.append(encode_page(page, target, facts, encoding))
                 _add_timings(timings_ms, page)
                 del page
+            note(SourceOutcome(tuple(encoded)))
             release_freed_memory()
-    if not encoded or target is None:
-        raise failures[0].error
+    if target is None or not any(outcome.pages for outcome in outcomes):
+        raise next(outcome.error for outcome in outcomes if outcome.error is not None)
+    return _bind(outcomes, target, encoding, timings_ms)
+
+
+def _bind(
+    outcomes: Sequence[SourceOutcome], target: PagesTarget, encoding: Encoding, timings_ms: dict[str, float]
+) -> PageReply:
+    encoded: list[EncodedPage] = []
+    failures: list[FailedPage] = []
+    for outcome in outcomes:
+        if outcome.error is not None:
+            failures.append(FailedPage(len(encoded) + len(failures), outcome.error))
+        encoded += outcome.pages
     return bind_pages(encoded, target, encoding, timings_ms, _notices(failures), failures)
 
 

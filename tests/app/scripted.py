@@ -35,7 +35,11 @@ from tests.app.scripts import JPEG, follow, upload
 
 
 def rectify(
-    uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding, limits: DocumentLimits
+    uploads: list[bytes],
+    parameters: RectifyParameters,
+    encoding: Encoding,
+    limits: DocumentLimits,
+    journal: str,
 ) -> PageReply:
     """Follow the scripts in the uploads, then answer with a document that tells what was asked.
 
@@ -43,7 +47,7 @@ def rectify(
     those whose script is an error are failed pages.
     """
     if len(uploads) > 1:
-        return _reply_of_uploads(uploads, parameters, encoding)
+        return _reply_of_uploads(uploads, parameters, encoding, journal)
     verb = follow(uploads[0], "image")
     if verb == b"unpicklable":
         return PageReply(lambda: None, "image/jpeg", {})  # type: ignore[arg-type]
@@ -53,18 +57,39 @@ def rectify(
     return _reply(encoding, lambda image: rectified_document(parameters, encoding, image) | creased)
 
 
-def _reply_of_uploads(uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding) -> PageReply:
+def _reply_of_uploads(
+    uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding, journal: str
+) -> PageReply:
     pages: list[dict[str, object]] = []
     for index, file in enumerate(uploads):
         try:
             follow(file, f"image[{index}]")
             pages.append(rectified_document(parameters, encoding, None))
         except errors.DocumentError as error:
-            pages.append({"problem": {"code": error.code, "detail": error.detail, "field": error.field}})
+            pages.append(_failed(error))
+        Path(journal).write_text(json.dumps([pages, len(uploads)]), encoding="utf-8")
+    return _reply_of_all(pages, encoding)
+
+
+def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
+    """The pages that the call of `rectify` has written down before it was stopped."""
+    text = Path(journal).read_text(encoding="utf-8")
+    pages, count = json.loads(text) if text else ([], 0)
+    if not pages:
+        raise errors.NotDoneInTime(reason)
+    missing = [_failed(errors.NotDoneInTime(reason, f"image[{index}]")) for index in range(len(pages), count)]
+    return _reply_of_all([*pages, *missing], encoding)
+
+
+def _failed(error: errors.DocumentError) -> dict[str, object]:
+    return {"problem": {"code": error.code, "detail": error.detail, "field": error.field}}
+
+
+def _reply_of_all(pages: list[dict[str, object]], encoding: Encoding) -> PageReply:
     whole = {"pages": pages, "warnings": [], "timings_ms": {"decode": 1.25}}
     if encoding.pages_format is None:
-        raise errors.NotAcceptable(f"{len(uploads)} pages, and the format holds one.", "format")
-    body = b"" if encoding.pages_format == "json" else f"{len(uploads)} as {encoding.pages_format}".encode()
+        raise errors.NotAcceptable(f"{len(pages)} pages, and the format holds one.", "format")
+    body = b"" if encoding.pages_format == "json" else f"{len(pages)} as {encoding.pages_format}".encode()
     return PageReply(body, MEDIA_TYPES[encoding.pages_format], whole)
 
 

@@ -10,6 +10,8 @@ from app.schemas.rectify import CreasedSheet, PagesResult, RectifyResult
 from tests.app.scripted_results import CREASED_SHEET
 from tests.app.scripts import upload
 from tests.app.serving import serving
+from tests.app.test_jobs import LATER, until
+from tests.app.test_problems import assert_problem
 
 
 def post(
@@ -314,3 +316,23 @@ def test_an_operator_chooses_languages() -> None:
         assert "fra is not read by this server; OCR_LANGUAGES has deu, eng" in refused.json()["detail"]
         assert client.get("/health/ready").json()["languages"] == ["eng", "fra"]
         assert 'ocr_language{language="fra"} 1.0' in client.get("/metrics").text
+
+
+@pytest.mark.parametrize("is_job", [False, True])
+def test_a_page_that_hangs_does_not_lose_those_before_it(is_job: bool) -> None:
+    """Also where native code never returns, so that the worker is killed."""
+    with serving(document_timeout_s=1) as client:
+        files = [("image", upload(script)) for script in ("", "no-text", "", "hang", "")]
+        answer = client.post(
+            "/rectify", files=files, data={"format": "json"}, headers=LATER if is_job else {}
+        )
+        if is_job:
+            assert until(client, answer.headers["location"])["state"] == "succeeded"
+            answer = client.get(answer.headers["location"] + "/result")
+        else:
+            nothing = client.post("/rectify", files=files[3:], data={"format": "json"})
+            assert_problem(nothing, 504, "timed-out")
+        assert answer.status_code == 200
+        problems = [page.get("problem", {}).get("code") for page in answer.json()["pages"]]
+        assert problems == [None, "no-text", None, "timed-out", "timed-out"]
+        assert "DOCUMENT_TIMEOUT_S" in answer.json()["pages"][3]["problem"]["detail"]

@@ -4,6 +4,7 @@ import io
 import json
 import weakref
 import zipfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,15 +14,16 @@ from PIL import Image
 
 from services.contract.images import DocumentLimits, Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
-from services.errors import InvalidOption, NotAcceptable, TooLarge, UndecodableImage
-from services.operations import rectify
-from services.operations.rectify_documents import rectify_uploads
+from services.errors import InvalidOption, NotAcceptable, NotDoneInTime, TooLarge, UndecodableImage
+from services.operations import rectify, rectify_documents
+from services.operations.rectify_documents import bind_done_pages, rectify_uploads
 from tests.services.imaging.files import make_file
 from tests.services.operations.pipelines import RectifyPipeline, turned_mesh
 
 PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
 JPEG, PNG = make_file(PHOTO, "JPEG"), make_file(PHOTO[:30], "PNG")
 PARAMETERS = RectifyParameters()
+JSON = Encoding("json", pages_format="json")
 pytestmark = pytest.mark.usefixtures("pipeline")
 
 
@@ -163,3 +165,72 @@ def test_what_several_pages_cannot_have(pipeline: RectifyPipeline) -> None:
 def test_books_among_several_photos_give_two_pages_each(pipeline: RectifyPipeline) -> None:
     pipeline.pages = 2
     assert len(pages_of(run(JPEG, PNG, pages="both"))) == 4
+
+
+class Stopped(BaseException):
+    """In place of the kill of a worker that works for too long."""
+
+
+def stopped_at(
+    page: int,
+    journal: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *uploads: bytes,
+    encoding: Encoding = JSON,
+) -> None:
+    """Flatten the uploads until this page begins."""
+    flatten, begun = rectify.flatten_picture, []
+
+    def flatten_or_stop(*arguments: Any) -> Any:
+        begun.append(arguments)
+        if len(begun) > page:
+            raise Stopped
+        return flatten(*arguments)
+
+    monkeypatch.setattr(rectify_documents, "flatten_picture", flatten_or_stop)
+    with pytest.raises(Stopped):
+        rectify_uploads(uploads, PARAMETERS, encoding, DocumentLimits(), str(journal))
+
+
+REASON = "The work took too long."
+
+
+def test_pages_that_are_done_outlive_their_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = tmp_path / "journal"
+    whole = run(JPEG, PNG, b"no image", JPEG, PNG, encoding=JSON)
+    stopped_at(3, journal, monkeypatch, JPEG, PNG, b"no image", JPEG, PNG, JPEG)
+    with journal.open("ab") as file:
+        file.write((1000).to_bytes(8) + b"half a page")
+    reply = bind_done_pages(str(journal), JSON, REASON)
+    expected, pages = pages_of(whole)[:4], pages_of(reply)
+    for page in (*expected, *pages):
+        page.pop("timings_ms", None)
+    assert pages[:4] == expected
+    assert [page["problem"] for page in pages[4:]] == [
+        {"code": "timed-out", "detail": f"image[{index}]: {REASON}", "field": f"image[{index}]"}
+        for index in (4, 5)
+    ]
+    (warning,) = reply.document["warnings"]  # type: ignore[misc]
+    assert warning["code"] == "pages-failed"
+    assert warning["detail"].endswith("3, 5, 6. JSON has the reason.")
+
+
+def test_a_file_of_the_pages_that_are_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = tmp_path / "journal"
+    pdf = Encoding("pdf", pages_format="pdf")
+    stopped_at(2, journal, monkeypatch, JPEG, PNG, JPEG, encoding=pdf)
+    reply = bind_done_pages(str(journal), pdf, REASON)
+    assert len(pypdfium2.PdfDocument(reply.body)) == 2
+
+
+@pytest.mark.parametrize("page", [0, None])
+def test_without_a_page_that_is_done_the_answer_is_late(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, page: int | None
+) -> None:
+    journal = tmp_path / "journal"
+    if page is None:  # not even begun
+        journal.touch()
+    else:
+        stopped_at(page, journal, monkeypatch, JPEG, PNG)
+    with pytest.raises(NotDoneInTime, match=REASON):
+        bind_done_pages(str(journal), JSON, REASON)
