@@ -1,6 +1,9 @@
 """The store's calls for small values that all processes share."""
 
 import secrets
+from datetime import timedelta
+
+from sqlalchemy import delete, select
 
 from models.tables import SharedValueRow
 from models.transactions import Transactions
@@ -26,13 +29,19 @@ class SharedValueRepository(Transactions):
                 session.add(row)
             return row.value
 
-    def shared_value(self, name: str) -> bytes | None:
-        """The value of this name; None: nobody has written one."""
-        with self._glancing() as session:
-            row = session.get(SharedValueRow, name)
-        return None if row is None else row.value
-
-    def share_value(self, name: str, value: bytes) -> None:
-        """Write the value of this name in place of the one before."""
+    def show_presence(self, kind: str, own: str, lasts_s: float) -> list[str]:
+        """Write that `own` is there, for `lasts_s` seconds; the others of its kind that are there."""
+        now = self._clock()
+        of_kind = SharedValueRow.name.startswith(f"{kind} ", autoescape=True)
         with self._changing() as (session, _):
-            session.merge(SharedValueRow(name=name, value=value, written_at=self._clock()))
+            session.merge(SharedValueRow(name=f"{kind} {own}", value=b"", written_at=now))
+            session.flush()
+            oldest = now - timedelta(seconds=lasts_s)
+            session.execute(delete(SharedValueRow).where(of_kind, SharedValueRow.written_at < oldest))
+            names = session.execute(select(SharedValueRow.name).where(of_kind)).scalars().all()
+        return sorted(name.partition(" ")[2] for name in names if name != f"{kind} {own}")
+
+    def end_presence(self, kind: str, own: str) -> None:
+        """Write that `own` is there no longer."""
+        with self._changing() as (session, _):
+            session.execute(delete(SharedValueRow).where(SharedValueRow.name == f"{kind} {own}"))

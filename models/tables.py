@@ -278,7 +278,7 @@ class CameraRow(Table):
 
 
 class SharedValueRow(Table):
-    """A small value that all processes share, as the secret that signs tokens."""
+    """A small value that all processes share: the secret that signs tokens, and which processes are there."""
 
     __tablename__ = "shared_values"
 

@@ -92,16 +92,21 @@ class LocalDispatch:
                     await news.wait()
 
 
+Duty = tuple[float, Callable[[], Awaitable[object]]]
+"""What is to be done, and the pause between two times, seconds."""
+
+
 class Housekeeping:
     """What has to be done at intervals by every process, whether it runs jobs or not."""
 
-    def __init__(self, jobs: Jobs, runner: JobRunner, dispatch: Dispatch) -> None:
-        self._duties: list[tuple[float, Callable[[], Awaitable[object]]]] = [
+    def __init__(self, jobs: Jobs, runner: JobRunner, dispatch: Dispatch, *others: Duty) -> None:
+        self._duties: list[Duty] = [
             (SETTLE_EVERY_S, runner.settle_stalled),
             (SETTLE_EVERY_S, dispatch.settle),
             (PURGE_EVERY_S, jobs.purge),
             (SWEEP_EVERY_S, jobs.sweep_blobs),
             (RELEASE_EVERY_S, partial(asyncio.to_thread, release_freed_memory)),
+            *others,
         ]
         self._tasks: list[asyncio.Task[None]] = []
 

@@ -34,7 +34,7 @@ HANDED_BACK = frozenset({"busy", "shutting-down", "store-unavailable", "not-read
 """Problems of the service, not of the job: the job is done later."""
 TRIED_AGAIN = WorkerDied.code
 """The problem after which a job is tried again, and fails when that was the last attempt."""
-_LOST_INPUT = "the upload of this job is gone; send the request again"
+_LOST_INPUT = "the worker does not find the upload of this job; send the request again"
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from app.jobs.dispatch import Dispatch, Housekeeping, LocalDispatch
 from app.jobs.queue import QueueDispatch
 from app.jobs.registry import JobLimits, Jobs
 from app.jobs.running import JobRunner, RunLimits
+from app.jobs.shared_blobs import LOOK_EVERY_S, SharedBlobs
 from app.jobs.stored_request import JobRun, do_request
 from app.layout_store import LayoutStore
 from app.metrics import JobFacts
@@ -65,7 +66,9 @@ class JobService:
             if settings.database_url
             else LocalDispatch(self._runner, settings.workers)
         )
-        self._housekeeping = Housekeeping(jobs, self._runner, self.dispatch)
+        self.shared_blobs = SharedBlobs(store, blobs)
+        looks = [(LOOK_EVERY_S, self.shared_blobs.look)] if settings.database_url else []
+        self._housekeeping = Housekeeping(jobs, self._runner, self.dispatch, *looks)
         self.callbacks = Callbacks(
             store,
             CallbackSettings(
@@ -110,6 +113,7 @@ class JobService:
         await self.callbacks.stop()
         await self._housekeeping.stop()
         await self.dispatch.stop(grace_s)
+        await self.shared_blobs.leave()
 
 
 def _tell(error: Exception, request_id: str) -> Response:

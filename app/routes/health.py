@@ -1,13 +1,14 @@
 """Liveness, readiness and metrics."""
 
 import asyncio
+from typing import Literal
 
 from fastapi import APIRouter, Response
 
 from app.engine.base import EngineStatus
 from app.metrics import MEDIA_TYPE
 from app.problems import documented
-from app.routes.state import State
+from app.routes.state import AppState, State
 from app.schemas.health import Live, Ready
 from app.worker_facts import languages_of
 from services.errors import DocumentError
@@ -51,10 +52,14 @@ async def ready(state: State) -> Ready:
         languages=languages_of(status),
         disk="ready" if disk else "full",
         store="ready" if store else "unavailable",
-        blobs="ready" if blobs else "unavailable",
+        blobs=_state_of_blobs(state) if blobs else "unavailable",
         queue="unavailable" if runners is None else "ready",
         job_runners=runners,
     )
+
+
+def _state_of_blobs(state: AppState) -> Literal["ready", "not-shared"]:
+    return "ready" if state.job_service.shared_blobs.are_shared else "not-shared"
 
 
 @router.get(

@@ -27,8 +27,9 @@ class Ready(BaseModel):
     store: Literal["ready", "unavailable"] = Field(
         description="Whether the store can be read; if not, only /layout fails."
     )
-    blobs: Literal["ready", "unavailable"] = Field(
-        description="Whether the folder or the bucket for uploads and results of jobs can be written."
+    blobs: Literal["ready", "unavailable", "not-shared"] = Field(
+        description="Whether the folder or the bucket for uploads and results of jobs can be written; `not-shared`: "
+        "other processes of the same database have others, so that jobs fail (BLOB_URL)."
     )
     queue: Literal["ready", "unavailable"] = Field(description="Whether the queue of jobs can be read.")
     job_runners: int | None = Field(

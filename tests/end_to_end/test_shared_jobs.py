@@ -149,6 +149,19 @@ def test_an_api_without_workers_answers_by_those_of_others(shared: Shared, tmp_p
         time.sleep(0.1)
 
 
+def test_a_worker_with_other_blobs_is_the_operator_s_fault(shared: Shared, tmp_path: Path) -> None:
+    worker = shared.start("worker", data_dir=tmp_path / "other")
+    api = shared.start(workers=0)
+    refused = httpx.post(f"{api.url}/rectify", files={"image": upload("")}, timeout=20)
+    assert (refused.status_code, refused.json()["code"]) == (503, "store-unavailable")
+    deadline = time.monotonic() + 20
+    while httpx.get(f"{api.url}/health/ready").json().get("blobs") != "not-shared":
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert any("BLOB_URL" in line["message"] for line in api.lines)
+    assert worker.process.poll() is None
+
+
 def test_jobs_of_a_killed_worker_and_a_killed_api_are_done(shared: Shared, tmp_path: Path) -> None:
     gate = tmp_path / "gate"
     gate.mkdir()
