@@ -9,6 +9,8 @@ import psutil
 
 from benchmarks.attack.images import picture
 
+HONEST_KEY = {"X-API-Key": "key-of-honest"}
+"""Of the client that sends photos; in a service without keys it means nothing."""
 _PAUSE_S = 0.1
 _FRESH = httpx.Limits(max_keepalive_connections=0)
 """Every request has a connection of its own, as those of a probe have."""
@@ -63,7 +65,7 @@ class Watch:
                 self._measure()
 
     def _send(self) -> None:
-        with httpx.Client(base_url=self._url, timeout=120, limits=_FRESH) as client:
+        with httpx.Client(base_url=self._url, timeout=120, limits=_FRESH, headers=HONEST_KEY) as client:
             while not self._stopped.wait(_PAUSE_S):
                 response = client.post("/rectify", files={"image": picture()})
                 self.honest.append(response.status_code)
