@@ -1,25 +1,23 @@
 """POST /rectify: photos of pages -> their frontal flat views."""
 
 from dataclasses import replace
-from tempfile import NamedTemporaryFile
 from typing import Annotated
 
-from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
+from fastapi import APIRouter, Form, Query, Request, Response
 
 from app.callers import caller_of
 from app.camera_memory import keep_cameras, known_cameras
-from app.engine.base import JobTimedOut, TimeLimit
 from app.form_parts import FormRoute
 from app.routes.document_uploads import check_photos, document_limits, document_time_limit
 from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.ocr_languages import chosen_language
 from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
-from app.routes.state import AppState, State
+from app.routes.pages_in_time import flatten_pages
+from app.routes.state import State
 from app.schemas.options import AskedPagesFormat, CallbackUrl
 from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult
-from services.contract.images import Encoding, PageReply
-from services.contract.rectify import RectifyParameters
+from services.contract.images import Encoding
 from services.errors import InvalidOption
 from services.progress import ProgressSink
 
@@ -63,8 +61,8 @@ async def rectify(
     all pages, or JSON; without `Accept` and `format`, a PDF. `jpeg`, `png` and `webp` hold one page: they are refused
     (`not-acceptable`) for several. With pages=both, an open book is two pages, left before right.
 
-    Where the time limit of several pages ends before all are done, those that are done are answered; the others have
-    the problem `timed-out`.
+    A page that takes longer than JOB_TIMEOUT_S, and those that are not done within DOCUMENT_TIMEOUT_S, have the problem
+    `timed-out`.
 
     With text=true the page is read: JSON lists the words with their boxes in the flat page and their corners in the
     photo, and a PDF can be searched. The formats hocr, alto, txt and markdown are the text itself.
@@ -88,44 +86,20 @@ async def rectify(
 
     async def work(progress: ProgressSink | None) -> Response:
         cameras = await known_cameras(state.store, caller, is_enabled=settings.camera_memory)
-        reply = await _flatten(
-            state, form.image, replace(parameters, cameras=cameras), encoding, time_limit, progress
-        )
+        known = replace(parameters, cameras=cameras)
+        if time_limit is not None:
+            reply = await flatten_pages(state, form.image, known, encoding, time_limit, progress)
+        else:
+            limits = document_limits(settings)
+            reply = await state.engine.submit(
+                state.operations.rectify, form.image, known, encoding, limits, progress=progress
+            )
         request.state.seat.release()
         if settings.camera_memory:
             await keep_cameras(state.store, caller, reply.document)
         return answer_page(request, reply, RectifyResult, form.image[0], "-flat", PagesResult)
 
     return await answer_now_or_later(request, state, work)
-
-
-async def _flatten(
-    state: AppState,
-    images: list[UploadFile],
-    parameters: RectifyParameters,
-    encoding: Encoding,
-    time_limit: TimeLimit | None,
-    progress: ProgressSink | None,
-) -> PageReply:
-    """The flat pages; where several take too long, those that are done. Raises what `Engine.submit` raises."""
-    with NamedTemporaryFile(prefix="pages-") as journal:
-        try:
-            return await state.engine.submit(
-                state.operations.rectify,
-                images,
-                parameters,
-                encoding,
-                document_limits(state.settings),
-                journal.name,
-                time_limit=time_limit,
-                progress=progress,
-            )
-        except JobTimedOut as late:
-            if time_limit is None:  # one photo
-                raise
-            return await state.engine.submit(
-                state.operations.bind_done_pages, journal.name, encoding, late.detail
-            )
 
 
 def check_preview(form: RectifyForm, encoding: Encoding) -> None:

@@ -8,7 +8,7 @@ import pickle
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from services.errors import DocumentError
 from services.operations.pages_reply import EncodedPage, PagesTarget
@@ -42,16 +42,30 @@ class Entry:
 
 
 class PageJournal:
-    """The file at `path`; an empty path: nothing is written."""
+    """The file at `path`, which is empty at first; without a path nothing is written, and nothing is there."""
 
-    def __init__(self, path: str, names: list[SourceName]) -> None:
-        """Begin with the names of all pages."""
+    def __init__(self, path: str) -> None:
         self._path = path
+
+    def begin(self, names: list[SourceName]) -> None:
+        """Write the names of all pages."""
         self._write(names)
 
     def add(self, entry: Entry) -> None:
         """Write that one more page is done."""
         self._write(entry)
+
+    def read(self) -> tuple[list[SourceName], list[Entry]]:
+        """The names of all pages, and those that are done, without what a killed worker has written in part.
+
+        What is written next follows the whole ones.
+        """
+        if not self._path:
+            return [], []
+        with Path(self._path).open("r+b") as file:
+            names, *entries = [*_whole_records(file)] or [[]]
+            file.truncate()
+        return names, entries
 
     def _write(self, record: object) -> None:
         if self._path:
@@ -60,17 +74,14 @@ class PageJournal:
                 file.write(len(data).to_bytes(_LENGTH_BYTES) + data)
 
 
-def read_journal(path: str) -> tuple[list[SourceName], list[Entry]]:
-    """The names of all pages, and those that are done; what a killed worker has written in part is left out."""
-    names, *entries = [*_records(path)] or [[]]
-    return names, entries
-
-
-def _records(path: str) -> Iterator[Any]:
-    with Path(path).open("rb") as file:
-        while len(head := file.read(_LENGTH_BYTES)) == _LENGTH_BYTES:
-            length = int.from_bytes(head)
-            data = file.read(length)
-            if len(data) < length:
-                return
-            yield pickle.loads(data)
+def _whole_records(file: IO[bytes]) -> Iterator[Any]:
+    """Yield the records; at the end the position of the file is behind the last whole one."""
+    while True:
+        begin = file.tell()
+        head = file.read(_LENGTH_BYTES)
+        length = int.from_bytes(head)
+        data = file.read(length)
+        if len(head) < _LENGTH_BYTES or len(data) < length:
+            file.seek(begin)
+            return
+        yield pickle.loads(data)

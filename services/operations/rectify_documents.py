@@ -7,7 +7,7 @@ from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError, InvalidOption, NotDoneInTime
 from services.heap import release_freed_memory
 from services.imaging.page_images import PageLimits, PagePicture, PageSource, open_pages
-from services.operations.page_journal import Entry, PageJournal, SourceName, SourceOutcome, read_journal
+from services.operations.page_journal import Entry, PageJournal, SourceName, SourceOutcome
 from services.operations.page_reading import reading_engine
 from services.operations.pages_reply import (
     DescribedPage,
@@ -31,12 +31,14 @@ def rectify_uploads(
     encoding: Encoding,
     limits: DocumentLimits,
     journal: str = "",
+    too_slow: str = "",
 ) -> PageReply:
     """Frontal flat views of the pages in `uploads`: photos, TIFF files and PDFs of one page or more.
 
     A single page is answered as by `rectify_picture`. Of several pages, one that fails does not lose the others: the
     document has its problem at its place, and a file of several pages leaves it out. Of several pages, those that are
-    done are written to the file `journal`, from which `bind_done_pages` makes an answer when this call is stopped.
+    done are written to the file `journal`. When this call is stopped, another one with the same file goes on behind the
+    page that was at work, whose problem is `too_slow`; or `bind_done_pages` makes an answer of it.
 
     Raises
     ------
@@ -60,7 +62,7 @@ def rectify_uploads(
                 f"region: it is of one photo, and {len(sources)} pages were sent; send the photo of the region alone.",
                 "region",
             )
-        return _rectify_pages(sources, parameters, encoding, journal)
+        return _rectify_pages(sources, parameters, encoding, PageJournal(journal), too_slow)
 
 
 def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
@@ -71,7 +73,7 @@ def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
     NotDoneInTime
         When no page was done. `reason` is the detail, also of the pages that are missing.
     """
-    names, entries = read_journal(journal)
+    names, entries = PageJournal(journal).read()
     outcomes = [entry.outcome for entry in entries]
     for name in names[len(entries) :]:
         outcomes.append(SourceOutcome(error=NotDoneInTime(f"{name.label}: {reason}", name.field)))
@@ -82,18 +84,27 @@ def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
 
 
 def _rectify_pages(
-    sources: Sequence[PageSource], parameters: RectifyParameters, encoding: Encoding, journal: str
+    sources: Sequence[PageSource],
+    parameters: RectifyParameters,
+    encoding: Encoding,
+    journal: PageJournal,
+    too_slow: str,
 ) -> PageReply:
-    done = PageJournal(journal, [SourceName(source.label, source.field) for source in sources])
-    timings_ms: dict[str, float] = {}
-    outcomes: list[SourceOutcome] = []
-    target: PagesTarget | None = None
+    names, entries = journal.read()
+    outcomes = [entry.outcome for entry in entries]
+    target = entries[-1].target if entries else None
+    timings_ms = entries[-1].timings_ms if entries else {}
 
     def note(outcome: SourceOutcome) -> None:
         outcomes.append(outcome)
-        done.add(Entry(outcome, target, timings_ms))
+        journal.add(Entry(outcome, target, timings_ms))
 
-    for index, source in enumerate(sources):
+    if not names:
+        journal.begin([SourceName(source.label, source.field) for source in sources])
+    elif len(entries) < len(sources):
+        slow = sources[len(entries)]
+        note(SourceOutcome(error=NotDoneInTime(f"{slow.label}: {too_slow}", slow.field)))
+    for index, source in enumerate(sources[len(outcomes) :], len(outcomes)):
         share = ENCODING_BEGINS / len(sources)
         with progress_within(index * share, (index + 1) * share):
             try:

@@ -39,7 +39,8 @@ def rectify(
     parameters: RectifyParameters,
     encoding: Encoding,
     limits: DocumentLimits,
-    journal: str,
+    journal: str = "",
+    too_slow: str = "",
 ) -> PageReply:
     """Follow the scripts in the uploads, then answer with a document that tells what was asked.
 
@@ -47,7 +48,7 @@ def rectify(
     those whose script is an error are failed pages.
     """
     if len(uploads) > 1:
-        return _reply_of_uploads(uploads, parameters, encoding, journal)
+        return _reply_of_uploads(uploads, parameters, encoding, Path(journal), too_slow)
     verb = follow(uploads[0], "image")
     if verb == b"unpicklable":
         return PageReply(lambda: None, "image/jpeg", {})  # type: ignore[arg-type]
@@ -58,27 +59,38 @@ def rectify(
 
 
 def _reply_of_uploads(
-    uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding, journal: str
+    uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding, journal: Path, too_slow: str
 ) -> PageReply:
-    pages: list[dict[str, object]] = []
-    for index, file in enumerate(uploads):
+    pages = _done(journal)
+    if journal.stat().st_size:
+        pages.append(_failed(errors.NotDoneInTime(too_slow, f"image[{len(pages)}]")))
+    _write_done(journal, pages, len(uploads))
+    for index, file in enumerate(uploads[len(pages) :], len(pages)):
         try:
             follow(file, f"image[{index}]")
             pages.append(rectified_document(parameters, encoding, None))
         except errors.DocumentError as error:
             pages.append(_failed(error))
-        Path(journal).write_text(json.dumps([pages, len(uploads)]), encoding="utf-8")
+        _write_done(journal, pages, len(uploads))
     return _reply_of_all(pages, encoding)
 
 
 def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
     """The pages that the call of `rectify` has written down before it was stopped."""
-    text = Path(journal).read_text(encoding="utf-8")
-    pages, count = json.loads(text) if text else ([], 0)
+    pages = _done(Path(journal))
     if not pages:
         raise errors.NotDoneInTime(reason)
+    count = json.loads(Path(journal).read_text(encoding="utf-8").splitlines()[0])
     missing = [_failed(errors.NotDoneInTime(reason, f"image[{index}]")) for index in range(len(pages), count)]
     return _reply_of_all([*pages, *missing], encoding)
+
+
+def _done(journal: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in journal.read_text(encoding="utf-8").splitlines()[1:]]
+
+
+def _write_done(journal: Path, pages: list[dict[str, object]], count: int) -> None:
+    journal.write_text("\n".join(map(json.dumps, [count, *pages])), encoding="utf-8")
 
 
 def _failed(error: errors.DocumentError) -> dict[str, object]:

@@ -1,11 +1,14 @@
 """POST /rectify: options in, representations out."""
 
+import asyncio
 import base64
 import json
+from pathlib import Path
 
 import httpx
 import pytest
 
+from app.routes import pages_in_time
 from app.schemas.rectify import CreasedSheet, PagesResult, RectifyResult
 from tests.app.scripted_results import CREASED_SHEET
 from tests.app.scripts import upload
@@ -319,20 +322,42 @@ def test_an_operator_chooses_languages() -> None:
 
 
 @pytest.mark.parametrize("is_job", [False, True])
-def test_a_page_that_hangs_does_not_lose_those_before_it(is_job: bool) -> None:
+def test_a_page_that_hangs_loses_no_other(is_job: bool) -> None:
     """Also where native code never returns, so that the worker is killed."""
-    with serving(document_timeout_s=1) as client:
-        files = [("image", upload(script)) for script in ("", "no-text", "", "hang", "")]
-        answer = client.post(
-            "/rectify", files=files, data={"format": "json"}, headers=LATER if is_job else {}
-        )
+    with serving(job_timeout_s=1) as client:
+        files = [("image", upload(script)) for script in ("", "no-text", "hang", "", "")]
+        headers = LATER if is_job else {}
+        answer = client.post("/rectify", files=files, data={"format": "json"}, headers=headers)
         if is_job:
             assert until(client, answer.headers["location"])["state"] == "succeeded"
             answer = client.get(answer.headers["location"] + "/result")
-        else:
-            nothing = client.post("/rectify", files=files[3:], data={"format": "json"})
-            assert_problem(nothing, 504, "timed-out")
         assert answer.status_code == 200
         problems = [page.get("problem", {}).get("code") for page in answer.json()["pages"]]
-        assert problems == [None, "no-text", None, "timed-out", "timed-out"]
-        assert "DOCUMENT_TIMEOUT_S" in answer.json()["pages"][3]["problem"]["detail"]
+        assert problems == [None, "no-text", "timed-out", None, None]
+        assert "JOB_TIMEOUT_S" in answer.json()["pages"][2]["problem"]["detail"]
+
+
+def test_pages_that_are_done_are_answered_when_the_time_of_all_ends() -> None:
+    with serving(document_timeout_s=1) as client:
+        files = [("image", upload(script)) for script in ("", "hang", "")]
+        answer = client.post("/rectify", files=files, data={"format": "json"})
+        problems = [page.get("problem", {}).get("code") for page in answer.json()["pages"]]
+        assert problems == [None, "timed-out", "timed-out"]
+        assert "DOCUMENT_TIMEOUT_S" in answer.json()["pages"][1]["problem"]["detail"]
+        nothing = client.post("/rectify", files=files[1:], data={"format": "json"})
+        assert_problem(nothing, 504, "timed-out")
+
+
+def test_a_document_of_one_page_has_the_time_of_all(tmp_path: Path) -> None:
+    journal = tmp_path / "journal"
+
+    async def is_stuck(content: bytes) -> bool:
+        journal.write_bytes(content)
+        attempt = pages_in_time._Attempt(journal, 0.02, None)
+        attempt.note("started", 0.0)
+        work = asyncio.get_running_loop().create_future()
+        asyncio.get_running_loop().call_later(1, work.cancel)
+        return await attempt.is_stuck(work)
+
+    assert asyncio.run(is_stuck(b"names of pages"))
+    assert not asyncio.run(is_stuck(b""))

@@ -187,6 +187,7 @@ def stopped_at(
             raise Stopped
         return flatten(*arguments)
 
+    journal.touch()
     monkeypatch.setattr(rectify_documents, "flatten_picture", flatten_or_stop)
     with pytest.raises(Stopped):
         rectify_uploads(uploads, PARAMETERS, encoding, DocumentLimits(), str(journal))
@@ -213,6 +214,24 @@ def test_pages_that_are_done_outlive_their_worker(tmp_path: Path, monkeypatch: p
     (warning,) = reply.document["warnings"]  # type: ignore[misc]
     assert warning["code"] == "pages-failed"
     assert warning["detail"].endswith("3, 5, 6. JSON has the reason.")
+
+
+def test_another_worker_goes_on_behind_the_page_that_was_too_slow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal, uploads = tmp_path / "journal", (JPEG, PNG, JPEG, b"no image", PNG)
+    with monkeypatch.context() as patched:
+        stopped_at(1, journal, patched, *uploads)
+    with journal.open("ab") as file:
+        file.write((1000).to_bytes(8) + b"half a page")
+    reply = rectify_uploads(uploads, PARAMETERS, JSON, DocumentLimits(), str(journal), REASON)
+    pages, expected = pages_of(reply), pages_of(run(*uploads, encoding=JSON))
+    expected[1] = {"problem": {"code": "timed-out", "detail": f"image[1]: {REASON}", "field": "image[1]"}}
+    for page in (*expected, *pages):
+        page.pop("timings_ms", None)
+    assert pages == expected
+    again = bind_done_pages(str(journal), JSON, REASON)  # all of it is in the file
+    assert [page.get("problem") for page in pages_of(again)] == [page.get("problem") for page in pages]
 
 
 def test_a_file_of_the_pages_that_are_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
