@@ -15,6 +15,7 @@ from fastapi import Depends, FastAPI
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartParser
 
@@ -288,16 +289,18 @@ def _describe(app: FastAPI, settings: Settings) -> None:
 
 
 def _settings_of_environment() -> Settings:
-    """The settings; where one is wrong, the process ends with a sentence for each."""
+    """The settings; where some are wrong, the process ends with a sentence for each."""
     try:
         return Settings()
     except ValidationError as error:
-        sys.exit(
-            "\n".join(
-                f"{'_'.join(map(str, each['loc'])).upper()}: {each['msg'].removeprefix('Value error, ')}"
-                for each in error.errors()
-            )
-        )
+        wrong = [each for each in error.errors() if each["type"] != "default_factory_not_called"]
+        sys.exit("\n".join(map(_sentence_of, wrong)))
+
+
+def _sentence_of(wrong: ErrorDetails) -> str:
+    """What is wrong with a setting, or with several together."""
+    said = wrong["msg"].removeprefix("Value error, ")
+    return f"{str(wrong['loc'][0]).upper()}: {said}" if wrong["loc"] else said
 
 
 def _configure_process(settings: Settings) -> None:

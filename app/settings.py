@@ -52,7 +52,8 @@ class Settings(BaseSettings):
     api_keys_file: FilePath | None = Field(
         default=None,
         description="File of further keys with names and roles, a line each: NAME ROLE DIGEST (reader, verifier, "
-        "admin); `python -m app.roles NAME ROLE` makes a key and its line.",
+        "admin); `python -m app.roles NAME ROLE` makes a key and its line. A changed file counts within 5 s, and on "
+        "SIGHUP.",
     )
     token_ttl_s: int = Field(
         default=300, ge=1, le=86400, description="A token of POST /tokens allows to read for this long."
@@ -142,7 +143,10 @@ class Settings(BaseSettings):
         default=60.0, gt=0, description="A request that gets no worker within this time gets 503 `busy`."
     )
     job_timeout_s: float = Field(
-        default=30.0, gt=0, description="Work that takes longer is stopped: 504 `timed-out`."
+        default=30.0,
+        gt=0,
+        description="Work that takes longer is stopped: 504 `timed-out`. Of several pages of /rectify each has this "
+        "limit.",
     )
     mosaic_timeout_s: float = Field(
         default=120.0, gt=0, description="Time limit of a mosaic; eight photos of 3 megapixels take 18 s."
