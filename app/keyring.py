@@ -37,9 +37,8 @@ class Keyring:
     @asynccontextmanager
     async def watched(self) -> AsyncIterator[None]:
         """Inside of the block a changed file counts after `WATCH_EVERY_S`, and at once on SIGHUP."""
-        if (
-            threading.current_thread() is threading.main_thread()
-        ):  # others cannot have the signals of a process
+        # Other threads, as those of tests, cannot have the signals of a process.
+        if threading.current_thread() is threading.main_thread():
             asyncio.get_running_loop().add_signal_handler(signal.SIGHUP, self._due.set)
         watching = asyncio.create_task(self._watch())
         try:
@@ -56,8 +55,10 @@ class Keyring:
                     await self._due.wait()
             is_asked = self._due.is_set()
             self._due.clear()
-            # In a thread: a network file system may hang.
-            await asyncio.to_thread(self.read_again, is_asked=is_asked)
+            try:  # in a thread: a network file system may hang
+                await asyncio.to_thread(self.read_again, is_asked=is_asked)
+            except Exception:
+                log.exception("API_KEYS_FILE could not be read again")
 
     def read_again(self, *, is_asked: bool = False) -> None:
         """Take over the keys of the file if it has changed, or if `is_asked`; an invalid file changes nothing."""

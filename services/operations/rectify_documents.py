@@ -71,7 +71,7 @@ def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
     Raises
     ------
     NotDoneInTime
-        When no page was done. `reason` is the detail, also of the pages that are missing.
+        When no page was done. `reason` is the detail, also of the pages that are missing; it begins small.
     """
     names, entries = PageJournal(journal).read()
     outcomes = [entry.outcome for entry in entries]
@@ -79,7 +79,7 @@ def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
         outcomes.append(SourceOutcome(error=NotDoneInTime(f"{name.label}: {reason}", name.field)))
     target = entries[-1].target if entries else None
     if target is None or not any(outcome.pages for outcome in outcomes):
-        raise NotDoneInTime(reason)
+        raise NotDoneInTime(reason[:1].upper() + reason[1:])
     return _bind(outcomes, target, encoding, entries[-1].timings_ms)
 
 

@@ -18,7 +18,9 @@ def test_an_operation_answers_what_the_contract_says(name: str) -> None:
 
 
 def test_workers_begin_with_the_modules_of_all_operations() -> None:
-    operations = Operations(rectify=Operation("a.b:f"), mosaic=Operation("a.b:g"))
+    operations = Operations(
+        rectify=Operation("a.b:f"), bind_done_pages=Operation("a.b:h"), mosaic=Operation("a.b:g")
+    )
     assert operations.modules.count("a.b") == 1
     assert set(Operations().modules) - set(operations.modules) == {
         "services.operations.mosaic",

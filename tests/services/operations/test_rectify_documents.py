@@ -193,7 +193,7 @@ def stopped_at(
         rectify_uploads(uploads, PARAMETERS, encoding, DocumentLimits(), str(journal))
 
 
-REASON = "The work took too long."
+REASON = "the work took too long."
 
 
 def test_pages_that_are_done_outlive_their_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -251,5 +251,5 @@ def test_without_a_page_that_is_done_the_answer_is_late(
         journal.touch()
     else:
         stopped_at(page, journal, monkeypatch, JPEG, PNG)
-    with pytest.raises(NotDoneInTime, match=REASON):
+    with pytest.raises(NotDoneInTime, match=REASON.capitalize()):
         bind_done_pages(str(journal), JSON, REASON)
