@@ -22,6 +22,7 @@ from models.result_repository import ResultRepository
 from models.review_repository import ReviewRepository, cursor_of
 from models.sample_repository import SampleRepository
 from models.transactions import Author, changes_by, utc_now
+from models.upgrade_repository import UpgradeRepository
 
 __all__ = ["Author", "Store", "changes_by", "cursor_of", "utc_now"]
 
@@ -35,5 +36,6 @@ class Store(
     ReviewRepository,
     JobRepository,
     CameraRepository,
+    UpgradeRepository,
 ):
     """Models, samples, feedback, results, jobs and cameras in one database. `with Store.open(...)` closes it."""

@@ -222,8 +222,10 @@ def check_intact(engine: Engine) -> None:
         raise StoreDamaged(f"the database is damaged: {verdict}")
 
 
-def upgrade_schema(engine: Engine) -> None:
-    """Run the missing migrations in one transaction. Of several processes only one runs them.
+def upgrade_schema(engine: Engine) -> str | None:
+    """Run the missing migrations in one transaction; the version before, None if there was none, or nothing to do.
+
+    Of several processes only one runs them.
 
     Raises `StoreTooNew` when the database has migrations that this release does not know.
     """
@@ -232,7 +234,7 @@ def upgrade_schema(engine: Engine) -> None:
         script = ScriptDirectory.from_config(config)
         with engine.connect() as connection:
             if _revision_of(connection, script) == script.get_current_head():
-                return
+                return None
         with writers_of(engine).connect() as connection:
             connection.detach()  # settings for the migration end with this connection
             if engine.dialect.name == "sqlite":
@@ -242,12 +244,13 @@ def upgrade_schema(engine: Engine) -> None:
             with connection.begin():
                 if engine.dialect.name == "postgresql":
                     connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _MIGRATION_LOCK})
-                _migrate(connection, config, script)
+                return _migrate(connection, config, script)
 
 
-def _migrate(connection: Connection, config: Config, script: ScriptDirectory) -> None:
-    """Run the migrations under the lock, if no other process ran them during the wait."""
-    if _revision_of(connection, script) is None:
+def _migrate(connection: Connection, config: Config, script: ScriptDirectory) -> str | None:
+    """Run the migrations under the lock, if no other process ran them during the wait; the version before."""
+    before = _revision_of(connection, script)
+    if before is None:
         ours = set(inspect(connection).get_table_names()) & set(Table.metadata.tables)
         if ours:
             raise StoreDamaged(f"the database has the tables {', '.join(sorted(ours))} and no version")
@@ -255,6 +258,7 @@ def _migrate(connection: Connection, config: Config, script: ScriptDirectory) ->
     command.upgrade(config, "head")
     if connection.dialect.name == "sqlite" and connection.exec_driver_sql("PRAGMA foreign_key_check").first():
         raise StoreDamaged("rows refer to others that are not there")
+    return None if before == script.get_current_head() else before
 
 
 def _revision_of(connection: Connection, script: ScriptDirectory) -> str | None:
