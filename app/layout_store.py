@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from app.backup_note import write_note
 from app.decisions import EVIDENCE, Decision, decide, place_in_queue
 from app.probe import Probe
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
@@ -115,6 +116,7 @@ class LayoutStore:
             except OSError as error:
                 raise StoreUnavailable(f"the folder cannot be made: {error.strerror or error}") from error
             store, cannot = Store.open(self._folder / DATABASE), "the folder must be writable"
+            write_note(self._folder)
         try:
             store.purge_results(keep_newest=self._results.max_results)
             _catch_up(store)

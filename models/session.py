@@ -101,7 +101,12 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
         _enter_wal(connection, busy_timeout_s)
         for pragma in _PRAGMAS:
             connection.execute(pragma)
-        file.remember()
+        file.opened(connection)
+
+    @event.listens_for(engine, "close")
+    @event.listens_for(engine, "close_detached")
+    def forget(connection: sqlite3.Connection, *_: object) -> None:
+        file.closed(connection)
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
@@ -112,25 +117,51 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
 
 
 class _DatabaseFile:
-    """The file of SQLite. A connection to a deleted file still works, and what it writes is lost."""
+    """The files of SQLite: the database and its log. Connections to files that were deleted or moved away still work.
+
+    What they write is lost. SQLite itself deletes the log when the last connection closes.
+    """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self._path, self._log = path, path.with_name(f"{path.name}-wal")
+        self._lock = threading.Lock()
+        self._open: set[int] = set()
         self._identity: tuple[int, int] | None = None
+        self._log_identity: tuple[int, int] | None = None
 
-    def remember(self) -> None:
-        """Take the file that is there for the database, if no file was taken before."""
-        if self._identity is None:
-            status = self._path.stat()
-            self._identity = status.st_dev, status.st_ino
+    def opened(self, connection: sqlite3.Connection) -> None:
+        """Take the files that are there for the database and its log, if none were taken before."""
+        with self._lock:
+            self._open.add(id(connection))
+            self._identity = self._identity or _identity(self._path)
+            self._log_identity = self._log_identity or _identity(self._log)
+
+    def closed(self, connection: sqlite3.Connection) -> None:
+        """Without connections the log may be deleted and made again; one that was moved away stays missed."""
+        with self._lock:
+            self._open.discard(id(connection))
+            if not self._open and self._log_identity == _identity(self._log):
+                self._log_identity = None
 
     def check(self) -> None:
-        """Raise `FileNotFoundError` when the file was deleted or replaced."""
-        if self._identity is None:
-            return
-        status = self._path.stat()
-        if self._identity != (status.st_dev, status.st_ino):
+        """Raise `FileNotFoundError` when a file was deleted or replaced."""
+        if self._identity is not None and self._identity != _identity(self._path):
             raise FileNotFoundError(errno.ENOENT, "the file was replaced; restart the service")
+        log = self._log_identity
+        if log is not None and log != _identity(self._log):
+            raise FileNotFoundError(
+                errno.ENOENT,
+                f"{self._log.name} with the newest data was moved or deleted; put it back, and restart the service",
+            )
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Device and inode of a file; None where there is none."""
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _open_postgresql(url: URL, busy_timeout_s: float) -> Engine:
