@@ -17,8 +17,11 @@ COPY Makefile requirements.lock ./
 # docker build --build-arg LANGUAGES="fra deu": what is read besides English.
 ARG LANGUAGES=""
 RUN make system-packages LANGUAGES="$LANGUAGES"
-RUN make venv
+# docker build --build-arg HEIC=without: nothing under the GPL to encode HEVC, and no photos in HEIC.
+ARG HEIC="with"
+RUN make venv HEIC="$HEIC"
 
+COPY LICENSE NOTICE deploy/licences.md deploy/sbom.cdx.json ./
 COPY app ./app
 COPY models ./models
 COPY services ./services

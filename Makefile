@@ -16,13 +16,16 @@ PYTHON := $(shell for python in python3.11 /usr/bin/python3.11 /usr/local/bin/py
 	&& command -v "$$python" && break; done)
 endif
 
+# HEIC=without leaves out what reads photos in HEIC: its wheel holds an encoder under the GPL (deploy/licences.md).
+HEIC ?= with
+
 # Languages that the service shall read besides English, by Tesseract's names: make serve LANGUAGES="fra deu"
 LANGUAGES ?=
 
 VENV := .venv
 BENCH_VENV := .venv-bench
 BIN := $(VENV)/bin
-PIP_INSTALL := -m pip install --quiet --quiet --no-input --disable-pip-version-check --no-deps
+PIP_INSTALL := -m pip install --quiet --quiet --no-input --disable-pip-version-check --no-deps --require-hashes
 
 # An environment is good for one place, one lock, and the Python that was asked for by name, if one was: their
 # digest is in the name of its stamp. One whose Python has gone is made anew.
@@ -35,7 +38,7 @@ ifneq ($(call works,$(BENCH_VENV)),yes)
 $(shell rm -f $(BENCH_VENV)/created-*)
 endif
 CREATED := $(VENV)/created-$(call digest,/dev/null)
-RUNTIME := $(VENV)/runtime-$(call digest,requirements.lock)
+RUNTIME := $(VENV)/runtime-$(HEIC)-heic-$(call digest,requirements.lock)
 DEVELOPMENT := $(VENV)/development-$(call digest,requirements-dev.lock)
 BENCH_CREATED := $(BENCH_VENV)/created-$(call digest,/dev/null)
 BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
@@ -45,7 +48,7 @@ BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
 .PHONY: help serve worker test test-fast test-long lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review \
-	system-packages postgresql chromium typescript python venv venv-dev venv-bench data-folder clean
+	system-packages postgresql chromium licences typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
 help:
@@ -68,6 +71,7 @@ help:
 	@echo 'make bench-layout     labels and classes of pages with labelled zones, a random forest beside; zones; matching'
 	@echo 'make bench-learning   models that learn: rounds, feedback page by page, wrong classes, servers that are killed; documents, many models, discovery'
 	@echo 'make bench-review     the order of the review queue, and what goes through without a person'
+	@echo 'make licences         what the image holds under which licence, written anew (deploy/licences.md, sbom.cdx.json)'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
 	@echo 'make clean            remove what these targets made'
@@ -211,7 +215,9 @@ $(CREATED) $(BENCH_CREATED): | python
 
 $(RUNTIME): $(CREATED)
 	@echo 'Installing requirements.lock'
+	@rm -f $(VENV)/runtime-*
 	@$(BIN)/python $(PIP_INSTALL) -r requirements.lock
+	@[ '$(HEIC)' != without ] || $(BIN)/python -m pip uninstall --quiet --yes --disable-pip-version-check pillow-heif
 	@touch $@
 
 $(DEVELOPMENT): $(CREATED)
@@ -233,12 +239,16 @@ data-folder:
 
 # Versions that are pinned stay where the .in files allow it; `make lock UPGRADE=--upgrade` moves them.
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-header \
-	--no-emit-index-url --no-emit-find-links $(UPGRADE)
+	--no-emit-index-url --no-emit-find-links --generate-hashes $(UPGRADE)
 lock: venv-dev
 	$(COMPILE) requirements.in --output-file requirements.lock
 	$(COMPILE) requirements-dev.in --constraints requirements.lock --output-file requirements-dev.lock
 	$(COMPILE) requirements-bench.in --overrides requirements-bench.overrides \
 		--output-file requirements-bench.lock
+	@echo 'Now: make licences'
+
+licences: venv-dev
+	@$(BIN)/python -m deploy.licences
 
 clean:
 	rm -rf $(VENV) $(BENCH_VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis

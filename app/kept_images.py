@@ -54,7 +54,8 @@ class KeptImages:
             return await self._blobs.get(self._key(result_id, size_bytes))
         except BlobNotFound as error:
             raise ResultNotFound(
-                f"the picture of result {result_id!r} is no longer kept (MAX_KEPT_IMAGES_BYTES); send the page again",
+                f"the picture of result {result_id!r} is not there: it gave way to newer ones "
+                "(MAX_KEPT_IMAGES_BYTES), or the database was restored without its blobs; send the page again",
                 result_id,
             ) from error
 

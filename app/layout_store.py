@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from app.backup_note import write_note
 from app.decisions import EVIDENCE, Decision, decide, place_in_queue
 from app.probe import Probe
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
@@ -115,8 +116,10 @@ class LayoutStore:
             except OSError as error:
                 raise StoreUnavailable(f"the folder cannot be made: {error.strerror or error}") from error
             store, cannot = Store.open(self._folder / DATABASE), "the folder must be writable"
+            write_note(self._folder)
         try:
             store.purge_results(keep_newest=self._results.max_results)
+            _catch_up(store)
         except StoreError as error:
             store.close()
             raise type(error)(f"{cannot}: {error.detail}") from error
@@ -262,6 +265,24 @@ def _is_unknown(document: Mapping[str, Any]) -> bool:
     """Whether models competed for this page, and none was likely enough."""
     result, page = document.get("result", {}), document.get("page", {})
     return bool(result.get("classes")) and result.get("class") is None and bool(page.get("zones"))
+
+
+def _catch_up(store: Store) -> None:
+    """After an update: queue what an older release kept without a queue, and say what cannot be taken back."""
+    if store.upgraded_from is None:
+        return
+    log.info("the database of an older release is up to date", extra={"schema_before": store.upgraded_from})
+    queued = store.queue_results(place_in_queue)
+    if queued:
+        log.info("results of an older release are in the review queue now", extra={"results": queued})
+    lessons = store.count_feedback_without_lessons()
+    if lessons:
+        log.warning(
+            "an older release stored %d feedbacks without the pages that they taught: feedback that came before one of "
+            "these cannot be taken back from the same model any more. Initialize the model from its samples instead: "
+            "POST /layout/models/{name}/initialize",
+            lessons,
+        )
 
 
 def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, ReadyModel]:

@@ -50,20 +50,33 @@ async def _remeasure_all(state: AppState, names: Sequence[str]) -> int:
         known = [model.name for model in await state.store.call(Store.models)]
         images = await state.sample_images.sizes()
         print(f"Segmentation {SEGMENTATION}; {len(images)} samples have an image.")
-        failures = 0
+        failures = lost = 0
         for name in names or known:
             try:
-                failures += await _remeasure_class(state, name, images)
+                failed, without = await _remeasure_class(state, name, images)
+                failures, lost = failures + failed, lost + without
             except (DocumentError, StoreError) as error:
                 failures += 1
                 print(f"{name}: {error.detail}")
+        if lost and not images and state.settings.max_sample_images_bytes:
+            failures += 1
+            print(
+                f"{lost} samples were made from images, and not one image is there. If the database was restored, "
+                "restore DATA_DIR/blobs (or the bucket of BLOB_URL) too: docs/operations.md, Back-up."
+            )
     return 1 if failures else 0
 
 
-async def _remeasure_class(state: AppState, name: str, images: dict[str, int]) -> int:
-    """Measure the samples of a class and make a version of its model; the number of samples that failed."""
-    samples = await state.store.call(lambda store: [each.id for each in store.each_sample(name)])
+async def _remeasure_class(state: AppState, name: str, images: dict[str, int]) -> tuple[int, int]:
+    """Measure the samples of a class and make a version of its model.
+
+    Returns the number of samples that failed, and of those that were made from an image that is not there.
+    """
+    samples = await state.store.call(
+        lambda store: {each.id: each.document.get("segmentation") for each in store.each_sample(name)}
+    )
     with_image = [sample_id for sample_id in samples if sample_id in images]
+    lost = sum(segmentation is not None and id not in images for id, segmentation in samples.items())
     changed = failed = 0
     for sample_id in with_image:
         try:
@@ -75,10 +88,11 @@ async def _remeasure_class(state: AppState, name: str, images: dict[str, int]) -
             print(f"{name}: sample {sample_id}: {error.detail}")
     print(
         f"{name}: {len(samples)} samples; {len(with_image)} measured again, {changed} of them changed, "
-        f"{failed} failed; {len(samples) - len(with_image)} have no image and stay as they are. "
+        f"{failed} failed; {len(samples) - len(with_image)} have no image and stay as they are"
+        f"{f' ({lost} of them had one)' if lost else ''}. "
         f"{await _make_version(state, name)}"
     )
-    return failed
+    return failed, lost
 
 
 async def _remeasure_sample(state: AppState, name: str, sample_id: str, size_bytes: int) -> bool:

@@ -39,6 +39,8 @@ MODULES = {
     "sensitivity": "sensitivity.study",
     "attack": "attack.service",
     "jobs": "jobs.parts",
+    "upgrade": "upgrade",
+    "soak": "soak",
     "readme_pictures": "readme_pictures",
 }
 """Module of each benchmark by its name, which is also the name of its figures and of its baseline."""

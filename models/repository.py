@@ -23,6 +23,7 @@ from models.review_repository import ReviewRepository, cursor_of
 from models.sample_repository import SampleRepository
 from models.shared_value_repository import SharedValueRepository
 from models.transactions import Author, changes_by, utc_now
+from models.upgrade_repository import UpgradeRepository
 
 __all__ = ["Author", "Store", "changes_by", "cursor_of", "utc_now"]
 
@@ -37,5 +38,6 @@ class Store(
     JobRepository,
     CameraRepository,
     SharedValueRepository,
+    UpgradeRepository,
 ):
     """All that is stored, in one database. `with Store.open(...)` closes it."""

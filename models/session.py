@@ -101,7 +101,12 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
         _enter_wal(connection, busy_timeout_s)
         for pragma in _PRAGMAS:
             connection.execute(pragma)
-        file.remember()
+        file.opened(connection)
+
+    @event.listens_for(engine, "close")
+    @event.listens_for(engine, "close_detached")
+    def forget(connection: sqlite3.Connection, *_: object) -> None:
+        file.closed(connection)
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
@@ -112,25 +117,51 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
 
 
 class _DatabaseFile:
-    """The file of SQLite. A connection to a deleted file still works, and what it writes is lost."""
+    """The files of SQLite: the database and its log. Connections to files that were deleted or moved away still work.
+
+    What they write is lost. SQLite itself deletes the log when the last connection closes.
+    """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self._path, self._log = path, path.with_name(f"{path.name}-wal")
+        self._lock = threading.Lock()
+        self._open: set[int] = set()
         self._identity: tuple[int, int] | None = None
+        self._log_identity: tuple[int, int] | None = None
 
-    def remember(self) -> None:
-        """Take the file that is there for the database, if no file was taken before."""
-        if self._identity is None:
-            status = self._path.stat()
-            self._identity = status.st_dev, status.st_ino
+    def opened(self, connection: sqlite3.Connection) -> None:
+        """Take the files that are there for the database and its log, if none were taken before."""
+        with self._lock:
+            self._open.add(id(connection))
+            self._identity = self._identity or _identity(self._path)
+            self._log_identity = self._log_identity or _identity(self._log)
+
+    def closed(self, connection: sqlite3.Connection) -> None:
+        """Without connections the log may be deleted and made again; one that was moved away stays missed."""
+        with self._lock:
+            self._open.discard(id(connection))
+            if not self._open and self._log_identity == _identity(self._log):
+                self._log_identity = None
 
     def check(self) -> None:
-        """Raise `FileNotFoundError` when the file was deleted or replaced."""
-        if self._identity is None:
-            return
-        status = self._path.stat()
-        if self._identity != (status.st_dev, status.st_ino):
+        """Raise `FileNotFoundError` when a file was deleted or replaced."""
+        if self._identity is not None and self._identity != _identity(self._path):
             raise FileNotFoundError(errno.ENOENT, "the file was replaced; restart the service")
+        log = self._log_identity
+        if log is not None and log != _identity(self._log):
+            raise FileNotFoundError(
+                errno.ENOENT,
+                f"{self._log.name} with the newest data was moved or deleted; put it back, and restart the service",
+            )
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Device and inode of a file; None where there is none."""
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _open_postgresql(url: URL, busy_timeout_s: float) -> Engine:
@@ -222,8 +253,10 @@ def check_intact(engine: Engine) -> None:
         raise StoreDamaged(f"the database is damaged: {verdict}")
 
 
-def upgrade_schema(engine: Engine) -> None:
-    """Run the missing migrations in one transaction. Of several processes only one runs them.
+def upgrade_schema(engine: Engine) -> str | None:
+    """Run the missing migrations in one transaction; the version before, None if there was none, or nothing to do.
+
+    Of several processes only one runs them.
 
     Raises `StoreTooNew` when the database has migrations that this release does not know.
     """
@@ -232,7 +265,7 @@ def upgrade_schema(engine: Engine) -> None:
         script = ScriptDirectory.from_config(config)
         with engine.connect() as connection:
             if _revision_of(connection, script) == script.get_current_head():
-                return
+                return None
         with writers_of(engine).connect() as connection:
             connection.detach()  # settings for the migration end with this connection
             if engine.dialect.name == "sqlite":
@@ -242,12 +275,13 @@ def upgrade_schema(engine: Engine) -> None:
             with connection.begin():
                 if engine.dialect.name == "postgresql":
                     connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _MIGRATION_LOCK})
-                _migrate(connection, config, script)
+                return _migrate(connection, config, script)
 
 
-def _migrate(connection: Connection, config: Config, script: ScriptDirectory) -> None:
-    """Run the migrations under the lock, if no other process ran them during the wait."""
-    if _revision_of(connection, script) is None:
+def _migrate(connection: Connection, config: Config, script: ScriptDirectory) -> str | None:
+    """Run the migrations under the lock, if no other process ran them during the wait; the version before."""
+    before = _revision_of(connection, script)
+    if before is None:
         ours = set(inspect(connection).get_table_names()) & set(Table.metadata.tables)
         if ours:
             raise StoreDamaged(f"the database has the tables {', '.join(sorted(ours))} and no version")
@@ -255,6 +289,7 @@ def _migrate(connection: Connection, config: Config, script: ScriptDirectory) ->
     command.upgrade(config, "head")
     if connection.dialect.name == "sqlite" and connection.exec_driver_sql("PRAGMA foreign_key_check").first():
         raise StoreDamaged("rows refer to others that are not there")
+    return None if before == script.get_current_head() else before
 
 
 def _revision_of(connection: Connection, script: ScriptDirectory) -> str | None:

@@ -82,7 +82,8 @@ class Transactions:
         self._writer_lock = WriterLock(self._readers, busy_timeout_s)
         try:
             check_intact(self._readers)
-            upgrade_schema(self._readers)
+            self.upgraded_from = upgrade_schema(self._readers)
+            """The schema of an older release, if this call has brought it up to date; else None."""
         except BaseException:
             self._readers.dispose()
             raise

@@ -20,7 +20,9 @@ MOST_SECONDS = 90.0
 class Server:
     """`python -m app` on a free port of the loopback; `url` is empty while it does not listen."""
 
-    def __init__(self, data_dir: Path, **settings: object) -> None:
+    def __init__(self, data_dir: Path, code: Path = REPOSITORY, **settings: object) -> None:
+        """`code` is the checkout that serves."""
+        self._code = code
         self._settings = {name.upper(): str(value) for name, value in settings.items()}
         self._settings |= {"DATA_DIR": str(data_dir), "HOST": "127.0.0.1", "PORT": "0"}
         self._process: subprocess.Popen[str] | None = None
@@ -37,7 +39,7 @@ class Server:
         """
         process = subprocess.Popen(
             [sys.executable, "-m", "app"],
-            cwd=REPOSITORY,
+            cwd=self._code,
             env={**os.environ, **self._settings},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -25,7 +25,6 @@ from typing import Literal
 import cv2
 import img2pdf
 import numpy as np
-import pillow_heif
 import simplejpeg  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 from PIL import (
@@ -45,6 +44,15 @@ from services.imaging.exif import read_camera_facts
 from services.imaging.pixel_conversion import convert_to_rgb
 from services.imaging.reduction import halve
 
+try:
+    import pillow_heif
+except ImportError:  # `make venv HEIC=without`: its wheel holds an encoder under the GPL
+    HAS_HEIC = False
+else:
+    HAS_HEIC = True
+    # One thread, because every core has its own worker. Only the primary image is used.
+    pillow_heif.register_heif_opener(thumbnails=False, depth_images=False, aux_images=False, decode_threads=1)
+
 UploadFormat = Literal["jpeg", "png", "webp", "tiff", "heic"]
 OutputFormat = Literal["jpeg", "png", "webp", "tiff", "pdf"]
 
@@ -58,8 +66,10 @@ _PLUGINS: tuple[tuple[UploadFormat, str], ...] = (
     ("png", PngImagePlugin.PngImageFile.format),
     ("webp", WebPImagePlugin.WebPImageFile.format),
     ("tiff", TiffImagePlugin.TiffImageFile.format),
-    ("heic", "HEIF"),
+    *((("heic", "HEIF"),) if HAS_HEIC else ()),
 )
+_HEIC_BRANDS = (b"heic", b"heix", b"mif1", b"msf1", b"heim", b"heis")
+"""Brands of the first box of files in HEIC."""
 _DAMAGE = ("premature end", "bad huffman", "bad arithmetic", "found marker")
 """Messages of libjpeg-turbo for missing or invalid data; its other warnings are harmless."""
 _MOST_PROFILE_BYTES = 1_048_576
@@ -70,8 +80,6 @@ _LONGEST_SIDE_PX = {"jpeg": 65_500, "webp": 16_383, "png": 2**31 - 1, "tiff": 2*
 
 # The limits come with every call; Pillow's own limit is one number for the whole process.
 Image.MAX_IMAGE_PIXELS = None
-# One thread, because every core has its own worker. Only the primary image is used.
-pillow_heif.register_heif_opener(thumbnails=False, depth_images=False, aux_images=False, decode_threads=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,6 +219,8 @@ def detect_format(data: bytes) -> tuple[UploadFormat, str]:
         accept = Image.OPEN[plugin][1]
         if accept is not None and accept(data[:16]) is True:
             return upload_format, plugin
+    if not HAS_HEIC and data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
+        raise UnsupportedMediaType("This service was installed without HEIC; send the photo as a JPEG.")
     what = "is not a JPEG, PNG, WebP, TIFF or HEIC image" if data else "is empty"
     raise UnsupportedMediaType(f"The uploaded file {what}.")
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from app import layout_store
+from app.backup_note import NAME
 from app.layout_store import MOST_THREADS, LayoutStore, ResultLimits
 from models.errors import ModelNotFound, ResultNotFound, StoreUnavailable
 from models.repository import Store
@@ -61,7 +62,7 @@ def test_the_folder_is_made(tmp_path: Path) -> None:
         return await store.is_available()
 
     assert with_store(tmp_path, work)
-    assert [path.name for path in (tmp_path / "data").iterdir()] == ["layout.sqlite3"]
+    assert {path.name for path in (tmp_path / "data").iterdir()} == {"layout.sqlite3", NAME}
 
 
 def test_a_url_takes_the_place_of_the_folder(tmp_path: Path) -> None:

@@ -137,7 +137,7 @@ def test_the_documentation_works_with_a_file_alone(service: httpx.Client) -> Non
         tab.goto(f"{service.base_url}".rstrip("/") + "/docs")
         operation = tab.locator(".opblock", has=tab.locator('[data-path="/rectify"]')).first
         operation.locator(".opblock-summary").click()
-        operation.locator("input[type=file]").set_input_files(ROOT / "examples" / "photo.jpg")
+        operation.locator("input[type=file]").set_input_files(ROOT / "examples" / "page.png")
         typed = operation.locator("[data-property-name] input[type=text]")
         assert {typed.nth(k).input_value() for k in range(typed.count())} == {"", "auto"}
         operation.locator("button.execute").click()

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.common.postgresql import Cluster, running_cluster
+from models import session
 from models.errors import StoreUnavailable
 from models.repository import Store
 from tests.models.databases import KINDS, filled
@@ -50,6 +51,37 @@ def test_a_file_that_is_deleted(tmp_path: Path) -> None:
         assert not path.exists()  # no empty one in its place
         (tmp_path / "elsewhere").rename(path)
         assert store.revision() > 0
+
+
+def test_a_log_that_is_moved_away(tmp_path: Path) -> None:
+    """What is written to it is in no database that anybody opens later."""
+    path = filled(tmp_path / "store.sqlite3")
+    log, away = path.with_name(f"{path.name}-wal"), tmp_path / "away"
+    with Store.open(path) as store:
+        store.add_version("letter", {"n": 1}, "import")
+        log.rename(away)
+        for _ in range(2):
+            with pytest.raises(StoreUnavailable, match=r"store\.sqlite3-wal"):
+                store.revision()
+            with pytest.raises(StoreUnavailable, match=r"store\.sqlite3-wal"):
+                store.add_version("letter", {"n": 2}, "import")
+        assert not log.exists()  # no empty one in its place
+        away.rename(log)
+        before = store.revision()
+        store.add_version("letter", {"n": 2}, "import")
+    with Store.open(path) as store:  # the last connection has deleted the log, a new one is made
+        assert store.revision() == before + 1
+        store.add_version("letter", {"n": 3}, "import")
+
+
+def test_a_log_that_is_made_again_when_nothing_is_open(tmp_path: Path) -> None:
+    path = filled(tmp_path / "store.sqlite3")
+    engine = session.open_engine(path)
+    for _ in range(2):
+        with engine.connect() as connection:
+            connection.exec_driver_sql("SELECT 1 FROM layout_models")
+            connection.invalidate()  # closes the only connection
+    engine.dispose()
 
 
 def test_a_file_that_is_replaced(tmp_path: Path) -> None:

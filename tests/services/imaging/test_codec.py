@@ -3,7 +3,9 @@
 import io
 import re
 import struct
+import sys
 import zlib
+from importlib.util import find_spec, module_from_spec
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from services.contract.images import ImageLimits
-from services.errors import TooLarge, UndecodableImage
+from services.errors import TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging.codec import count_pixels, decode_image
 from tests.services.imaging.files import make_exif, make_file, make_png, make_tiff, pack_chunk
 
@@ -289,6 +291,21 @@ def test_pixels_are_counted_by_the_header() -> None:
     assert count_pixels(bad_pixels, ImageLimits()) == 60_000
     with pytest.raises(UndecodableImage):
         decode_image(bad_pixels, ImageLimits())
+
+
+def test_without_its_reader_a_photo_in_heic_is_refused(
+    smooth: NDArray[np.uint8], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = make_file(smooth, "HEIF")
+    source = find_spec("services.imaging.codec")
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)  # importing it fails
+    without = module_from_spec(source)
+    monkeypatch.setitem(sys.modules, without.__name__, without)  # its dataclasses look for it there
+    source.loader.exec_module(without)
+    assert not without.HAS_HEIC
+    with pytest.raises(UnsupportedMediaType, match="without HEIC"):
+        without.decode_image(data, LIMITS)
+    assert without.decode_image(make_file(smooth, "PNG"), LIMITS).format == "png"
 
 
 def test_the_codec_is_the_only_door() -> None:

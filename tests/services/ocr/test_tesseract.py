@@ -65,7 +65,7 @@ def test_direction_is_detected_where_its_data_is_installed() -> None:
     if is_missing(engine):
         return
     assert isinstance(engine, DirectionDetector)
-    page = text_page(lines=22)
+    page = text_page(lines=9, height=600)
     for turns in range(4):
         direction = engine.detect_direction(np.rot90(page, -turns))
         if find_tessdata("osd") is None:
