@@ -82,9 +82,9 @@ def test_the_same_on_postgresql(packed: Path, tmp_path: Path, request: pytest.Fi
     cluster: Cluster = request.getfixturevalue("cluster")
     fresh_url = cluster.make_database()
     path, answers = unpacked(packed, tmp_path)
-    with sqlite3.connect(path) as connection:
-        [(revision,)] = connection.execute("SELECT version_num FROM alembic_version")
-    connection.close()
+    with sqlite3.connect(path) as file:
+        [(revision,)] = file.execute("SELECT version_num FROM alembic_version")
+    file.close()
     old, engine = session.open_engine(path), session.open_engine(fresh_url)
     config = session._alembic_config()
     with engine.connect() as connection, connection.begin():
