@@ -6,6 +6,7 @@ from datetime import datetime
 
 from sqlalchemy import delete, select
 
+from models.clocks import oldest_first
 from models.tables import CameraRow
 from models.transactions import Transactions
 from services.contract.cameras import MOST_PHOTOS, CameraMemory, remember
@@ -37,8 +38,9 @@ class CameraRepository(Transactions):
                 row.used_at = self._clock()
             session.flush()
             own = CameraRow.owner == (owner or "")
-            old = select(CameraRow.name).where(own).order_by(CameraRow.used_at.desc()).offset(MOST_CAMERAS)
-            names = session.scalars(old).all()
+            order = oldest_first(CameraRow.used_at, self._clock())
+            old = select(CameraRow.name).where(own).order_by(*(each.desc() for each in order))
+            names = session.scalars(old.offset(MOST_CAMERAS)).all()
             session.execute(delete(CameraRow).where(own, CameraRow.name.in_(names)))
 
     def forget_camera(self, owner: str | None, name: str) -> bool:

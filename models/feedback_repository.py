@@ -1,6 +1,6 @@
 """The store's calls for feedback: people's corrections of results, and the model versions made from them."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 from datetime import datetime
 
@@ -9,7 +9,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, defer
 
 from models.documents import Document, decode_document, digest_document, encode_document
 from models.errors import KeyReused, NotStorable
-from models.lesson_repository import revise_result, take_back
+from models.lesson_repository import require_feedback_seen, revise_result, take_back
 from models.queries import (
     add_unknown_page,
     append_version,
@@ -63,6 +63,7 @@ class FeedbackRepository(Transactions):
         *,
         max_samples: int | None = None,
         undone: Sequence[ModelUndo] = (),
+        seen: Set[str] | None = None,
     ) -> StoredFeedback:
         """Store a feedback with its report, the new versions of the models in `changes`, and its sample.
 
@@ -73,10 +74,11 @@ class FeedbackRepository(Transactions):
         itself may have expired.
 
         `undone` has the models without the lessons of earlier feedback on the result. They are stored first. A change
-        of such a model starts from its document there; its `expected_version` is not used.
+        of such a model starts from its document there; its `expected_version` is not used. `seen` has the ids of the
+        feedback on the result that the caller knew; None: they are not compared.
 
-        Raises `VersionConflict` when a model does not have the version that its change expects, `ModelNotFound`,
-        `KeyReused`, `NotStorable`.
+        Raises `VersionConflict` when a model does not have the version that its change expects, or there is other
+        feedback on the result, `ModelNotFound`, `KeyReused`, `NotStorable`.
         """
         _require_feedback(draft, changes)
         digest = digest_document(draft.request)
@@ -90,8 +92,9 @@ class FeedbackRepository(Transactions):
             earlier = _look_up_feedback(session, draft.result_id, draft.key, digest, bind=True)
             if earlier is not None:
                 return _stored_feedback(session, earlier, created=False)
+            require_feedback_seen(session, draft.result_id, seen)
             now = self._clock()
-            feedback_id = self._ulids.make(now)
+            [feedback_id] = self._new_ids(session, FeedbackRow.id, now)
             rows = {change.name: find_model(session, change.name) for change in changes}
             fresh = {each.name for each in undone}
             for change in (each for each in changes if each.name not in fresh):
@@ -101,14 +104,15 @@ class FeedbackRepository(Transactions):
                 row.id: FeedbackModelRow(model_id=row.id, feedback_id=feedback_id)
                 for row in (*rows.values(), *_models_of_feedback(session, draft))
             }
+            # The sample comes first: it is among those of the version that learned from it.
+            sample_id = self._keep_sample(session, draft, sample, max_samples, now)
             for name, row in rows.items():
                 old, note = row.version, f"result {draft.result_id}"
                 links[row.id].old_version = old
                 append_version(session, state, row, documents[name], "feedback", note, now, parent=old)
                 links[row.id].new_version = row.version
-            sample_id = self._keep_sample(session, draft, sample, max_samples, now)
             if draft.unknown_page is not None:
-                page_id = self._ulids.make(now)
+                [page_id] = self._new_ids(session, UnknownPageRow.id, now)
                 add_unknown_page(session, page_id, draft.result_id, draft.unknown_page, now)
             elif draft.verified_class is not None:
                 known = UnknownPageRow.result_id == draft.result_id
@@ -218,7 +222,7 @@ class FeedbackRepository(Transactions):
                 return None
             session.execute(delete(SampleRow).where(SampleRow.id == oldest))
         row = SampleRow(
-            id=self._ulids.make(now),
+            id=self._new_ids(session, SampleRow.id, now)[0],
             model_id=model.id,
             key=None,
             digest=sample[1],
@@ -226,6 +230,7 @@ class FeedbackRepository(Transactions):
             document=sample[0],
             origin="feedback",
             result_id=draft.result_id,
+            after_version=model.last_version,
         )
         model.updated_at = now
         session.add(row)

@@ -8,6 +8,10 @@ JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 FINAL_STATES: Final = ("succeeded", "failed", "cancelled")
 JOB_BLOBS: Final = "jobs"
 """First part of the keys of all blobs of jobs."""
+MOST_WAIT_S: Final = 60.0
+"""Longest time for which a job that was handed back waits."""
+MOST_CALLBACK_WAIT_S: Final = 3600.0
+"""Longest time until a callback is sent, or sent again."""
 CHANGES: Final = "document_job_changes"
 """Channel on which PostgreSQL notifies of changes of jobs, as `ID REVISION`."""
 

@@ -7,17 +7,18 @@ job is written once.
 
 import secrets
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, Row, case, func, select
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy import ColumnElement, Row, case, func, select, update
 from sqlalchemy.orm import Session
 
+from models.clocks import is_over, latest, oldest_first
 from models.errors import JobKeyReused, JobNotFound, QueueFull
 from models.job_records import (
     FINAL_STATES,
+    MOST_CALLBACK_WAIT_S,
+    MOST_WAIT_S,
     Delivery,
     JobBounds,
     JobDraft,
@@ -42,6 +43,7 @@ from models.job_statements import (
     DELETE,
     END_BY_ANYBODY,
     END_BY_LEASE,
+    JOBS,
     READ,
     REVISIONS,
     UNFINISHED,
@@ -72,20 +74,12 @@ class JobRepository(Transactions):
         JobKeyReused
             When the earlier job had another digest.
         """
-        values = new_values(draft, self._clock())
-        with self._writing() as session:
+        with self._changing() as (session, _):
+            values = new_values(draft, self._clock())
             if (earlier := self._repeated(session, draft.repeat_key, draft.digest)) is not None:
                 return earlier, False
             _require_room(session, draft, bounds)
-            try:
-                # Only a key may be there already; without one there is no need to go on after a failure.
-                with nullcontext() if draft.repeat_key is None else session.begin_nested():
-                    row = session.execute(ADD, values).one()
-            except IntegrityError:  # another process stored the same key at the same moment
-                earlier = self._repeated(session, draft.repeat_key, draft.digest)
-                if earlier is None:
-                    raise
-                return earlier, False
+            row = session.execute(ADD, values).one()
             if also is not None:
                 also(session.connection().connection.driver_connection)
             return stored_job(row), True
@@ -98,12 +92,11 @@ class JobRepository(Transactions):
     def _repeated(self, session: Session, repeat_key: str | None, digest: str | None) -> StoredJob | None:
         if repeat_key is None:
             return None
-        row = session.execute(select(JobRow).where(JobRow.repeat_key == repeat_key)).scalar_one_or_none()
+        of_key = JobRow.repeat_key == repeat_key
+        # A new job may have the key of one that has expired.
+        session.execute(update(JOBS).where(of_key, self._is_expired()).values(repeat_key=None))
+        row = session.execute(select(JobRow).where(of_key)).scalar_one_or_none()
         if row is None:
-            return None
-        if self._has_expired(row):
-            row.repeat_key = None  # a new job may have the key
-            session.flush()
             return None
         if row.digest != digest:
             raise JobKeyReused("This key came with a different request before")
@@ -141,6 +134,7 @@ class JobRepository(Transactions):
                     "of_priority": priority,
                     "of_owner": owner,
                     "now": now,
+                    "latest": latest(now, MOST_WAIT_S),
                     "new_token": token,
                     "until": now + timedelta(seconds=lease_s),
                 }
@@ -154,7 +148,7 @@ class JobRepository(Transactions):
         until = self._clock() + timedelta(seconds=lease_s)
         lost = set()
         with self._writing() as session:
-            for report in reports:
+            for report in sorted(reports, key=_id_of):  # all lock rows in one order
                 row = session.get(JobRow, report.job_id, with_for_update=True)
                 if row is None or row.token != report.token:
                     lost.add(report.job_id)
@@ -181,7 +175,9 @@ class JobRepository(Transactions):
             return END_BY_LEASE.execute(session, {"of_token": token, **values}) is not None
 
     def return_job(self, job_id: str, token: str, wait_s: float, *, is_attempt: bool) -> bool:
-        """Hand a running job back; it may start again after `wait_s` seconds. False: the lease is lost.
+        """Hand a running job back; it may start again after `wait_s` seconds (`MOST_WAIT_S` at most).
+
+        False: the lease is lost.
 
         `is_attempt` is False where the job could not run through no fault of its own. That happens `MOST_RETURNS` times
         at most; then every return counts as an attempt.
@@ -193,22 +189,22 @@ class JobRepository(Transactions):
             if not is_attempt and row.returns < MOST_RETURNS:
                 row.attempts -= 1
                 row.returns += 1
-            queue_again(row, self._clock() + timedelta(seconds=wait_s))
+            queue_again(row, self._clock() + timedelta(seconds=min(wait_s, MOST_WAIT_S)))
             tell_change(session, row)
             return True
 
     def settle_stalled_jobs(
-        self, most_attempts: int, failure: Callable[[StoredJob], JobEnd], ttl_s: float
+        self, most_attempts: int, failure: Callable[[StoredJob], JobEnd], ttl_s: float, lease_s: float
     ) -> tuple[int, int]:
         """Queue running jobs again whose lease has ended, or end them after `most_attempts` attempts.
 
-        `failure` is their end. The numbers of both.
+        `failure` is their end, `lease_s` the length of leases. The numbers of both.
         """
         now, again, failed = self._clock(), 0, 0
         with self._writing() as session:
             stalled = (
                 select(JobRow)
-                .where(JobRow.state == "running", JobRow.lease_until < now)
+                .where(JobRow.state == "running", is_over(JobRow.lease_until, now, lease_s))
                 .with_for_update(skip_locked=True)
             )
             for row in session.execute(stalled).scalars():
@@ -233,7 +229,7 @@ class JobRepository(Transactions):
 
         A job whose callback is not delivered yet remains until it expires.
         """
-        finished = JobRow.state.in_(FINAL_STATES)
+        finished, now = JobRow.state.in_(FINAL_STATES), self._clock()
         counted = select(
             func.count(),
             func.coalesce(func.sum(JobRow.answer_bytes), 0),
@@ -249,12 +245,15 @@ class JobRepository(Transactions):
         if not expired and not is_full(jobs, answer_bytes):
             return keys  # by far the most frequent case, for which no row is read
         with self._writing() as session:
-            for row in session.execute(select(JobRow).where(finished, self._is_expired())).scalars():
+            # Rows that another process changes are left to the next purge, so that nobody waits for another.
+            over = select(JobRow).where(finished, self._is_expired()).with_for_update(skip_locked=True)
+            for row in session.execute(over).scalars():
                 keys += blob_keys(row)
                 session.delete(row)
             session.flush()
             jobs, answer_bytes, _ = session.execute(counted).one()
-            oldest = select(JobRow).where(finished, JobRow.callback_at.is_(None)).order_by(JobRow.ended_at)
+            oldest = select(JobRow).where(finished, JobRow.callback_at.is_(None))
+            oldest = oldest.order_by(*oldest_first(JobRow.ended_at, now)).with_for_update(skip_locked=True)
             for row in session.execute(oldest.execution_options(yield_per=100)).scalars():
                 if not is_full(jobs, answer_bytes):
                     break
@@ -265,9 +264,13 @@ class JobRepository(Transactions):
         return keys
 
     def claim_callback(self, claim_s: float) -> StoredJob | None:
-        """A job whose callback is due; None: there is none. Nobody else gets it for `claim_s` seconds."""
+        """A job whose callback is due; None: there is none.
+
+        Nobody else gets it for `claim_s` seconds (`MOST_CALLBACK_WAIT_S` at most).
+        """
         now = self._clock()
-        due = select(JobRow).where(JobRow.callback_at <= now).order_by(JobRow.callback_at).limit(1)
+        is_due = is_over(JobRow.callback_at, now, MOST_CALLBACK_WAIT_S)
+        due = select(JobRow).where(is_due).order_by(JobRow.callback_at).limit(1)
         with self._glancing() as session:
             if session.execute(due).first() is None:
                 return None
@@ -275,17 +278,21 @@ class JobRepository(Transactions):
             row = session.execute(due.with_for_update(skip_locked=True)).scalar_one_or_none()
             if row is None:
                 return None
-            row.callback_at = now + timedelta(seconds=claim_s)
+            row.callback_at = now + timedelta(seconds=min(claim_s, MOST_CALLBACK_WAIT_S))
             return stored_job(row)
 
     def note_delivery(self, job_id: str, delivery: Delivery, next_s: float | None) -> None:
-        """Add to a job's log of deliveries; the next one is due in `next_s` seconds, None: it was the last."""
+        """Add to a job's log of deliveries; the next one is due in `next_s` seconds, None: it was the last.
+
+        It is due in `MOST_CALLBACK_WAIT_S` at most.
+        """
         with self._writing() as session:
             row = session.get(JobRow, job_id, with_for_update=True)
             if row is None:
                 return
             add_delivery(row, delivery)
-            row.callback_at = None if next_s is None else self._clock() + timedelta(seconds=next_s)
+            wait = None if next_s is None else timedelta(seconds=min(next_s, MOST_CALLBACK_WAIT_S))
+            row.callback_at = None if wait is None else self._clock() + wait
 
     def queue_status(self) -> QueueStatus:
         """Numbers of unfinished jobs."""
@@ -315,6 +322,10 @@ class JobRepository(Transactions):
         return JobRow.expires_at <= self._clock()
 
 
+def _id_of(report: Progress) -> str:
+    return report.job_id
+
+
 def _require_room(session: Session, draft: JobDraft, bounds: JobBounds) -> None:
     jobs, input_bytes, own = session.execute(UNFINISHED_TOTALS, {"of_owner": draft.owner}).one()
     if jobs >= bounds.most_jobs:
@@ -327,11 +338,12 @@ def _require_room(session: Session, draft: JobDraft, bounds: JobBounds) -> None:
 
 def _owners_in_turn(session: Session, now: datetime) -> list[tuple[int, str | None]]:
     """Pairs of priority and owner of the jobs that may start, in the order in which they are to be served."""
-    waiting = session.execute(WAITING_OWNERS, {"now": now}).all()
+    waiting = session.execute(WAITING_OWNERS, {"now": now, "latest": latest(now, MOST_WAIT_S)}).all()
     if len(waiting) < 2:
         return [(priority, owner) for priority, owner, _ in waiting]
+    started_at = case((JobRow.started_at <= latest(now), JobRow.started_at))
     owned = select(
-        JobRow.owner, func.sum(case((JobRow.state == "running", 1), else_=0)), func.max(JobRow.started_at)
+        JobRow.owner, func.sum(case((JobRow.state == "running", 1), else_=0)), func.max(started_at)
     ).group_by(JobRow.owner)
     served = {owner: (running, last) for owner, running, last in session.execute(owned)}
 

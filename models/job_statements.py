@@ -29,7 +29,9 @@ JOBS: Final = cast(Table, JobRow.__table__)
 _NOW: Final = bindparam("now", type_=UtcDateTime())
 _NEW_STATE: Final = bindparam("new_state", type_=String())
 _IS_OF_OWNER: Final = JOBS.c.owner.is_not_distinct_from(bindparam("of_owner"))
-_MAY_START: Final = (JOBS.c.state == "queued") & (JOBS.c.ready_at <= _NOW)
+_LATEST: Final = bindparam("latest", type_=UtcDateTime())
+"""Later times are of a clock that was wrong (`models.clocks`)."""
+_MAY_START: Final = (JOBS.c.state == "queued") & ((JOBS.c.ready_at <= _NOW) | (JOBS.c.ready_at > _LATEST))
 
 
 class Change:
@@ -60,11 +62,11 @@ WAITING_OWNERS: Final = (
     .where(_MAY_START)
     .group_by(JOBS.c.priority, JOBS.c.owner)
 )
-"""Priority, owner and the time of the oldest one of the jobs that may start `now`."""
+"""Priority, owner and the time of the oldest one of the jobs that may start `now`; `latest` is that of a wait."""
 _NEXT: Final = (
     select(JOBS.c.id)
     .where(_MAY_START, JOBS.c.priority == bindparam("of_priority"), _IS_OF_OWNER)
-    .order_by(JOBS.c.created_at, JOBS.c.id)
+    .order_by(case((JOBS.c.created_at > _LATEST, 0), else_=1), JOBS.c.created_at, JOBS.c.id)
     .limit(1)
     .with_for_update(skip_locked=True)
 )

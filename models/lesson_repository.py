@@ -1,6 +1,6 @@
 """The store's calls for taking feedback back: what a model learned since, and its versions without a lesson."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from datetime import datetime
 from typing import Literal, cast
 
@@ -8,7 +8,7 @@ from sqlalchemy import Row, delete, select, update
 from sqlalchemy.orm import Session
 
 from models.documents import decode_document, encode_document
-from models.errors import FeedbackNotFound, ModelNotFound
+from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
 from models.queries import (
     append_version,
     find_model,
@@ -30,8 +30,8 @@ from models.tables import (
 )
 from models.transactions import Transactions
 
-VersionMeta = Row[int, int | None, int | None, str, str, datetime]
-"""version, parent, undone_by, origin, note, created_at"""
+VersionMeta = Row[int, int | None, int | None, str, str]
+"""version, parent, undone_by, origin, note"""
 
 FOUND = "recognized"
 """Key of a result's document under which the recognized result is kept when a person has replaced its zones."""
@@ -57,16 +57,21 @@ class LessonRepository(Transactions):
             )
             for model_id, version in session.execute(links):
                 taught.setdefault(model_id, set()).add(cast(int, version))
-            sampled: dict[int, datetime] = {}
-            samples = select(SampleRow.model_id, SampleRow.created_at).where(
+            sampled: dict[int, int] = {}
+            samples = select(SampleRow.model_id, SampleRow.after_version).where(
                 SampleRow.result_id == result_id, SampleRow.origin == "feedback"
             )
-            for model_id, created_at in session.execute(samples):
-                sampled[model_id] = created_at
+            for model_id, after_version in session.execute(samples):
+                sampled[model_id] = after_version
                 taught.setdefault(model_id, set())
             wanted = ModelRow.id.in_(taught) & ModelRow.deleted_at.is_(None)
             rows = session.execute(select(ModelRow).where(wanted).order_by(ModelRow.name)).scalars().all()
             return [_past(session, row, taught[row.id], sampled.get(row.id)) for row in rows]
+
+    def feedback_ids(self, result_id: str) -> frozenset[str]:
+        """Ids of all feedback on a result."""
+        with self._reading() as session:
+            return frozenset(_feedback_ids(session, result_id))
 
     def taught_models(self, result_id: str) -> list[str]:
         """Names of the classes that feedback on this result concerns."""
@@ -114,18 +119,21 @@ class LessonRepository(Transactions):
                     effects[name] = None if path[version].undone_by is None else "replaced"
         return effects
 
-    def undo_feedback(self, result_id: str, undone: Sequence[ModelUndo]) -> UndoneFeedback:
+    def undo_feedback(
+        self, result_id: str, undone: Sequence[ModelUndo], seen: Set[str] | None = None
+    ) -> UndoneFeedback:
         """Delete the feedback on a result with its samples, and store the models without its lessons.
 
         This is one transaction. The result gets back the zones that were recognized. `undone` must have all models
-        of `pasts`.
+        of `pasts`. `seen` has the ids of the feedback from which it was computed; None: they are not compared.
 
-        Raises `FeedbackNotFound`, `ModelNotFound`, and `VersionConflict` when a model has changed since.
+        Raises `FeedbackNotFound`, `ModelNotFound`, and `VersionConflict` when a model or the feedback has changed.
         """
         with self._changing() as (session, state):
             feedback_ids = _feedback_ids(session, result_id)
             if not feedback_ids:
                 raise FeedbackNotFound(f"there is no feedback on the result {result_id!r}", result_id)
+            require_feedback_seen(session, result_id, seen)
             now = self._clock()
             versions = take_back(session, state, result_id, undone, now)
             samples = delete_samples_of_result(session, result_id)
@@ -138,6 +146,14 @@ class LessonRepository(Transactions):
             revise_result(session, result_id, None)
             self._list_changes(session, versions, result_id)
             return UndoneFeedback(tuple(feedback_ids), versions, samples)
+
+
+def require_feedback_seen(session: Session, result_id: str, seen: Set[str] | None) -> None:
+    """Raises `VersionConflict` when the feedback on a result is not that of these ids; None: any."""
+    if seen is not None and seen != set(_feedback_ids(session, result_id)):
+        raise VersionConflict(
+            f"other feedback on the result {result_id!r} came or was deleted meanwhile", None
+        )
 
 
 def take_back(
@@ -219,7 +235,6 @@ def _path(session: Session, row: ModelRow) -> list[VersionMeta]:
         VersionRow.undone_by,
         VersionRow.origin,
         VersionRow.note,
-        VersionRow.created_at,
     )
     wanted = select(*columns).where(VersionRow.model_id == row.id)
     versions: dict[int, VersionMeta] = {each.version: each for each in session.execute(wanted)}
@@ -233,8 +248,8 @@ def _path(session: Session, row: ModelRow) -> list[VersionMeta]:
     return path
 
 
-def _past(session: Session, row: ModelRow, taught: set[int], sampled: datetime | None) -> ModelPast:
-    """What a class learned since the first lesson; `sampled` is the time of the sample from the same feedback."""
+def _past(session: Session, row: ModelRow, taught: set[int], sampled: int | None) -> ModelPast:
+    """What a class learned since the first lesson; after version `sampled` came the sample from the same feedback."""
     path = _path(session, row)[::-1]
     first = next((place for place, each in enumerate(path) if each.version in taught), None)
     superseded = set(taught)
@@ -243,7 +258,7 @@ def _past(session: Session, row: ModelRow, taught: set[int], sampled: datetime |
         and path[0].origin in ("initialize", "feedback")
         and path[0].parent is None
         and sampled is not None
-        and path[0].created_at >= sampled  # the sample was among those of this version
+        and path[0].version > sampled  # the sample was among those of this version
     ):
         first = 0
     if first is None:
@@ -262,7 +277,6 @@ def _past(session: Session, row: ModelRow, taught: set[int], sampled: datetime |
             each.version,
             cast(Origin, each.origin),
             each.note,
-            each.created_at,
             of_version.get(each.version),
         )
         for each in path[first:]

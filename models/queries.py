@@ -225,4 +225,5 @@ def stored_sample(row: SampleRow, *, created: bool) -> StoredSample:
         created,
         cast(SampleOrigin, row.origin),
         row.result_id,
+        row.after_version,
     )

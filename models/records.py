@@ -14,6 +14,9 @@ from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 MAX_NAME = 200
 """Characters of a class's name or of an idempotency key."""
 
+CLOCKS_DIFFER_S = 60.0
+"""Clocks of machines that share a database may differ by so much; docs/operations.md asks for a few seconds."""
+
 Origin = Literal["initialize", "import", "feedback", "train", "rollback", "undo"]
 """The action that made a version of a model."""
 SampleOrigin = Literal["posted", "feedback"]
@@ -93,7 +96,8 @@ class VersionSummary:
 class StoredSample:
     """A labelled page of a class. `created` is False when it was stored before (same key or same content).
 
-    `result_id` is the verified result if the sample comes from feedback.
+    `result_id` is the verified result if the sample comes from feedback. `after_version` is the class's last version
+    when the sample came, 0 without any.
     """
 
     id: str
@@ -102,6 +106,7 @@ class StoredSample:
     created: bool
     origin: SampleOrigin = "posted"
     result_id: str | None = None
+    after_version: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +230,6 @@ class ModelStep:
     version: int
     origin: Origin
     note: str
-    created_at: datetime
     feedback_id: str | None
 
 

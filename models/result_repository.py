@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 from typing import cast
 
 from sqlalchemy import ColumnElement, CursorResult, delete, select
+from sqlalchemy.orm import Session
 
 from models.documents import Document, decode_document, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
@@ -36,10 +37,11 @@ class ResultRepository(Transactions):
         review: ReviewDraft | None = None,
     ) -> str:
         """Store a result for `ttl_s` seconds, and its page if no class fits; return the result's id."""
-        now = self._clock()
-        result_id = self._ulids.make(now)
-        self._keep([result_id], [ResultDraft(document, unknown, owner, review)], now, ttl_s)
-        return result_id
+        with self._changing() as (session, _):
+            now = self._clock()
+            [id] = self._new_ids(session, ResultRow.id, now)
+            self._keep(session, [id], [ResultDraft(document, unknown, owner, review)], now, ttl_s)
+        return id
 
     def add_document(
         self, document: Document, pages: Sequence[ResultDraft], ttl_s: float
@@ -49,13 +51,21 @@ class ResultRepository(Transactions):
         The stored document has the ids of its pages under `pages`. Its own id is older than theirs, so that a purge
         deletes the document before its first page.
         """
-        now = self._clock()
-        document_id, *page_ids = (self._ulids.make(now) for _ in range(1 + len(pages)))
-        whole = ResultDraft({**document, "pages": page_ids}, owner=pages[0].owner if pages else None)
-        self._keep([document_id, *page_ids], [whole, *pages], now, ttl_s)
+        with self._changing() as (session, _):
+            now = self._clock()
+            document_id, *page_ids = self._new_ids(session, ResultRow.id, now, 1 + len(pages))
+            whole = ResultDraft({**document, "pages": page_ids}, owner=pages[0].owner if pages else None)
+            self._keep(session, [document_id, *page_ids], [whole, *pages], now, ttl_s)
         return document_id, page_ids
 
-    def _keep(self, ids: Sequence[str], drafts: Sequence[ResultDraft], now: datetime, ttl_s: float) -> None:
+    def _keep(
+        self,
+        session: Session,
+        ids: Sequence[str],
+        drafts: Sequence[ResultDraft],
+        now: datetime,
+        ttl_s: float,
+    ) -> None:
         expires_at = now + timedelta(seconds=ttl_s)
         rows = [
             ResultRow(
@@ -67,24 +77,24 @@ class ResultRepository(Transactions):
             )
             for id, draft in zip(ids, drafts, strict=True)
         ]
-        with self._changing() as (session, _):
-            session.add_all(rows)
-            for row, draft in zip(rows, drafts, strict=True):
-                if draft.unknown is not None:
-                    add_unknown_page(session, self._ulids.make(now), row.id, draft.unknown, now)
-            session.flush()
-            session.add_all(
-                ReviewRow(
-                    result_id=row.id,
-                    is_skipped=False,
-                    owner=row.owner,
-                    created_at=row.created_at,
-                    expires_at=row.expires_at,
-                    **asdict(draft.review),
-                )
-                for row, draft in zip(rows, drafts, strict=True)
-                if draft.review is not None
+        session.add_all(rows)
+        for row, draft in zip(rows, drafts, strict=True):
+            if draft.unknown is not None:
+                [page_id] = self._new_ids(session, UnknownPageRow.id, now)
+                add_unknown_page(session, page_id, row.id, draft.unknown, now)
+        session.flush()
+        session.add_all(
+            ReviewRow(
+                result_id=row.id,
+                is_skipped=False,
+                owner=row.owner,
+                created_at=row.created_at,
+                expires_at=row.expires_at,
+                **asdict(draft.review),
             )
+            for row, draft in zip(rows, drafts, strict=True)
+            if draft.review is not None
+        )
 
     def result(self, result_id: str) -> StoredResult:
         """A result, for a document with the results of its pages. Raises `ResultNotFound`."""
@@ -195,7 +205,7 @@ class ResultRepository(Transactions):
         """
         now = now or self._clock()
         gone: ColumnElement[bool] = ResultRow.expires_at <= now
-        with self._writing() as session:
+        with self._changing() as (session, _):
             session.execute(delete(UnknownPageRow).where(UnknownPageRow.expires_at <= now))
             if keep_newest is not None:
                 newest = select(ResultRow.id).order_by(ResultRow.id.desc()).offset(keep_newest).limit(1)

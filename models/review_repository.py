@@ -10,6 +10,7 @@ from typing import cast
 from sqlalchemy import ColumnElement, Select, and_, case, or_, select
 from sqlalchemy.orm import Session
 
+from models.clocks import latest
 from models.documents import Document, decode_document, encode_document
 from models.errors import Claimed, ResultNotFound
 from models.records import AuditEntry, Review, ReviewDraft, ReviewOrder, ReviewState
@@ -102,11 +103,12 @@ class ReviewRepository(Transactions):
 
         Raises `Claimed` when somebody else has the page, and `ResultNotFound`.
         """
-        now = self._clock()
-        with self._writing() as session:
-            row = self._own_review(session, result_id, claim)
+        with self._changing() as (session, _):
+            now = self._clock()
+            row = _own_review(session, result_id, claim, now)
             row.claim = row.claim if claim is not None and claim == row.claim else secrets.token_urlsafe(16)
-            row.claimed_by, row.claimed_until = who, now + timedelta(seconds=ttl_s)
+            row.claimed_by, row.claimed_at = who, now
+            row.claimed_until = now + timedelta(seconds=ttl_s)
             return row.claim, row.claimed_until
 
     def reviews_behind(self, class_name: str, version: int, ahead: int, most: int) -> dict[str, Document]:
@@ -123,7 +125,11 @@ class ReviewRepository(Transactions):
                 ReviewRow.expires_at > now,
                 ReviewRow.is_skipped.is_(False),
                 ReviewRow.decision == "review",
-                or_(ReviewRow.claimed_until.is_(None), ReviewRow.claimed_until <= now),
+                or_(
+                    ReviewRow.claimed_until.is_(None),
+                    ReviewRow.claimed_until <= now,
+                    ReviewRow.claimed_at > latest(now),
+                ),
                 ~_IS_VERIFIED,
             )
             .order_by(ReviewRow.gain.desc(), ReviewRow.result_id.desc())
@@ -139,7 +145,7 @@ class ReviewRepository(Transactions):
 
         Pages that a newer version has placed, and those that are gone, stay as they are.
         """
-        with self._writing() as session:
+        with self._changing() as (session, _):
             for result_id, place in places.items():
                 row = session.get(ReviewRow, result_id)
                 if row is not None and (row.model_version or 0) < version:
@@ -150,8 +156,8 @@ class ReviewRepository(Transactions):
 
         Raises `Claimed` when the claim has ended, and `ResultNotFound`.
         """
-        with self._writing() as session:
-            row = self._own_review(session, result_id, claim)
+        with self._changing() as (session, _):
+            row = _own_review(session, result_id, claim, self._clock())
             if row.claim != claim:
                 raise Claimed("the claim on this page has ended; claim it again")
             if session.execute(select(_IS_VERIFIED).where(ReviewRow.result_id == result_id)).scalar_one():
@@ -166,21 +172,10 @@ class ReviewRepository(Transactions):
 
         Raises `Claimed` when somebody else has the page, and `ResultNotFound`.
         """
-        with self._writing() as session:
-            row = self._own_review(session, result_id, claim)
-            row.claim = row.claimed_by = row.claimed_until = None
+        with self._changing() as (session, _):
+            row = _own_review(session, result_id, claim, self._clock())
+            row.claim = row.claimed_by = row.claimed_at = row.claimed_until = None
             row.is_skipped |= skip
-
-    def _own_review(self, session: Session, result_id: str, claim: str | None) -> ReviewRow:
-        """The place of a page in the queue, if nobody else has claimed it."""
-        row = session.get(ReviewRow, result_id)
-        if row is None or row.expires_at <= self._clock():
-            raise ResultNotFound(f"there is no result {result_id!r} in the queue", result_id)
-        if _is_claimed(row, self._clock()) and row.claim != claim:
-            raise Claimed(
-                "another person works on this page; take the next one, or send `claim` of your claim"
-            )
-        return row
 
     def verdicts(self, class_name: str, newest: int) -> list[Verdict]:
         """What people said of zones of pages that were recognized as this class: of the newest feedbacks, newest first.
@@ -218,8 +213,21 @@ class ReviewRepository(Transactions):
             ]
 
 
+def _own_review(session: Session, result_id: str, claim: str | None, now: datetime) -> ReviewRow:
+    """The place of a page in the queue, if nobody else has claimed it. Raises `Claimed`, `ResultNotFound`."""
+    row = session.get(ReviewRow, result_id)
+    if row is None or row.expires_at <= now:
+        raise ResultNotFound(f"there is no result {result_id!r} in the queue", result_id)
+    if _is_claimed(row, now) and row.claim != claim:
+        raise Claimed("another person works on this page; take the next one, or send `claim` of your claim")
+    return row
+
+
 def _is_claimed(row: ReviewRow, now: datetime) -> bool:
-    return row.claimed_until is not None and row.claimed_until > now
+    """Whether somebody has the page. A claim that begins in the future is one of a clock that was wrong."""
+    if row.claimed_until is None or row.claimed_at is None:
+        return False
+    return row.claimed_at <= latest(now) and row.claimed_until > now
 
 
 def cursor_of(review: Review, order: ReviewOrder) -> str:

@@ -68,12 +68,13 @@ class SampleRepository(Transactions):
                 raise StoreFull(f"the model {name!r} has {count} samples, {max_samples} are allowed")
             row.updated_at = now
             sample = SampleRow(
-                id=self._ulids.make(now),
+                id=self._new_ids(session, SampleRow.id, now)[0],
                 model_id=row.id,
                 key=key,
                 digest=digest,
                 created_at=now,
                 document=packed,
+                after_version=row.last_version,
             )
             session.add(sample)
             session.flush()
@@ -165,8 +166,8 @@ class SampleRepository(Transactions):
 
 
 def _samples_after(session: Session, row: ModelRow, version: int) -> list[str]:
-    made = find_version(session, row, version).created_at
-    wanted = select(SampleRow.id).where(SampleRow.model_id == row.id, SampleRow.created_at > made)
+    find_version(session, row, version)
+    wanted = select(SampleRow.id).where(SampleRow.model_id == row.id, SampleRow.after_version >= version)
     return list(session.execute(wanted.order_by(SampleRow.id)).scalars())
 
 

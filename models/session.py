@@ -26,6 +26,7 @@ from sqlalchemy import URL, Connection, Dialect, Engine, create_engine, event, i
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import (
     ArgumentError,
+    DataError,
     DBAPIError,
     DisconnectionError,
     NoSuchModuleError,
@@ -34,7 +35,7 @@ from sqlalchemy.exc import (
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from models.bounded_connection import bounded
-from models.errors import StoreDamaged, StoreTooNew, StoreUnavailable
+from models.errors import NotStorable, StoreDamaged, StoreTooNew, StoreUnavailable
 from models.tables import Table
 
 BUSY_TIMEOUT_S = 10.0
@@ -320,6 +321,10 @@ def storage_errors() -> Iterator[None]:
         kind = getattr(error.orig, "sqlite_errorname", "")
         if kind.startswith(("SQLITE_CORRUPT", "SQLITE_NOTADB")):
             raise StoreDamaged(f"the database is damaged: {error.orig}") from error
+        if isinstance(
+            error, DataError
+        ):  # PostgreSQL accepts no NUL in a text, and no number beyond its column
+            raise NotStorable("a value has characters or a size that the database cannot hold") from error
         raise StoreUnavailable(f"the database cannot be used: {error.orig}") from error
     except SQLAlchemyError as error:
         raise StoreUnavailable(f"the database cannot be used: {error}") from error

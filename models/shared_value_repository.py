@@ -5,6 +5,7 @@ from datetime import timedelta
 
 from sqlalchemy import delete, select
 
+from models.clocks import latest
 from models.tables import SharedValueRow
 from models.transactions import Transactions
 
@@ -37,7 +38,8 @@ class SharedValueRepository(Transactions):
             session.merge(SharedValueRow(name=f"{kind} {own}", value=b"", written_at=now))
             session.flush()
             oldest = now - timedelta(seconds=lasts_s)
-            session.execute(delete(SharedValueRow).where(of_kind, SharedValueRow.written_at < oldest))
+            is_past = (SharedValueRow.written_at < oldest) | (SharedValueRow.written_at > latest(now))
+            session.execute(delete(SharedValueRow).where(of_kind, is_past))
             names = session.execute(select(SharedValueRow.name).where(of_kind)).scalars().all()
         return sorted(name.partition(" ")[2] for name in names if name != f"{kind} {own}")
 

@@ -102,6 +102,8 @@ class SampleRow(Table):
     """A labelled page of a class, once for each content and once for each key.
 
     A sample from feedback names the verified result, and is deleted when that result is verified again.
+    `after_version` is the number of the class's last version when it came, 0 without any: order of samples and versions
+    does not depend on clocks.
     """
 
     __tablename__ = "layout_samples"
@@ -115,6 +117,7 @@ class SampleRow(Table):
     document: Mapped[bytes] = mapped_column(LargeBinary)
     origin: Mapped[str] = mapped_column(String(20), server_default="posted")
     result_id: Mapped[str | None] = mapped_column(String(26), index=True)
+    after_version: Mapped[int]
 
 
 class FeedbackRow(Table):
@@ -263,6 +266,7 @@ class ReviewRow(Table):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
     expires_at: Mapped[datetime] = mapped_column(UtcDateTime)
     model_version: Mapped[int | None]
+    claimed_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
 
 
 class CameraRow(Table):

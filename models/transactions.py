@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
 
-from sqlalchemy import delete, select
-from sqlalchemy.orm import Session
+from sqlalchemy import delete, func, select
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from models.errors import StoreUnavailable
 from models.session import (
@@ -117,7 +117,10 @@ class Transactions:
 
     @contextmanager
     def _writing(self) -> Iterator[Session]:
-        """A transaction that commits at the end of the block, and rolls back on an exception."""
+        """A transaction that commits at the end of the block, and rolls back on an exception.
+
+        On PostgreSQL others may write between its statements: see `_changing`.
+        """
         if self._closed:
             raise StoreUnavailable("the store is closed")
         with (
@@ -130,9 +133,22 @@ class Transactions:
 
     @contextmanager
     def _changing(self) -> Iterator[tuple[Session, StateRow]]:
-        """A `_writing` transaction for models, samples and feedback. Only one runs at a time."""
+        """A `_writing` transaction that reads what its writes depend on. Only one runs at a time, on every database.
+
+        Calls that use `_writing` alone write by one statement with its condition, or lock each row that they read.
+        """
         with self._writing() as session:
             yield session, session.get_one(StateRow, 1, with_for_update=True)
+
+    def _new_ids(
+        self, session: Session, column: InstrumentedAttribute[str], now: datetime, count: int = 1
+    ) -> list[str]:
+        """Ids for rows of a table, larger than those that are there: in the order of arrival, whatever clocks say.
+
+        For `_changing` transactions.
+        """
+        newest = session.execute(select(func.max(column))).scalar_one()
+        return [self._ulids.make(now, newest) for _ in range(count)]
 
     def _list_changes(self, session: Session, models: Iterable[str], detail: str) -> None:
         """List the same change of several models; of none: one entry without a model."""
@@ -151,7 +167,7 @@ class Transactions:
         now = self._clock()
         session.add(
             AuditRow(
-                id=self._ulids.make(now),
+                id=self._new_ids(session, AuditRow.id, now)[0],
                 created_at=now,
                 who=author.who,
                 action=author.action,

@@ -9,6 +9,7 @@ _ALPHABET = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Crockford's base 32: no I, L, O, U."""
 _FORM = re.compile(f"[0-7][{_ALPHABET}]{{25}}")
 _RANDOM_BITS = 80
+_VALUE = {character: value for value, character in enumerate(_ALPHABET)}
 
 
 class UlidFactory:
@@ -18,18 +19,26 @@ class UlidFactory:
         self._lock = threading.Lock()
         self._last = 0
 
-    def make(self, moment: datetime) -> str:
-        """An identifier of 26 characters for an aware time.
+    def make(self, moment: datetime, after: str | None = None) -> str:
+        """An identifier of 26 characters for an aware time, larger than the identifier `after`.
 
         It does not help to guess the identifiers of other milliseconds.
         """
         fresh = (int(moment.timestamp() * 1000) << _RANDOM_BITS) | secrets.randbits(_RANDOM_BITS)
         with self._lock:
-            if fresh <= self._last:
+            last = self._last if after is None else max(self._last, _number(after))
+            if fresh <= last:
                 # The step is random (32 bits), so that the next id of the same millisecond cannot be guessed easily.
-                fresh = self._last + 1 + secrets.randbits(32)
+                fresh = last + 1 + secrets.randbits(32)
             self._last = fresh
         return "".join(_ALPHABET[(fresh >> shift) & 31] for shift in range(125, -1, -5))
+
+
+def _number(ulid: str) -> int:
+    number = 0
+    for character in ulid:
+        number = number << 5 | _VALUE[character]
+    return number
 
 
 def is_ulid(text: str) -> bool:

@@ -19,6 +19,8 @@ from procrastinate.schema import SchemaManager
 from app.jobs.postgresql import CONNECT, RESTART_PAUSE_S, Failure, conninfo_of
 from app.jobs.running import JobRunner
 from models.errors import StoreError, StoreUnavailable
+from models.job_records import MOST_WAIT_S
+from models.records import CLOCKS_DIFFER_S
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +37,8 @@ _PROBE_S = 0.7
 _SCHEMA_LOCK = 0x6A6F6273  # key of PostgreSQL's advisory lock: any number that no other program uses
 _TASK = "run_job"
 _MISSING = """
-SELECT (SELECT count(*) FROM jobs WHERE state = 'queued' AND ready_at <= now())
+SELECT (SELECT count(*) FROM jobs WHERE state = 'queued'
+        AND (ready_at <= now() OR ready_at > now() + %(longest)s * interval '1 second'))
      - (SELECT count(*) FROM procrastinate_jobs WHERE status = 'todo' AND queue_name = %(queue)s) AS missing
 """
 _ALIVE = """
@@ -109,7 +112,9 @@ class QueueDispatch:
                 )
                 for job in stalled:
                     await self._app.job_manager.finish_job(job, Status.FAILED, delete_job=True)
-                row = await self._app.connector.execute_query_one_async(_MISSING, queue=QUEUE)
+                row = await self._app.connector.execute_query_one_async(
+                    _MISSING, queue=QUEUE, longest=MOST_WAIT_S + CLOCKS_DIFFER_S
+                )
                 for _ in range(min(int(row["missing"]), MOST_TICKETS)):
                     await self._ticket.defer_async(job_id="")
         except Failure as error:

@@ -138,7 +138,7 @@ class JobRunner:
 
     async def settle_stalled(self) -> None:
         """Queue jobs again whose workers are gone; end those that have no attempt left."""
-        most, ttl_s = self._limits.most_attempts, self._limits.ttl_s
+        limits, most = self._limits, self._limits.most_attempts
         died = WorkerDied(
             f"The worker ended before the work was done, {most} times. Send another file, or report this one."
         )
@@ -146,7 +146,9 @@ class JobRunner:
         def failure(job: StoredJob) -> JobEnd:
             return failed(self._tell(died, str(job.request["request_id"])))
 
-        again, ended = await self._store.call(lambda store: store.settle_stalled_jobs(most, failure, ttl_s))
+        again, ended = await self._store.call(
+            lambda store: store.settle_stalled_jobs(most, failure, limits.ttl_s, limits.lease_s)
+        )
         if again or ended:
             log.warning("jobs had lost their workers", extra={"queued_again": again, "failed": ended})
 

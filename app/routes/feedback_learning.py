@@ -14,7 +14,7 @@
 import asyncio
 import json
 import random
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
@@ -70,19 +70,21 @@ async def learn_from_feedback(
     earlier = await state.store.call(lambda store: store.find_feedback(result_id, key, request))
     if earlier is not None:
         return earlier
-    result = await state.store.call(lambda store: store.result(result_id))
-    verified, revised = await _verified(state, result.document, body)
+    given = await _given(state, result_id, key, request, body, owner)
+    verified = given.verified
     names = [name for name in (verified.found_class, verified.verified_class) if name is not None]
     names += await state.store.call(lambda store: store.taught_models(result_id))
-    given = _Given(result_id, key, request, verified, revised, owner, result.document)
     limit_s = state.settings.queue_timeout_s
     async with state.locks.hold(names, limit_s, "QUEUE_TIMEOUT_S"):
         for _ in range(MOST_TRIES):
             try:
                 feedback = await _learn_once(state, given)
                 break
-            except VersionConflict:  # another process wrote a version first: start again from it
+            except (
+                VersionConflict
+            ):  # another request wrote a version or a feedback first: start again from it
                 await asyncio.sleep(_random.uniform(0.0, LONGEST_PAUSE_S))
+                given = await _given(state, result_id, key, request, body, owner)
             except ModelNotFound as error:  # the found class was deleted: skip it
                 if error.what == verified.verified_class:
                     raise
@@ -101,7 +103,10 @@ class _Revision:
 
 @dataclass(frozen=True, slots=True)
 class _Given:
-    """A feedback as it was given, the verified page, and what the person changed of the result."""
+    """A feedback as it was given, the verified page, and what the person changed of the result.
+
+    `seen` has the ids of the earlier feedback on the result.
+    """
 
     result_id: str
     key: str | None
@@ -110,6 +115,7 @@ class _Given:
     revised: _Revision
     owner: str | None
     found: Mapping[str, Any]
+    seen: Set[str]
 
     def verdicts(self, adaptation: Adaptation) -> list[list[Any]]:
         """What the person said of the zones that were recognized; nothing if a person has changed them before."""
@@ -120,6 +126,21 @@ class _Given:
         wrong = {str(each["zone"]) for each in adaptation.wrong}
         class_is_right = verified.found_class == verified.verified_class
         return verdicts_of(self.found["result"], wrong, kept, class_is_right=class_is_right)
+
+
+async def _given(
+    state: AppState,
+    result_id: str,
+    key: str | None,
+    request: dict[str, Any],
+    body: FeedbackBody,
+    owner: str | None,
+) -> _Given:
+    """The feedback on the result as it is now. Raises `ResultNotFound`, and `InvalidOption` as `_verified`."""
+    seen = await state.store.call(lambda store: store.feedback_ids(result_id))  # before what follows from it
+    result = await state.store.call(lambda store: store.result(result_id))
+    verified, revised = await _verified(state, result.document, body)
+    return _Given(result_id, key, request, verified, revised, owner, result.document, seen)
 
 
 async def _verified(
@@ -259,7 +280,11 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
     draft = replace(draft, report={**draft.report, "warnings": [*warnings, *_new_labels(right, adaptation)]})
     return await state.store.call(
         lambda store: store.add_feedback(
-            draft, changes, max_samples=state.settings.max_samples_per_model, undone=tuple(undone.values())
+            draft,
+            changes,
+            max_samples=state.settings.max_samples_per_model,
+            undone=tuple(undone.values()),
+            seen=given.seen,
         )
     )
 

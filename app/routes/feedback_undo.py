@@ -56,11 +56,14 @@ async def undo_feedback(state: AppState, result_id: str) -> UndoneFeedback:
     async with state.locks.hold(names, state.settings.queue_timeout_s, "QUEUE_TIMEOUT_S"):
         for _ in range(MOST_TRIES):
             try:
+                seen = await state.store.call(lambda store: store.feedback_ids(result_id))
                 undone = await models_without(state, result_id)
                 return await state.store.call(
-                    partial(Store.undo_feedback, result_id=result_id, undone=undone)
+                    partial(Store.undo_feedback, result_id=result_id, undone=undone, seen=seen)
                 )
-            except VersionConflict:  # another process wrote a version first: start again from it
+            except (
+                VersionConflict
+            ):  # another request wrote a version or a feedback first: start again from it
                 continue
     raise Busy(f"Other requests keep updating {' and '.join(names)}. Send the request again later.")
 
@@ -208,7 +211,7 @@ def _in_order(pasts: Sequence[ModelPast]) -> list[_Repeated]:
 def _samples_of(store: Store, name: str, step: ModelStep, without: Sequence[str]) -> list[StoredSample]:
     """The samples that a class had at the time of a step and still has, without those of some results."""
     samples = newest_samples(store, name, without_results=without)
-    return [sample for sample in samples if sample.created_at <= step.created_at]
+    return [sample for sample in samples if sample.after_version < step.version]
 
 
 def _named(pasts: Sequence[ModelPast]) -> str:

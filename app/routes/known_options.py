@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from starlette.datastructures import UploadFile
 
 from app.paths import PathTemplates
-from services.errors import InvalidOption
+from services.errors import DocumentError, InvalidOption
 
 _LONGEST_NAME = 80
 Form = TypeVar("Form", bound=BaseModel)
@@ -94,8 +94,17 @@ def with_format(form: Form, format: str | None) -> Form:
     return form.model_copy(update={"format": format})
 
 
+class NothingNamed(DocumentError):
+    """No resource can have this path."""
+
+    code = "not-found"
+
+
 class KnownQueryOptions:
-    """Dependency of all routes: a request has only query options that its route has, each of them once."""
+    """Dependency of all routes: a request has only query options that its route has, each of them once.
+
+    No name or id has the character NUL, which no database of PostgreSQL holds.
+    """
 
     def __init__(self, routes: Iterable[APIRoute]) -> None:
         self._options: dict[tuple[str, str], list[str]] = {}
@@ -110,7 +119,11 @@ class KnownQueryOptions:
         Raises
         ------
         InvalidOption
+        NothingNamed
+            When the path has the character NUL.
         """
+        if "\0" in request.scope["path"]:
+            raise NothingNamed("The path has the character NUL, so it names nothing.")
         template = self._templates.match(request.scope["path"])
         known = self._options.get((request.method, template or ""))
         if known is None:
@@ -130,3 +143,5 @@ class KnownQueryOptions:
                 raise InvalidOption(
                     f"{shown}: this query option was sent {count} times; send it once.", shown
                 )
+            if "\0" in request.query_params[name]:
+                raise InvalidOption(f"{shown}: the value has the character NUL; leave it out.", shown)

@@ -77,7 +77,7 @@ def test_progress_never_decreases_and_renews_the_lease(store: Store, clock: Cloc
     job = store.job(id)
     assert (job.stage, job.progress) == ("shape", 0.6)
     assert [later - earlier for earlier, later in pairwise(seen)] == [1, 0, 0, 1]
-    assert store.settle_stalled_jobs(2, died, 100) == (0, 0)
+    assert store.settle_stalled_jobs(2, died, 100, 1000) == (0, 0)
     assert store.renew_leases([Progress(id, "another token", "text", 1.0)], LEASE_S) == {id}
 
 
@@ -85,9 +85,9 @@ def test_a_job_of_a_dead_worker_is_tried_twice(store: Store, clock: Clock) -> No
     id, tokens = add(store), []
     for expected in ((1, 0), (0, 1)):
         tokens.append(claim(store).token)
-        assert store.settle_stalled_jobs(2, died, 100) == (0, 0)
+        assert store.settle_stalled_jobs(2, died, 100, 1000) == (0, 0)
         clock.now += timedelta(seconds=LEASE_S)
-        assert store.settle_stalled_jobs(2, died, 100) == expected
+        assert store.settle_stalled_jobs(2, died, 100, 1000) == expected
         # The dead worker was only slow: it comes too late.
         assert not store.end_job(id, tokens[-1], DONE, 100)
         assert store.renew_leases([Progress(id, tokens[-1], None, 0)], LEASE_S) == {id}

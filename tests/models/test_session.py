@@ -106,6 +106,7 @@ INSERT INTO layout_model_versions VALUES (1, 1, 'import', 'first', :now, :docume
 INSERT INTO layout_model_versions VALUES (1, 2, 'feedback', '', :now, :document);
 INSERT INTO layout_model_versions VALUES (2, 1, 'import', '', :now, :document);
 INSERT INTO layout_samples VALUES ('01KDYSJ4W8000000000000000A', 1, 'key', :digest, :now, :document);
+INSERT INTO layout_samples VALUES ('01KDYSJ4W8000000000000000C', 1, 'later', 'other', :later, :document);
 INSERT INTO layout_results VALUES ('01KDYSJ4W8000000000000000B', :now, :later, :document);
 UPDATE store_state SET revision = 5
 """
@@ -131,10 +132,12 @@ def test_the_database_of_the_first_release_goes_on(fresh: Callable[[], Path | st
     engine.dispose()
     with Store.open(where, clock=clock) as store:
         (letter,) = store.models()
-        assert (letter.name, letter.version, letter.samples) == ("letter", 2, 1)
+        assert (letter.name, letter.version, letter.samples) == ("letter", 2, 2)
         assert letter.settings == ModelSettings()
         assert [version.note for version in store.model_versions("letter")] == ["first", ""]
-        (sample,) = store.samples("letter")
+        sample, later = store.samples("letter")
+        assert (sample.after_version, later.after_version) == (0, 2)
+        assert store.samples_after("letter", 1) == store.samples_after("letter", 2) == [later.id]
         assert (sample.document, sample.origin, sample.result_id) == (document, "posted", None)
         assert not store.add_sample("letter", document, key="key").created
         result = store.result("01KDYSJ4W8000000000000000B")
@@ -143,7 +146,7 @@ def test_the_database_of_the_first_release_goes_on(fresh: Callable[[], Path | st
             result.id, None, {"told": 1}, {}, "letter", "letter", 3, 1, False, sample={"page": 2}
         )
         kept = store.add_feedback(draft, [ModelChange("letter", {"n": 3}, 2)])
-        assert (dict(kept.versions), store.sample_count("letter")) == ({"letter": (2, 3)}, 2)
+        assert (dict(kept.versions), store.sample_count("letter")) == ({"letter": (2, 3)}, 3)
         assert store.add_version("memo", {}, "import").version == 2
         assert store.change_settings("memo", continues="letter").continues == "letter"
     with Store.open(where, clock=clock) as store:
