@@ -137,6 +137,7 @@ bench-layout: venv-dev
 bench-learning: venv-dev
 	@$(BIN)/python -m benchmarks learning $(BENCH_OPTIONS)
 	@$(BIN)/python -m benchmarks learning_store
+	@$(BIN)/python -m benchmarks learning_store --database postgresql --kills 20
 	@$(BIN)/python -m benchmarks layout_documents
 	@$(BIN)/python -m benchmarks layout_hierarchy
 	@$(BIN)/python -m benchmarks layout_discovery

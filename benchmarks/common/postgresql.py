@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +95,15 @@ class Cluster:
         """As a machine that crashes and comes back: connections break, and the log is replayed."""
         with self.away():
             pass
+
+    def crash(self) -> None:
+        """Kill all processes of the server with -9, and start it again."""
+        for process in self.processes():
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
+        self._server.wait(_START_S)
+        self._server = self._start()
+        self.wait()
 
     def stop(self) -> None:
         """At once."""

@@ -17,7 +17,7 @@ from benchmarks.learning.once import ONCE, confused, repeated
 from benchmarks.learning.pages import NONE, begin, drop_percent, see, verdict
 from benchmarks.learning.rounds import ROUNDS, corrected, draw_rounds, practised
 from benchmarks.learning.speed import ADAPTATION_SPEED
-from benchmarks.learning.store import Storm, post_with_retries
+from benchmarks.learning.storm import Clients, Storm
 from benchmarks.learning.streams import METHODS, STREAMS, draw_streams, in_windows
 from benchmarks.learning.streams import follow as follow_stream
 from services.layout.exchange.limits import ExchangeLimits
@@ -150,6 +150,13 @@ def test_kept_results_are_found_for_the_same_pages_only(specimens: list[Specimen
     assert measure_all({"part": part}, specimens, 1, (), kept) == {"part": {"a": {"pages": 7}}}
 
 
+class Somewhere:
+    """A server at an address; empty: it does not run."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+
+
 def test_feedback_is_sent_again_under_its_key_until_a_server_has_it() -> None:
     import httpx
 
@@ -163,17 +170,41 @@ def test_feedback_is_sent_again_under_its_key_until_a_server_has_it() -> None:
             return httpx.Response(503, json={"code": "busy"})
         return httpx.Response(200, json={"id": "F"})
 
-    class Somewhere:
-        def __init__(self, url: str) -> None:
-            self.url = url
-
     storm = Storm()
     servers = [Somewhere("http://a"), Somewhere(""), Somewhere("http://b")]
     with httpx.Client(transport=httpx.MockTransport(answer)) as client:
-        assert post_with_retries(client, servers, 0, "/x", {}, "k", storm) == "F"  # type: ignore[arg-type]
+        clients = Clients(client, servers, storm)  # type: ignore[arg-type]
+        assert clients.accepted(0, "/x", headers={"Idempotency-Key": "k"}) == {"id": "F"}
     assert seen == [("a", "k"), ("b", "k"), ("a", "k")]
     assert storm.refusals == {"ReadError": 1, "503 busy": 1}
     assert storm.tries == 3
+
+
+@pytest.mark.parametrize(
+    ("answers", "taken_back", "in_doubt"),
+    [
+        ((503, 200), {"k"}, set()),  # busy: nothing was written
+        ((None,), set(), {"k"}),  # the server was killed before or after it wrote
+        ((503, None), set(), {"k"}),
+    ],
+)
+def test_an_undo_that_broke_off_leaves_the_feedback_in_doubt(
+    answers: tuple[int | None, ...], taken_back: set[str], in_doubt: set[str]
+) -> None:
+    import httpx
+
+    left = list(answers)
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        status = left.pop(0)
+        if status is None:
+            raise httpx.ReadError("killed")
+        return httpx.Response(status, json={"code": "busy"})
+
+    storm = Storm()
+    with httpx.Client(transport=httpx.MockTransport(answer)) as client:
+        Clients(client, [Somewhere("http://a")], storm).take_back(0, "/x", "k")  # type: ignore[list-item]
+    assert (storm.taken_back, storm.in_doubt, left) == (taken_back, in_doubt, [])
 
 
 def test_without_data_nothing_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
