@@ -337,7 +337,13 @@ class LocalEngine:
         usable = False
         try:
             job.tell(STARTED, 0.0)
-            arguments = [await unspool(argument) for argument in job.arguments]
+            try:
+                arguments = [await unspool(argument) for argument in job.arguments]
+            except (
+                DocumentError
+            ) as refusal:  # what was spooled cannot be read; the worker has not seen the job
+                error, usable = refusal, True
+                return usable
             if job.answer.done():
                 return True
             # The timer covers the whole exchange, so that it also stops a worker that no longer reads or that
