@@ -1,13 +1,12 @@
 """The attacks, one row each, and what the service must answer."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import httpx
 
-from benchmarks.attack import images, pdfs, texts
+from benchmarks.attack import archives, images, pdfs, texts
 from benchmarks.attack.clients import (
     Answer,
     answer_of,
@@ -17,23 +16,11 @@ from benchmarks.attack.clients import (
     request_head,
     send_raw,
 )
+from benchmarks.attack.row import Attack
 
 _TIMEOUT_S = 90.0
 _MB = b" " * 1_000_000
 _SETTINGS = "/layout/models/letter/settings"
-
-
-@dataclass(frozen=True, slots=True)
-class Attack:
-    """One row: `send` takes the service's address. One of `codes` must be answered.
-
-    `is_quick` rows take less than a second and run in the suite.
-    """
-
-    name: str
-    send: Callable[[str], Answer]
-    codes: tuple[str, ...]
-    is_quick: bool = True
 
 
 def _form(path: str, field: str, make: Callable[[], bytes], url: str) -> Answer:
@@ -209,4 +196,4 @@ PDFS = (
     Attack("half a PDF", _page(lambda: pdfs.page_of(b"n")[:200]), DAMAGED),
     Attack("a header alone", _page(lambda: b"%PDF-1.7\n"), DAMAGED),
 )
-ATTACKS = (*BODIES, *JSON_BODIES, *XML_BODIES, *IMAGES, *PDFS)
+ATTACKS = (*BODIES, *JSON_BODIES, *XML_BODIES, *IMAGES, *PDFS, *archives.ATTACKS)
