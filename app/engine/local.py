@@ -13,7 +13,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
@@ -174,7 +173,9 @@ class LocalEngine:
         finally:
             job.answer.cancel()  # stops the work if the caller was cancelled; no effect on a finished job
             self._open.discard(job.answer)
-            with suppress(ValueError):
+            if (
+                job in self._jobs
+            ):  # not `suppress(ValueError)`: that error has all arguments of the job in words
                 self._jobs.remove(job)
 
     def status(self) -> EngineStatus:

@@ -5,6 +5,7 @@ import json
 import zipfile
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from functools import partial
 from tempfile import SpooledTemporaryFile
 from typing import IO, Annotated
 
@@ -16,6 +17,7 @@ from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.routes.common_responses import FORM, READING, STORE, WORK
+from app.routes.json_answers import answer_json
 from app.routes.known_options import known_parts
 from app.routes.labelled_pages import layout_settings
 from app.routes.layout_settings import settings_answer, settings_changes
@@ -153,8 +155,7 @@ async def import_layout_models(
         ):  # now that the classes they continue exist
             await _import_settings(state, each, report)
         request.state.seat.release()
-        answer = ImportReport(models=imported)
-        return Response(answer.model_dump_json(), media_type="application/json")
+        return await answer_json(partial(ImportReport, models=imported))
 
     return await answer_now_or_later(request, state, work)
 

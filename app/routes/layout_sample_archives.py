@@ -11,6 +11,7 @@ from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
+from app.routes.json_answers import answer_json
 from app.routes.known_options import known_parts
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
@@ -83,15 +84,16 @@ async def add_layout_samples(
             reports.append(await _add(state, name, archive, page))
         request.state.seat.release()
         counts = Counter(report.status for report in reports)
-        answer = SamplesReport(
-            model=name,
-            added=counts["added"],
-            known=counts["known"],
-            failed=counts["failed"],
-            ignored=counts["ignored"],
-            pages=reports,
+        return await answer_json(
+            lambda: SamplesReport(
+                model=name,
+                added=counts["added"],
+                known=counts["known"],
+                failed=counts["failed"],
+                ignored=counts["ignored"],
+                pages=reports,
+            )
         )
-        return Response(answer.model_dump_json(), media_type="application/json")
 
     return await answer_now_or_later(request, state, work)
 

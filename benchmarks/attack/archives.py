@@ -70,10 +70,11 @@ def million(path: bytes) -> bytes:
 
 
 def empty_files(classes: int = 200, files: int = 4999) -> bytes:
-    """An import of classes whose samples are all empty."""
+    """An import of many classes and of many files, which belong to none of them."""
     names = [f"class-{number}" for number in range(classes)]
-    samples = ((f"models/{names[number % classes]}/samples/{number}.json", b"") for number in range(files))
-    return packed([("manifest.json", _manifest(names)), *samples])
+    return packed(
+        [("manifest.json", _manifest(names)), *((f"{number}.json", b"") for number in range(files))]
+    )
 
 
 def import_many(url: str, files: int = 5001, of_class: int = 834) -> Answer:
