@@ -6,7 +6,7 @@ from typing import Any
 
 import httpx
 
-from benchmarks.attack import archives, images, pdfs, texts
+from benchmarks.attack import archives, images, mosaics, pdfs, texts
 from benchmarks.attack.clients import (
     Answer,
     answer_of,
@@ -196,4 +196,4 @@ PDFS = (
     Attack("half a PDF", _page(lambda: pdfs.page_of(b"n")[:200]), DAMAGED),
     Attack("a header alone", _page(lambda: b"%PDF-1.7\n"), DAMAGED),
 )
-ATTACKS = (*BODIES, *JSON_BODIES, *XML_BODIES, *IMAGES, *PDFS, *archives.ATTACKS)
+ATTACKS = (*BODIES, *JSON_BODIES, *XML_BODIES, *IMAGES, *PDFS, *archives.ATTACKS, *mosaics.ATTACKS)
