@@ -1,13 +1,15 @@
 """Forms: which requests have one, and errors that name the part that they are about."""
 
-from collections.abc import Callable, Coroutine
+import asyncio
+from collections.abc import AsyncGenerator, Callable, Coroutine
 from contextlib import aclosing
 from typing import Any
+from urllib.parse import unquote_plus
 
 from fastapi import Request, Response
 from fastapi.routing import APIRoute
 from starlette.datastructures import FormData, Headers
-from starlette.formparsers import MultiPartException, MultiPartParser
+from starlette.formparsers import FormParser, MultiPartException, MultiPartParser
 
 from services.errors import DocumentError, TooLarge
 
@@ -50,14 +52,45 @@ class _FormRequest(Request):
         InvalidForm, TooLarge
         """
         media_type = self.headers.get("content-type", "").partition(";")[0].strip().lower()
-        if self._form is not None or media_type != "multipart/form-data":
+        if self._form is not None or media_type not in _FORMS:
             return await super()._get_form(**limits)
         async with aclosing(self.stream()) as stream:
             try:
-                self._form = await _NamingParser(self.headers, stream, **limits).parse()
+                if media_type == "multipart/form-data":
+                    self._form = await _NamingParser(self.headers, stream, **limits).parse()
+                else:
+                    limits.pop("max_files", None)
+                    self._form = await _FieldParser(self.headers, stream, **limits).parse()
             except MultiPartException as error:
                 raise InvalidForm(f"The form cannot be read: {error.message.rstrip('.')}.") from error
         return self._form
+
+
+class _FieldParser(FormParser):
+    """The parser of encoded fields; it decodes them in a thread, because two megabytes of `%7b` take 0.2 s."""
+
+    def __init__(self, headers: Headers, stream: AsyncGenerator[bytes, None], **limits: Any) -> None:
+        super().__init__(headers, stream, **limits)
+        self._encoded: list[tuple[bytes, bytes]] = []
+
+    def on_field_end(self) -> None:
+        """Keep the field as it came, and count it."""
+        self._encoded.append((bytes(self._field_name), bytes(self._field_value)))
+        self._field_name = self._field_value = bytearray()
+        super().on_field_end()
+
+    async def parse(self) -> FormData:
+        """The fields in their order."""
+        await super().parse()
+        return await asyncio.to_thread(self._decoded)
+
+    def _decoded(self) -> FormData:
+        return FormData(
+            [
+                (unquote_plus(name.decode("latin-1")), unquote_plus(value.decode("latin-1")))
+                for name, value in self._encoded
+            ]
+        )
 
 
 class _NamingParser(MultiPartParser):

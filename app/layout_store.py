@@ -211,17 +211,20 @@ class LayoutStore:
             return decide(result, (), tolerated)
         name = result["class"]["name"]
         verdicts = await self.call(lambda store: store.verdicts(name, EVIDENCE))
-        return decide(result, verdicts, tolerated)
+        return await asyncio.to_thread(decide, result, verdicts, tolerated)
 
     async def keep_result(self, document: dict[str, Any], owner: str | None = None) -> str:
         """Store a recognition result of `owner` and return its id.
 
         A page that fits no class is also stored as an unknown page.
         """
-        draft, ttl_s = self._draft(document, owner), self._results.ttl_s
-        result_id = await self.call(
-            lambda store: store.add_result(document, ttl_s, draft.unknown, owner, draft.review)
-        )
+        ttl_s = self._results.ttl_s
+
+        def keep(store: Store) -> str:
+            draft = self._draft(document, owner)
+            return store.add_result(document, ttl_s, draft.unknown, owner, draft.review)
+
+        result_id = await self.call(keep)
         await self._purge_when_due(1)
         return result_id
 
@@ -229,8 +232,12 @@ class LayoutStore:
         self, document: dict[str, Any], pages: Sequence[dict[str, Any]], owner: str | None = None
     ) -> tuple[str, list[str]]:
         """Store a document's result and those of its pages in one transaction; their ids."""
-        drafts = [self._draft(page, owner) for page in pages]
-        ids = await self.call(lambda store: store.add_document(document, drafts, self._results.ttl_s))
+
+        def keep(store: Store) -> tuple[str, list[str]]:
+            drafts = [self._draft(page, owner) for page in pages]
+            return store.add_document(document, drafts, self._results.ttl_s)
+
+        ids = await self.call(keep)
         await self._purge_when_due(1 + len(pages))
         return ids
 

@@ -1,17 +1,19 @@
 """The application, and the server that runs it."""
 
 import asyncio
+import json
 import logging
 import signal
 import sys
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import uvicorn
-from fastapi import Depends, FastAPI
+from fastapi import Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import ValidationError
@@ -179,7 +181,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         summary="Photos of documents in; flat pages, their classes and the labels of their parts out.",
         version=__version__,
         lifespan=lifespan,
-        openapi_url=OPENAPI_PATH,
+        openapi_url=None,  # `_describe` serves it
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
@@ -273,7 +275,7 @@ def _check_content_features(path: Path | None) -> None:
 
 
 def _describe(app: FastAPI, settings: Settings) -> None:
-    """Make the OpenAPI document that of `app.openapi`, once."""
+    """Make the OpenAPI document that of `app.openapi`, and serve it: made once, by the first request, in a thread."""
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
@@ -285,7 +287,15 @@ def _describe(app: FastAPI, settings: Settings) -> None:
             )
         return app.openapi_schema
 
+    @cache
+    def text() -> str:
+        return json.dumps(app.openapi(), ensure_ascii=False, separators=(",", ":"))
+
+    async def answer(request: Request) -> Response:
+        return Response(await asyncio.to_thread(text), media_type="application/json")
+
     app.openapi = openapi  # type: ignore[method-assign]
+    app.add_route(OPENAPI_PATH, answer, include_in_schema=False)
 
 
 def _settings_of_environment() -> Settings:

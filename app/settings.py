@@ -101,6 +101,12 @@ class Settings(BaseSettings):
     max_model_bytes: int = Field(
         default=8 * MIB, ge=1024, description="Largest layout model that is imported."
     )
+    max_archive_bytes: int = Field(
+        default=1024 * MIB,
+        ge=1024,
+        description="All files of a ZIP archive together when they are inflated: JSON becomes ten times as large, so "
+        "that an archive of 96 MiB may need this.",
+    )
     max_exif_bytes: int = Field(default=256 * 1024, ge=0, description="Largest EXIF block.")
     body_timeout_s: float = Field(
         default=60.0, gt=0, description="A request body must have arrived within this long."

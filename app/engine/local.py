@@ -13,7 +13,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
@@ -174,7 +173,9 @@ class LocalEngine:
         finally:
             job.answer.cancel()  # stops the work if the caller was cancelled; no effect on a finished job
             self._open.discard(job.answer)
-            with suppress(ValueError):
+            if (
+                job in self._jobs
+            ):  # not `suppress(ValueError)`: that error has all arguments of the job in words
                 self._jobs.remove(job)
 
     def status(self) -> EngineStatus:
@@ -337,7 +338,13 @@ class LocalEngine:
         usable = False
         try:
             job.tell(STARTED, 0.0)
-            arguments = [await unspool(argument) for argument in job.arguments]
+            try:
+                arguments = [await unspool(argument) for argument in job.arguments]
+            except (
+                DocumentError
+            ) as refusal:  # what was spooled cannot be read; the worker has not seen the job
+                error, usable = refusal, True
+                return usable
             if job.answer.done():
                 return True
             # The timer covers the whole exchange, so that it also stops a worker that no longer reads or that

@@ -265,7 +265,7 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
     undone, warnings = await _without_earlier(state, result_id)
     models, samples = await state.store.call(lambda store: _read_models(store, result_id, verified, undone))
     versions = {model.name: model.version for model in models}
-    models = fresh_models(models, undone)
+    models = await asyncio.to_thread(fresh_models, models, undone)
     taught = await teach(state, verified, models, samples)
     adaptation = taught.adaptation
     changes = [ModelChange(name, document, versions.get(name)) for name, document in taught.documents.items()]
@@ -277,7 +277,8 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
         unknown_page=unknown_page,
         lesson=lesson_document(verified, adaptation, models),
     )
-    draft = replace(draft, report={**draft.report, "warnings": [*warnings, *_new_labels(right, adaptation)]})
+    warnings += await asyncio.to_thread(_new_labels, right, adaptation)
+    draft = replace(draft, report={**draft.report, "warnings": warnings})
     return await state.store.call(
         lambda store: store.add_feedback(
             draft,

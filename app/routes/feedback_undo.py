@@ -136,9 +136,8 @@ async def _repeat(state: AppState, result_id: str, pasts: Sequence[ModelPast]) -
             documents[name] = draft.document
         elif document is not None:
             rounds, learner = rounds_and_learner(step.note)
-            model = ModelDocument(
-                name, step.version, packed_model(document), learner=learner or learners[name]
-            )
+            packed = await asyncio.to_thread(packed_model, document)
+            model = ModelDocument(name, step.version, packed, learner=learner or learners[name])
             train = state.operations.train_model
             draft, _ = await state.engine.submit(train, model, pages, rounds, settings, time_limit=limit)
             documents[name] = draft.document
@@ -185,12 +184,13 @@ async def _model_for(
         document = documents[name]
         if document is None:
             return None
-        model = ModelDocument(name, repeated.step.version, packed_model(document))
+        packed = await asyncio.to_thread(packed_model, document)
+        model = ModelDocument(name, repeated.step.version, packed)
     else:
         old, _ = lesson.versions.get(name, (None, 0))
         if old is None:
             return None
-        model = document_of(await state.store.call(lambda store: store.any_version(name, old)))
+        model = await state.store.call(lambda store: document_of(store.any_version(name, old)))
     return model if learner is None else replace(model, learner=learner)
 
 

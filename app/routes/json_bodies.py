@@ -1,5 +1,6 @@
 """JSON request bodies: reading, validation, and documentation in the OpenAPI document."""
 
+import asyncio
 import json
 from typing import Any, TypeVar
 
@@ -12,6 +13,8 @@ Body = TypeVar("Body", bound=BaseModel)
 MOST_BYTES = 65_536
 """Default size limit, for a body of a few numbers and names."""
 _LONGEST_FIELD = 80
+_AT_ONCE_BYTES = 8192
+"""Longer bodies are read in a thread."""
 
 
 def json_request(model: type[BaseModel], *, required: bool = True) -> dict[str, Any]:
@@ -43,6 +46,12 @@ async def read_json(
         raise TooLarge(f"The body is limited to {limit}; this one has {len(body)}.")
     if not body.strip() and default is not None:
         return default
+    if len(body) <= _AT_ONCE_BYTES:
+        return _parsed(body, model)
+    return await asyncio.to_thread(_parsed, body, model)
+
+
+def _parsed(body: bytes, model: type[Body]) -> Body:
     _check_names(body)
     try:
         return model.model_validate_json(body)

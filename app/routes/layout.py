@@ -1,5 +1,6 @@
 """POST /layout: a page or its zones -> document class and labels."""
 
+import asyncio
 from dataclasses import asdict, replace
 from typing import Annotated, Any
 
@@ -15,6 +16,7 @@ from app.representations import (
 )
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
 from app.routes.document_uploads import document_time_limit
+from app.routes.json_answers import answer_json
 from app.routes.known_options import known_parts, with_format
 from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.layout_images import keep_pictures
@@ -160,7 +162,7 @@ async def layout(
         reply = await _with_decisions(state, reply)
         if isinstance(reply, DocumentReply):
             return await _answer_document(state, reply, chosen, _image_name(images[:1]), caller.name)
-        result_of(reply.document, "validated before it is stored")
+        result = await asyncio.to_thread(result_of, reply.document, "")
         result_id = await state.store.keep_result({"result": reply.document, "page": reply.page}, caller.name)
         await keep_pictures(state, result_id, {result_id: reply.picture})
         headers = layout_headers(reply.document, reply.drawn)
@@ -168,8 +170,7 @@ async def layout(
         if chosen != "json":
             headers |= content_disposition(_image_name(images[:1]), _SUFFIXES[chosen], reply.media_type)
             return Response(reply.body, media_type=reply.media_type, headers=headers)
-        body = result_of(reply.document, result_id).model_dump_json(by_alias=True)
-        return Response(body, media_type="application/json", headers=headers)
+        return await answer_json(lambda: result.model_copy(update={"id": result_id}), headers=headers)
 
     return await answer_now_or_later(request, state, work)
 
@@ -177,8 +178,7 @@ async def layout(
 async def _answer_document(
     state: State, reply: DocumentReply, chosen: LayoutFormat, name: str, owner: str | None
 ) -> Response:
-    before = "validated before it is stored"
-    document_of(reply.document, before, [result_of(page.document, before) for page in reply.pages])
+    whole = await asyncio.to_thread(_validated, reply)
     result_id, page_ids = await state.store.keep_document(
         {"document": reply.document},
         [{"result": page.document, "page": page.page, "in_document": True} for page in reply.pages],
@@ -186,13 +186,20 @@ async def _answer_document(
     )
     pictures = {page_id: page.picture for page, page_id in zip(reply.pages, page_ids, strict=True)}
     await keep_pictures(state, result_id, pictures)
-    pages = [result_of(page.document, page_id) for page, page_id in zip(reply.pages, page_ids, strict=True)]
     headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
     if chosen != "json":
         headers |= content_disposition(name, _SUFFIXES[chosen], reply.media_type)
         return Response(reply.body, media_type=reply.media_type, headers=headers)
-    body = document_of(reply.document, result_id, pages).model_dump_json(by_alias=True)
-    return Response(body, media_type="application/json", headers=headers)
+    pages = [page.model_copy(update={"id": id}) for page, id in zip(whole.pages, page_ids, strict=True)]
+    return await answer_json(
+        lambda: whole.model_copy(update={"id": result_id, "pages": pages}), headers=headers
+    )
+
+
+def _validated(reply: DocumentReply) -> DocumentResult:
+    """The document before it is stored; its ids are not known yet."""
+    pages = [result_of(page.document, "") for page in reply.pages]
+    return document_of(reply.document, "", pages)
 
 
 async def _with_decisions(state: AppState, reply: LayoutReply | DocumentReply) -> LayoutReply | DocumentReply:

@@ -3,8 +3,9 @@
 import asyncio
 import json
 import zipfile
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
+from functools import partial
 from tempfile import SpooledTemporaryFile
 from typing import IO, Annotated
 
@@ -12,10 +13,11 @@ from fastapi import APIRouter, Form, Query, Request, Response
 from pydantic import AfterValidator, ValidationError
 from starlette.responses import StreamingResponse
 
-from app.archives import UploadedArchive
+from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.routes.common_responses import FORM, READING, STORE, WORK
+from app.routes.json_answers import answer_json
 from app.routes.known_options import known_parts
 from app.routes.labelled_pages import layout_settings
 from app.routes.layout_settings import settings_answer, settings_changes
@@ -31,9 +33,9 @@ from app.schemas.layout_archives import (
     Manifest,
 )
 from app.schemas.options import Absent
-from models.errors import ModelNotFound, NotStorable, StoreFull
+from models.errors import ModelNotFound, NotStorable, StoreError
 from models.repository import Store
-from services.errors import InvalidModel, InvalidOption, TooLarge
+from services.errors import DocumentError, InvalidOption
 from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout", tags=["layout models"], route_class=FormRoute)
@@ -82,8 +84,7 @@ async def export_layout_models(
             classes = []
             for name in known if wanted is None else wanted:
                 classes.append(await state.store.call(lambda store, name=name: _pack(store, name, archive)))  # type: ignore[misc]
-            manifest = {"format": "layout-models", "format_version": 1, "models": classes}
-            archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
+            await asyncio.to_thread(_finish, archive, classes)
         file.seek(0)
     except BaseException:
         file.close()
@@ -96,6 +97,13 @@ def _chunks(file: IO[bytes]) -> Iterator[bytes]:
     with file:
         while chunk := file.read(_CHUNK_BYTES):
             yield chunk
+
+
+def _finish(archive: zipfile.ZipFile, classes: list[dict[str, object]]) -> None:
+    """Write the manifest and the archive's directory, which is long where there are many samples."""
+    manifest = {"format": "layout-models", "format_version": 1, "models": classes}
+    archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
+    archive.close()
 
 
 def _pack(store: Store, name: str, archive: zipfile.ZipFile) -> dict[str, object]:
@@ -132,52 +140,66 @@ async def import_layout_models(
     A class that exists gets the samples that it does not have, the settings, and the model as a new version unless it
     is the newest one. A file that cannot be used does not stop the others; the response names it.
     """
-    archive = await asyncio.to_thread(UploadedArchive, form.archive.file, "archive", MOST_FILES)
-    manifest = await _manifest_of(archive)
+    archive, manifest, paths = await asyncio.to_thread(
+        _open, form.archive.file, state.settings.max_archive_bytes
+    )
 
     async def work(progress: ProgressSink | None) -> Response:
         imported = []
         for number, each in enumerate(manifest.models):
             if progress is not None:
                 progress("models", number / len(manifest.models))
-            imported.append(await _import_class(state, archive, each))
+            imported.append(await _import_class(state, archive, each, paths.get(each.name, [])))
         for each, report in zip(
             manifest.models, imported, strict=True
         ):  # now that the classes they continue exist
             await _import_settings(state, each, report)
         request.state.seat.release()
-        answer = ImportReport(models=imported)
-        return Response(answer.model_dump_json(), media_type="application/json")
+        return await answer_json(partial(ImportReport, models=imported))
 
     return await answer_now_or_later(request, state, work)
 
 
-async def _manifest_of(archive: UploadedArchive) -> Manifest:
-    if MANIFEST not in [file.path for file in archive.files()]:
+def _open(
+    file: IO[bytes], most_bytes: int
+) -> tuple[UploadedArchive, Manifest, dict[str, list[tuple[str, str]]]]:
+    """The archive, its manifest, and by the names of classes the paths of their files, whole and within the class.
+
+    Raises
+    ------
+    InvalidOption, TooLarge
+    """
+    archive = UploadedArchive(file, "archive", most_bytes, MOST_FILES)
+    if MANIFEST not in archive:
         raise InvalidOption(
             f"archive: it has no {MANIFEST}; send what GET /layout/export answers.", "archive"
         )
-    content = await asyncio.to_thread(archive.read, MANIFEST, MOST_MANIFEST_BYTES)
     try:
-        return Manifest.model_validate_json(content)
+        manifest = Manifest.model_validate_json(archive.read(MANIFEST, MOST_MANIFEST_BYTES))
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(map(str, first["loc"]))[:80]
         raise InvalidOption(f"archive: {MANIFEST}: {where}: {first['msg']}.", "archive") from error
+    paths: defaultdict[str, list[tuple[str, str]]] = defaultdict(list)
+    for each in archive.files():
+        folder, name, path = (*each.path.split("/", 2), "", "")[:3]
+        if folder == "models" and path:
+            paths[name].append((each.path, path))
+    return archive, manifest, paths
 
 
-async def _import_class(state: AppState, archive: UploadedArchive, entry: ArchivedClass) -> ImportedClass:
+async def _import_class(
+    state: AppState, archive: UploadedArchive, entry: ArchivedClass, paths: list[tuple[str, str]]
+) -> ImportedClass:
     name, settings = entry.name, state.settings
     counts: Counter[bool] = Counter()
     problems: list[ImportProblem] = []
     version, changed = None, False
-    for file in archive.files():
-        folder, _, rest = file.path.removeprefix(f"models/{name}/").partition("/")
-        if not file.path.startswith(f"models/{name}/"):
-            continue
+    for path, path_in_class in paths:
+        folder, _, rest = path_in_class.partition("/")
         try:
             if folder == "samples" and rest:
-                content = await asyncio.to_thread(archive.read, file.path, settings.max_zones_file_bytes)
+                content = SpooledFile(archive, path, settings.max_zones_file_bytes)
                 document = await state.engine.submit(
                     state.operations.import_sample, content, layout_settings(settings)
                 )
@@ -190,11 +212,13 @@ async def _import_class(state: AppState, archive: UploadedArchive, entry: Archiv
                     )
                 )
                 counts[stored.created] += 1
-            elif folder == "model.json":
-                content = await asyncio.to_thread(archive.read, file.path, settings.max_model_bytes)
+            elif path_in_class == "model.json":
+                content = SpooledFile(archive, path, settings.max_model_bytes)
                 version, changed = await _import_model(state, name, content)
-        except (InvalidOption, InvalidModel, TooLarge, StoreFull, NotStorable) as error:
-            problems.append(ImportProblem(file=file.path, code=error.code, detail=error.detail))
+        except (DocumentError, StoreError) as error:
+            if error.code not in OF_ONE_FILE:
+                raise
+            problems.append(ImportProblem(file=path, code=error.code, detail=error.detail))
     return ImportedClass(
         name=name,
         version=version,
@@ -205,7 +229,7 @@ async def _import_class(state: AppState, archive: UploadedArchive, entry: Archiv
     )
 
 
-async def _import_model(state: AppState, name: str, content: bytes) -> tuple[int, bool]:
+async def _import_model(state: AppState, name: str, content: SpooledFile) -> tuple[int, bool]:
     """The newest version of the class, and whether it is new."""
     draft = await state.engine.submit(state.operations.import_model, name, content)
 

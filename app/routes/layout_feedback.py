@@ -1,6 +1,7 @@
 """POST /layout/results/{id}/feedback: corrections of results, from which models learn."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from fastapi import APIRouter, Request, Response
 
@@ -10,6 +11,7 @@ from app.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
 from app.routes.feedback_learning import learn_from_feedback
 from app.routes.feedback_undo import undo_feedback
+from app.routes.json_answers import answer_json
 from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import IdempotencyKey
 from app.routes.paging import LINK, Cursor, Limit, first_of, link_next
@@ -66,7 +68,7 @@ async def give_layout_feedback(
     )
     request.state.seat.release()
     warnings = [] if feedback.created else await _without_effect(state, feedback)
-    return Response(_answer(feedback, warnings).model_dump_json(by_alias=True), media_type="application/json")
+    return await answer_json(partial(_answer, feedback, warnings))
 
 
 @router.delete(

@@ -12,6 +12,7 @@ from app.engine.base import TimeLimit
 from app.preconditions import entity_tag, parse_precondition
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, STORE, WORK
+from app.routes.json_answers import answer_json
 from app.routes.json_bodies import refuse_body
 from app.routes.labelled_pages import count_labels, layout_settings
 from app.routes.layout_settings import health_of
@@ -97,14 +98,18 @@ async def layout_model(
     ] = None,
 ) -> Response:
     """Export a model: its newest version, or an earlier one."""
-    model = await state.store.call(lambda store: store.model(name, version))
+
+    def read(store: Store) -> tuple[StoredModel, str]:
+        model = store.model(name, version)
+        return model, json.dumps(model.document, ensure_ascii=False, separators=(",", ":"))
+
+    model, body = await state.store.call(read)
     if model.version is None or model.document is None:
         raise ModelNotFound(
             f"the model {name} has {model.samples} samples and no version yet; "
             f"create one with POST /layout/models/{name}/initialize",
             name,
         )
-    body = json.dumps(model.document, ensure_ascii=False, separators=(",", ":"))
     return Response(body, media_type="application/json", headers={"ETag": entity_tag(model.version)})
 
 
@@ -156,12 +161,12 @@ async def import_layout_model(
         )
     )
     assert model.version is not None
-    answer = ImportedModel(name=name, version=model.version, labels=draft.labels)
     headers = {"ETag": entity_tag(model.version)}
     if before is None:
         headers["Location"] = f"/layout/models/{name}"
     status = 201 if before is None else 200
-    return Response(answer.model_dump_json(), status, headers, "application/json")
+    answer = partial(ImportedModel, name=name, version=model.version, labels=draft.labels)
+    return await answer_json(answer, status, headers)
 
 
 @router.delete(
@@ -226,20 +231,20 @@ async def initialize_layout_model(
                 name, draft.document, "initialize", expected_version=expected, note=note
             )
         )
-        return _initialized(model, samples, draft)
+        assert model.version is not None
+        return await answer_json(
+            partial(_initialized, model, samples, draft), headers={"ETag": entity_tag(model.version)}
+        )
 
     return await answer_now_or_later(request, state, work)
 
 
-def _initialized(model: StoredModel, samples: list[StoredSample], draft: ModelDraft) -> Response:
+def _initialized(model: StoredModel, samples: list[StoredSample], draft: ModelDraft) -> InitializedModel:
     assert model.version is not None
     counts = count_labels(sample.document for sample in samples)
-    answer = InitializedModel(
+    return InitializedModel(
         name=model.name,
         version=model.version,
         samples=len(samples),
         labels={label: counts.get(label, 0) for label in draft.labels},
-    )
-    return Response(
-        answer.model_dump_json(), headers={"ETag": entity_tag(model.version)}, media_type="application/json"
     )

@@ -1,5 +1,6 @@
 """/layout/unknown-pages and /layout/proposals: pages that fit no class, and proposed changes of the classes."""
 
+from functools import partial
 from itertools import islice
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ from app.callers import Caller, caller_of
 from app.engine.base import TimeLimit
 from app.problems import documented
 from app.routes.common_responses import BODY, READING, STORE, WORK
+from app.routes.json_answers import answer_json
 from app.routes.json_bodies import refuse_body
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
@@ -129,8 +131,7 @@ async def propose_layout_classes(
             ("splits", _steps_to_split),
         ):
             found[key] = [{**each, "next": steps(each)} for each in found[key]]
-        answer = Proposals.model_validate(found)
-        return Response(answer.model_dump_json(), media_type="application/json")
+        return await answer_json(partial(Proposals.model_validate, found))
 
     return await answer_now_or_later(request, state, work)
 

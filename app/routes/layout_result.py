@@ -1,6 +1,7 @@
 """GET and DELETE of /layout/results/{id}: a stored result again, as JSON or as HTML."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
@@ -10,6 +11,7 @@ from app.connection import while_connected
 from app.problems import documented
 from app.representations import choose_described_format, content_disposition, layout_headers
 from app.routes.common_responses import STORE, WORK
+from app.routes.json_answers import answer_json
 from app.routes.state import AppState, State
 from app.schemas.layout import DocumentResult, LayoutResult, document_of, result_of
 from app.schemas.layout_results import RESULT_MEDIA_TYPES, ResultFormat
@@ -51,14 +53,14 @@ async def layout_result(
     kept = await state.store.call(lambda store: store.result(id))
     if chosen == "html":
         return await _answer_html(request, state, kept)
-    result: LayoutResult | DocumentResult
-    if "pages" in kept.document:
-        pages = [result_of(page.document["result"], page.id) for page in kept.pages]
-        result = document_of(kept.document["document"], kept.id, pages)
-    else:
-        result = result_of(kept.document["result"], kept.id)
-    headers = {"Vary": "Accept"}
-    return Response(result.model_dump_json(by_alias=True), media_type="application/json", headers=headers)
+    return await answer_json(partial(_shown, kept), headers={"Vary": "Accept"})
+
+
+def _shown(kept: StoredResult) -> LayoutResult | DocumentResult:
+    if "pages" not in kept.document:
+        return result_of(kept.document["result"], kept.id)
+    pages = [result_of(page.document["result"], page.id) for page in kept.pages]
+    return document_of(kept.document["document"], kept.id, pages)
 
 
 @router.delete(

@@ -85,10 +85,12 @@ async def layout_results(
     """
     chosen = choose_described_format(format, request.headers.get("accept"), LIST_MEDIA_TYPES)
     owner = caller_of(request).only
-    reviews, results, following = await state.store.call(
-        lambda store: _read(store, limit, state_, order, cursor, owner)
-    )
-    response = _listed([_entry(each, reviews.get(each.id)) for each in results], chosen, following)
+
+    def read(store: Store) -> tuple[Response, str | None]:
+        reviews, results, following = _read(store, limit, state_, order, cursor, owner)
+        return _listed(results, reviews, chosen, following), following
+
+    response, following = await state.store.call(read)
     if following is not None:
         link_next(request, state, response, following)
     return response
@@ -125,13 +127,16 @@ def _read(
     return known, [found[id] for id in known if id in found], following
 
 
-def _listed(entries: Sequence[ResultEntry], chosen: ListFormat, following: str | None) -> Response:
+def _listed(
+    results: Sequence[ListedResult], reviews: Mapping[str, Review], chosen: ListFormat, following: str | None
+) -> Response:
+    entries = [_entry(each, reviews.get(each.id)) for each in results]
     if chosen == "csv":
         return Response(_csv(entries), media_type="text/csv")
     if chosen == "jsonl":
         lines = (entry.model_dump_json(by_alias=True) + "\n" for entry in entries)
         return Response("".join(lines), media_type="application/jsonl")
-    body = ResultList(results=list(entries), next=following).model_dump_json(by_alias=True)
+    body = ResultList(results=entries, next=following).model_dump_json(by_alias=True)
     return Response(body, media_type="application/json")
 
 

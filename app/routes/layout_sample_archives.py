@@ -3,23 +3,25 @@
 import asyncio
 from collections import Counter
 from dataclasses import dataclass
-from typing import Annotated
+from typing import IO, Annotated
 
 from fastapi import APIRouter, Form, Request, Response
 
-from app.archives import ArchivedFile, UploadedArchive
+from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
+from app.routes.json_answers import answer_json
 from app.routes.known_options import known_parts
 from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.routes.state import AppState, State
 from app.schemas.layout_archives import ArchiveForm, FileProblem, FileReport, SamplesReport
 from app.schemas.layout_models import ModelName
-from models.errors import NotStorable, StoreFull
+from app.zip_directory import ArchivedFile
+from models.errors import StoreError
 from models.records import StoredSample
-from services.errors import DocumentError, InvalidOption, TooLarge
+from services.errors import DocumentError, InvalidOption
 from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"], route_class=FormRoute)
@@ -66,8 +68,8 @@ async def add_layout_samples(
     /layout/models/{name}/samples. A page that fails does not stop the others; the response says why. A repeated archive
     adds nothing.
     """
-    archive = await asyncio.to_thread(UploadedArchive, form.archive.file, "archive")
-    pages = _pages_of(archive.files())
+    most_bytes = state.settings.max_archive_bytes
+    archive, pages = await asyncio.to_thread(_open, form.archive.file, most_bytes)
     if not any(page.zones is not None for page in pages):
         raise InvalidOption(
             "archive: it has no labelled pages; add their zones as files of JSON, PAGE-XML or ALTO (.json, .xml).",
@@ -82,17 +84,23 @@ async def add_layout_samples(
             reports.append(await _add(state, name, archive, page))
         request.state.seat.release()
         counts = Counter(report.status for report in reports)
-        answer = SamplesReport(
-            model=name,
-            added=counts["added"],
-            known=counts["known"],
-            failed=counts["failed"],
-            ignored=counts["ignored"],
-            pages=reports,
+        return await answer_json(
+            lambda: SamplesReport(
+                model=name,
+                added=counts["added"],
+                known=counts["known"],
+                failed=counts["failed"],
+                ignored=counts["ignored"],
+                pages=reports,
+            )
         )
-        return Response(answer.model_dump_json(), media_type="application/json")
 
     return await answer_now_or_later(request, state, work)
+
+
+def _open(file: IO[bytes], most_bytes: int) -> tuple[UploadedArchive, list[_Page]]:
+    archive = UploadedArchive(file, "archive", most_bytes)
+    return archive, _pages_of(archive.files())
 
 
 def _pages_of(files: list[ArchivedFile]) -> list[_Page]:
@@ -127,31 +135,13 @@ async def _add(state: AppState, name: str, archive: UploadedArchive, page: _Page
                 "archive",
             )
         sample = await _store(state, name, archive, page.zones, page.image)
-    except (InvalidOption, TooLarge, NotStorable, StoreFull) as error:
-        return _failed(page, error.code, error.detail)
-    except DocumentError as error:
-        if error.code not in _OF_THE_PAGE:
+    except (DocumentError, StoreError) as error:
+        if error.code not in OF_ONE_FILE:
             raise
-        return _failed(page, error.code, error.detail)
+        problem = FileProblem(code=error.code, detail=error.detail)
+        return FileReport(files=page.files, status="failed", id=None, problem=problem)
     return FileReport(
         files=page.files, status="added" if sample.created else "known", id=sample.id, problem=None
-    )
-
-
-_OF_THE_PAGE = {
-    "unsupported-media-type",
-    "undecodable-image",
-    "out-of-memory",
-    "timed-out",
-    "worker-died",
-    "internal",
-}
-"""Codes of errors that another page need not have."""
-
-
-def _failed(page: _Page, code: str, detail: str) -> FileReport:
-    return FileReport(
-        files=page.files, status="failed", id=None, problem=FileProblem(code=code, detail=detail)
     )
 
 
@@ -159,10 +149,8 @@ async def _store(
     state: AppState, name: str, archive: UploadedArchive, zones: ArchivedFile, image: ArchivedFile | None
 ) -> StoredSample:
     settings = state.settings
-    described = await asyncio.to_thread(archive.read, zones.path, settings.max_zones_file_bytes)
-    picture = None
-    if image is not None:
-        picture = await asyncio.to_thread(archive.read, image.path, settings.max_upload_bytes)
+    described = SpooledFile(archive, zones.path, settings.max_zones_file_bytes)
+    picture = None if image is None else SpooledFile(archive, image.path, settings.max_upload_bytes)
     document = await state.engine.submit(
         state.operations.measure_sample, picture, described, layout_settings(settings), True
     )
@@ -171,5 +159,5 @@ async def _store(
             name, document, max_samples=settings.max_samples_per_model, max_models=settings.max_models
         )
     )
-    await state.sample_images.keep({sample.id: picture or b""})
+    await state.sample_images.keep({sample.id: b"" if picture is None else await picture.read()})
     return sample

@@ -71,6 +71,6 @@ async def mosaic(
             progress=progress,
         )
         request.state.seat.release()
-        return answer_page(request, reply, MosaicResult, form.images[0], "-mosaic")
+        return await answer_page(request, reply, MosaicResult, form.images[0], "-mosaic")
 
     return await answer_now_or_later(request, state, work)

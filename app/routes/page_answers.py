@@ -1,6 +1,7 @@
 """Responses with a page: their format, headers and documentation."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol
 
 from fastapi import Request, Response, UploadFile
@@ -18,6 +19,7 @@ from app.representations import (
     sniff_format,
 )
 from app.routes.common_responses import FORM, IMAGE, WORK
+from app.routes.json_answers import JSON, answer_json
 from app.routes.long_work import ACCEPTED
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import (
@@ -33,7 +35,6 @@ from services.contract.images import (
 
 Documentation = dict[int | str, dict[str, Any]]
 
-JSON = "application/json"
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _HEADERS: dict[str, Any] = {
     "Document-Rotation": {
@@ -175,7 +176,7 @@ def _encoding_of(
     )
 
 
-def answer_page(
+async def answer_page(
     request: Request,
     reply: PageReply,
     model: type[BaseModel],
@@ -195,8 +196,7 @@ def answer_page(
             if "problem" in page:
                 page["problem"] = described_problem(**page["problem"], request_id=request.state.request_id)
     if reply.media_type == JSON:
-        body = model.model_validate(reply.document).model_dump_json()
-        return Response(body, media_type=JSON, headers={"Vary": "Accept"})
+        return await answer_json(partial(model.model_validate, reply.document), headers={"Vary": "Accept"})
     headers = image_headers(reply.document) | {"Vary": "Accept"}
     headers |= content_disposition(photo.filename, suffix, reply.media_type)
     return Response(reply.body, media_type=reply.media_type, headers=headers)

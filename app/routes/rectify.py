@@ -97,7 +97,7 @@ async def rectify(
         request.state.seat.release()
         if settings.camera_memory:
             await keep_cameras(state.store, caller, reply.document)
-        return answer_page(request, reply, RectifyResult, form.image[0], "-flat", PagesResult)
+        return await answer_page(request, reply, RectifyResult, form.image[0], "-flat", PagesResult)
 
     return await answer_now_or_later(request, state, work)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import httpx
 
-from benchmarks.attack import images, keys, pdfs, races, texts
+from benchmarks.attack import archives, images, keys, mosaics, pdfs, races, texts
 from benchmarks.attack.clients import (
     Answer,
     answer_of,
@@ -196,4 +196,14 @@ PDFS = (
     Attack("half a PDF", _page(lambda: pdfs.page_of(b"n")[:200]), DAMAGED),
     Attack("a header alone", _page(lambda: b"%PDF-1.7\n"), DAMAGED),
 )
-ATTACKS = (*BODIES, *JSON_BODIES, *XML_BODIES, *IMAGES, *PDFS, *keys.ATTACKS, *races.ATTACKS)
+ATTACKS = (
+    *BODIES,
+    *JSON_BODIES,
+    *XML_BODIES,
+    *IMAGES,
+    *PDFS,
+    *archives.ATTACKS,
+    *mosaics.ATTACKS,
+    *keys.ATTACKS,
+    *races.ATTACKS,
+)

@@ -70,6 +70,14 @@ def notices_of(placed: Sequence[PlacedPhoto]) -> list[Notice]:
     ]
 
 
+def duplicate_notices(repeats: Mapping[int, int]) -> list[Notice]:
+    """For each photo that repeats another one, by their indices, a notice."""
+    return [
+        Notice("duplicate-photo", f"images[{index}] repeats images[{other}], and adds nothing to the page.")
+        for index, other in sorted(repeats.items())
+    ]
+
+
 def unplaced_notices(
     unplaced: Sequence[int], textless: Mapping[int, DocumentError], pairs: Sequence[PairRegistration]
 ) -> list[Notice]:

@@ -16,7 +16,14 @@ from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.mosaic.composition.composed_page import compose_page
-from services.mosaic.evidence import describe_pairs, describe_patches, notices_of, unplaced_notices
+from services.mosaic.duplicates import find_duplicates
+from services.mosaic.evidence import (
+    describe_pairs,
+    describe_patches,
+    duplicate_notices,
+    notices_of,
+    unplaced_notices,
+)
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import flatten_photo, take_as_flat
 from services.mosaic.light.tone_matching import match_tones
@@ -64,14 +71,19 @@ def mosaic(
     """
     check_parameters(len(photos), parameters)
     clock = StageClock(STAGE_BEGINS)
-    flats, textless = flatten_photos(photos, parameters.rectify, exif_focal_lengths_px, cameras, clock)
+    with clock.stage("duplicates"):
+        repeats = find_duplicates(photos, parameters.base)
+    # Where all are one photo, it is joined with its first copy: the answer is its flat page, with the warnings.
+    alone = len(photos) - len(repeats) < FEWEST_PHOTOS
+    kept = {i: photo for i, photo in enumerate(photos) if i not in repeats or (alone and i == min(repeats))}
+    flats, textless = flatten_photos(kept, parameters.rectify, exif_focal_lengths_px, cameras, clock)
     with clock.stage("registration"):
         pairs = register_photos(list(flats.values()))
     with clock.stage("adjustment"):
         try:
             part = place_photos(flats, pairs, parameters.base)
         except NotOverlapping as refusal:
-            raise explain_refusal(refusal, textless, len(photos)) from None
+            raise explain_refusal(refusal, textless, len(kept)) from None
     with clock.stage("illumination"):
         placed = match_light(flats, part, parameters.illumination)
     with clock.stage("composition"):
@@ -88,7 +100,11 @@ def mosaic(
     H_final_mosaic = np.linalg.inv(turn) @ translation(-crop.left, -crop.top)
     patches = describe_patches(len(photos), placed, composed.sharpness, H_final_mosaic)
     unplaced = tuple(index for index, patch in enumerate(patches) if not patch.placed)
-    notices = [*notices_of(placed), *unplaced_notices(unplaced, textless, pairs)]
+    notices = [
+        *duplicate_notices(repeats),
+        *notices_of(placed),
+        *unplaced_notices([index for index in unplaced if index not in repeats], textless, pairs),
+    ]
     return MosaicResult(
         turn_image(page, orientation),
         part.base,
@@ -121,24 +137,24 @@ def check_parameters(count: int, parameters: MosaicParameters) -> None:
 
 
 def flatten_photos(
-    photos: Sequence[RgbImage],
+    photos: Mapping[int, RgbImage],
     rectify: bool,
     exif_focal_lengths_px: Sequence[float | None] | None,
     cameras: Sequence[CameraMemory | None] | None,
     clock: StageClock,
 ) -> tuple[dict[int, FlatPhoto], Mapping[int, DocumentError]]:
-    """Flat view of every photo by index, and the errors of photos that could not be rectified because they lack text.
+    """Flat views of photos, and the errors of those that could not be rectified because they lack text.
+
+    Photos, views and errors are named by their indices in the upload.
 
     A photo without text is used without rectification: it may show a picture on the page, and overlap other photos.
     """
     flats, textless = {}, {}
-    focal_lengths_px = exif_focal_lengths_px or [None] * len(photos)
-    memories = cameras or [None] * len(photos)
-    for index, (photo, focal_length_px, memory) in enumerate(
-        zip(photos, focal_lengths_px, memories, strict=True)
-    ):
-        report_progress("flattening", FLATTENED * index / len(photos))
+    for number, (index, photo) in enumerate(photos.items()):
+        report_progress("flattening", FLATTENED * number / len(photos))
         if rectify:
+            focal_length_px = exif_focal_lengths_px[index] if exif_focal_lengths_px else None
+            memory = cameras[index] if cameras else None
             try:
                 flats[index] = flatten_photo(index, photo, focal_length_px, clock, memory)
                 continue

@@ -16,6 +16,7 @@ from app.main import create_app
 from app.settings import Settings
 from models.tables import Table
 from services.contract.operations import Operations
+from tests.app.loop_watch import LoopWatch, watched
 from tests.app.scripted import OPERATIONS, PAGE
 from tests.models.databases import make_file
 
@@ -43,6 +44,13 @@ def serving(operations: Operations = OPERATIONS, **settings: object) -> Iterator
             yield client
 
 
+@contextmanager
+def watched_serving(operations: Operations, **settings: object) -> Iterator[tuple[httpx.Client, LoopWatch]]:
+    """The same, with a watch over the steps of the service's loop. `settings` have its `data_dir`."""
+    with watched() as watch, _serving(operations, settings, watch) as client:
+        yield client, watch
+
+
 def forget_everything(client: httpx.Client, data_dir: Path) -> None:
     """Take all rows out of the database of a running service, as if it were new."""
     state = "store_state"
@@ -59,7 +67,9 @@ def forget_everything(client: httpx.Client, data_dir: Path) -> None:
 
 
 @contextmanager
-def _serving(operations: Operations, settings: dict[str, object]) -> Iterator[httpx.Client]:
+def _serving(
+    operations: Operations, settings: dict[str, object], watch: LoopWatch | None = None
+) -> Iterator[httpx.Client]:
     app = create_app(Settings(**{**SETTINGS, **settings}), operations)  # type: ignore[arg-type]
     server = uvicorn.Server(uvicorn.Config(app, port=0, lifespan="on", log_config=None, access_log=False))
     up = threading.Event()
@@ -77,6 +87,8 @@ def _serving(operations: Operations, settings: dict[str, object]) -> Iterator[ht
     try:
         assert up.wait(60)
         assert server.started
+        if watch is not None:
+            watch.thread = thread.ident
         port = server.servers[0].sockets[0].getsockname()[1]
         with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=30) as client:
             yield client

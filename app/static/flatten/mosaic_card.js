@@ -67,7 +67,7 @@ export class MosaicCard {
       stage,
       make("p", { class: "row downloads" }, links),
       make("ol", { "aria-label": "Places of the photos" }, described),
-      warningList(result.warnings.filter(({ code }) => code !== "unplaced")) ?? "",
+      warningList(result.warnings.filter(({ code }) => !["unplaced", "duplicate-photo"].includes(code))) ?? "",
     );
     notify(`The page is complete. ${result.unplaced.length} photos could not be placed.`);
   }

@@ -47,10 +47,15 @@ class RegistrationParameters:
     clear_lead: float = 2.0
     """The first look takes only pairs whose largest group has so many times the votes of the next. Rows that repeat
     have as many elsewhere, and need all features to be told apart."""
+    pairs_per_photo: int = 4
+    """Largest number of pairs, per photo, in a look at word scale or finer: up to nine photos all of them, of more
+    photos those with most votes at half of it. Of 16 photos in four rows, 24 to 42 pairs are neighbours."""
     finer: float = 1.5
     """Resolution of the third look at unturned views, relative to word scale."""
     most_retries: int = 45
     """Largest number of pairs in the finer passes: more unconnected pairs do not belong to one page."""
+    hopeless: int = 4
+    """Of more photos than this, if no two overlap at word scale, upside down or not, none are searched any finer."""
     largest_scale: float = 4.0
     """Largest scale between two views, by their text sizes; text below a quarter can hardly be read."""
     ambiguity: float = 0.7
@@ -88,8 +93,8 @@ def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]
     """All overlapping pairs, independent of the order of `photos`.
 
     The search starts at half the word scale with the same text direction. Photos in separate parts are then searched at
-    word scale, upside down, at a finer scale, and rotated by quarter turns. Pairs whose overlap the graph predicts are
-    matched from there.
+    word scale, upside down, at a finer scale, and rotated by quarter turns, the most promising pairs only where there
+    are many. Pairs whose overlap the graph predicts are matched from there.
     A pair that contradicts stronger ones in a loop is dropped. So is a pair that connects two parts by a piece of a
     single line.
     """
@@ -100,20 +105,17 @@ def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]
     heights = {index: one.photo.text_height_px for index, one in prepared.items()}
     pairs: dict[tuple[int, int], PairRegistration] = {}
     sure: dict[tuple[int, int], PairRegistration] = {}
+    promises: dict[tuple[int, int, int], int] = {}
     looks = (0, p.coarser), (0, 1.0), (2, 1.0), (0, p.finer), (2, p.finer), (1, 1.0), (3, 1.0)
     for number, (turns, fineness) in enumerate(looks):
-        part_of = {i: part for part in connect_photos(order, pairs) for i in part}
-        apart = [(i, j) for i, j in combinations(order, 2) if part_of[i] != part_of[j]]
-        if number > 3:
-            # Photos that are already connected had several attempts.
-            apart = [(i, j) for i, j in apart if min(len(part_of[i]), len(part_of[j])) == 1]
-        if number > 2 and len(apart) > p.most_retries:
-            continue
+        apart = _apart(order, pairs, number, p)
+        if number > 0:
+            apart = _promising(apart, prepared, turns, promises, p)
         candidates = [_vote(prepared[i], prepared[j], turns, fineness, p) for i, j in apart]
+        if number == 0:
+            promises = {(*pair, turns): _promise(each) for pair, each in zip(apart, candidates, strict=True)}
         # The surest pairs come first: others, which by these do not overlap, need no verification.
-        for candidate in sorted(
-            candidates, key=lambda candidate: max(candidate.votes, default=0), reverse=True
-        ):
+        for candidate in sorted(candidates, key=_promise, reverse=True):
             if number == 0 and not _is_clear(candidate, p):
                 continue
             if _are_apart(candidate, sure, order, p):
@@ -171,6 +173,49 @@ def _vote(
     expected = float(np.clip(expected, 1 / p.largest_scale, p.largest_scale))
     groups = vote_displacements(matches, float(np.hypot(*a.photo.size)), expected_scale=expected)
     return Candidate(a, b, turns, features, matches, groups)
+
+
+def _apart(
+    order: Sequence[int], pairs: Pairs, number: int, p: RegistrationParameters
+) -> list[tuple[int, int]]:
+    """The pairs of photos in separate parts that the look `number` searches."""
+    part_of = {i: part for part in connect_photos(order, pairs) for i in part}
+    apart = [(i, j) for i, j in combinations(order, 2) if part_of[i] != part_of[j]]
+    if number > 3:
+        # Photos that are already connected had several attempts.
+        apart = [(i, j) for i, j in apart if min(len(part_of[i]), len(part_of[j])) == 1]
+    is_hopeless = len(apart) > p.most_retries or (not pairs and len(order) > p.hopeless)
+    return [] if number > 2 and is_hopeless else apart
+
+
+def _promise(candidate: Candidate) -> int:
+    """Votes of the largest group."""
+    return max(candidate.votes, default=0)
+
+
+def _promising(
+    apart: list[tuple[int, int]],
+    prepared: Mapping[int, PreparedPhoto],
+    turns: int,
+    promises: Mapping[tuple[int, int, int], int],
+    p: RegistrationParameters,
+) -> list[tuple[int, int]]:
+    """The pairs with most votes at half the word scale, as many as may be looked at; their order stays.
+
+    So the work on photos that do not overlap grows with their number, and not with that of their pairs. `promises` has
+    the votes of pairs and turns that are known.
+    """
+    most = p.pairs_per_photo * len(prepared)
+    if len(apart) <= most:
+        return apart
+    votes = {
+        (i, j): promises[i, j, turns]
+        if (i, j, turns) in promises
+        else _promise(_vote(prepared[i], prepared[j], turns, p.coarser, p))
+        for i, j in apart
+    }
+    least = sorted(votes.values(), reverse=True)[most - 1]
+    return [pair for pair in apart if votes[pair] >= least][:most]
 
 
 def _is_clear(candidate: Candidate, p: RegistrationParameters) -> bool:

@@ -253,6 +253,38 @@ def test_the_same_photo_twice_is_one_page() -> None:
     assert registration_error_px(result, [CAMERAS[0]] * 2) < 0.1
 
 
+def test_photos_that_are_repeated_are_told_and_left_out(three: MosaicResult) -> None:
+    first, second, third = photos()
+    encoded = cv2.imdecode(cv2.imencode(".jpg", second, [cv2.IMWRITE_JPEG_QUALITY, 50])[1], cv2.IMREAD_COLOR)
+    result = mosaic([first, second, first, np.asarray(encoded, np.uint8), third], AS_LAID)
+    assert [patch.placed for patch in result.patches] == [True, True, False, False, True]
+    assert result.unplaced == (2, 3)
+    told = [notice.detail for notice in result.warnings if notice.code == "duplicate-photo"]
+    assert [detail[:27] for detail in told] == ["images[2] repeats images[0]", "images[3] repeats images[1]"]
+    assert not [notice for notice in result.warnings if notice.code == "unplaced"]
+    assert result.image.shape == three.image.shape
+
+
+def test_a_base_is_no_duplicate() -> None:
+    first, second, third = photos()
+    result = mosaic([first, second, first, third], replace(AS_LAID, base=2))
+    assert (result.base, result.unplaced) == (2, (0,))
+
+
+def test_the_same_photo_many_times_takes_no_longer_than_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    flattened: list[int] = []
+
+    def count(index: int, *arguments: object) -> FlatPhoto:
+        flattened.append(index)
+        return flatten_photo(index, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(pipeline, "flatten_photo", count)
+    result = mosaic([photos()[1]] * 16, AS_LAID)
+    assert flattened == [0, 1]
+    assert result.unplaced == tuple(range(2, 16))
+    assert [notice.code for notice in result.warnings].count("duplicate-photo") == 15
+
+
 def test_photos_of_two_pages_do_not_become_one() -> None:
     with pytest.raises(NotOverlapping, match=r"no two of images\[0\], images\[1\] show"):
         mosaic([photos()[0], other_page()], AS_LAID)

@@ -205,3 +205,25 @@ def test_photo_that_could_not_be_rectified_registers() -> None:
     tilted = draw_view(page(), part(150, 250, 0.9, (0.05, -0.04, 25, 18)), (900, 800), 1, Flaws(seed=1))
     (pair,) = register_photos([flat, tilted])
     assert registration_error(flat, tilted, pair.H_a_b) < 0.5
+
+
+def test_work_on_photos_of_other_pages_grows_with_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A dozen photos that have nothing in common: no more pairs are verified than a few for each."""
+    chance = np.random.default_rng(0)
+    noise = [
+        draw_view(chance.integers(0, 255, (400, 400)).astype(np.uint8), part(0, 0), (300, 300), index)
+        for index in range(12)
+    ]
+    looked_at: list[tuple[int, int, float]] = []
+    vote = photo_pairs._vote
+
+    def count(a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: Any) -> Any:
+        looked_at.append((a.photo.index, b.photo.index, fineness))
+        return vote(a, b, turns, fineness, p)
+
+    monkeypatch.setattr(photo_pairs, "_vote", count)
+    assert register_photos(noise) == ()
+    p = RegistrationParameters()
+    fine = [each for each in looked_at if each[2] >= 1.0]
+    assert len(fine) == 2 * p.pairs_per_photo * len(noise)
+    assert len(looked_at) - len(fine) == 2 * 66
