@@ -55,7 +55,7 @@ help:
 	@echo 'make serve            set up, then serve on HOST:PORT (now $(HOST):$(PORT))'
 	@echo '             LANGUAGES="fra deu" installs what is needed to read these languages too'
 	@echo 'make worker           set up, then run jobs, without HTTP, for services that share DATABASE_URL and BLOB_URL'
-	@echo 'make test             set up, then run all tests (TEST_PROCESSES=2, TEST_OPTIONS=...)'
+	@echo 'make test             set up, then run all tests (TEST_PROCESSES=3, TEST_OPTIONS=...)'
 	@echo 'make test-fast        the tests of single steps: no service, no whole photo'
 	@echo 'make test-long        tests that repeat (fuzzing, races, kills) with their full counts'
 	@echo 'make lint             formatting, lint and types'
@@ -82,7 +82,8 @@ serve: venv
 worker: venv
 	@exec $(BIN)/python -m app worker
 
-TEST_PROCESSES := 2
+# One more than processors of a small machine: many tests wait for other processes.
+TEST_PROCESSES := 3
 PYTEST := $(BIN)/python -m pytest -n $(TEST_PROCESSES) \
 	--dist loadgroup --no-loadscope-reorder
 test: venv-dev postgresql chromium typescript

@@ -169,7 +169,7 @@ class FrameworkErrors:
         self._templates = PathTemplates(methods)
 
     async def __call__(self, request: Request, error: Exception) -> Response:
-        refusal = _told(error, request.scope)
+        refusal = refusal_in(error, request.scope)
         template = self._templates.match(request.scope["path"])
         if refusal.code == "method-not-allowed" and template is not None:
             # The framework lists only the methods of the first route with this path.
@@ -179,11 +179,11 @@ class FrameworkErrors:
 
 def problem_response(error: Exception, scope: Scope) -> Response:
     """The problem document for an error of a request; errors of the service itself are logged."""
-    return _response_for(_told(error, scope), scope)
+    return _response_for(refusal_in(error, scope), scope)
 
 
-def _told(error: Exception, scope: Scope) -> Refusal:
-    """The problem of `error`; errors of the service itself are logged with their cause."""
+def refusal_in(error: Exception, scope: Scope) -> Refusal:
+    """The problem of `error` in a request, or in a part of one. Defects are logged with their cause."""
     refusal = refusal_of(error)
     if refusal.status == 500 or isinstance(error, StoreUnavailable):
         extra = {"request_id": scope["state"]["request_id"], "code": refusal.code}

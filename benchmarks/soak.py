@@ -71,6 +71,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="benchmarks soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--store", choices=("sqlite", "postgresql"), default="sqlite")
+    parser.add_argument("--pause", type=float, default=0.5, help="seconds between two requests of a client")
     parser.add_argument("--plot", type=Path, help="a picture of the series")
     options = parser.parse_args(arguments)
     with TemporaryDirectory() as name, _database(options.store) as database:
@@ -79,7 +80,7 @@ def main(arguments: Sequence[str]) -> int:
         server = Server(folder, **SETTINGS, **database, tmpdir=spool)
         server.start()
         try:
-            soak = Soak(server, folder, spool)
+            soak = Soak(server, folder, spool, options.pause)
             soak.run(60.0 * options.minutes)
         finally:
             server.stop()
@@ -100,8 +101,9 @@ def _database(store: str) -> Iterator[dict[str, str]]:
 class Soak:
     """The clients, and what was measured meanwhile."""
 
-    def __init__(self, server: Server, folder: Path, spool: Path) -> None:
+    def __init__(self, server: Server, folder: Path, spool: Path, pause_s: float) -> None:
         self._server, self._folder, self._spool = server, folder, spool
+        self._pause_s = pause_s
         self._over = threading.Event()
         self.answers: Counter[tuple[str, int]] = Counter()
         self.series: dict[str, list[float]] = {name: [] for name in BOUNDS}
@@ -165,7 +167,7 @@ class Soak:
         rng = random.Random(number)
         requests = list(REQUESTS.items())
         with httpx.Client(base_url=self._server.url, timeout=_TIMEOUT_S) as client:
-            while not self._over.is_set():
+            while not self._over.wait(self._pause_s):
                 name, send = rng.choice(requests)
                 try:
                     status = send(client, rng)

@@ -15,7 +15,7 @@ from starlette.responses import StreamingResponse
 
 from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive
 from app.form_parts import FormRoute
-from app.problems import documented
+from app.problems import documented, refusal_in
 from app.routes.common_responses import FORM, READING, STORE, WORK
 from app.routes.json_answers import answer_json
 from app.routes.known_options import known_parts
@@ -149,7 +149,7 @@ async def import_layout_models(
         for number, each in enumerate(manifest.models):
             if progress is not None:
                 progress("models", number / len(manifest.models))
-            imported.append(await _import_class(state, archive, each, paths.get(each.name, [])))
+            imported.append(await _import_class(request, state, archive, each, paths.get(each.name, [])))
         for each, report in zip(
             manifest.models, imported, strict=True
         ):  # now that the classes they continue exist
@@ -189,7 +189,11 @@ def _open(
 
 
 async def _import_class(
-    state: AppState, archive: UploadedArchive, entry: ArchivedClass, paths: list[tuple[str, str]]
+    request: Request,
+    state: AppState,
+    archive: UploadedArchive,
+    entry: ArchivedClass,
+    paths: list[tuple[str, str]],
 ) -> ImportedClass:
     name, settings = entry.name, state.settings
     counts: Counter[bool] = Counter()
@@ -218,7 +222,8 @@ async def _import_class(
         except (DocumentError, StoreError) as error:
             if error.code not in OF_ONE_FILE:
                 raise
-            problems.append(ImportProblem(file=path, code=error.code, detail=error.detail))
+            refusal = refusal_in(error, request.scope)
+            problems.append(ImportProblem(file=path, code=refusal.code, detail=refusal.detail))
     return ImportedClass(
         name=name,
         version=version,

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Form, Request, Response
 
 from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive
 from app.form_parts import FormRoute
-from app.problems import documented
+from app.problems import documented, refusal_in
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
 from app.routes.json_answers import answer_json
 from app.routes.known_options import known_parts
@@ -81,7 +81,7 @@ async def add_layout_samples(
         for number, page in enumerate(pages):
             if progress is not None:
                 progress("samples", number / len(pages))
-            reports.append(await _add(state, name, archive, page))
+            reports.append(await _add(request, state, name, archive, page))
         request.state.seat.release()
         counts = Counter(report.status for report in reports)
         return await answer_json(
@@ -118,7 +118,9 @@ def _pages_of(files: list[ArchivedFile]) -> list[_Page]:
     return list(pages.values())
 
 
-async def _add(state: AppState, name: str, archive: UploadedArchive, page: _Page) -> FileReport:
+async def _add(
+    request: Request, state: AppState, name: str, archive: UploadedArchive, page: _Page
+) -> FileReport:
     """Make a sample of one page; errors about the page are part of the report.
 
     Raises
@@ -138,7 +140,8 @@ async def _add(state: AppState, name: str, archive: UploadedArchive, page: _Page
     except (DocumentError, StoreError) as error:
         if error.code not in OF_ONE_FILE:
             raise
-        problem = FileProblem(code=error.code, detail=error.detail)
+        refusal = refusal_in(error, request.scope)
+        problem = FileProblem(code=refusal.code, detail=refusal.detail)
         return FileReport(files=page.files, status="failed", id=None, problem=problem)
     return FileReport(
         files=page.files, status="added" if sample.created else "known", id=sample.id, problem=None

@@ -78,7 +78,7 @@ def test_pages_are_files_of_one_name(client: httpx.Client) -> None:
         ({"3.json": b"{"}, "invalid-option", "JSON"),
         ({"3.json": page("x" * 3000)}, "too-large", "2000 bytes"),
         ({"3.json": page("3"), "3.png": upload("undecodable-image")}, "undecodable-image", "scripted"),
-        ({"3.json": page("3"), "3.png": upload("fail")}, "internal", ""),
+        ({"3.json": page("3"), "3.png": upload("fail")}, "internal", "Its log has the cause"),
         ({"3.json": page("3"), "3.png": upload("kill")}, "worker-died", ""),
         ({"3.json": page("3"), "3.png": upload(" " * 60_000)}, "too-large", "50000 bytes"),
         ({"a/3.json": page("3"), "b/3.json": page("4")}, "invalid-option", "a name of its own"),
