@@ -53,7 +53,12 @@ def _mesh(points: str) -> dict[str, Any]:
 
 
 def rectify(
-    uploads: list[bytes], parameters: RectifyParameters, encoding: Encoding, limits: DocumentLimits
+    uploads: list[bytes],
+    parameters: RectifyParameters,
+    encoding: Encoding,
+    limits: DocumentLimits,
+    journal: str = "",
+    too_slow: str = "",
 ) -> PageReply:
     """As many pages as there are uploads, each with a mesh; a single one with its image."""
     image = base64.b64encode(bytes(_IMAGE_BYTES)).decode() if len(uploads) == 1 else None
