@@ -23,6 +23,7 @@ from app.settings import Settings
 from services.contract.mosaic import MOST_PHOTOS
 from tests.app.scripted import OPERATIONS, PAGE, model_document
 from tests.app.serving import serving
+from tests.counts import repeats
 
 FILES = ("image", "images", "zones_file", "archive")
 DOCUMENT = create_app(Settings(api_keys=()), OPERATIONS).openapi()
@@ -39,7 +40,10 @@ def base_url() -> Iterator[str]:
 
 
 @schema.parametrize()
-@settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=repeats(8, 40), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
+@pytest.mark.long
 def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: str) -> None:
     if isinstance(case.body, dict) and case.media_type == "multipart/form-data":
         assume_a_form(case.body)

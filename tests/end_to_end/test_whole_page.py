@@ -13,6 +13,7 @@ from PIL import Image
 from app.schemas.mosaic import MosaicResult, Patch
 from simulation.pages import own_pages
 from simulation.scenes import POSES, photograph
+from tests.counts import some
 from tests.end_to_end.pictures import encoded
 
 OVERLAPPING = ((0, 0, 800, 720), (0, 480, 800, 1200))
@@ -65,7 +66,10 @@ def grid(width: int, height: int) -> NDArray[np.float64]:
     return np.stack([x.ravel(), y.ravel()], axis=1)
 
 
-@pytest.mark.parametrize("options", [{}, {"composition": "average"}, {"illumination": "keep"}, {"base": "1"}])
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "options", some(2, [{}, {"composition": "average"}, {"illumination": "keep"}, {"base": "1"}])
+)
 def test_two_scans_make_the_page(service: httpx.Client, page: Image.Image, options: dict[str, str]) -> None:
     crops = [page.crop(box) for box in OVERLAPPING]
     result = described(service, crops, rectify="false", upright="false", **options)

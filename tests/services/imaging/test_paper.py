@@ -14,6 +14,7 @@ from services.imaging.paper import (
     sharpen_corners,
 )
 from simulation.degradation import desk_texture
+from tests.counts import some
 from tests.services.scenes import FLAT_SCENES, Album
 
 Rgb = NDArray[np.uint8]
@@ -52,7 +53,8 @@ def print_points() -> Points:
     return np.stack([x.ravel(), y.ravel()], axis=1)
 
 
-@pytest.mark.parametrize("name", FLAT_SCENES)
+@pytest.mark.long
+@pytest.mark.parametrize("name", some(3, [*FLAT_SCENES]))
 def test_sheets_of_simulated_photos_are_outlined(album: Album, name: str) -> None:
     shot = album[name]
     outline = shot.analysis.paper.outline(shot.analysis.characters)

@@ -14,6 +14,7 @@ from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.light.tones import ToneMap, apply_tones
 from services.mosaic.placing.placement import DisplacementField, Placement
 from services.rectify.framing import FlatFrame
+from tests.counts import some
 
 pytestmark = pytest.mark.pipeline
 
@@ -226,7 +227,8 @@ def test_ink_of_a_blurred_photo_is_as_dark_as_that_of_a_sharp_one(page: NDArray[
     assert max(levels) < 45
 
 
-@pytest.mark.parametrize("illumination", ["keep", "normalize"])
+@pytest.mark.long
+@pytest.mark.parametrize("illumination", some(1, ["normalize", "keep"]))
 def test_pictures_keep_their_tones(page: NDArray[np.float64], illumination: str) -> None:
     """Also in a photo that shows hardly anything but the picture."""
     left, top = PICTURE[1].start - 10, PICTURE[0].start - 10
