@@ -60,6 +60,19 @@ RULES = [
     ("services/sheet/tracing", SHEET, ("services.sheet.tracing", "services.sheet.developable.observations")),
     # A creased sheet explains the same observations as a smooth one.
     ("services/sheet/ridged", SHEET, ("services.sheet.ridged", "services.sheet.developable.observations")),
+    (
+        "services/sheet/plane",
+        SHEET,
+        (
+            "services.sheet.plane",
+            "services.sheet.tracing",
+            "services.sheet.outline",
+            "services.sheet.developable.observations",
+            "services.sheet.evidence",
+            "services.sheet.shape",
+            "services.sheet.surfaces",
+        ),
+    ),
     ("services/rectify", ("services.mosaic", "services.layout", "services.operations"), ()),
     (
         "services/capture",

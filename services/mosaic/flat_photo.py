@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from services.arrays import GrayImage, Mask, Points, RgbImage
-from services.rectify.framing import FlatFrame
-from services.rectify.results import Notice
+from services.notices import Notice
 from services.sheet.framing import CurvedFrame
+from services.sheet.plane.framing import FlatFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)

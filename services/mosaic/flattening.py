@@ -14,12 +14,12 @@ from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.outside_text import is_outside_text, of_text_height
-from services.rectify.analysis import PageAnalysis
-from services.rectify.drawing import draw_gray_view
-from services.rectify.framing import FlatFrame
+from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.pipeline import estimate_page, frame_photo
 from services.rectify.stage_clock import StageClock
+from services.rectify.view.drawing import draw_gray_view
 from services.sheet.framing import CurvedFrame
+from services.sheet.plane.framing import FlatFrame
 from services.texture_flow.text_identification import identify_text
 
 

@@ -7,7 +7,7 @@ from services.geometry.homographies import denominators, transform_points
 from services.geometry.page_frame import fill_unknown
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import Placement
-from services.rectify.framing import FlatFrame
+from services.sheet.plane.framing import FlatFrame
 
 LARGEST_REACH = 3.0
 """Largest distance of a photo's point from the view, in sizes of the view. Points farther out are near the horizon."""

@@ -28,15 +28,15 @@ from services.operations.replies import (
     timed,
 )
 from services.progress import progress_within
-from services.rectify.focal_length import seen_focal_length
+from services.rectify.analysis.focal_length import seen_focal_length
 from services.rectify.kept_photo import keep_photo
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import rectify
 from services.rectify.preview import PREVIEW_PX, preview_page
 from services.rectify.preview_scale import enlarge, reduce_parameters
-from services.rectify.results import PlaneSurface, RectifyResult
+from services.rectify.results import RectifyResult
 from services.rectify.spread import RectifiedPages, page_timings, rectify_spread
-from services.sheet.surfaces import MeshSurface, StripsSurface
+from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface
 
 
 def rectify_picture(

@@ -4,14 +4,9 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.errors import NoText
-from services.rectify.results import (
-    CameraEstimate,
-    Evidence,
-    Notice,
-    Orientation,
-    PlaneSurface,
-    RectifyResult,
-)
+from services.notices import Notice
+from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
+from services.sheet.surfaces import PlaneSurface
 
 MESH_ROWS, MESH_COLUMNS = 65, 49
 

@@ -18,45 +18,44 @@ from services.heap import release_freed_memory
 from services.imaging.normalization import normalize_illumination
 from services.imaging.paper import certain_sheet
 from services.imaging.reduction import Halves
+from services.notices import Notice
 from services.ocr.engine import OcrEngine
-from services.rectify.analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
-from services.rectify.drawing import draw_flat_view, draw_gray_view, places_in_view
-from services.rectify.edge_cropping import crop_to_gutter, within_gutter
-from services.rectify.focal_length import focal_prior, remembered
-from services.rectify.framing import FlatFrame, frame_page
-from services.rectify.orientation import estimate_orientation
-from services.rectify.outline_plane import read_sides
+from services.rectify.analysis.focal_length import focal_prior, remembered
+from services.rectify.analysis.page_analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
+from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
+from services.rectify.analysis.print_sample import sample_print
 from services.rectify.parameter_checks import check_parameters
-from services.rectify.photo_border import find_cut_borders, leave_out_borders
-from services.rectify.pose import PagePose
-from services.rectify.principal_point import find_principal_point
-from services.rectify.print_sample import sample_print
-from services.rectify.results import (
-    CameraEstimate,
-    Evidence,
-    Notice,
-    Orientation,
-    PlaneSurface,
-    RectifyResult,
-    ShapeSource,
+from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
+from services.rectify.shape_choice.choice import FEW_LINES, choose_shape
+from services.rectify.shape_choice.principal_point import find_principal_point
+from services.rectify.shape_choice.textless import (
+    TextlessPage,
+    draw_for_reading,
+    find_textless_page,
+    frame_textless,
 )
-from services.rectify.shape_choice import FEW_LINES, choose_shape
-from services.rectify.sheet_corners import corners_by_view
-from services.rectify.sheet_cut import (
+from services.rectify.stage_clock import StageClock
+from services.rectify.view.drawing import draw_flat_view, draw_gray_view, places_in_view
+from services.rectify.view.edge_cropping import crop_to_gutter, within_gutter
+from services.rectify.view.orientation import estimate_orientation
+from services.rectify.view.sheet_corners import corners_by_view
+from services.rectify.view.sheet_cut import (
     cut_to_outline,
     cut_to_page,
     paper_in_photo,
     restore_detail,
     within_polygon,
 )
-from services.rectify.stage_clock import StageClock
-from services.rectify.textless import TextlessPage, draw_for_reading, find_textless_page, frame_textless
 from services.sheet.curved_page import CurvedPage
 from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.results import SheetOutline
+from services.sheet.plane.framing import FlatFrame, frame_page
+from services.sheet.plane.outline_plane import read_sides
+from services.sheet.plane.pose import PagePose
 from services.sheet.ridged_page import RidgedPage
-from services.sheet.surfaces import MeshSurface, StripsSurface
+from services.sheet.shape import ShapeSource
+from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface
 
 FACING_PAGE = Notice(
     "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."

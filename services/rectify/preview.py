@@ -19,10 +19,17 @@ from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.paper import PaperParameters
 from services.imaging.reduction import Halves
-from services.rectify.analysis import AnalysisParameters, FoundText, PageAnalysis, analyse_text, find_text
-from services.rectify.focal_length import focal_prior, remembered
-from services.rectify.outline_plane import OutlinePlane, read_sides
-from services.rectify.page_choice import choose_page
+from services.notices import Notice
+from services.rectify.analysis.focal_length import focal_prior, remembered
+from services.rectify.analysis.page_analysis import (
+    AnalysisParameters,
+    FoundText,
+    PageAnalysis,
+    analyse_text,
+    find_text,
+)
+from services.rectify.analysis.page_choice import choose_page
+from services.rectify.analysis.print_sample import print_heights
 from services.rectify.pipeline import (
     FACING_PAGE,
     FlatPage,
@@ -32,19 +39,19 @@ from services.rectify.pipeline import (
     find_border,
     frame_photo,
 )
-from services.rectify.planarity import discriminate_surface
-from services.rectify.pose import PoseParameters, choose_pose, start_plane
-from services.rectify.print_sample import print_heights
-from services.rectify.quick_bend import bend_quickly
-from services.rectify.results import Notice, Orientation, PrintSample, RectifyResult
-from services.rectify.sheet_corners import corners_by_view
-from services.rectify.sheet_cut import cut_to_outline, within_polygon
+from services.rectify.results import Orientation, PrintSample, RectifyResult
+from services.rectify.shape_choice.quick_bend import bend_quickly
+from services.rectify.shape_choice.textless import TextlessPage, TextlessParameters, frame_textless, pose_of
 from services.rectify.stage_clock import StageClock
-from services.rectify.textless import TextlessPage, TextlessParameters, frame_textless, pose_of
+from services.rectify.view.sheet_corners import corners_by_view
+from services.rectify.view.sheet_cut import cut_to_outline, within_polygon
 from services.sheet.outline.candidates import CandidateParameters
 from services.sheet.outline.detection import OutlineParameters, find_outline
 from services.sheet.outline.rays import RayParameters
 from services.sheet.outline.results import SheetOutline
+from services.sheet.plane.outline_plane import OutlinePlane, read_sides
+from services.sheet.plane.planarity import discriminate_surface
+from services.sheet.plane.pose import PoseParameters, choose_pose, start_plane
 from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.ridged_page import (

@@ -8,19 +8,9 @@ from numpy.typing import NDArray
 
 from services.arrays import Points, RgbImage, Vector
 from services.geometry.focal_prior import FocalLengthSource
-from services.sheet.surfaces import MeshSurface, StripsSurface
-
-
-@dataclass(frozen=True, slots=True)
-class Notice:
-    """A warning of the contract: a stable `code`, and a `detail` that a person can act on."""
-
-    code: str
-    detail: str
-
-
-ShapeSource = Literal["text", "outline", "rules"]
-"""What can show the page's shape: its text, the sheet's outline, straight print that is no text."""
+from services.notices import Notice
+from services.sheet.shape import ShapeSource
+from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +45,6 @@ class CameraEstimate:
     principal_point_source: Literal["centre", "estimated"] = "centre"
     log_focal_deviation: float | None = None
     """Standard deviation of the focal length's logarithm as this page alone shows it; None: it does not."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlaneSurface:
-    """Unit normal in the camera frame (x right, y down, z forward); None where f is unknown."""
-
-    normal: tuple[float, float, float] | None
 
 
 @dataclass(frozen=True, slots=True)

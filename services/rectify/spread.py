@@ -10,10 +10,11 @@ from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
+from services.notices import Notice
 from services.ocr.engine import OcrEngine
 from services.progress import progress_within
-from services.rectify.analysis import analyse_spread
-from services.rectify.focal_length import focal_prior, remembered
+from services.rectify.analysis.focal_length import focal_prior, remembered
+from services.rectify.analysis.page_analysis import analyse_spread
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import (
     FACING_PAGE,
@@ -23,9 +24,9 @@ from services.rectify.pipeline import (
     rectify,
     shape_page,
 )
-from services.rectify.pose import PagePose
-from services.rectify.results import Notice, RectifyResult
+from services.rectify.results import RectifyResult
 from services.rectify.stage_clock import StageClock
+from services.sheet.plane.pose import PagePose
 from services.sheet.ridged_page import RidgedPage
 
 ORIENTATION_UNKNOWN = "orientation-unknown"

@@ -1,4 +1,4 @@
-"""Descriptions of bent pages for the answer, in photo pixels and the camera frame."""
+"""Descriptions of pages' surfaces for the answer, in photo pixels and the camera frame."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,13 @@ from numpy.typing import NDArray
 
 MAX_MAGNIFICATION_RATIO = 10.0
 """Largest over smallest enlargement over the text of a bent page; more is a wrong shape."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneSurface:
+    """Unit normal in the camera frame (x right, y down, z forward); None where f is unknown."""
+
+    normal: tuple[float, float, float] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

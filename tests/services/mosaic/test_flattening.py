@@ -9,9 +9,9 @@ from services.errors import NoText
 from services.geometry.homographies import jacobians, scaling, transform_points
 from services.mosaic import flattening
 from services.mosaic.flattening import flatten_photo, take_as_flat, view_photo
-from services.rectify.focal_length import remembered
-from services.rectify.framing import FlatFrame
+from services.rectify.analysis.focal_length import remembered
 from services.rectify.stage_clock import StageClock
+from services.sheet.plane.framing import FlatFrame
 from tests.services.mosaic.views import look_at, page_image, photograph
 
 pytestmark = pytest.mark.pipeline

@@ -14,10 +14,10 @@ from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.ocr.engine import OcrEngine, Word
 from services.progress import progress_to
-from services.rectify.analysis import PageAnalysis
+from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.pipeline import FlatPage, rectify
-from services.rectify.pose import PagePose
 from services.rectify.results import RectifyResult
+from services.sheet.plane.pose import PagePose
 from services.sheet.surfaces import StripsSurface
 from simulation.degradation import PHONE
 from simulation.pages import own_pages

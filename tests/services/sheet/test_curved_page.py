@@ -10,8 +10,8 @@ import pytest
 from services.arrays import Floats, Points, Vector
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.analysis import analyse_photo
-from services.rectify.focal_length import focal_prior
+from services.rectify.analysis.focal_length import focal_prior
+from services.rectify.analysis.page_analysis import analyse_photo
 from services.sheet.curved_page import (
     CurvedPage,
     CurvedParameters,
