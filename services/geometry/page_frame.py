@@ -61,6 +61,15 @@ class Frame(Protocol):
         """Photo pixels (N, 2) of output pixels (N, 2)."""
         ...
 
+    @property
+    def H_photo_flat(self) -> Homography | None:
+        """From output pixels to photo pixels, where this is a homography: on a flat page."""
+        ...
+
+    def to_flat(self, photo: Points) -> Points:
+        """Output pixels (N, 2) of photo pixels (N, 2)."""
+        ...
+
     def through(self, H_old_new: Homography, width: int, height: int) -> Self:
         """The same page in other pixels: the view whose pixel p shows what pixel `H_old_new` p showed."""
         ...

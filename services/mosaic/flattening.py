@@ -8,7 +8,7 @@ import numpy as np
 from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
 from services.contract.cameras import CameraMemory
 from services.contract.rectify import RectifyParameters
-from services.geometry.page_frame import FramingParameters, resize_frame
+from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
@@ -18,7 +18,6 @@ from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.pipeline import estimate_page, frame_photo
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_gray_view
-from services.sheet.framing import CurvedFrame
 from services.sheet.plane.framing import FlatFrame
 from services.texture_flow.text_identification import identify_text
 
@@ -103,9 +102,7 @@ def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:
         )
 
 
-def view_photo(
-    index: int, photo: RgbImage, frame: FlatFrame | CurvedFrame, text_height_px: float, weight: float
-) -> FlatPhoto:
+def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float, weight: float) -> FlatPhoto:
     """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
     p = FlatteningParameters()
     frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
@@ -129,7 +126,7 @@ def view_photo(
     )
 
 
-def _shown(photo: RgbImage, frame: FlatFrame | CurvedFrame, rim_px: float) -> Mask:
+def _shown(photo: RgbImage, frame: Frame, rim_px: float) -> Mask:
     """Where the view shows the photo without its border."""
     black: GrayImage = np.zeros(photo.shape[:2], np.uint8)
     rim = int(np.ceil(rim_px))
@@ -137,7 +134,7 @@ def _shown(photo: RgbImage, frame: FlatFrame | CurvedFrame, rim_px: float) -> Ma
     return np.asarray(draw_gray_view(black, 1.0, frame) == 0)
 
 
-def _photo_px_per_flat_px(frame: FlatFrame | CurvedFrame, shown: Mask, step: int = 40) -> Floats:
+def _photo_px_per_flat_px(frame: Frame, shown: Mask, step: int = 40) -> Floats:
     """Photo pixels per flat pixel (N,), the square root of the map's area ratio, on a grid over the shown part."""
     x, y = np.meshgrid(np.linspace(0, frame.width - 1, step), np.linspace(0, frame.height - 1, step))
     grid = np.stack([x, y], axis=-1).reshape(-1, 2)

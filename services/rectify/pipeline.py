@@ -11,7 +11,7 @@ from services.contract.rectify import Crop, RectifyParameters
 from services.errors import NoText
 from services.geometry.camera import field_of_view
 from services.geometry.focal_prior import FocalPrior
-from services.geometry.page_frame import TEXT_FRAMING, mesh_of, resize_frame, turn_frame
+from services.geometry.page_frame import TEXT_FRAMING, Frame, mesh_of, resize_frame, turn_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.heap import release_freed_memory
@@ -47,10 +47,10 @@ from services.rectify.view.sheet_cut import (
     within_polygon,
 )
 from services.sheet.curved_page import CurvedPage
-from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
+from services.sheet.framing import CURVED_TEXT_FRAMING, frame_curved_page, frame_mesh
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.results import SheetOutline
-from services.sheet.plane.framing import FlatFrame, frame_page
+from services.sheet.plane.framing import frame_page
 from services.sheet.plane.outline_plane import read_sides
 from services.sheet.plane.pose import PagePose
 from services.sheet.ridged_page import RidgedPage
@@ -150,7 +150,7 @@ def flatten_page(
 ) -> RectifyResult:
     """Flat view of a `page` whose shape is known: choose the frame, turn it upright, draw it."""
     notices = list(page.notices)
-    frame: FlatFrame | CurvedFrame
+    frame: Frame
     with clock.stage("framing"):
         if isinstance(page, TextlessPage):
             outline, frame = page.border, frame_textless(page)
@@ -296,23 +296,19 @@ def find_border(page: FlatPage, crop: Crop) -> Points | None:
     return outline if outline is None else within_gutter(outline, page.analysis)
 
 
-def cut_view(
-    photo: RgbImage, frame: FlatFrame | CurvedFrame, page: FlatPage, border: Points | None
-) -> FlatFrame | CurvedFrame:
+def cut_view(photo: RgbImage, frame: Frame, page: FlatPage, border: Points | None) -> Frame:
     """`frame` cut to the page: its outline's sides, the gutter, edges in the flat view, blank ground."""
     known: frozenset[str] = frozenset()
     if page.outline is not None:
         frame, known = cut_to_outline(frame, page.outline, page.characters)
     frame = crop_to_gutter(frame, page.analysis)
     # Lines on a flat sheet that is wholly in the photo are print, except on a spread of two pages.
-    flat_sheet = border if isinstance(frame, FlatFrame) and not page.analysis.facing_page else None
+    flat_sheet = border if frame.H_photo_flat is not None and not page.analysis.facing_page else None
     whole = flat_sheet is not None and certain_sheet(flat_sheet) is not None
     return cut_to_page(photo, frame, page.analysis, known, whole=whole)
 
 
-def frame_photo(
-    photo: RgbImage, page: FlatPage, outline: Points | None, crop: Crop = "sheet"
-) -> FlatFrame | CurvedFrame:
+def frame_photo(photo: RgbImage, page: FlatPage, outline: Points | None, crop: Crop = "sheet") -> Frame:
     """The part of the flat page that is shown; `outline` (N, 2) is the sheet's in the photo, if its edge is seen."""
     characters, height = page.analysis.characters, page.analysis.text_height_px
     if isinstance(page.shape, RidgedPage) and crop == "sheet":
@@ -327,7 +323,7 @@ def frame_photo(
 
 
 def orient_page(
-    analysis: PageAnalysis, frame: FlatFrame | CurvedFrame, ocr: OcrEngine | None
+    analysis: PageAnalysis, frame: Frame, ocr: OcrEngine | None
 ) -> tuple[Orientation, Notice | None]:
     """Orientation of the flat view, and a notice if it is unknown."""
     text = analysis.strokes

@@ -40,13 +40,17 @@ class CurvedFrame:
     width: int
     height: int
 
+    @property
+    def H_photo_flat(self) -> None:
+        """See `Frame`."""
+
     def to_photo(self, pixels: Points) -> Points:
         """See `Frame`."""
         seen = self.page_map.to_photo(transform_points(self.H_page_flat, pixels))
         return np.asarray(seen * self.view.unit_px + self.view.centre)
 
     def to_flat(self, photo: Points) -> Points:
-        """Output pixels (N, 2) of photo pixels (N, 2)."""
+        """See `Frame`."""
         page = self.page_map.to_page((photo - self.view.centre) / self.view.unit_px)
         return transform_points(np.linalg.inv(self.H_page_flat), page)
 

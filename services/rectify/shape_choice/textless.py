@@ -9,16 +9,16 @@ from services.arrays import GrayImage, Points, RgbImage
 from services.errors import NoText
 from services.geometry.focal_prior import FOCAL, FocalLengthSource, FocalPrior
 from services.geometry.homographies import transform_points
-from services.geometry.page_frame import resize_frame
+from services.geometry.page_frame import Frame, resize_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.notices import Notice
 from services.rectify.view.drawing import draw_gray_view
-from services.sheet.framing import CurvedFrame, frame_mesh
+from services.sheet.framing import frame_mesh
 from services.sheet.outline.results import SheetOutline
-from services.sheet.plane.framing import FlatFrame, frame_page
+from services.sheet.plane.framing import frame_page
 from services.sheet.plane.outline_plane import (
     NoOutlinePlane,
     OutlinePlane,
@@ -154,7 +154,7 @@ def pose_of(
     )
 
 
-def frame_textless(page: TextlessPage) -> FlatFrame | CurvedFrame:
+def frame_textless(page: TextlessPage) -> Frame:
     """View of the sheet, or of the region of the straight lines, at the resolution of the photo."""
     if isinstance(page.shape, RidgedPage):
         return frame_mesh(page.shape.page_map, page.view, None)
@@ -162,7 +162,7 @@ def frame_textless(page: TextlessPage) -> FlatFrame | CurvedFrame:
     return frame_page(page.shape.H_photo_plane, size, page.extent, 0.0, page.border)
 
 
-def draw_for_reading(photo: RgbImage, frame: FlatFrame | CurvedFrame) -> GrayImage:
+def draw_for_reading(photo: RgbImage, frame: Frame) -> GrayImage:
     """Small flat view in gray under even light, in which words can be read to find which way is up."""
     p = TextlessParameters()
     factor = min(1.0, p.orientation_long_side_px / max(photo.shape))

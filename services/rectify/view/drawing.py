@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, GrayImage, Points, RgbImage
 from services.geometry.homographies import resizing, to_resized, transform_points, translation
+from services.geometry.page_frame import Frame
 from services.imaging.node_grid import (
     GRID_STEP_PX,
     band_nodes,
@@ -15,8 +16,6 @@ from services.imaging.node_grid import (
     take_values,
 )
 from services.imaging.paper import certain_sheet
-from services.sheet.framing import CurvedFrame
-from services.sheet.plane.framing import FlatFrame
 
 MAX_REDUCTION = 12.0
 """Most photo pixels per output pixel along one axis; a page needs fewer."""
@@ -33,10 +32,10 @@ BAND_PX = 16 * GRID_STEP_PX
 
 
 def draw_gray_view(
-    gray: GrayImage, factor: float, frame: FlatFrame | CurvedFrame, origin: tuple[float, float] = (0.0, 0.0)
+    gray: GrayImage, factor: float, frame: Frame, origin: tuple[float, float] = (0.0, 0.0)
 ) -> GrayImage:
     """The view in gray, drawn from `gray`, the photo from pixel `origin` on, resized by `factor`; white outside."""
-    if isinstance(frame, FlatFrame):
+    if frame.H_photo_flat is not None:
         flat = cv2.warpPerspective(
             gray,
             resizing(factor) @ translation(-origin[0], -origin[1]) @ frame.H_photo_flat,
@@ -52,7 +51,7 @@ def draw_gray_view(
 
 def draw_flat_view(
     photo: RgbImage,
-    frame: FlatFrame | CurvedFrame,
+    frame: Frame,
     outline: Points | None = None,
     paper: Points | None = None,
 ) -> RgbImage:
@@ -76,7 +75,7 @@ def draw_flat_view(
         (frame.height, frame.width, 3); white where the photo ends.
     """
     nodes: Floats | None = None
-    if isinstance(frame, FlatFrame):
+    if frame.H_photo_flat is not None:
         flat = np.asarray(
             cv2.warpPerspective(
                 photo,
@@ -101,7 +100,7 @@ def draw_flat_view(
     return flat
 
 
-def places_in_view(frame: FlatFrame | CurvedFrame, photo: Points) -> Points:
+def places_in_view(frame: Frame, photo: Points) -> Points:
     """Pixels (M, 2) of the view at which the points `photo` (N, 2) are seen, of those that it shows."""
     with np.errstate(all="ignore"):
         flat = frame.to_flat(photo)
@@ -109,7 +108,7 @@ def places_in_view(frame: FlatFrame | CurvedFrame, photo: Points) -> Points:
     return flat[seen]
 
 
-def photo_nodes(frame: FlatFrame | CurvedFrame) -> Floats:
+def photo_nodes(frame: Frame) -> Floats:
     """Photo pixels (rows, columns, 2) of the nodes of the view's grid; NaN where the page's model ends."""
     grid, shape = node_grid(0, 0, frame.width, frame.height)
     return np.asarray(frame.to_photo(grid)).reshape(*shape, 2)
@@ -125,9 +124,7 @@ def _whiten_outside(flat: RgbImage, polygon: Points) -> None:
     cv2.fillPoly(flat, [around.astype(np.int32), beyond.astype(np.int32)], (255, 255, 255))
 
 
-def whiten_beyond(
-    flat: RgbImage, frame: FlatFrame | CurvedFrame, paper: Points, nodes: Floats | None = None
-) -> None:
+def whiten_beyond(flat: RgbImage, frame: Frame, paper: Points, nodes: Floats | None = None) -> None:
     """Make the pixels of the view `flat` white, in place, whose photo points are outside the polygon `paper` (M, 2).
 
     `nodes` are the view's `photo_nodes`, where they are known already.
@@ -136,7 +133,7 @@ def whiten_beyond(
     flat and the polygon ends before the horizon. Else pixels of the view are mapped into the photo, and their distances
     from the polygon are computed at the nodes of a grid.
     """
-    if isinstance(frame, FlatFrame):
+    if frame.H_photo_flat is not None:
         H_flat_photo = np.linalg.inv(frame.H_photo_flat)
         depth = paper @ H_flat_photo[2, :2] + H_flat_photo[2, 2]
         corners = transform_points(H_flat_photo, paper)
@@ -195,7 +192,7 @@ def _whiten_negative(flat: RgbImage, nodes: NDArray[np.float32]) -> None:
                 tile[between_nodes(near, tile.shape[1], tile.shape[0]) < 0] = 255
 
 
-def _certain_flat_sheet(frame: CurvedFrame, outline: Points) -> Points | None:
+def _certain_flat_sheet(frame: Frame, outline: Points) -> Points | None:
     """The sheet's corners in the view; a bent sheet's outline is convex only when it is flat."""
     flat = frame.to_flat(outline)
     limit = 2.0 * max(frame.width, frame.height)

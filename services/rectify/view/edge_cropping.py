@@ -3,11 +3,10 @@
 import numpy as np
 
 from services.arrays import Mask, Points
-from services.geometry.homographies import transform_points, translation
+from services.geometry.homographies import translation
+from services.geometry.page_frame import Frame
 from services.imaging.sheet_edges import SheetEdges
 from services.rectify.analysis.page_analysis import PageAnalysis
-from services.sheet.framing import CurvedFrame
-from services.sheet.plane.framing import FlatFrame
 
 LONG_SIDE_PX = 700
 """Long side of the view in which edges are searched."""
@@ -17,11 +16,11 @@ GRID_STEP_PX = 8
 """Whether the photo shows a place of the view is computed at every eighth pixel."""
 
 
-def crop_to_gutter(frame: FlatFrame | CurvedFrame, analysis: PageAnalysis) -> FlatFrame | CurvedFrame:
+def crop_to_gutter(frame: Frame, analysis: PageAnalysis) -> Frame:
     """`frame` without what lies beyond the gutter, if a facing page was found; no text of the page is cut."""
     if analysis.gutter is None:
         return frame
-    text, line = view_points(frame, analysis.characters), view_points(frame, _dense(analysis.gutter))
+    text, line = frame.to_flat(analysis.characters), frame.to_flat(_dense(analysis.gutter))
     text = text[np.isfinite(text).all(axis=1)]
     low, high = text.min(axis=0), text.max(axis=0)
     with np.errstate(invalid="ignore"):
@@ -53,9 +52,7 @@ def _dense(line: Points, count: int = 400) -> Points:
     return np.column_stack([np.interp(steps, at, line[:, 0]), np.interp(steps, at, line[:, 1])])
 
 
-def crop_frame(
-    frame: FlatFrame | CurvedFrame, edges: SheetEdges, factor: float = 1.0
-) -> FlatFrame | CurvedFrame:
+def crop_frame(frame: Frame, edges: SheetEdges, factor: float = 1.0) -> Frame:
     """`frame` cropped to `edges`, which are in pixels of the frame resized by `factor`."""
 
     def side(edge: float | None, otherwise: int, limit: int) -> int:
@@ -69,14 +66,7 @@ def crop_frame(
     return frame.through(translation(float(left), float(top)), right - left + 1, bottom - top + 1)
 
 
-def view_points(frame: FlatFrame | CurvedFrame, photo: Points) -> Points:
-    """Pixels (N, 2) of the view of photo pixels (N, 2)."""
-    if isinstance(frame, FlatFrame):
-        return transform_points(np.linalg.inv(frame.H_photo_flat), photo)
-    return frame.to_flat(photo)
-
-
-def shown_pixels(frame: FlatFrame | CurvedFrame, width: int, height: int) -> Mask:
+def shown_pixels(frame: Frame, width: int, height: int) -> Mask:
     """Pixels (H, W) of the frame that lie well within a photo of `width` x `height`, to a grid step."""
     x, y = np.arange(0, frame.width, GRID_STEP_PX), np.arange(0, frame.height, GRID_STEP_PX)
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float64) + 0.5 * (GRID_STEP_PX - 1)

@@ -7,15 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Mask, Points, RgbImage
-from services.geometry.page_frame import FramingParameters, resize_frame
+from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.view.drawing import draw_flat_view
-from services.rectify.view.edge_cropping import LONG_SIDE_PX, crop_frame, shown_pixels, view_points
-from services.sheet.framing import CurvedFrame
+from services.rectify.view.edge_cropping import LONG_SIDE_PX, crop_frame, shown_pixels
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
-from services.sheet.plane.framing import FlatFrame
 
 SIDES = ("left", "top", "right", "bottom")
 
@@ -57,9 +55,7 @@ class SheetCutParameters:
     """Within a text height of a row or column of the reduced view; fewer are specks."""
 
 
-def cut_to_outline(
-    frame: FlatFrame | CurvedFrame, outline: SheetOutline, characters: Points
-) -> tuple[FlatFrame | CurvedFrame, frozenset[str]]:
+def cut_to_outline(frame: Frame, outline: SheetOutline, characters: Points) -> tuple[Frame, frozenset[str]]:
     """`frame` cut at the sides of the `outline` that are seen, and which sides these are.
 
     `characters` (N, 2), photo pixels, must be inside; a side that would cut text off is not used.
@@ -73,13 +69,13 @@ def cut_to_outline(
             return frame, frozenset()
         # Outside of a certain sheet, "print" is specks of a desk; an uncertain outline may be a frame on the page.
         characters = characters[on_sheet]
-    text = view_points(frame, characters)
+    text = frame.to_flat(characters)
     text = text[np.isfinite(text).all(axis=1)]
-    border = view_points(frame, outline.polygon)
+    border = frame.to_flat(outline.polygon)
     centre = np.nanmedian(border, axis=0)
     found: dict[str, float] = {}
     for side in outline.sides:
-        points = view_points(frame, side.points)
+        points = frame.to_flat(side.points)
         points = points[np.isfinite(points).all(axis=1)]
         if side.seen < p.min_seen or len(points) < FEWEST_POINTS:
             continue
@@ -114,12 +110,12 @@ def within_polygon(polygon: Points, points: Points, scale: float = 0.25) -> NDAr
 
 def cut_to_page(
     photo: RgbImage,
-    frame: FlatFrame | CurvedFrame,
+    frame: Frame,
     analysis: PageAnalysis,
     known: frozenset[str],
     *,
     whole: bool,
-) -> FlatFrame | CurvedFrame:
+) -> Frame:
     """`frame` cut on the sides that are not `known` yet: at long edges next to the text, or where blank ground begins.
 
     With `whole` the sheet is certainly in the photo as a whole; then lines inside its outline are print, not edges.
@@ -131,7 +127,7 @@ def cut_to_page(
     small = resize_frame(frame, factor)
     view = draw_flat_view(photo, small)
     shown = shown_pixels(small, photo.shape[1], photo.shape[0])
-    text = view_points(small, analysis.characters)
+    text = small.to_flat(analysis.characters)
     text_height_px = analysis.text_height_px * factor
     edges = SheetEdges() if whole else find_sheet_edges(view, text, text_height_px, shown)
     edges = replace(edges, **{side: None for side in known})
@@ -183,9 +179,7 @@ def _fine_structure(view: RgbImage, shown: Mask, size: int, p: SheetCutParameter
     return np.asarray((around - gray > p.ink_contrast * (around + p.black)) & (inside > 0))
 
 
-def restore_detail(
-    frame: FlatFrame | CurvedFrame, photo_pixels: int, characters: Points, text_height_px: float
-) -> FlatFrame | CurvedFrame:
+def restore_detail(frame: Frame, photo_pixels: int, characters: Points, text_height_px: float) -> Frame:
     """Raise the resolution of `frame` to that of the photo, and above it where print is small.
 
     A view that was larger before it was cut may have been reduced. Small print loses detail by every resampling, less
@@ -206,11 +200,11 @@ def restore_detail(
 
     Returns
     -------
-    FlatFrame or CurvedFrame
+    Frame
         The same view with more pixels, or `frame` itself.
     """
     f = FramingParameters()
-    at = view_points(frame, characters)
+    at = frame.to_flat(characters)
     at = at[np.isfinite(at).all(axis=1)]
     if not len(at):
         return frame

@@ -25,7 +25,7 @@ class FlatFrame:
         return transform_points(self.H_photo_flat, pixels)
 
     def to_flat(self, photo: Points) -> Points:
-        """Output pixels (N, 2) of photo pixels (N, 2)."""
+        """See `Frame`."""
         return transform_points(np.linalg.inv(self.H_photo_flat), photo)
 
     def through(self, H_old_new: Homography, width: int, height: int) -> "FlatFrame":
