@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import Floats, Homography, Points
+from services.contract.rectify import Crop
 from services.geometry.homographies import scaling, transform_points, translation
-from services.geometry.page_frame import FramingParameters
+from services.geometry.page_frame import TEXT_FRAMING, FramingParameters
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.ridged.mesh import SheetMesh
@@ -106,15 +107,28 @@ def frame_curved_page(
     return CurvedFrame(page_map, view, H_page_flat, width, height)
 
 
-def frame_mesh(mesh: SheetMesh, view: PhotoFrame, text_points: Points | None) -> CurvedFrame:
+def frame_by_text(
+    page_map: PageMap,
+    view: PhotoFrame,
+    text_points: Points,
+    text_height_px: float,
+    paper: Points | None,
+    crop: Crop,
+) -> CurvedFrame:
+    """See `frame_curved_page`; with the `crop` "text", of the text with its margins only."""
+    flat, curved = (TEXT_FRAMING, CURVED_TEXT_FRAMING) if crop == "text" else (None, None)
+    return frame_curved_page(page_map, view, text_points, text_height_px, paper, flat, curved)
+
+
+def frame_mesh(mesh: SheetMesh, view: PhotoFrame, text_points: Points) -> CurvedFrame:
     """View of a whole sheet, cut at its sides, at the resolution of the text in the photo.
 
-    `text_points` (N, 2) are centres of characters in photo pixels; with None or few, the resolution is that of the
+    `text_points` (N, 2) are centres of characters in photo pixels; with few, the resolution is that of the
     whole sheet.
     """
     f = FramingParameters()
-    points = None if text_points is None else (text_points - view.centre) / view.unit_px
-    if points is None or len(points) < f.min_characters:
+    points = view.to_centred(text_points)
+    if len(points) < f.min_characters:
         points = mesh.project(mesh.nodes.reshape(-1, 3))
     with np.errstate(invalid="ignore"):
         scale = view.unit_px / np.sqrt(np.abs(np.linalg.det(mesh.jacobians(points))))

@@ -40,3 +40,6 @@ class MeshSurface:
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]
+
+
+Surface = PlaneSurface | StripsSurface | MeshSurface

@@ -19,6 +19,11 @@ def remembered(parameters: RectifyParameters) -> CameraMemory | None:
     return find_camera(parameters.cameras, parameters.camera)
 
 
+def requested_prior(frame: PhotoFrame, parameters: RectifyParameters, exif_px: float | None) -> FocalPrior:
+    """What a request and the EXIF data of its photo say of the focal length."""
+    return focal_prior(frame, parameters.focal_length_px, exif_px, remembered(parameters))
+
+
 def focal_prior(
     frame: PhotoFrame, given_px: float | None, exif_px: float | None, memory: CameraMemory | None = None
 ) -> FocalPrior:
@@ -48,7 +53,7 @@ def seen_focal_length(
         return None
     prior = typical_focal_prior()
     if camera.source != "estimated":
-        prior = focal_prior(frame, parameters.focal_length_px, exif_px, remembered(parameters))
+        prior = requested_prior(frame, parameters, exif_px)
     found = float(np.log(camera.focal_length_px / frame.unit_px))
     alone = found + (found - prior.log_focal) * (own / prior.deviation) ** 2
     if abs(alone - found) > CLEAR_DEVIATION:

@@ -8,22 +8,23 @@ import numpy as np
 
 from services.contract.rectify import PageKind
 from services.geometry.focal_prior import FocalPrior
-from services.geometry.page_map import PlaneMap
+from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
-from services.sheet.curved_page import CurvedPage, NoSheet, estimate_curved_page
+from services.sheet.curved_page import CurvedPage, estimate_curved_page
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import SheetSides
+from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.planarity import discriminate_surface
-from services.sheet.plane.pose import EXIF_CONTRADICTED, PagePose, choose_pose
+from services.sheet.plane.pose import choose_pose
 from services.sheet.ridged_page import (
-    NoRidgedPage,
     RidgedPage,
     estimate_ridged_page,
     sides_bend,
     sides_crease,
 )
+from services.sheet.shape import NoShape, PageShape
 from services.sheet.straight_sides import straighten_sides
 from services.sheet.tracing.line_tracing import measure_bend, measure_straightness, trace_by_characters
 from services.sheet.tracing.profile_tracing import trace_by_profiles
@@ -59,7 +60,7 @@ def choose_shape(
     kind: PageKind,
     outline: SheetOutline | None = None,
     sheet: SheetSides | None = None,
-) -> tuple[PagePose | CurvedPage | RidgedPage, tuple[Notice, ...]]:
+) -> PageShape:
     """Choose the simplest shape that the evidence supports: a plane, unless a bent or creased sheet explains more.
 
     A bent sheet is tried if the flows do not converge (3.2.2), or if the plane leaves text lines or sides of the sheet
@@ -81,109 +82,120 @@ def choose_shape(
 
     Returns
     -------
-    shape : PagePose, CurvedPage or RidgedPage
-    notices : tuple of Notice
-        Why a shape was not chosen although the page seems to have it.
+    PageShape
+        Its notices say too why no other was chosen although the page seems to have it.
     """
-    seems: Literal["planar", "curved"] = (
-        discriminate_surface(evidence.vanishing_points, evidence.text.height_px) if kind == "auto" else kind
-    )
-    flat = _BestPlane(evidence, prior, seems, sheet)
+    found = _Hypotheses(evidence, prior, kind, outline, sheet)
+    seems = found.seems
     if kind == "planar":
-        return flat.pose, flat.pose.notices
+        return found.plane
     bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
     # Four straight sides and straight lines are those of a plane, even if sparse flows contradict.
     if (
         kind == "auto"
         and not bent_sides
         and (seems == "planar" or sheet is not None)
-        and flat.straightness < STRAIGHT
-        and (seems == "planar" or flat.pose.sides_believed)
+        and found.plane_straightness < STRAIGHT
+        and (seems == "planar" or found.plane.sides_believed)
     ):
-        return flat.pose, flat.pose.notices
-    bent = _choose_bent_shape(evidence, prior, flat, outline, forced=kind == "curved")
-    if isinstance(bent, CurvedPage | RidgedPage):
-        contradicted = isinstance(bent, CurvedPage) and bent.exif_contradicted
-        return bent, (EXIF_CONTRADICTED,) if contradicted else ()
-    pose = flat.pose
-    if seems == "planar" or pose.sides_believed:
-        return pose, pose.notices
-    return pose, (why_not_bent(bent), *pose.notices)
+        return found.plane
+    bent = _choose_bent_shape(found, forced=kind == "curved")
+    if bent is not None:
+        return bent
+    plane = found.plane
+    if seems == "planar" or plane.sides_believed:
+        return plane
+    return replace(plane, notices=(_why_not_bent(found), *plane.notices))
 
 
-class _BestPlane:
-    """The plane that fits best, fitted when it is first asked for: a page that is clearly bent needs none."""
+class _Hypotheses:
+    """The shapes that a page may have, each fitted when it is first asked for: a page that is clearly bent needs no
+    plane."""
 
     def __init__(
         self,
         evidence: PageEvidence,
         prior: FocalPrior,
-        seems: Literal["planar", "curved"],
+        kind: PageKind,
+        outline: SheetOutline | None,
         sheet: SheetSides | None,
     ) -> None:
-        self._evidence, self._prior, self._seems, self._sheet = evidence, prior, seems, sheet
+        self.evidence, self.prior, self.outline, self._sheet = evidence, prior, outline, sheet
+        self.seems: Literal["planar", "curved"] = (
+            discriminate_surface(evidence.vanishing_points, evidence.text.height_px)
+            if kind == "auto"
+            else kind
+        )
 
     @cached_property
-    def pose(self) -> PagePose:
-        return choose_pose(self._evidence, self._prior, self._seems, sheet=self._sheet)
+    def plane(self) -> PlanarPage:
+        """The plane that fits best."""
+        return choose_pose(self.evidence, self.prior, self.seems, sheet=self._sheet)
 
     @cached_property
-    def page_map(self) -> PlaneMap:
-        return PlaneMap(np.linalg.inv(self._evidence.view.H_photo_centred) @ self.pose.H_photo_plane)
-
-    @cached_property
-    def straightness(self) -> float:
+    def plane_straightness(self) -> float:
         """That of the lines in the plane's view, in text heights."""
-        lines = self.pose.lines
+        lines, page_map = self.plane.lines, self.plane.page_map
         if lines is None:
-            lines = trace_by_characters(self._evidence.text, self._evidence.view, self.page_map)
-        return measure_straightness(self.page_map, lines)
+            lines = trace_by_characters(self.evidence.text, self.evidence.view, page_map)
+        return measure_straightness(page_map, lines)
+
+    @cached_property
+    def smooth(self) -> CurvedPage | NoShape:
+        """The bent sheet that fits best, or why there is none."""
+        return estimate_curved_page(self.evidence, self.prior)
+
+    @property
+    def curved(self) -> CurvedPage | None:
+        """The bent sheet that fits best, if there is one."""
+        return None if isinstance(self.smooth, NoShape) else self.smooth
+
+    @cached_property
+    def ridged(self) -> RidgedPage | None:
+        """The creased sheet within the outline, if there is one."""
+        found = None if self.outline is None else ridged_page(self.evidence, self.prior, self.outline)
+        return None if isinstance(found, NoShape) else found
+
+    def straightness_by_profiles(self, page_map: PageMap) -> float:
+        """That of lines traced by profiles of darkness, as the creased sheet's are, in text heights."""
+        lines = trace_by_profiles(self.evidence.text, self.evidence.view, page_map)
+        return measure_straightness(page_map, lines)
 
 
-def _choose_bent_shape(
-    e: PageEvidence, prior: FocalPrior, flat: _BestPlane, outline: SheetOutline | None, *, forced: bool
-) -> CurvedPage | RidgedPage | NoSheet | None:
-    """The bent or creased sheet that explains clearly more than the plane `flat`.
-
-    With `forced`, any plausible one. Else the reason why none is plausible, or None if one is but explains no more.
-    """
-    curved: CurvedPage | NoSheet | None = None
+def _choose_bent_shape(found: _Hypotheses, *, forced: bool) -> PageShape | None:
+    """The bent or creased sheet that explains clearly more than the plane; with `forced`, any plausible one."""
+    outline = found.outline
     if outline is not None and sides_crease(outline) < SMOOTH_SIDE:
-        curved = estimate_curved_page(e, prior)
+        curved = found.curved
         if (
-            isinstance(curved, CurvedPage)
-            and straightens_sides(curved, outline, e.view)
-            and (forced or _explains_more(curved, flat))
+            curved is not None
+            and straightens_sides(curved, outline, found.evidence.view)
+            and (forced or _explains_more(curved, found))
         ):
-            return with_straight_sides(curved, outline, e)
-    ridged = None if outline is None else ridged_page(e, prior, outline)
-    if isinstance(ridged, RidgedPage) and outline is not None and outline.confidence < CERTAIN_OUTLINE:
+            return with_straight_sides(curved, outline, found.evidence)
+    ridged = found.ridged
+    if ridged is not None and outline is not None:
         # The outline may be that of a stack of pages or of a picture, so text decides.
-        curved = curved or estimate_curved_page(e, prior)
-        if isinstance(curved, CurvedPage) and _explains_more(curved, flat):
-            smooth = measure_straightness(curved.page_map, trace_by_profiles(e.text, e.view, curved.page_map))
-            if ridged.line_straightness > CURVED_GAIN * smooth:
-                return curved
-    if isinstance(ridged, RidgedPage) and outline is not None:
+        curved = found.curved if outline.confidence < CERTAIN_OUTLINE else None
+        if (
+            curved is not None
+            and _explains_more(curved, found)
+            and ridged.line_straightness > CURVED_GAIN * found.straightness_by_profiles(curved.page_map)
+        ):
+            return curved
         if forced or sides_bend(outline) > STRAIGHT_SIDE:
             return ridged
         # The mesh was measured on lines that were traced by profiles; so the plane is measured on them too.
-        plane = flat.page_map
-        by_profiles = measure_straightness(plane, trace_by_profiles(e.text, e.view, plane))
-        if ridged.line_straightness < CURVED_GAIN * by_profiles:
+        if ridged.line_straightness < CURVED_GAIN * found.straightness_by_profiles(found.plane.page_map):
             return ridged
-    if curved is None:
-        curved = estimate_curved_page(e, prior)
-    if isinstance(curved, NoSheet):
-        return curved
-    return curved if forced or _explains_more(curved, flat) else None
+    curved = found.curved
+    return curved if curved is not None and (forced or _explains_more(curved, found)) else None
 
 
-def why_not_bent(bent: NoSheet | None) -> Notice:
-    """Notice about a page that seems bent and is flattened as a plane."""
+def _why_not_bent(found: _Hypotheses) -> Notice:
     reason = (
-        f"a bent sheet is not plausible ({bent.reason})"
-        if isinstance(bent, NoSheet)
+        f"a bent sheet is not plausible ({found.smooth.reason})"
+        if isinstance(found.smooth, NoShape)
         else "a bent sheet does not explain its text better"
     )
     return Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
@@ -221,7 +233,7 @@ def with_straight_sides(curved: CurvedPage, outline: SheetOutline, e: PageEviden
     return replace(curved, page_map=straight)
 
 
-def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> RidgedPage | NoRidgedPage:
+def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> RidgedPage | NoShape:
     """The creased sheet within `outline`, refined by the page's text."""
     double = 2 * e.major.angles
     direction = 0.5 * float(np.arctan2(e.major.weights @ np.sin(double), e.major.weights @ np.cos(double)))
@@ -236,8 +248,8 @@ def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> Ri
     )
 
 
-def _explains_more(curved: CurvedPage, flat: _BestPlane) -> bool:
-    """Whether the bent sheet leaves clearly straighter lines than the plane `flat`.
+def _explains_more(curved: CurvedPage, found: _Hypotheses) -> bool:
+    """Whether the bent sheet leaves clearly straighter lines than the plane.
 
     If the plane leaves them straight, or there are too few lines, the flows must decide clearly.
     """
@@ -246,7 +258,7 @@ def _explains_more(curved: CurvedPage, flat: _BestPlane) -> bool:
     bend = measure_bend(curved.lines)
     if enough and bend > VISIBLE_BEND and curved.line_straightness < CURVED_GAIN * bend:
         return True
-    if flat.straightness < STRAIGHT or not enough:
-        return not flat.pose.sides_believed and curved.deviation < FLOW_GAIN * flat.pose.deviation
-    straighter = curved.line_straightness < CURVED_GAIN * flat.straightness
-    return straighter and curved.deviation < flat.pose.deviation
+    if found.plane_straightness < STRAIGHT or not enough:
+        return not found.plane.sides_believed and curved.deviation < FLOW_GAIN * found.plane.deviation
+    straighter = curved.line_straightness < CURVED_GAIN * found.plane_straightness
+    return straighter and curved.deviation < found.plane.deviation

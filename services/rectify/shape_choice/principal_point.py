@@ -31,15 +31,15 @@ from services.sheet.evidence import PageEvidence
 from services.sheet.plane.flat_lines import for_text, observe_lines
 from services.sheet.plane.flat_lines import rescale_deviations as rescale_line_deviations
 from services.sheet.plane.flat_text import flatten_text
+from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.pose import (
-    EXIF_CONTRADICTED,
-    PagePose,
     PoseParameters,
     is_plausible,
     level_plane,
     refine_pose,
 )
 from services.sheet.plane.refinement import refine_plane
+from services.sheet.shape import EXIF_CONTRADICTED, PageShape
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 
@@ -122,7 +122,7 @@ class _Fitting:
     """Cost with the principal point in the middle and without the focal length of EXIF."""
 
 
-def find_principal_point(evidence: PageEvidence, prior: FocalPrior, shape: object) -> MovedEvidence | None:
+def find_principal_point(evidence: PageEvidence, prior: FocalPrior, shape: PageShape) -> MovedEvidence | None:
     """Find the principal point of a cropped photo, if the page shows clearly that it is not in the middle.
 
     Parameters
@@ -152,14 +152,14 @@ def find_principal_point(evidence: PageEvidence, prior: FocalPrior, shape: objec
         return None
     if isinstance(shape, CurvedPage) and not doubted:
         fitting = _sheet_fitting(evidence, prior, shape, p)
-    elif isinstance(shape, PagePose):
+    elif isinstance(shape, PlanarPage):
         doubted = doubted or is_odd(evidence.view, p)
         fitting = _plane_fitting(evidence, prior, p) if doubted or shape.focal_tension > p.tension else None
     found = None if fitting is None else _choose(fitting, evidence, prior, p)
     if found is None:
         return None
     if found.other_focal:
-        fitted_so = isinstance(shape, PagePose) and shape.focal_source != "exif" and not moved_by_sides
+        fitted_so = isinstance(shape, PlanarPage) and shape.focal_source != "exif" and not moved_by_sides
         return None if fitted_so else MovedEvidence(evidence, typical_focal_prior(), (EXIF_CONTRADICTED,))
     return MovedEvidence(
         _relative_to(found.offset, evidence, found.start), prior_at(prior, evidence.view, found.offset)

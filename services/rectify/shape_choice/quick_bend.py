@@ -77,14 +77,12 @@ def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> C
         return None
     return CurvedPage(
         best.surface,
-        best.surface,
         describe_strips(best.surface, e.view, e.characters, usual.strips),
-        best.surface.focal,
         prior.source,
         0,
         deviation,
         float("nan"),
-        False,
+        (),
         best,
         NO_LINES,
     )

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from services.arrays import Mask, Points, RgbImage
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
@@ -64,7 +63,7 @@ def cut_to_outline(frame: Frame, outline: SheetOutline, characters: Points) -> t
     if outline.confidence < LEAST_CONFIDENCE:
         return frame, frozenset()
     if outline.confidence >= p.certain_confidence:
-        on_sheet = within_polygon(outline.polygon, characters)
+        on_sheet = outline.holds(characters)
         if len(on_sheet) and on_sheet.mean() < p.min_text_share:
             return frame, frozenset()
         # Outside of a certain sheet, "print" is specks of a desk; an uncertain outline may be a frame on the page.
@@ -94,18 +93,6 @@ def cut_to_outline(frame: Frame, outline: SheetOutline, characters: Points) -> t
             continue
         found[("left" if before else "right") if upright else ("top" if before else "bottom")] = place
     return crop_frame(frame, SheetEdges(**found)), frozenset(found)
-
-
-def within_polygon(polygon: Points, points: Points, scale: float = 0.25) -> NDArray[np.bool_]:
-    """Which `points` (N, 2) lie within `polygon` (M, 2), to a few pixels: on a mask of `scale` times the size."""
-    low = np.floor(polygon.min(axis=0))
-    size = np.ceil((polygon.max(axis=0) - low) * scale).astype(int) + 1
-    mask = np.zeros((size[1], size[0]), np.uint8)
-    cv2.fillPoly(mask, [np.round((polygon - low) * scale).astype(np.int32)], 1)
-    at = np.round((points - low) * scale).astype(int)
-    inside = ((at >= 0) & (at < size)).all(axis=1)
-    at = np.clip(at, 0, size - 1)
-    return np.asarray(inside & (mask[at[:, 1], at[:, 0]] > 0))
 
 
 def cut_to_page(
@@ -226,7 +213,7 @@ def paper_in_photo(outline: SheetOutline, characters: Points) -> Points | None:
     p = SheetCutParameters()
     if outline.confidence < p.white_confidence:
         return None
-    on_sheet = within_polygon(outline.polygon, characters)
+    on_sheet = outline.holds(characters)
     if len(on_sheet) and on_sheet.mean() < p.min_text_share:
         return None
     return outline.polygon

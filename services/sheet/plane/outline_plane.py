@@ -20,6 +20,7 @@ from services.sheet.plane.straight_lines import (
     neighbouring_fits,
     start_plane,
 )
+from services.sheet.shape import NoShape
 
 LINE_FITS = 8
 """Reweighted fits of a side's line; the weights then change no more."""
@@ -85,17 +86,12 @@ class SheetSides:
 
     view: PhotoFrame
     lines: StraightLines
-    plane: "OutlinePlane | NoOutlinePlane"
+    plane: "OutlinePlane | None"
     straight: bool
     """Whether all four sides are seen, and none is bent."""
     confidence: float
-
-
-@dataclass(frozen=True, slots=True)
-class NoOutlinePlane:
-    """Why the outline shows no plane."""
-
-    reason: str
+    refusal: str = ""
+    """Why the sides show no plane."""
 
 
 def side_lines(
@@ -184,7 +180,10 @@ def read_sides(
     if off is not None:
         x, y = view.centre + off * view.unit_px
         view, lines = replace(view, principal_point_px=(float(x), float(y))), lines.seen_from(off)
-    return SheetSides(view, lines, plane_from_lines(lines, prior, p), straight, outline.confidence)
+    plane = plane_from_lines(lines, prior, p)
+    if isinstance(plane, NoShape):
+        return SheetSides(view, lines, None, straight, outline.confidence, plane.reason)
+    return SheetSides(view, lines, plane, straight, outline.confidence)
 
 
 def _principal_point(lines: StraightLines, prior: FocalPrior, p: OutlinePlaneParameters) -> Floats | None:
@@ -209,24 +208,24 @@ def _bend(side: SheetSide) -> float:
 
 def plane_from_lines(
     lines: StraightLines, prior: FocalPrior, parameters: OutlinePlaneParameters | None = None
-) -> OutlinePlane | NoOutlinePlane:
+) -> OutlinePlane | NoShape:
     """The plane in which `lines` are parallel and at right angles; three suffice."""
     p = parameters or OutlinePlaneParameters()
     start = start_plane(lines, prior)
     if start is None:
-        return NoOutlinePlane(f"only {len(lines)} straight sides are seen")
+        return NoShape(f"only {len(lines)} straight sides are seen")
     fit = fit_line_plane(lines, prior, start)
     if abs(float(np.log(fit.plane.focal)) - prior.log_focal) > FOCAL.believable * prior.deviation:
         prior = FocalPrior(prior.log_focal, min(FOCAL.held_deviation, prior.deviation), prior.source)
         fit = fit_line_plane(lines, prior, start)
     misfit = float(np.sqrt(np.mean(fit.residuals_rad**2)))
     if misfit > p.max_misfit_rad:
-        return NoOutlinePlane("its sides are those of no rectangle that a usual camera sees")
+        return NoShape("its sides are those of no rectangle that a usual camera sees")
     if float(np.arccos(np.clip(abs(fit.plane.rotation[2, 2]), 0.0, 1.0))) > MAX_TILT_RAD:
-        return NoOutlinePlane("it is seen from too low an angle")
+        return NoShape("it is seen from too low an angle")
     aspect = sheet_aspect(fit.plane, lines)
     if aspect is not None and not 1 / p.max_aspect < aspect < p.max_aspect:
-        return NoOutlinePlane("it is too narrow for a sheet")
+        return NoShape("it is too narrow for a sheet")
     deviation = _aspect_deviation(fit, lines, prior)
     return OutlinePlane(fit.plane, lines, aspect, deviation, fit.log_focal_deviation, misfit)
 

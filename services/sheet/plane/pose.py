@@ -5,27 +5,22 @@ from typing import Literal
 
 import numpy as np
 
-from services.arrays import Homography, Points
+from services.arrays import Points
 from services.geometry.camera import rotation_from_vector
 from services.geometry.focal_prior import FOCAL, MEASURED, FocalLengthSource, FocalPrior, typical_focal_prior
 from services.geometry.homographies import denominators, jacobians
 from services.geometry.planar import MAX_TILT_RAD, PagePlane, estimate_plane
 from services.notices import Notice
-from services.sheet.developable.observations import LineObservations
 from services.sheet.evidence import PageEvidence
 from services.sheet.plane.flat_lines import for_text, observe_lines, rescale_deviations
 from services.sheet.plane.flat_text import FlatText, flatten_text
-from services.sheet.plane.outline_plane import OutlinePlane, SheetSides
+from services.sheet.plane.outline_plane import SheetSides
+from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.refinement import RefinedPlane, joint_cost, refine_plane
 from services.sheet.plane.straight_lines import StraightLines, along_axes, side_directions
-from services.sheet.shape import ShapeSource
+from services.sheet.shape import EXIF_CONTRADICTED, ShapeSource
 from services.texture_flow.field import FlowSamples, angle_difference, mean_deviation
 
-EXIF_CONTRADICTED = Notice(
-    "exif-contradicted",
-    "the page's perspective does not fit the focal length in the EXIF data (cropped or resized after it was taken?), "
-    "which was left out of account.",
-)
 TEXT_BELIEVED = Notice(
     "outline-disagrees",
     "the sheet's edges are not those of a rectangle on which its text is level (a wrong edge, or no flat rectangle); "
@@ -75,32 +70,6 @@ class PoseParameters:
     few_lines: int = 6
     few_aslant_rad: float = np.deg2rad(1.5)
     """Fewer lines of text than `few_lines` do not turn the view further against its sheet."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PagePose:
-    """The chosen plane in pixels: `H_photo_plane`, `normal` in the camera frame, and notices about it."""
-
-    H_photo_plane: Homography
-    normal: tuple[float, float, float]
-    focal_length_px: float
-    focal_source: FocalLengthSource
-    notices: tuple[Notice, ...]
-    line_count: int
-    deviation: float
-    """Mean deviation (rad) of the flows from horizontal and vertical in the flat view."""
-    sources: tuple[ShapeSource, ...] = ("text",)
-    """What decided the shape."""
-    sides_believed: bool = False
-    """All four sides of the sheet are straight, and those of a rectangle in this plane."""
-    skew_rad: float = 0.0
-    """Turn from the text's directions to those of the sheet's sides, in the page's plane."""
-    log_focal_deviation: float = float("inf")
-    """Of the focal length's logarithm as the page alone shows it."""
-    focal_tension: float = 0.0
-    """Difference between the prior focal length and that of the page, in standard deviations."""
-    lines: LineObservations | None = None
-    """The text lines, as they were traced in the plane's view; None if its text was not looked at in that."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
@@ -195,9 +164,7 @@ def refine_with_sides(
     if sheet is None:
         return *refine_pose(e, prior, start, p), False
     found: list[tuple[float, RefinedPlane, FlatText, bool]] = []
-    for first in (sheet.plane.plane if isinstance(sheet.plane, OutlinePlane) else None, start):
-        if first is None:
-            continue
+    for first in (start,) if sheet.plane is None else (sheet.plane.plane, start):
         level = level_text(first, e.major)
         if not is_plausible(level, e.characters, p):
             continue
@@ -226,7 +193,7 @@ def choose_pose(
     kind: Literal["planar", "curved"],
     parameters: PoseParameters | None = None,
     sheet: SheetSides | None = None,
-) -> PagePose:
+) -> PlanarPage:
     """Choose the pose of a page: refined, closed form, or a rotation without tilt, with the reason.
 
     Parameters
@@ -245,7 +212,7 @@ def choose_pose(
 
     Returns
     -------
-    PagePose
+    PlanarPage
         The plane and its notices.
     """
     p = parameters or PoseParameters()
@@ -264,7 +231,7 @@ def choose_pose(
     plane = refined.plane
     gain = p.curved_gain if kind == "curved" else p.gain
     gentle = flow_deviation(level, major, minor, p.minor_share)
-    trusted = agree and sheet is not None and isinstance(sheet.plane, OutlinePlane)
+    trusted = agree and sheet is not None and sheet.plane is not None
     if not is_plausible(plane, characters, p):
         plane, trusted = level, False
         notices.append(
@@ -294,20 +261,17 @@ def choose_pose(
         )
     sources: tuple[ShapeSource, ...] = ("text", "outline") if trusted else ("text",)
     skew = refined.skew_rad if trusted else 0.0
-    if trusted and sheet is not None and is_stray(refined, flow_deviation(plane, major, minor, 0.0), p):
-        assert isinstance(sheet.plane, OutlinePlane)
-        plane, sources, skew = sheet.plane.plane, ("outline",), 0.0
+    by_sides = sheet.plane if trusted and sheet is not None else None
+    if by_sides is not None and is_stray(refined, flow_deviation(plane, major, minor, 0.0), p):
+        plane, sources, skew = by_sides.plane, ("outline",), 0.0
     if sheet is not None:
         lines, without = (
             min(flow_deviation(other, major, minor, 0.0) for other in planes)
             for planes in ((plane,), (level, start))
         )
         notices += disagreement(sheet, refined, trusted, lines, without, p)
-    N = plane.rotation[:, 2]
-    return PagePose(
-        e.view.H_photo_centred @ plane.H_centred_plane,
-        (float(N[0]), float(N[1]), float(N[2])),
-        plane.focal * e.view.unit_px,
+    return PlanarPage(
+        plane,
         source if plane is not level else prior.source,
         tuple(notices),
         refined.lines,
@@ -332,7 +296,7 @@ def disagreement(
 ) -> list[Notice]:
     """Notices if text and outline disagree; the deviation (rad) of the text is `lines`, and `without` the sides."""
     if not trusted:
-        return [TEXT_BELIEVED] if isinstance(sheet.plane, OutlinePlane) else []
+        return [TEXT_BELIEVED] if sheet.plane is not None else []
     if lines > without + p.text_rad or is_stray(refined, lines, p):
         return [EDGES_BELIEVED]
     if abs(refined.skew_rad) > p.aslant_rad:

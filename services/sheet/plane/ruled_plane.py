@@ -12,8 +12,9 @@ from services.geometry.homographies import from_resized
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import estimate_vanishing_point
 from services.imaging.reduction import reduce_image
-from services.sheet.plane.outline_plane import NoOutlinePlane, OutlinePlane, plane_from_lines
+from services.sheet.plane.outline_plane import OutlinePlane, plane_from_lines
 from services.sheet.plane.straight_lines import StraightLines
+from services.sheet.shape import NoShape
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class RuledPlaneParameters:
     max_residual_rad: float = float(np.deg2rad(0.6))
 
 
-def plane_from_rules(gray: GrayImage, view: PhotoFrame, prior: FocalPrior) -> OutlinePlane | NoOutlinePlane:
+def plane_from_rules(gray: GrayImage, view: PhotoFrame, prior: FocalPrior) -> OutlinePlane | NoShape:
     """The plane on which the two dominant families of straight lines in `gray` (H, W) are at right angles.
 
     The photo `gray` has the size of `view`. Its axes are those that are nearest to the photo's.
@@ -55,7 +56,7 @@ def plane_from_rules(gray: GrayImage, view: PhotoFrame, prior: FocalPrior) -> Ou
     lengths = np.linalg.norm(ends - starts, axis=1)
     families = _families(angles, lengths, p)
     if families is None:
-        return NoOutlinePlane("its straight lines do not run along two directions")
+        return NoShape("its straight lines do not run along two directions")
     kept = np.zeros(len(lengths), bool)
     for family in families:
         meeting = estimate_vanishing_point(
@@ -69,10 +70,10 @@ def plane_from_rules(gray: GrayImage, view: PhotoFrame, prior: FocalPrior) -> Ou
             or reach < p.min_spread
             or meeting.residual_rad > p.max_residual_rad
         ):
-            return NoOutlinePlane("too few straight lines run along two directions")
+            return NoShape("too few straight lines run along two directions")
         kept[inliers] = True
     if lengths[kept].sum() < p.min_share * lengths.sum():
-        return NoOutlinePlane("its straight lines run along many directions")
+        return NoShape("its straight lines run along many directions")
     upright = np.zeros(len(lengths), bool)
     upright[families[1]] = True
     deviations = np.hypot(p.end_px / view.unit_px, p.floor_rad * lengths / np.sqrt(2)) * np.sqrt(p.overlap)

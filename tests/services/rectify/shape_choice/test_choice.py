@@ -9,7 +9,7 @@ import pytest
 from services.arrays import Points, Vector
 from services.contract.rectify import PageKind
 from services.geometry.focal_prior import FocalPrior
-from services.geometry.page_map import PageMap, PlaneMap
+from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.shape_choice.choice import SMOOTH_SIDE, STRAIGHT_SIDE, choose_shape, ridged_page
@@ -18,8 +18,9 @@ from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane import pose
 from services.sheet.plane.outline_plane import read_sides
-from services.sheet.plane.pose import PagePose
-from services.sheet.ridged_page import NoRidgedPage, RidgedPage, sides_bend, sides_crease
+from services.sheet.plane.planar_page import PlanarPage
+from services.sheet.ridged_page import RidgedPage, sides_bend, sides_crease
+from services.sheet.shape import NoShape, PageShape
 from simulation.folded import folded_in_thirds
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, PLANE
@@ -51,22 +52,14 @@ def seen(name: str) -> tuple[PageEvidence, SheetOutline, Truth]:
 
 
 @lru_cache
-def chosen(
-    name: str, kind: PageKind = "auto", *, outlined: bool = True
-) -> PagePose | CurvedPage | RidgedPage:
+def chosen(name: str, kind: PageKind = "auto", *, outlined: bool = True) -> PageShape:
     evidence, outline, truth = seen(name)
     prior = FocalPrior(float(np.log(truth.focal_length_px / VIEW.unit_px)), 0.03, "exif")
     if not outlined:
-        return choose_shape(evidence, prior, kind)[0]
+        return choose_shape(evidence, prior, kind)
     sheet = read_sides(outline, VIEW, prior)
     assert sheet is not None
-    return choose_shape(evidence, prior, kind, outline, sheet)[0]
-
-
-def map_of(shape: PagePose | CurvedPage | RidgedPage) -> PageMap:
-    if isinstance(shape, PagePose):
-        return PlaneMap(np.linalg.inv(VIEW.H_photo_centred) @ shape.H_photo_plane)
-    return shape.page_map
+    return choose_shape(evidence, prior, kind, outline, sheet)
 
 
 def errors_at_text(name: str, page_map: PageMap) -> Vector:
@@ -99,10 +92,10 @@ def turned(outline: SheetOutline, angle_rad: float) -> SheetOutline:
 
 def test_a_flat_sheet_stays_a_plane() -> None:
     shape = chosen("flat")
-    assert isinstance(shape, PagePose)
+    assert isinstance(shape, PlanarPage)
     assert shape.sides_believed
     assert sides_bend(seen("flat")[1]) < STRAIGHT_SIDE
-    assert np.median(errors_at_text("flat", map_of(shape))) < 0.002
+    assert np.median(errors_at_text("flat", shape.page_map)) < 0.002
 
 
 def test_a_folded_sheet_becomes_a_mesh_that_is_flatter_than_the_plane() -> None:
@@ -112,8 +105,8 @@ def test_a_folded_sheet_becomes_a_mesh_that_is_flatter_than_the_plane() -> None:
     assert sides_crease(seen("folded")[1]) > SMOOTH_SIDE
     assert shape.line_count > 15
     off, flat = (
-        errors_at_text("folded", map_of(shape)),
-        errors_at_text("folded", map_of(chosen("folded", "planar"))),
+        errors_at_text("folded", shape.page_map),
+        errors_at_text("folded", chosen("folded", "planar").page_map),
     )
     assert np.median(off) < 0.006
     assert np.median(off) < 0.5 * np.median(flat)
@@ -123,17 +116,17 @@ def test_a_smooth_sheet_stays_with_the_smooth_surface() -> None:
     shape = chosen("smooth")
     assert isinstance(shape, CurvedPage)
     assert sides_crease(seen("smooth")[1]) < SMOOTH_SIDE
-    assert np.median(errors_at_text("smooth", map_of(shape))) < 0.004
+    assert np.median(errors_at_text("smooth", shape.page_map)) < 0.004
 
 
 @pytest.mark.parametrize("name", ["folded", "smooth"])
 def test_a_plane_that_is_asked_for_is_given(name: str) -> None:
-    assert isinstance(chosen(name, "planar"), PagePose)
+    assert isinstance(chosen(name, "planar"), PlanarPage)
 
 
 @pytest.mark.parametrize("name", ["folded", "smooth"])
 def test_a_bent_sheet_that_is_asked_for_is_given(name: str) -> None:
-    assert not isinstance(chosen(name, "curved"), PagePose)
+    assert not isinstance(chosen(name, "curved"), PlanarPage)
 
 
 def test_without_an_outline_there_is_no_mesh() -> None:
@@ -146,7 +139,7 @@ def test_print_that_stands_askew_on_its_sheet_gives_no_mesh() -> None:
     assert isinstance(chosen("folded"), RidgedPage)
     # Another sheet, or a frame: turned by twelve degrees.
     found = ridged_page(evidence, prior, turned(outline, 0.2))
-    assert isinstance(found, NoRidgedPage)
+    assert isinstance(found, NoShape)
     assert "askew" in found.reason
 
 
@@ -158,12 +151,12 @@ def test_no_plane_is_fitted_to_a_page_that_is_clearly_bent(
     prior = FocalPrior(float(np.log(truth.focal_length_px / VIEW.unit_px)), 0.03, "exif")
     fitted: list[str] = []
 
-    def choose_pose(*given: object, **more: object) -> PagePose:
+    def choose_pose(*given: object, **more: object) -> PlanarPage:
         fitted.append(name)
         return pose.choose_pose(*given, **more)  # type: ignore[arg-type]
 
     monkeypatch.setattr("services.rectify.shape_choice.choice.choose_pose", choose_pose)
-    assert isinstance(choose_shape(evidence, prior, "auto", outline, None)[0], wanted)
+    assert isinstance(choose_shape(evidence, prior, "auto", outline, None), wanted)
     assert not fitted
-    assert isinstance(choose_shape(evidence, prior, "planar", outline, None)[0], PagePose)
+    assert isinstance(choose_shape(evidence, prior, "planar", outline, None), PlanarPage)
     assert fitted == [name]

@@ -23,7 +23,8 @@ from services.rectify.shape_choice.principal_point import (
 )
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline, SheetSide
-from services.sheet.plane.pose import PagePose, choose_pose
+from services.sheet.plane.planar_page import PlanarPage
+from services.sheet.plane.pose import choose_pose
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
@@ -54,7 +55,7 @@ def evidence_of(crop: tuple[float, float, float]) -> tuple[PageEvidence, np.ndar
     return analysis.evidence(view), true
 
 
-def pose_of(e: PageEvidence, prior: FocalPrior) -> PagePose:
+def pose_of(e: PageEvidence, prior: FocalPrior) -> PlanarPage:
     """The plane under the photo's middle."""
     return choose_pose(e, prior, "planar")
 

@@ -10,20 +10,20 @@ from services.arrays import RgbImage
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior, typical_focal_prior
+from services.geometry.page_frame import Frame
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify import pipeline
-from services.rectify.pipeline import describe_camera, describe_evidence, describe_surface, find_page
-from services.rectify.shape_choice.textless import (
-    TextlessPage,
-    draw_for_reading,
-    find_textless_page,
-    frame_textless,
-)
+from services.rectify.page_description import describe_camera, describe_evidence
+from services.rectify.pipeline import find_page
+from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
+from services.rectify.view.framing import find_border, frame_shape
+from services.rectify.view.upright import draw_for_reading
 from services.sheet.framing import CurvedFrame
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import OutlinePlane
-from services.sheet.plane.pose import PagePose
+from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.ruled_plane import plane_from_rules
 from services.sheet.ridged_page import RidgedPage
 from services.sheet.surfaces import MeshSurface
@@ -71,24 +71,24 @@ def frame_of(photo: RgbImage) -> PhotoFrame:
     return PhotoFrame(photo.shape[1], photo.shape[0])
 
 
+def framed(page: ShapedPage) -> Frame:
+    return frame_shape(page, find_border(page, "sheet"), "sheet")
+
+
 @pytest.mark.parametrize("view", POSES, ids=lambda view: f"pose{view.name}")
 def test_a_drawing_comes_out_rectangular_by_its_outline(view: View) -> None:
     shot = photo_of("drawing", view)
     outline = outline_of_truth(shot.truth, 0.5, np.random.default_rng(0))
     page = find_textless_page(shot.image, outline, frame_of(shot.image), PRIOR, REFUSAL)
-    assert page.aspect is not None
-    assert page.aspect == pytest.approx(700 / 990, rel=0.03)
     assert page.shape.sources == ("outline",)
-    frame = frame_textless(page)
+    frame = framed(page)
     corners = shot.truth.page_to_photo(np.array([[0.0, 0], [699, 0], [699, 989], [0, 989]]))
-    H = np.linalg.inv(frame.H_photo_flat)
-    seen = np.array([H @ [*corner, 1.0] for corner in corners])
-    flat = seen[:, :2] / seen[:, 2:]
+    flat = frame.to_flat(corners)
     ratio = np.linalg.norm(flat[1] - flat[0]) / np.linalg.norm(flat[3] - flat[0])
     assert ratio == pytest.approx(700 / 990, rel=0.03)
     # The sheet fills its view but for a small rim.
     assert abs(np.linalg.norm(flat[1] - flat[0]) / frame.width - 1) < 0.04
-    assert draw_for_reading(shot.image, frame).shape == (frame.height, frame.width)
+    assert draw_for_reading(shot.image, None, frame).shape == (frame.height, frame.width)
 
 
 @pytest.mark.parametrize("view", POSES[:2], ids=lambda view: f"pose{view.name}")
@@ -96,9 +96,9 @@ def test_straight_print_shows_the_plane_where_no_edge_is_seen(view: View) -> Non
     shot = photo_of("ruled", view)
     page = find_textless_page(shot.image, None, frame_of(shot.image), PRIOR, REFUSAL)
     assert page.shape.sources == ("rules",)
+    assert isinstance(page.shape, PlanarPage)
     normal = shot.truth.normals(shot.truth.page_to_photo(np.array([[350.0, 495.0]])))[0]
-    assert np.degrees(np.arccos(abs(normal @ np.array(page.shape.normal)))) < 2.0
-    assert page.aspect is None
+    assert np.degrees(np.arccos(abs(normal @ page.shape.plane.rotation[:, 2]))) < 2.0
 
 
 def test_a_drawing_without_edges_is_refused_and_the_message_says_so() -> None:
@@ -126,7 +126,7 @@ def test_the_answer_tells_what_decided() -> None:
     evidence = describe_evidence(textless)
     assert (evidence.source, evidence.outline_confidence, evidence.sides_seen) == (("outline",), 0.95, 4)
     assert (evidence.major_convergence, evidence.text_area_fraction) == (None, 0.0)
-    assert textless.kind == "planar"
+    assert textless.shape.kind == "planar"
 
 
 def test_what_is_taken_for_text_on_a_drawing_does_not_turn_it() -> None:
@@ -138,7 +138,7 @@ def test_what_is_taken_for_text_on_a_drawing_does_not_turn_it() -> None:
     assert evidence.outline_confidence is not None
     assert (evidence.outline_confidence > 0.5, evidence.sides_seen) == (True, 4)
     assert [notice.code for notice in page.notices] == ["outline-disagrees"]
-    assert isinstance(page.shape, PagePose)
+    assert isinstance(page.shape, PlanarPage)
     assert (page.shape.focal_source, page.shape.skew_rad) == ("exif", 0.0)
 
 
@@ -160,9 +160,8 @@ def test_a_bent_drawing_comes_out_rectangular_by_its_bent_sides(name: str) -> No
     prior = FocalPrior(float(np.log(shot.truth.focal_length_px / view.unit_px)), 0.03, "exif")
     page = find_textless_page(shot.image, outline, view, prior, REFUSAL)
     assert isinstance(page.shape, RidgedPage)
-    assert page.kind == "curved"
-    assert page.aspect == pytest.approx(700 / 990, rel=0.03)
-    frame = frame_textless(page)
+    assert page.shape.kind == "curved"
+    frame = framed(page)
     assert isinstance(frame, CurvedFrame)
     # The view is the sheet: its border shows the sheet's sides, evenly spaced.
     assert frame.width / frame.height == pytest.approx(700 / 990, rel=0.03)
@@ -173,10 +172,10 @@ def test_a_bent_drawing_comes_out_rectangular_by_its_bent_sides(name: str) -> No
         seen = frame.to_photo(edge * [frame.width - 1, frame.height - 1])
         sheet = shot.truth.photo_to_sheet(seen) / [1.0, shot.truth.page.half_height_units]
         assert np.abs((sheet + 1) / 2 - edge).max() < 0.03
-    assert draw_for_reading(shot.image, frame).shape == (frame.height, frame.width)
+    assert draw_for_reading(shot.image, None, frame).shape == (frame.height, frame.width)
     evidence = describe_evidence(page)
     assert (evidence.source, evidence.sides_seen) == (("outline",), 4)
-    assert isinstance(describe_surface(page), MeshSurface)
+    assert isinstance(page.shape.surface(page.view), MeshSurface)
     assert describe_camera(page).source == "exif"
 
 
@@ -195,11 +194,11 @@ def test_the_outline_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(pipeline, "find_outline", look)
     monkeypatch.setattr(pipeline, "shape_page", refuse)
     page = find_page(shot.image, RectifyParameters(), None, StageClock())
-    assert isinstance(page, TextlessPage)
+    assert page.analysis is None
     assert page.outline is outline
     assert looked == [True]
     # Where the text was refused before, it is looked for without.
     monkeypatch.setattr(pipeline, "analyse_photo", lambda *_, **__: refuse())
     page = find_page(shot.image, RectifyParameters(), None, StageClock())
-    assert isinstance(page, TextlessPage)
+    assert page.analysis is None
     assert looked == [True, False]

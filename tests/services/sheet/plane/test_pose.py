@@ -12,10 +12,10 @@ from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
 from services.rectify.analysis.focal_length import focal_prior
 from services.sheet.plane.flat_text import flatten_text
-from services.sheet.plane.outline_plane import OutlinePlane, SheetSides, read_sides
+from services.sheet.plane.outline_plane import SheetSides, read_sides
+from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.planarity import discriminate_surface
 from services.sheet.plane.pose import (
-    PagePose,
     PoseParameters,
     choose_pose,
     flow_deviation,
@@ -33,13 +33,13 @@ from tests.services.sheet.plane.observations import photograph_plane
 from tests.services.sheet.sheet_sides import outline_of_truth
 
 
-def pose_of(shot: Shot, prior: FocalPrior | None = None) -> PagePose:
+def pose_of(shot: Shot, prior: FocalPrior | None = None) -> PlanarPage:
     """The pose that the pipeline would choose."""
     kind = discriminate_surface(shot.vanishing_points, shot.analysis.text_height_px)
     return choose_pose(shot.evidence, prior or focal_prior(shot.frame, None, None), kind)
 
 
-def pose_with(shot: Shot, sides: SheetSides | None, prior: FocalPrior | None = None) -> PagePose:
+def pose_with(shot: Shot, sides: SheetSides | None, prior: FocalPrior | None = None) -> PlanarPage:
     """The pose that the pipeline would choose with the sheet's sides in view."""
     prior = prior or focal_prior(shot.frame, None, None)
     return choose_pose(shot.evidence, prior, "planar", sheet=sides)
@@ -59,10 +59,10 @@ def page_grid(shot: Shot) -> Points:
     return np.stack([x.ravel() * shot.truth.page.width, y.ravel() * shot.truth.page.height], axis=1)
 
 
-def residual_percent(shot: Shot, pose: PagePose) -> float:
+def residual_percent(shot: Shot, pose: PlanarPage) -> float:
     """RMS distance of the flattened page from the true one after the best similarity, of the page's width."""
     page = page_grid(shot)
-    flat = transform_points(np.linalg.inv(pose.H_photo_plane), shot.truth.page_to_photo(page))
+    flat = pose.page_map.to_page(shot.frame.to_centred(shot.truth.page_to_photo(page)))
     p, q = ((z - z.mean(axis=0)) @ [1, 1j] for z in (page, flat))
     scale = (p.conj() @ q) / (p.conj() @ p)
     return float(100 * np.sqrt(np.mean(np.abs(q / scale - p) ** 2)) / shot.truth.page.width)
@@ -74,9 +74,9 @@ def test_flat_pages_are_flattened(album: Album, name: str) -> None:
     pose = pose_of(shot)
     assert pose.focal_source == "estimated"
     assert pose.notices == ()
-    off = np.degrees(np.arccos(np.clip(np.array(pose.normal) @ shot.truth.pose.rotation()[:, 2], -1, 1)))
+    off = np.degrees(np.arccos(np.clip(pose.plane.rotation[:, 2] @ shot.truth.pose.rotation()[:, 2], -1, 1)))
     assert off < 1.5
-    assert abs(np.log(pose.focal_length_px / shot.truth.focal_length_px)) < 0.06
+    assert abs(np.log(pose.focal * shot.frame.unit_px / shot.truth.focal_length_px)) < 0.06
     assert residual_percent(shot, pose) < 0.4
     assert abs(pose.line_count - len(shot.truth.visible_lines())) < 0.2 * len(shot.truth.visible_lines())
 
@@ -88,7 +88,7 @@ def test_lines_of_the_flat_view_are_level(album: Album, name: str) -> None:
     long = [line for line in shot.truth.visible_lines() if len(line) > 4]
     tops = np.array([((line[0].box[0], line[0].box[1]), (line[-1].box[2], line[0].box[1])) for line in long])
     photo = shot.truth.page_to_photo(tops.reshape(-1, 2))
-    flat = transform_points(np.linalg.inv(pose.H_photo_plane), photo).reshape(-1, 2, 2)
+    flat = pose.page_map.to_page(shot.frame.to_centred(photo)).reshape(-1, 2, 2)
     way = flat[:, 1] - flat[:, 0]
     slopes = np.degrees(np.arctan2(way[:, 1], way[:, 0]))
     assert np.abs(slopes).max() < 0.1
@@ -100,14 +100,14 @@ def test_a_given_focal_length_is_told_back(album: Album, name: str) -> None:
     shot = album[name]
     pose = pose_of(shot, focal_prior(shot.frame, shot.truth.focal_length_px, None))
     assert pose.focal_source == "given"
-    assert pose.focal_length_px == pytest.approx(shot.truth.focal_length_px, rel=0.005)
+    assert pose.focal * shot.frame.unit_px == pytest.approx(shot.truth.focal_length_px, rel=0.005)
     assert residual_percent(shot, pose) < 0.3
 
 
 def test_a_frontal_page_is_only_turned(album: Album) -> None:
     pose = pose_of(album["frontal"])
     assert [notice.code for notice in pose.notices] == ["already-flat"]
-    assert pose.normal == (0.0, 0.0, 1.0)
+    assert pose.plane.rotation[:, 2].tolist() == [0.0, 0.0, 1.0]
     assert pose.focal_source == "assumed"
     assert residual_percent(album["frontal"], pose) < 0.05
 
@@ -115,7 +115,7 @@ def test_a_frontal_page_is_only_turned(album: Album) -> None:
 @pytest.mark.parametrize("name", CURVED_SCENES)
 def test_a_curved_page_gets_a_planar_view_that_is_no_worse(album: Album, name: str) -> None:
     shot = album[name]
-    chosen = np.linalg.inv(shot.frame.H_photo_centred) @ pose_of(shot).H_photo_plane
+    chosen = pose_of(shot).plane.H_centred_plane
     level = level_plane(shot.major, focal_prior(shot.frame, None, None)).H_centred_plane
     assert deviation_by_differences(chosen, shot) <= deviation_by_differences(level, shot) + 1e-3
 
@@ -263,8 +263,8 @@ def test_flows_of_no_plane_leave_the_photo_as_it_is_but_for_a_turn(album: Album)
     )
     assert len(pose.notices) == 1
     assert pose.notices[0].code in ("implausible-pose", "already-flat")
-    assert pose.normal == (0.0, 0.0, 1.0)
-    assert np.isfinite(pose.H_photo_plane).all()
+    assert pose.surface(shot.frame).normal == (0.0, 0.0, 1.0)
+    assert np.isfinite(pose.plane.H_centred_plane).all()
 
 
 def test_where_the_focal_length_comes_from() -> None:
@@ -308,7 +308,7 @@ def test_an_outline_that_contradicts_a_page_of_text_is_not_believed(album: Album
     prior = focal_prior(shot.frame, None, None)
     sides = read_sides(outline, shot.frame, prior)
     assert sides is not None
-    assert isinstance(sides.plane, OutlinePlane)
+    assert sides.plane is not None
     pose = pose_with(shot, sides)
     assert pose.sources == ("text",)
     assert not pose.sides_believed
