@@ -29,7 +29,7 @@ from services.ocr.engine import OcrEngine
 from services.progress import report_progress
 from services.rectify.results import Orientation
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.upright import tell_orientation
+from services.rectify.view.orientation import tell_orientation
 
 FLATTENED = 0.4
 STAGE_BEGINS = {

@@ -27,8 +27,8 @@ from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_flat_view, places_in_view
 from services.rectify.view.framing import cut_view, find_border, frame_shape
+from services.rectify.view.orientation import orient_page
 from services.rectify.view.sheet_cut import paper_in_photo, restore_detail
-from services.rectify.view.upright import orient_page
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import read_sides

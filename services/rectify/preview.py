@@ -5,7 +5,6 @@ text; a bent sheet is then a mesh between its sides. Else the text decides: a pl
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -43,7 +42,7 @@ from services.sheet.outline.detection import OutlineParameters, find_outline
 from services.sheet.outline.rays import RayParameters
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import OutlinePlane, read_sides
-from services.sheet.plane.planarity import discriminate_surface
+from services.sheet.plane.planarity import apparent_kind
 from services.sheet.plane.pose import PoseParameters, choose_pose, start_plane
 from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.start import mesh_between_sides
@@ -229,8 +228,8 @@ def _bent_sheet(
     if whole is None:
         return None
     corners, order = turn_outline(whole, direction_rad)
-    corners = np.asarray((corners - view.centre) / view.unit_px)
-    sides = tuple(np.asarray((outline.sides[k].points - view.centre) / view.unit_px) for k in order)
+    corners = view.to_centred(corners)
+    sides = tuple(view.to_centred(outline.sides[k].points) for k in order)
     mesh = cylinder_between_sides(corners, sides, prior.log_focal, prior.deviation, p.cells)
     if mesh is None:
         mesh = mesh_between_sides(corners, sides, float(np.exp(prior.log_focal)), p.cells)
@@ -248,7 +247,6 @@ def _page_of_text(
     p: PreviewParameters,
 ) -> ShapedPage:
     """The page by its text: a plane, or a bent sheet where a short fit explains the directions of the text better."""
-    kind = parameters.kind
     with clock.stage("texture_flow"):
         analysis = analyse_text(text, p.analysis)
     if parameters.region is None:
@@ -260,11 +258,7 @@ def _page_of_text(
         seen, outline = (FACING_PAGE,), None
     with clock.stage("shape"):
         evidence = analysis.evidence(view)
-        seems: Literal["planar", "curved"] = (
-            discriminate_surface(evidence.vanishing_points, evidence.text.height_px)
-            if kind == "auto"
-            else kind
-        )
+        seems = apparent_kind(evidence, parameters.kind)
         if seems == "curved":
             plane = PlaneMap(start_plane(evidence, prior, p.pose).H_centred_plane)
             bent = bend_quickly(evidence, prior, plane)

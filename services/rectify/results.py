@@ -10,7 +10,7 @@ from services.arrays import Points, RgbImage, Vector
 from services.geometry.focal_prior import FocalLengthSource
 from services.notices import Notice
 from services.sheet.shape import ShapeSource
-from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface
+from services.sheet.surfaces import Surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class RectifyResult:
     kind: Literal["planar", "curved"]
     evidence: Evidence
     camera: CameraEstimate
-    surface: PlaneSurface | StripsSurface | MeshSurface
+    surface: Surface
     orientation: Orientation
     mesh: NDArray[np.float64]
     warnings: tuple[Notice, ...] = ()

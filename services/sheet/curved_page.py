@@ -26,7 +26,7 @@ from services.sheet.developable.residuals import BENDS, FittingParameters
 from services.sheet.developable.smooth_residual import morph_to_lines
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.evidence import PageEvidence
-from services.sheet.framing import CurvedFrame, frame_by_text
+from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page
 from services.sheet.shape import EXIF_CONTRADICTED, NoShape, ShapeSource
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, StripsSurface
 from services.sheet.tracing.line_tracing import measure_straightness, trace_by_characters
@@ -102,7 +102,8 @@ class CurvedPage:
         self, view: PhotoFrame, points: Points, text_height_px: float, paper: Points | None, crop: Crop
     ) -> CurvedFrame:
         """See `PageShape`."""
-        return frame_by_text(self.page_map, view, points, text_height_px, paper, crop)
+        framing = CURVED_TEXT_FRAMING if crop == "text" else None
+        return frame_curved_page(self.page_map, view, points, text_height_px, paper, framing)
 
 
 def describe_strips(
@@ -217,12 +218,11 @@ def estimate_curved_page(evidence: PageEvidence, prior: FocalPrior) -> CurvedPag
         reason = implausibility(fitted.surface, e.characters, p)
     if reason is not None:
         return NoShape(reason)
-    seen = prior.source == "assumed" and fitted.log_focal_deviation < FOCAL.seen_deviation
     page_map = morph_to_lines(fitted.surface, lines)
     return CurvedPage(
         page_map,
         describe_strips(fitted.surface, e.view, e.characters, p.strips),
-        "estimated" if seen else prior.source,
+        prior.source_beside(fitted.log_focal_deviation),
         lines.count // 2,
         flow_deviation(page_map, e.major, e.minor),
         measure_straightness(fitted.surface, lines),

@@ -13,7 +13,7 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
 from services.sheet.developable.observations import NO_LINES, LineObservations
-from services.sheet.framing import CurvedFrame, frame_by_text, frame_mesh
+from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
@@ -70,11 +70,11 @@ class RidgedPageParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RidgedPage:
-    """The map that flattens a creased page, and the evidence for it.
+    """The map that flattens a creased page, and the evidence for it; see `PageShape`.
 
-    `line_count` lines of text were traced. `line_straightness` is their RMS deviation from straight ones, in text
-    heights, 0 without lines; `side_deviation` is the RMS distance of the outline from the mesh's border, in photo
-    units, `stretch` the RMS relative change of the lengths of the mesh's edges.
+    `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, 0 without lines;
+    `side_deviation` the RMS distance of the outline from the mesh's border, in photo units, `stretch` the RMS relative
+    change of the lengths of the mesh's edges.
     """
 
     page_map: SheetMesh
@@ -116,7 +116,8 @@ class RidgedPage:
         """See `PageShape`."""
         if crop == "sheet":
             return frame_mesh(self.page_map, view, points)
-        return frame_by_text(self.page_map, view, points, text_height_px, None, crop)
+        framing = CURVED_TEXT_FRAMING if crop == "text" else None
+        return frame_curved_page(self.page_map, view, points, text_height_px, None, framing)
 
 
 def complete_corners(outline: SheetOutline, p: RidgedPageParameters) -> Points | None:
@@ -229,13 +230,13 @@ def estimate_ridged_page(
     corners, order = turn_outline(whole, direction_rad)
     sides = tuple(
         SideObservations(
-            np.asarray((outline.sides[k].points - view.centre) / view.unit_px),
+            view.to_centred(outline.sides[k].points),
             outline.sides[k].deviations / view.unit_px,
         )
         for k in order
     )
     start = mesh_between_sides(
-        np.asarray((corners - view.centre) / view.unit_px),
+        view.to_centred(corners),
         tuple(side.points for side in sides),
         float(np.exp(prior.log_focal)),
         p.fit.schedule[0].cells,

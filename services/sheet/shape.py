@@ -30,56 +30,45 @@ class PageShape(Protocol):
     @property
     def kind(self) -> Literal["planar", "curved"]:
         """How the page is flattened."""
-        ...
 
     @property
     def page_map(self) -> PageMap:
         """The map between the flat page and the photo."""
-        ...
 
     @property
     def focal(self) -> float:
         """Focal length in half diagonals."""
-        ...
 
     @property
     def focal_source(self) -> FocalLengthSource:
         """Where the focal length is from."""
-        ...
 
     @property
     def log_focal_deviation(self) -> float:
         """Standard deviation of the focal length's logarithm as the page alone shows it; infinite if not known."""
-        ...
 
     @property
     def line_count(self) -> int:
         """Lines of text that were traced."""
-        ...
 
     @property
     def sources(self) -> tuple[ShapeSource, ...]:
         """What decided the shape."""
-        ...
 
     @property
     def notices(self) -> tuple[Notice, ...]:
         """What was left out of account, and what is uncertain."""
-        ...
 
     @property
     def sides_believed(self) -> bool:
         """Whether the sides of the sheet show this shape, with or without text."""
-        ...
 
     @property
     def ends_at_sides(self) -> bool:
         """Whether the flat page is the whole sheet, and ends at its sides."""
-        ...
 
     def surface(self, view: PhotoFrame) -> Surface:
         """The surface as the answer describes it, in pixels of the photo."""
-        ...
 
     def frame(
         self, view: PhotoFrame, points: Points, text_height_px: float, paper: Points | None, crop: Crop
@@ -88,7 +77,6 @@ class PageShape(Protocol):
 
         Lengths are in pixels of the photo; `paper` (M, 2) is the outline of the sheet, if it is seen.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """Choice of a page's shape: a plane, a bent sheet, or a creased one."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -16,7 +16,7 @@ from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planar_page import PlanarPage
-from services.sheet.plane.planarity import discriminate_surface
+from services.sheet.plane.planarity import apparent_kind
 from services.sheet.plane.pose import choose_pose
 from services.sheet.ridged_page import (
     RidgedPage,
@@ -85,8 +85,8 @@ def choose_shape(
     PageShape
         Its notices say too why no other was chosen although the page seems to have it.
     """
-    found = _Hypotheses(evidence, prior, kind, outline, sheet)
-    seems = found.seems
+    seems = apparent_kind(evidence, kind)
+    found = _Hypotheses(evidence, prior, seems, outline, sheet)
     if kind == "planar":
         return found.plane
     bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
@@ -105,32 +105,27 @@ def choose_shape(
     plane = found.plane
     if seems == "planar" or plane.sides_believed:
         return plane
-    return replace(plane, notices=(_why_not_bent(found), *plane.notices))
+    why = f"is not plausible ({found.refusal})" if found.refusal else "does not explain its text better"
+    said = f"the page seems curved, but a bent sheet {why}; this is its best planar view."
+    return replace(plane, notices=(Notice("curved-page", said), *plane.notices))
 
 
+@dataclass(eq=False)
 class _Hypotheses:
     """The shapes that a page may have, each fitted when it is first asked for: a page that is clearly bent needs no
     plane."""
 
-    def __init__(
-        self,
-        evidence: PageEvidence,
-        prior: FocalPrior,
-        kind: PageKind,
-        outline: SheetOutline | None,
-        sheet: SheetSides | None,
-    ) -> None:
-        self.evidence, self.prior, self.outline, self._sheet = evidence, prior, outline, sheet
-        self.seems: Literal["planar", "curved"] = (
-            discriminate_surface(evidence.vanishing_points, evidence.text.height_px)
-            if kind == "auto"
-            else kind
-        )
+    evidence: PageEvidence
+    prior: FocalPrior
+    seems: Literal["planar", "curved"]
+    outline: SheetOutline | None
+    sheet: SheetSides | None
+    refusal: str = ""
 
     @cached_property
     def plane(self) -> PlanarPage:
         """The plane that fits best."""
-        return choose_pose(self.evidence, self.prior, self.seems, sheet=self._sheet)
+        return choose_pose(self.evidence, self.prior, self.seems, sheet=self.sheet)
 
     @cached_property
     def plane_straightness(self) -> float:
@@ -141,14 +136,13 @@ class _Hypotheses:
         return measure_straightness(page_map, lines)
 
     @cached_property
-    def smooth(self) -> CurvedPage | NoShape:
-        """The bent sheet that fits best, or why there is none."""
-        return estimate_curved_page(self.evidence, self.prior)
-
-    @property
     def curved(self) -> CurvedPage | None:
-        """The bent sheet that fits best, if there is one."""
-        return None if isinstance(self.smooth, NoShape) else self.smooth
+        """The bent sheet that fits best; None if none is plausible, and `refusal` says why."""
+        found = estimate_curved_page(self.evidence, self.prior)
+        if isinstance(found, NoShape):
+            self.refusal = found.reason
+            return None
+        return found
 
     @cached_property
     def ridged(self) -> RidgedPage | None:
@@ -192,20 +186,11 @@ def _choose_bent_shape(found: _Hypotheses, *, forced: bool) -> PageShape | None:
     return curved if curved is not None and (forced or _explains_more(curved, found)) else None
 
 
-def _why_not_bent(found: _Hypotheses) -> Notice:
-    reason = (
-        f"a bent sheet is not plausible ({found.smooth.reason})"
-        if isinstance(found.smooth, NoShape)
-        else "a bent sheet does not explain its text better"
-    )
-    return Notice("curved-page", f"the page seems curved, but {reason}; this is its best planar view.")
-
-
 def straightens_sides(curved: CurvedPage, outline: SheetOutline, view: PhotoFrame) -> bool:
     """Whether the sheet's sides are straight and at right angles on the flat page of `curved`, as on paper."""
     directions: list[float] = []
     for side in outline.sides:
-        page = curved.page_map.to_page((side.points - view.centre) / view.unit_px)
+        page = curved.page_map.to_page(view.to_centred(side.points))
         known = np.isfinite(page).all(axis=1)
         if len(page) < 8:
             continue
@@ -226,9 +211,7 @@ def with_straight_sides(curved: CurvedPage, outline: SheetOutline, e: PageEviden
     """`curved` with margins corrected by the bends that it leaves in the sides of the sheet."""
     if outline.confidence < CERTAIN_OUTLINE:
         return curved
-    top, right, bottom, left = (
-        np.asarray((side.points - e.view.centre) / e.view.unit_px) for side in outline.sides
-    )
+    top, right, bottom, left = (e.view.to_centred(side.points) for side in outline.sides)
     straight = straighten_sides(curved.page_map, (top, right, bottom, left), e.characters)
     return replace(curved, page_map=straight)
 

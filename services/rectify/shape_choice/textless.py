@@ -1,12 +1,12 @@
 """A page whose text does not show its shape: its plane from the sheet's sides, or from straight print."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from services.arrays import RgbImage
 from services.errors import NoText
-from services.geometry.focal_prior import FOCAL, FocalLengthSource, FocalPrior
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
 from services.notices import Notice
@@ -27,12 +27,8 @@ BENT = OutlinePlaneParameters(max_bend=0.06, max_misfit_rad=float(np.deg2rad(8.0
 """For bent sheets, of which only the corners are used."""
 
 
-@dataclass(frozen=True, slots=True)
-class TextlessParameters:
-    """Limits for pages whose text does not show their shape."""
-
-    straight_side: float = 0.006
-    """RMS bend of a side, as a share of the sheet's size: without text a bend must be obvious."""
+STRAIGHT_SIDE = 0.006
+"""RMS bend of a side, as a share of the sheet's size: without text a bend must be obvious."""
 
 
 def find_textless_page(
@@ -45,9 +41,8 @@ def find_textless_page(
     NoText
         `refusal` with what else was searched, when neither shows a plane.
     """
-    p = TextlessParameters()
     # A sheet with bent sides is a bent sheet, even if a plane would fit them.
-    if outline is not None and sides_bend(outline) > p.straight_side:
+    if outline is not None and sides_bend(outline) > STRAIGHT_SIDE:
         ridged = estimate_ridged_page(outline, view, prior, 0.0, None, None)
         if not isinstance(ridged, NoShape):
             return ShapedPage(view, ridged, ridged.notices, outline)
@@ -82,8 +77,7 @@ def planar_page(found: OutlinePlane, prior: FocalPrior, source: ShapeSource) -> 
                 f"{100 * found.log_aspect_deviation:.0f} %; send focal_length_px or keep EXIF.",
             ),
         )
-    seen = prior.source == "assumed" and found.log_focal_deviation < FOCAL.seen_deviation
-    focal_source: FocalLengthSource = "estimated" if seen else prior.source
+    focal_source = prior.source_beside(found.log_focal_deviation)
     return PlanarPage(
         found.plane, focal_source, notices, sources=(source,), sides_believed=source == "outline"
     )

@@ -170,25 +170,8 @@ def restore_detail(frame: Frame, photo_pixels: int, characters: Points, text_hei
     """Raise the resolution of `frame` to that of the photo, and above it where print is small.
 
     A view that was larger before it was cut may have been reduced. Small print loses detail by every resampling, less
-    so if it is drawn with more pixels than the photo has.
-
-    Parameters
-    ----------
-    frame
-        The view after it was cut.
-    photo_pixels
-        Largest number of pixels of the view.
-    characters
-        (N, 2) centres in photo pixels.
-    text_height_px
-        Size of the characters in the photo.
-    framing
-        Bounds of the resolution.
-
-    Returns
-    -------
-    Frame
-        The same view with more pixels, or `frame` itself.
+    so if it is drawn with more pixels than the photo has, which are `photo_pixels`. `characters` (N, 2) are their
+    centres in the photo. `frame` itself is returned if its resolution is right.
     """
     f = FramingParameters()
     at = frame.to_flat(characters)

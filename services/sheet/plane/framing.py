@@ -6,7 +6,7 @@ import numpy as np
 
 from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import jacobians, scaling, transform_points, translation
-from services.geometry.page_frame import FramingParameters
+from services.geometry.page_frame import FramingParameters, within_bounds
 
 VISIBLE_POINTS = 60
 """Points across and down the photo by which its visible part of the plane is bounded."""
@@ -41,27 +41,10 @@ def frame_page(
     paper: Points | None,
     parameters: FramingParameters | None = None,
 ) -> FlatFrame:
-    """Choose the part of a flat page that is shown, and its resolution.
+    """View of the whole sheet, or, without an outline, of the part of the photo that is near the text.
 
-    Parameters
-    ----------
-    H_photo_plane
-        Homography from the plane to photo pixels.
-    photo_shape
-        Height and width of the photo in pixels.
-    text_points
-        (N, 2) centres of characters in photo pixels.
-    text_height_px
-        Size of the characters in the photo.
-    paper
-        (M, 2) outline of the sheet in photo pixels, if it was found.
-    parameters
-        Margins and bounds of the view.
-
-    Returns
-    -------
-    FlatFrame
-        A view of the whole sheet; without an outline, of the part of the photo that is near the text.
+    The photo has `photo_shape` (height, width) pixels. `text_points` (N, 2) are centres of characters, and `paper`
+    (M, 2) is the sheet's outline if it was found, all in photo pixels.
     """
     p = parameters or FramingParameters()
     H_plane_photo = np.linalg.inv(H_photo_plane)
@@ -83,10 +66,7 @@ def frame_page(
         low = np.maximum(np.minimum(low, sheet.min(axis=0) - rim), visible_low)
         high = np.minimum(np.maximum(high, sheet.max(axis=0) + rim), visible_high)
     extent = high - low
-    pixels = p.max_growth * photo_shape[0] * photo_shape[1]
-    resolution = min(
-        resolution, float(np.sqrt(pixels / (extent[0] * extent[1]))), p.longest_side_px / float(extent.max())
-    )
+    resolution = within_bounds(resolution, (extent[0], extent[1]), photo_shape[0] * photo_shape[1], p)
     width, height = (max(round(v * resolution), 1) for v in extent)
     H_plane_flat = translation(float(low[0]), float(low[1])) @ scaling(1 / resolution) @ translation(0.5, 0.5)
     return FlatFrame(H_photo_plane @ H_plane_flat, width, height)

@@ -89,7 +89,6 @@ class SheetSides:
     plane: "OutlinePlane | None"
     straight: bool
     """Whether all four sides are seen, and none is bent."""
-    confidence: float
     refusal: str = ""
     """Why the sides show no plane."""
 
@@ -110,8 +109,8 @@ def side_lines(
     ends = np.array([row[1] for row in rows]).reshape(-1, 2)
     deviations = np.array([row[2] for row in rows])
     return StraightLines(
-        (starts - view.centre) / view.unit_px,
-        (ends - view.centre) / view.unit_px,
+        view.to_centred(starts),
+        view.to_centred(ends),
         deviations / view.unit_px,
         np.array(upright, bool),
     )
@@ -182,8 +181,8 @@ def read_sides(
         view, lines = replace(view, principal_point_px=(float(x), float(y))), lines.seen_from(off)
     plane = plane_from_lines(lines, prior, p)
     if isinstance(plane, NoShape):
-        return SheetSides(view, lines, None, straight, outline.confidence, plane.reason)
-    return SheetSides(view, lines, plane, straight, outline.confidence)
+        return SheetSides(view, lines, None, straight, plane.reason)
+    return SheetSides(view, lines, plane, straight)
 
 
 def _principal_point(lines: StraightLines, prior: FocalPrior, p: OutlinePlaneParameters) -> Floats | None:

@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from services.contract.rectify import PageKind
 from services.geometry.vanishing_points import FlowVanishingPoints
+from services.sheet.evidence import PageEvidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,3 +29,10 @@ def discriminate_surface(
     minor_limit = p.minor_limit * max(1.0, (p.sharp_text_height_px / text_height_px) ** 2)
     converges = points.horizontal.convergence <= p.major_limit and points.vertical.convergence <= minor_limit
     return "planar" if converges else "curved"
+
+
+def apparent_kind(evidence: PageEvidence, kind: PageKind) -> Literal["planar", "curved"]:
+    """What the flows of a page say, or the `kind` that the client demands."""
+    return (
+        discriminate_surface(evidence.vanishing_points, evidence.text.height_px) if kind == "auto" else kind
+    )

@@ -7,7 +7,7 @@ import numpy as np
 
 from services.arrays import Points
 from services.geometry.camera import rotation_from_vector
-from services.geometry.focal_prior import FOCAL, MEASURED, FocalLengthSource, FocalPrior, typical_focal_prior
+from services.geometry.focal_prior import FOCAL, MEASURED, FocalPrior, typical_focal_prior
 from services.geometry.homographies import denominators, jacobians
 from services.geometry.planar import MAX_TILT_RAD, PagePlane, estimate_plane
 from services.notices import Notice
@@ -250,7 +250,6 @@ def choose_pose(
                 "already-flat", "no perspective was found that the page's text supports; it was only turned."
             )
         )
-    source = focal_source(refined, prior, p)
     if refined.log_aspect_deviation > p.aspect_deviation and prior.source == "assumed" and plane is not level:
         notices.append(
             Notice(
@@ -272,7 +271,7 @@ def choose_pose(
         notices += disagreement(sheet, refined, trusted, lines, without, p)
     return PlanarPage(
         plane,
-        source if plane is not level else prior.source,
+        prior.source if plane is level else prior.source_beside(refined.log_focal_deviation),
         tuple(notices),
         refined.lines,
         flow_deviation(plane, major, minor, p.minor_share),
@@ -317,10 +316,3 @@ def focal_tension(refined: RefinedPlane, prior: FocalPrior) -> float:
     """
     drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
     return drawn * float(np.hypot(prior.deviation, refined.log_focal_deviation)) / prior.deviation**2
-
-
-def focal_source(refined: RefinedPlane, prior: FocalPrior, parameters: PoseParameters) -> FocalLengthSource:
-    """Source of the focal length: given, else estimated from the page, else assumed."""
-    if prior.source == "assumed" and refined.log_focal_deviation < FOCAL.seen_deviation:
-        return "estimated"
-    return prior.source

@@ -87,7 +87,7 @@ def find_segments(gray: GrayImage, view: PhotoFrame, p: RuledPlaneParameters) ->
     if found is None:
         return np.zeros((0, 2)), np.zeros((0, 2))
     both = from_resized(np.asarray(found, np.float64).reshape(-1, 2, 2), factor)
-    both = (both - view.centre) / view.unit_px
+    both = view.to_centred(both)
     long = np.linalg.norm(both[:, 1] - both[:, 0], axis=1) >= p.min_length
     # The border of the photo is not print.
     rim = np.array([view.width, view.height]) / 2 / view.unit_px - 3 / factor / view.unit_px

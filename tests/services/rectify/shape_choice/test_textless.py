@@ -19,7 +19,7 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.framing import find_border, frame_shape
-from services.rectify.view.upright import draw_for_reading
+from services.rectify.view.orientation import draw_for_reading
 from services.sheet.framing import CurvedFrame
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import OutlinePlane

@@ -8,7 +8,6 @@ import pytest
 from services.arrays import Points
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import denominators, transform_points
-from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
 from services.rectify.analysis.focal_length import focal_prior
 from services.sheet.plane.flat_text import flatten_text
@@ -19,12 +18,10 @@ from services.sheet.plane.pose import (
     PoseParameters,
     choose_pose,
     flow_deviation,
-    focal_source,
     is_plausible,
     level_plane,
     most_common_direction,
 )
-from services.sheet.plane.refinement import RefinedPlane
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.scenes import POSES, View
@@ -265,20 +262,6 @@ def test_flows_of_no_plane_leave_the_photo_as_it_is_but_for_a_turn(album: Album)
     assert pose.notices[0].code in ("implausible-pose", "already-flat")
     assert pose.surface(shot.frame).normal == (0.0, 0.0, 1.0)
     assert np.isfinite(pose.plane.H_centred_plane).all()
-
-
-def test_where_the_focal_length_comes_from() -> None:
-    def refined(deviation: float) -> RefinedPlane:
-        return RefinedPlane(PagePlane(np.eye(3), 1.3), deviation, 0.0, 0.0, 1.0, 1.0, 10, (1.0, 1.0))
-
-    frame, p = PhotoFrame(1050, 1350), PoseParameters()
-    assumed = focal_prior(frame, None, None)
-    assert focal_source(refined(0.05), assumed, p) == "estimated"
-    assert focal_source(refined(2.0), assumed, p) == "assumed"
-    assert focal_source(refined(float("inf")), assumed, p) == "assumed"
-    for deviation in (0.05, 2.0):
-        assert focal_source(refined(deviation), focal_prior(frame, None, 1000.0), p) == "exif"
-        assert focal_source(refined(deviation), focal_prior(frame, 1000.0, None), p) == "given"
 
 
 def test_an_unseen_focal_length_is_called_uncertain(album: Album) -> None:
