@@ -9,6 +9,7 @@ MODULES = {
     "rectify_photos": "rectify.photos",
     "rectify_speed": "rectify.speed",
     "speed": "speed",
+    "same_answers": "rectify.same_answers",
     "rectify_load": "rectify.load",
     "advice": "rectify.advice",
     "preview": "rectify.preview",

@@ -21,7 +21,7 @@ from services.layout.pipeline import VersionedModel, complete_sample, initialize
 from services.layout.rendering.overlay import draw_overlay
 from services.mosaic.pipeline import mosaic
 from services.operations.reader import ocr_engine
-from services.rectify.analysis import analyse_photo
+from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.pipeline import rectify
 from services.sheet.surfaces import MeshSurface, StripsSurface
 from services.texture_flow.field import FlowSamples

@@ -60,6 +60,19 @@ RULES = [
     ("services/sheet/tracing", SHEET, ("services.sheet.tracing", "services.sheet.developable.observations")),
     # A creased sheet explains the same observations as a smooth one.
     ("services/sheet/ridged", SHEET, ("services.sheet.ridged", "services.sheet.developable.observations")),
+    (
+        "services/sheet/plane",
+        SHEET,
+        (
+            "services.sheet.plane",
+            "services.sheet.tracing",
+            "services.sheet.outline",
+            "services.sheet.developable.observations",
+            "services.sheet.evidence",
+            "services.sheet.shape",
+            "services.sheet.surfaces",
+        ),
+    ),
     ("services/rectify", ("services.mosaic", "services.layout", "services.operations"), ()),
     (
         "services/capture",
@@ -145,16 +158,17 @@ def test_the_server_loads_no_arrays() -> None:
     assert {name.partition(".")[0] for name in loaded.stdout.split()}.isdisjoint(ARRAYS)
 
 
-def test_rooms_of_layout_import_each_other_one_way() -> None:
+@pytest.mark.parametrize("package", ["layout", "rectify", "sheet"])
+def test_rooms_of_a_package_import_each_other_one_way(package: str) -> None:
     """`graphlib` refuses a cycle, and names it."""
-    layout = ROOT / "services" / "layout"
-    rooms = {folder.name for folder in layout.iterdir() if (folder / "__init__.py").exists()}
+    folder = ROOT / "services" / package
+    rooms = {room.name for room in folder.iterdir() if (room / "__init__.py").exists()}
     needs = {
         room: {
             name.split(".")[2]
-            for path in sources(f"services/layout/{room}")
+            for path in sources(f"services/{package}/{room}")
             for name in imports(path)
-            if name.startswith("services.layout.")
+            if name.startswith(f"services.{package}.")
         }
         & (rooms - {room})
         for room in rooms

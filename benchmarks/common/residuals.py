@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from services.rectify.results import PlaneSurface
-from services.sheet.surfaces import MeshSurface, StripsSurface
+from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface
 from simulation.camera import half_field_of_view
 from simulation.flat_page import Points
 from simulation.truth import Truth

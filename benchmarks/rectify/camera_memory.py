@@ -22,7 +22,7 @@ from services.contract.cameras import CameraMemory, remember
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.focal_length import seen_focal_length
+from services.rectify.analysis.focal_length import seen_focal_length
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
 from simulation.degradation import PHONE, degrade

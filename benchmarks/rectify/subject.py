@@ -26,7 +26,7 @@ from services.imaging.codec import decode_image
 from services.ocr.engine import OcrEngine
 from services.operations.rectify_documents import rectify_uploads
 from services.rectify import spread
-from services.rectify.analysis import PageAnalysis, analyse_photo
+from services.rectify.analysis.page_analysis import PageAnalysis, analyse_photo
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
 from simulation.flat_page import Points

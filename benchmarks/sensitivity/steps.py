@@ -28,7 +28,7 @@ from services.layout.segmentation import segment_page
 from services.mosaic.pipeline import mosaic
 from services.ocr.engine import Word
 from services.ocr.tesseract import open_engine
-from services.rectify.analysis import analyse_photo
+from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.pipeline import rectify
 from simulation.degradation import PHONE
 from simulation.flat_page import Page as FlatPage
@@ -262,7 +262,11 @@ STEPS = {
         ),
         Step(
             "page_choice",
-            ("services.rectify.page_choice", "services.rectify.gutter", "services.imaging.long_edges"),
+            (
+                "services.rectify.analysis.page_choice",
+                "services.rectify.analysis.gutter",
+                "services.imaging.long_edges",
+            ),
             ("services.rectify", *_PLANE),
             "characters of the facing page, %",
             page_cases,

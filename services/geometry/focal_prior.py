@@ -48,6 +48,11 @@ class FocalPrior:
     of_diagonal: bool = False
     """The focal length is known as a multiple of the diagonal of the photo as it was taken, before any cropping."""
 
+    def source_beside(self, seen_deviation: float) -> FocalLengthSource:
+        """Source of a fitted focal length that the page alone shows with this deviation of its logarithm."""
+        seen = self.source == "assumed" and seen_deviation < FOCAL.seen_deviation
+        return "estimated" if seen else self.source
+
 
 def typical_focal_prior() -> FocalPrior:
     """What is known of a camera that is not known."""

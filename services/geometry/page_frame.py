@@ -50,23 +50,38 @@ class Frame(Protocol):
     @property
     def width(self) -> int:
         """Output columns."""
-        ...
 
     @property
     def height(self) -> int:
         """Output rows."""
-        ...
 
     def to_photo(self, pixels: Points) -> Points:
         """Photo pixels (N, 2) of output pixels (N, 2)."""
-        ...
+
+    @property
+    def H_photo_flat(self) -> Homography | None:
+        """From output pixels to photo pixels, where this is a homography: on a flat page."""
+
+    def to_flat(self, photo: Points) -> Points:
+        """Output pixels (N, 2) of photo pixels (N, 2)."""
 
     def through(self, H_old_new: Homography, width: int, height: int) -> Self:
         """The same page in other pixels: the view whose pixel p shows what pixel `H_old_new` p showed."""
-        ...
 
 
 AnyFrame = TypeVar("AnyFrame", bound=Frame)
+
+
+def within_bounds(
+    resolution: float, extent: tuple[float, float], photo_pixels: int, p: FramingParameters
+) -> float:
+    """`resolution`, in pixels a unit of the page, or less if a view of this `extent` (width, height) is too large."""
+    width, height = extent
+    return min(
+        resolution,
+        float(np.sqrt(p.max_growth * photo_pixels / (width * height))),
+        p.longest_side_px / max(extent),
+    )
 
 
 def turning(width: int, height: int, rotation_deg: int, mirrored: bool) -> tuple[Homography, int, int]:

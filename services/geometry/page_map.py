@@ -18,15 +18,12 @@ class PageMap(Protocol):
 
     def to_photo(self, page: Points) -> Points:
         """Photo points (N, 2) of page points (N, 2); NaN where the page is not visible or the model ends."""
-        ...
 
     def to_page(self, centred: Points) -> Points:
         """Page points (N, 2) of photo points (N, 2); NaN where the model ends."""
-        ...
 
     def jacobians(self, centred: Points) -> Floats:
         """Derivatives (N, 2, 2) d page / d photo at photo points (N, 2)."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)

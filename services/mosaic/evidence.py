@@ -14,7 +14,7 @@ from services.mosaic.placing.adjustment import residual_px
 from services.mosaic.placing.placed_part import PlacedPart
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.results import Pair, Patch
-from services.rectify.results import Notice
+from services.notices import Notice
 
 
 def describe_patches(

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 from services.arrays import GrayImage, Mask, Points, RgbImage
-from services.rectify.framing import FlatFrame
-from services.rectify.results import Notice
-from services.sheet.framing import CurvedFrame
+from services.geometry.page_frame import Frame
+from services.notices import Notice
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +30,7 @@ class FlatPhoto:
 
     index: int
     photo: RgbImage
-    frame: FlatFrame | CurvedFrame
+    frame: Frame
     gray: GrayImage
     shown: Mask
     text_height_px: float

@@ -7,19 +7,19 @@ import numpy as np
 
 from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
 from services.contract.cameras import CameraMemory
-from services.contract.rectify import RectifyParameters
-from services.geometry.page_frame import FramingParameters, resize_frame
+from services.geometry.page_frame import Frame, FramingParameters, resize_frame
+from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.outside_text import is_outside_text, of_text_height
-from services.rectify.analysis import PageAnalysis
-from services.rectify.drawing import draw_gray_view
-from services.rectify.framing import FlatFrame
-from services.rectify.pipeline import estimate_page, frame_photo
+from services.rectify.analysis.focal_length import focal_prior
+from services.rectify.analysis.page_analysis import PageAnalysis, analyse_photo
+from services.rectify.pipeline import shape_page
 from services.rectify.stage_clock import StageClock
-from services.sheet.framing import CurvedFrame
+from services.rectify.view.drawing import draw_gray_view
+from services.sheet.plane.framing import FlatFrame
 from services.texture_flow.text_identification import identify_text
 
 
@@ -56,21 +56,21 @@ def flatten_photo(
     NoText
         When the photo shows too little printed text to find the page's shape.
     """
-    parameters = RectifyParameters(upright=False)
-    if memory is not None:
-        parameters = replace(parameters, camera=memory.name, cameras=(memory,))
-    page = estimate_page(photo, parameters, exif_focal_length_px, clock)
+    analysis = analyse_photo(photo, clock=clock)
+    view = PhotoFrame(photo.shape[1], photo.shape[0])
+    prior = focal_prior(view, None, exif_focal_length_px, memory)
+    page = shape_page(analysis, view, prior, "auto", clock)
     with clock.stage("framing"):
-        characters = page.analysis.characters
-        sheet = page.analysis.paper.outline(characters)
-        if sheet is not None and _has_text_outside(page.analysis, sheet):
+        characters, text_height_px = analysis.characters, analysis.text_height_px
+        sheet = analysis.paper.outline(characters)
+        if sheet is not None and _has_text_outside(analysis, sheet):
             sheet = None
-        frame = frame_photo(photo, page, sheet)
-        flat = view_photo(index, photo, frame, page.analysis.text_height_px, float(len(characters)))
+        frame = page.shape.frame(page.view, characters, text_height_px, sheet, "sheet")
+        flat = view_photo(index, photo, frame, text_height_px, float(len(characters)))
         if sheet is None:
             # A picture may divide the sheet. Its hull is still known where a background is visible around it.
-            sheet = page.analysis.paper.hull(characters)
-            sheet = None if sheet is None or _has_text_outside(page.analysis, sheet) else sheet
+            sheet = analysis.paper.hull(characters)
+            sheet = None if sheet is None or _has_text_outside(analysis, sheet) else sheet
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
     return replace(flat, notices=notices, sheet=sheet)
 
@@ -103,9 +103,7 @@ def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:
         )
 
 
-def view_photo(
-    index: int, photo: RgbImage, frame: FlatFrame | CurvedFrame, text_height_px: float, weight: float
-) -> FlatPhoto:
+def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float, weight: float) -> FlatPhoto:
     """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
     p = FlatteningParameters()
     frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
@@ -129,7 +127,7 @@ def view_photo(
     )
 
 
-def _shown(photo: RgbImage, frame: FlatFrame | CurvedFrame, rim_px: float) -> Mask:
+def _shown(photo: RgbImage, frame: Frame, rim_px: float) -> Mask:
     """Where the view shows the photo without its border."""
     black: GrayImage = np.zeros(photo.shape[:2], np.uint8)
     rim = int(np.ceil(rim_px))
@@ -137,7 +135,7 @@ def _shown(photo: RgbImage, frame: FlatFrame | CurvedFrame, rim_px: float) -> Ma
     return np.asarray(draw_gray_view(black, 1.0, frame) == 0)
 
 
-def _photo_px_per_flat_px(frame: FlatFrame | CurvedFrame, shown: Mask, step: int = 40) -> Floats:
+def _photo_px_per_flat_px(frame: Frame, shown: Mask, step: int = 40) -> Floats:
     """Photo pixels per flat pixel (N,), the square root of the map's area ratio, on a grid over the shown part."""
     x, y = np.meshgrid(np.linspace(0, frame.width - 1, step), np.linspace(0, frame.height - 1, step))
     grid = np.stack([x, y], axis=-1).reshape(-1, 2)

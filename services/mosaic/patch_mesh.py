@@ -7,7 +7,6 @@ from services.geometry.homographies import denominators, transform_points
 from services.geometry.page_frame import fill_unknown
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import Placement
-from services.rectify.framing import FlatFrame
 
 LARGEST_REACH = 3.0
 """Largest distance of a photo's point from the view, in sizes of the view. Points farther out are near the horizon."""
@@ -28,7 +27,7 @@ def mesh_of_patch(photo: FlatPhoto, placement: Placement, columns: int = 49, row
 def flat_points(photo: FlatPhoto, points: Points) -> Points:
     """Flat pixels (N, 2) of photo pixels (N, 2); NaN beyond the page's horizon or outside of the page model."""
     frame = photo.frame
-    if isinstance(frame, FlatFrame):
+    if frame.H_photo_flat is not None:
         H_flat_photo = np.linalg.inv(frame.H_photo_flat)
         flat = transform_points(H_flat_photo, points)
         # The view's own points lie on the visible side of the horizon.

@@ -34,9 +34,9 @@ from services.mosaic.registration.photo_pairs import register_photos
 from services.mosaic.results import MosaicResult
 from services.ocr.engine import OcrEngine
 from services.progress import report_progress
-from services.rectify.pipeline import tell_orientation
 from services.rectify.results import Orientation
 from services.rectify.stage_clock import StageClock
+from services.rectify.view.orientation import tell_orientation
 
 FLATTENED = 0.4
 STAGE_BEGINS = {

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import RgbImage
-from services.rectify.results import Notice, Orientation
+from services.notices import Notice
+from services.rectify.results import Orientation
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -39,6 +39,7 @@ from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.results import Recognition
 from services.layout.rendering.overlay import draw_overlay, place_of_page
 from services.layout.segmentation import FinePage
+from services.notices import Notice
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import default_language
 from services.operations.kept_picture import KeptPicture, encode_kept_picture
@@ -52,7 +53,6 @@ from services.operations.replies import ENCODING_BEGINS, describe_warnings, time
 from services.operations.stored_models import open_models
 from services.progress import progress_within, report_progress
 from services.rectify.pipeline import rectify
-from services.rectify.results import Notice
 
 FLATTENED, MATCHING_BEGINS = 0.6, 0.8
 """Typical progress after flattening, and before matching."""

@@ -24,6 +24,7 @@ from services.layout.recognition.documents import (
     recognize_document,
 )
 from services.layout.recognition.page_recognition import RecognitionParameters
+from services.notices import Notice
 from services.operations.kept_picture import encode_kept_picture
 from services.operations.layout import (
     MATCHING_BEGINS,
@@ -43,7 +44,6 @@ from services.operations.reader import ocr_engine
 from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
 from services.operations.stored_models import open_models
 from services.progress import progress_within, report_progress
-from services.rectify.results import Notice
 
 ARCHIVE = "application/zip"
 MOST_PICTURE_BYTES = 4 * 2**20

@@ -10,6 +10,7 @@ from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesForm
 from services.errors import DocumentError, NotAcceptable
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
 from services.imaging.page_files import PagePart, PagesFileFormat, archive_pages, bind_parts, encode_part
+from services.notices import Notice
 from services.operations.page_reading import describe_text, write_text
 from services.operations.replies import (
     ENCODING_BEGINS,
@@ -21,7 +22,6 @@ from services.operations.replies import (
     timed,
     to_json_ready,
 )
-from services.rectify.results import Notice
 from services.text.page_text import PageText
 
 

@@ -28,15 +28,15 @@ from services.operations.replies import (
     timed,
 )
 from services.progress import progress_within
-from services.rectify.focal_length import seen_focal_length
+from services.rectify.analysis.focal_length import seen_focal_length
 from services.rectify.kept_photo import keep_photo
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import rectify
 from services.rectify.preview import PREVIEW_PX, preview_page
 from services.rectify.preview_scale import enlarge, reduce_parameters
-from services.rectify.results import PlaneSurface, RectifyResult
+from services.rectify.results import RectifyResult
 from services.rectify.spread import RectifiedPages, page_timings, rectify_spread
-from services.sheet.surfaces import MeshSurface, StripsSurface
+from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface, Surface
 
 
 def rectify_picture(
@@ -259,26 +259,24 @@ def describe_rectification(result: RectifyResult, photo_size: tuple[int, int]) -
     }
 
 
-def _describe_surface(surface: PlaneSurface | StripsSurface | MeshSurface) -> dict[str, object]:
-    if isinstance(surface, PlaneSurface):
-        return {"type": "plane", "normal": surface.normal}
-    if isinstance(surface, MeshSurface):
-        rows, columns = surface.points.shape[:2]
-        points, normals = np.round(surface.points, 2), np.round(surface.normals, 4)
-        return {"type": "mesh", "rows": rows, "columns": columns, "points": points, "normals": normals}
-    rulings = zip(surface.points, surface.angles_rad, surface.vanishing_points, strict=True)
-    return {
-        "type": "strips",
-        "normals": np.round(surface.normals, 6).tolist(),
-        "rulings": [
-            {
-                "point": np.round(point, 3).tolist(),
-                "angle_deg": round(float(np.degrees(angle)), 4),
-                "vanishing_point": _finite_point(vanishing_point),
-            }
-            for point, angle, vanishing_point in rulings
-        ],
-    }
+def _describe_surface(surface: Surface) -> dict[str, object]:
+    match surface:
+        case PlaneSurface(normal):
+            return {"type": "plane", "normal": normal}
+        case MeshSurface(points, normals):
+            rows, columns = points.shape[:2]
+            described = {"points": np.round(points, 2), "normals": np.round(normals, 4)}
+            return {"type": "mesh", "rows": rows, "columns": columns, **described}
+        case StripsSurface(normals, points, angles_rad, vanishing_points):
+            rulings = [
+                {
+                    "point": np.round(point, 3).tolist(),
+                    "angle_deg": round(float(np.degrees(angle)), 4),
+                    "vanishing_point": _finite_point(vanishing_point),
+                }
+                for point, angle, vanishing_point in zip(points, angles_rad, vanishing_points, strict=True)
+            ]
+            return {"type": "strips", "normals": np.round(normals, 6).tolist(), "rulings": rulings}
 
 
 def _describe_point(point: tuple[float, float] | None) -> list[float] | None:

@@ -7,6 +7,7 @@ from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError, InvalidOption, NotDoneInTime
 from services.heap import release_freed_memory
 from services.imaging.page_images import PageLimits, PagePicture, PageSource, open_pages
+from services.notices import Notice
 from services.operations.page_journal import Entry, PageJournal, SourceName, SourceOutcome
 from services.operations.page_reading import reading_engine
 from services.operations.pages_reply import (
@@ -22,7 +23,6 @@ from services.operations.rectify import flatten_picture, rectify_picture
 from services.operations.replies import ENCODING_BEGINS, SourceFacts, timed
 from services.progress import progress_within
 from services.rectify.preview import PREVIEW_PX
-from services.rectify.results import Notice
 
 
 def rectify_uploads(

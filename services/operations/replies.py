@@ -19,10 +19,11 @@ from services.documents.searchable_pdf import PdfFacts, finish_pdf
 from services.heap import release_freed_memory
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, UploadFormat, encode_image
 from services.imaging.page_files import archive_pages
+from services.notices import Notice
 from services.ocr.languages import language_tag
 from services.operations.page_reading import describe_text, write_text
 from services.progress import report_progress
-from services.rectify.results import Notice, Orientation
+from services.rectify.results import Orientation
 from services.text.page_text import PageText
 
 ENCODING_BEGINS = 0.95

@@ -4,22 +4,16 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.errors import NoText
-from services.rectify.results import (
-    CameraEstimate,
-    Evidence,
-    Notice,
-    Orientation,
-    PlaneSurface,
-    RectifyResult,
-)
-
-MESH_ROWS, MESH_COLUMNS = 65, 49
+from services.geometry.page_frame import mesh_of
+from services.notices import Notice
+from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
+from services.sheet.plane.framing import FlatFrame
+from services.sheet.surfaces import PlaneSurface
 
 
 def keep_photo(photo: RgbImage, refusal: NoText) -> RectifyResult:
     """The photo (H, W, 3) as its own flat view, with a warning that says why."""
     height, width = photo.shape[:2]
-    x, y = np.meshgrid(np.linspace(0, width - 1, MESH_COLUMNS), np.linspace(0, height - 1, MESH_ROWS))
     return RectifyResult(
         photo,
         "planar",
@@ -27,6 +21,6 @@ def keep_photo(photo: RgbImage, refusal: NoText) -> RectifyResult:
         CameraEstimate(None, None, "assumed"),
         PlaneSurface(None),
         Orientation(0, False, None),
-        np.stack([x, y], axis=-1),
+        np.asarray(mesh_of(FlatFrame(np.eye(3), width, height)), np.float64),
         (Notice("kept-as-it-is", f"the photo was passed through: {refusal.detail}"),),
     )

@@ -5,7 +5,6 @@ text; a bent sheet is then a mesh between its sides. Else the text decides: a pl
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,37 +13,37 @@ from services.arrays import Points, RgbImage
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
-from services.geometry.page_frame import mesh_of
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.paper import PaperParameters
 from services.imaging.reduction import Halves
-from services.rectify.analysis import AnalysisParameters, FoundText, PageAnalysis, analyse_text, find_text
-from services.rectify.focal_length import focal_prior, remembered
-from services.rectify.outline_plane import OutlinePlane, read_sides
-from services.rectify.page_choice import choose_page
-from services.rectify.pipeline import (
-    FACING_PAGE,
-    FlatPage,
-    describe_camera,
-    describe_evidence,
-    describe_surface,
-    find_border,
-    frame_photo,
+from services.notices import Notice
+from services.rectify.analysis.focal_length import requested_prior
+from services.rectify.analysis.page_analysis import (
+    AnalysisParameters,
+    FoundText,
+    PageAnalysis,
+    analyse_text,
+    find_text,
 )
-from services.rectify.planarity import discriminate_surface
-from services.rectify.pose import PoseParameters, choose_pose, start_plane
-from services.rectify.print_sample import print_heights
-from services.rectify.quick_bend import bend_quickly
-from services.rectify.results import Notice, Orientation, PrintSample, RectifyResult
-from services.rectify.sheet_corners import corners_by_view
-from services.rectify.sheet_cut import cut_to_outline, within_polygon
+from services.rectify.analysis.page_choice import choose_page
+from services.rectify.analysis.print_sample import print_heights
+from services.rectify.page_description import describe_page
+from services.rectify.pipeline import FACING_PAGE
+from services.rectify.results import Orientation, PrintSample, RectifyResult
+from services.rectify.shape_choice.quick_bend import bend_quickly
+from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.shape_choice.textless import planar_page
 from services.rectify.stage_clock import StageClock
-from services.rectify.textless import TextlessPage, TextlessParameters, frame_textless, pose_of
+from services.rectify.view.framing import find_border, frame_shape
+from services.rectify.view.sheet_cut import cut_to_outline
 from services.sheet.outline.candidates import CandidateParameters
 from services.sheet.outline.detection import OutlineParameters, find_outline
 from services.sheet.outline.rays import RayParameters
 from services.sheet.outline.results import SheetOutline
+from services.sheet.plane.outline_plane import OutlinePlane, read_sides
+from services.sheet.plane.planarity import apparent_kind
+from services.sheet.plane.pose import PoseParameters, choose_pose, start_plane
 from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.ridged_page import (
@@ -140,7 +139,7 @@ def preview_page(
     p = PreviewParameters()
     clock = StageClock()
     view = PhotoFrame(photo.shape[1], photo.shape[0])
-    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
+    prior = requested_prior(view, parameters, exif_focal_length_px)
     halves = Halves(photo)
     with clock.stage("text"):
         text, refusal = _find_text(halves, parameters, p)
@@ -150,7 +149,7 @@ def preview_page(
             characters = None if text is None else text.characters
             height_px = None if text is None else text.text_height_px
             outline = find_outline(halves, characters, height_px, p.outline)
-    page: FlatPage | TextlessPage | None
+    page: ShapedPage | None
     with clock.stage("shape"):
         page = _sheet_between_sides(outline, view, prior, text, parameters, p)
     if page is None:
@@ -158,28 +157,13 @@ def preview_page(
             raise refusal or NoText("neither text nor a sheet's edges are seen.")
         page = _page_of_text(halves, text, view, prior, outline, parameters, clock, p)
     with clock.stage("framing"):
-        if isinstance(page, TextlessPage):
-            frame = frame_textless(page)
-        else:
-            frame = frame_photo(photo, page, find_border(page, parameters.crop), parameters.crop)
+        frame = frame_shape(page, find_border(page, parameters.crop), parameters.crop)
         if parameters.crop == "sheet" and page.outline is not None:
             frame, _ = cut_to_outline(frame, page.outline, page.characters)
-    mesh = np.asarray(mesh_of(frame), np.float64)
     # Nothing is drawn: one white pixel has the size of the view.
     blank = np.broadcast_to(np.full((1, 1, 3), 255, np.uint8), (frame.height, frame.width, 3))
-    return RectifyResult(
-        blank,
-        page.kind,
-        describe_evidence(page),
-        describe_camera(page),
-        describe_surface(page),
-        Orientation(0, False, None),
-        mesh,
-        page.notices,
-        clock.timings_ms,
-        corners_by_view(page.outline, mesh, mirrored=False),
-        None if text is None else PrintSample(text.characters, print_heights(text.text) / text.factor),
-    )
+    printed = None if text is None else PrintSample(text.characters, print_heights(text.text) / text.factor)
+    return describe_page(page, blank, frame, Orientation(0, False, None), page.notices, clock, printed)
 
 
 def _find_text(
@@ -198,29 +182,29 @@ def _sheet_between_sides(
     text: FoundText | None,
     parameters: RectifyParameters,
     p: PreviewParameters,
-) -> TextlessPage | None:
+) -> ShapedPage | None:
     """The sheet by its four sides; None where they are not certain."""
     if outline is None or outline.confidence < p.certain_outline:
         return None
     if min(side.seen for side in outline.sides) < p.min_seen:
         return None
-    if text is not None and within_polygon(outline.polygon, text.characters).mean() < p.min_text_share:
+    if text is not None and outline.holds(text.characters).mean() < p.min_text_share:
         return None
     direction = 0.0 if text is None else line_direction(text.characters, p)
     bent = sides_bend(outline) > p.straight_side if parameters.kind == "auto" else parameters.kind == "curved"
     if bent:
         mesh = _bent_sheet(outline, view, prior, direction, p)
-        return None if mesh is None else TextlessPage(view, mesh, outline.polygon, outline, None)
+        return None if mesh is None else ShapedPage(view, mesh, mesh.notices, outline)
     sheet = read_sides(outline, view, prior)
-    if sheet is None or not isinstance(sheet.plane, OutlinePlane):
+    if sheet is None or sheet.plane is None:
         return None
     plane = sheet.plane
     if _runs_down(plane, sheet.view, direction):
         # Lines of text run along the sides that the photo shows as left and right.
         turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         plane = replace(plane, plane=replace(plane.plane, rotation=plane.plane.rotation @ turn))
-    shape = pose_of(plane, sheet.view, prior, "outline", TextlessParameters())
-    return TextlessPage(sheet.view, shape, outline.polygon, outline, plane.aspect)
+    flat = planar_page(plane, prior, "outline")
+    return ShapedPage(sheet.view, flat, flat.notices, outline)
 
 
 def _runs_down(plane: OutlinePlane, view: PhotoFrame, direction_rad: float) -> bool:
@@ -244,12 +228,12 @@ def _bent_sheet(
     if whole is None:
         return None
     corners, order = turn_outline(whole, direction_rad)
-    corners = np.asarray((corners - view.centre) / view.unit_px)
-    sides = tuple(np.asarray((outline.sides[k].points - view.centre) / view.unit_px) for k in order)
+    corners = view.to_centred(corners)
+    sides = tuple(view.to_centred(outline.sides[k].points) for k in order)
     mesh = cylinder_between_sides(corners, sides, prior.log_focal, prior.deviation, p.cells)
     if mesh is None:
         mesh = mesh_between_sides(corners, sides, float(np.exp(prior.log_focal)), p.cells)
-    return None if mesh is None else RidgedPage(mesh, mesh.focal, prior.source, 0, 0.0, 0.0, 0.0)
+    return None if mesh is None else RidgedPage(mesh, prior.source)
 
 
 def _page_of_text(
@@ -261,9 +245,8 @@ def _page_of_text(
     parameters: RectifyParameters,
     clock: StageClock,
     p: PreviewParameters,
-) -> FlatPage:
+) -> ShapedPage:
     """The page by its text: a plane, or a bent sheet where a short fit explains the directions of the text better."""
-    kind = parameters.kind
     with clock.stage("texture_flow"):
         analysis = analyse_text(text, p.analysis)
     if parameters.region is None:
@@ -275,19 +258,15 @@ def _page_of_text(
         seen, outline = (FACING_PAGE,), None
     with clock.stage("shape"):
         evidence = analysis.evidence(view)
-        seems: Literal["planar", "curved"] = (
-            discriminate_surface(evidence.vanishing_points, evidence.text.height_px)
-            if kind == "auto"
-            else kind
-        )
+        seems = apparent_kind(evidence, parameters.kind)
         if seems == "curved":
             plane = PlaneMap(start_plane(evidence, prior, p.pose).H_centred_plane)
             bent = bend_quickly(evidence, prior, plane)
             if bent is not None:
-                return FlatPage(analysis, view, evidence.vanishing_points, bent, seen, outline)
+                return ShapedPage(view, bent, seen, outline, analysis, evidence.vanishing_points)
         pose = choose_pose(evidence, prior, seems, p.pose)
     notices = (*seen, *pose.notices) if seems == "planar" else (*seen, SEEMS_CURVED, *pose.notices)
-    return FlatPage(analysis, view, evidence.vanishing_points, pose, notices, outline)
+    return ShapedPage(view, pose, notices, outline, analysis, evidence.vanishing_points)
 
 
 def _without_facing_page(

@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats
 from services.contract.rectify import RectifyParameters
-from services.geometry.homographies import resizing, to_resized
+from services.geometry.homographies import to_resized
 from services.rectify.results import PrintSample, RectifyResult
-from services.sheet.surfaces import MeshSurface, StripsSurface
 
 
 def reduce_parameters(parameters: RectifyParameters, reduction: int) -> RectifyParameters:
@@ -34,12 +33,6 @@ def enlarge(result: RectifyResult, factor: float) -> RectifyResult:
     size = max(round(height * factor), 1), max(round(width * factor), 1)
     camera = result.camera
     point = camera.principal_point
-    surface = result.surface
-    if isinstance(surface, MeshSurface):
-        surface = replace(surface, points=moved(surface.points))
-    elif isinstance(surface, StripsSurface):
-        vanishing_points = surface.vanishing_points @ resizing(factor).T
-        surface = replace(surface, points=moved(surface.points), vanishing_points=vanishing_points)
     printed = result.print
     if printed is not None:
         printed = PrintSample(moved(printed.characters), printed.heights_px * factor)
@@ -53,7 +46,7 @@ def enlarge(result: RectifyResult, factor: float) -> RectifyResult:
             if point is None
             else (float(moved(np.array(point[0]))), float(moved(np.array(point[1])))),
         ),
-        surface=surface,
+        surface=result.surface.resized(factor),
         mesh=moved(result.mesh),
         corners=None if result.corners is None else moved(result.corners),
         print=printed,

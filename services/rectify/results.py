@@ -8,19 +8,9 @@ from numpy.typing import NDArray
 
 from services.arrays import Points, RgbImage, Vector
 from services.geometry.focal_prior import FocalLengthSource
-from services.sheet.surfaces import MeshSurface, StripsSurface
-
-
-@dataclass(frozen=True, slots=True)
-class Notice:
-    """A warning of the contract: a stable `code`, and a `detail` that a person can act on."""
-
-    code: str
-    detail: str
-
-
-ShapeSource = Literal["text", "outline", "rules"]
-"""What can show the page's shape: its text, the sheet's outline, straight print that is no text."""
+from services.notices import Notice
+from services.sheet.shape import ShapeSource
+from services.sheet.surfaces import Surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +48,6 @@ class CameraEstimate:
 
 
 @dataclass(frozen=True, slots=True)
-class PlaneSurface:
-    """Unit normal in the camera frame (x right, y down, z forward); None where f is unknown."""
-
-    normal: tuple[float, float, float] | None
-
-
-@dataclass(frozen=True, slots=True)
 class Orientation:
     """Clockwise turn that was applied to the flat view so that it reads.
 
@@ -99,7 +82,7 @@ class RectifyResult:
     kind: Literal["planar", "curved"]
     evidence: Evidence
     camera: CameraEstimate
-    surface: PlaneSurface | StripsSurface | MeshSurface
+    surface: Surface
     orientation: Orientation
     mesh: NDArray[np.float64]
     warnings: tuple[Notice, ...] = ()

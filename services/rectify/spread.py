@@ -10,23 +10,16 @@ from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
+from services.notices import Notice
 from services.ocr.engine import OcrEngine
 from services.progress import progress_within
-from services.rectify.analysis import analyse_spread
-from services.rectify.focal_length import focal_prior, remembered
+from services.rectify.analysis.focal_length import requested_prior
+from services.rectify.analysis.page_analysis import analyse_spread
 from services.rectify.parameter_checks import check_parameters
-from services.rectify.pipeline import (
-    FACING_PAGE,
-    STAGE_BEGINS,
-    FlatPage,
-    flatten_page,
-    rectify,
-    shape_page,
-)
-from services.rectify.pose import PagePose
-from services.rectify.results import Notice, RectifyResult
+from services.rectify.pipeline import STAGE_BEGINS, flatten_page, rectify, shape_page
+from services.rectify.results import RectifyResult
+from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
-from services.sheet.ridged_page import RidgedPage
 
 ORIENTATION_UNKNOWN = "orientation-unknown"
 SURE = 0.5
@@ -82,56 +75,49 @@ def rectify_spread(
         with progress_within(0.5 + 0.25 * number, 0.75 + 0.25 * number):
             results.append(flatten_page(photo, page, parameters, ocr, StageClock(STAGE_BEGINS)))
     results = [turn_like(result, results) for result in results]
-    places = [page.analysis.characters.mean(axis=0) for page in pages]
+    places = [page.characters.mean(axis=0) for page in pages]
     order = reading_order(places, _line_direction(results))
     return RectifiedPages(tuple(results[k] for k in order), (), clock.timings_ms)
 
 
 def _shape_pages(
     photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
-) -> list[FlatPage]:
+) -> list[ShapedPage]:
     """The main page and the facing one, or one of them if text does not show both."""
     view = PhotoFrame(photo.shape[1], photo.shape[0])
-    prior = focal_prior(view, parameters.focal_length_px, exif_focal_length_px, remembered(parameters))
+    prior = requested_prior(view, parameters, exif_focal_length_px)
     try:
         analyses = analyse_spread(photo, parameters.region, clock=clock)
         if len(analyses) < 2:
             return []
-        pages: list[FlatPage] = []
+        pages: list[ShapedPage] = []
         for analysis in analyses:
-            pages.append(shape_page(analysis, view, prior, parameters, clock))
+            pages.append(shape_page(analysis, view, prior, parameters.kind, clock))
             prior = shared_prior(pages[-1], prior)
         for k, analysis in enumerate(analyses):
             off = abs(_log_focal(pages[k]) - prior.log_focal)
             if prior.source == "estimated" and off > SpreadParameters().agreement:
-                pages[k] = shape_page(analysis, view, prior, parameters, clock)
+                pages[k] = shape_page(analysis, view, prior, parameters.kind, clock)
     except NoText:
         return []
-    return [_without_facing_notice(page) for page in pages]
+    return pages
 
 
-def shared_prior(page: FlatPage, prior: FocalPrior) -> FocalPrior:
+def shared_prior(page: ShapedPage, prior: FocalPrior) -> FocalPrior:
     """Prior of the focal length after `page` was fitted with `prior`; `prior` if the page does not show it.
 
     The fitted value includes the prior already, so only their deviations are combined.
     """
     p = SpreadParameters()
-    shape = page.shape
-    deviation = float("inf") if isinstance(shape, RidgedPage) else shape.log_focal_deviation
+    deviation = page.shape.log_focal_deviation
     if prior.source in ("given", "exif") or deviation >= p.determined:
         return prior
     joint = 1 / float(np.hypot(1 / deviation, 1 / prior.deviation))
     return FocalPrior(_log_focal(page), max(joint, p.least_deviation), "estimated")
 
 
-def _log_focal(page: FlatPage) -> float:
-    shape = page.shape
-    focal = shape.focal_length_px / page.view.unit_px if isinstance(shape, PagePose) else shape.focal
-    return float(np.log(focal))
-
-
-def _without_facing_notice(page: FlatPage) -> FlatPage:
-    return replace(page, notices=tuple(notice for notice in page.notices if notice is not FACING_PAGE))
+def _log_focal(page: ShapedPage) -> float:
+    return float(np.log(page.shape.focal))
 
 
 def _line_direction(results: Sequence[RectifyResult]) -> Vector:

@@ -1,10 +1,12 @@
 """The shape of a curved page: start, fit and check of the global developable surface."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from services.arrays import Points, Vector
+from services.contract.rectify import Crop
 from services.geometry.focal_prior import (
     FOCAL,
     MEASURED,
@@ -17,12 +19,15 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import estimate_plane
 from services.geometry.vanishing_points import FlowVanishingPoints
+from services.notices import Notice
 from services.sheet.developable.fitting import FittedSurface, SurfaceStart, fit_surface, rescale_deviations
 from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations
 from services.sheet.developable.residuals import BENDS, FittingParameters
 from services.sheet.developable.smooth_residual import morph_to_lines
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.evidence import PageEvidence
+from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page
+from services.sheet.shape import EXIF_CONTRADICTED, NoShape, ShapeSource
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, StripsSurface
 from services.sheet.tracing.line_tracing import measure_straightness, trace_by_characters
 from services.texture_flow.field import FlowSamples, mean_deviation
@@ -59,36 +64,46 @@ class CurvedParameters:
 class CurvedPage:
     """The map that flattens a curved page, its shape in strips, and the evidence for it.
 
-    `surface` is the global surface of the map, `fitted` its fit, and `lines` the text lines that it was fitted to.
-    `focal` is in half diagonals; `deviation` is the mean deviation (rad) of the flows from horizontal and
-    vertical in the flat view, `line_straightness` the RMS deviation, in text heights, of the text lines from straight
+    `fitted` is the fit of the map's global surface, `lines` the text lines that it was fitted to, and `strips` describe
+    it. `deviation` is the mean deviation (rad) of the flows from horizontal and vertical in the flat view,
+    `line_straightness` the RMS deviation, in text heights, of the text lines from straight
     ones, before the small residual.
     """
 
     page_map: PageMap
-    surface: DevelopableSurface
     strips: StripsSurface
-    focal: float
     focal_source: FocalLengthSource
     line_count: int
     deviation: float
     line_straightness: float
-    exif_contradicted: bool
-    """The page does not fit the focal length of the EXIF data, which was not used."""
+    notices: tuple[Notice, ...]
     fitted: FittedSurface
     lines: LineObservations
+    kind: ClassVar[Literal["curved"]] = "curved"
+    sources: ClassVar[tuple[ShapeSource, ...]] = ("text",)
+    sides_believed: ClassVar[bool] = False
+    ends_at_sides: ClassVar[bool] = False
+
+    @property
+    def focal(self) -> float:
+        """See `PageShape`."""
+        return self.fitted.surface.focal
 
     @property
     def log_focal_deviation(self) -> float:
-        """Deviation of the focal length's logarithm as the page alone shows it."""
+        """See `PageShape`."""
         return self.fitted.log_focal_deviation
 
+    def surface(self, view: PhotoFrame) -> StripsSurface:
+        """See `PageShape`."""
+        return self.strips
 
-@dataclass(frozen=True, slots=True)
-class NoSheet:
-    """No bent sheet is plausible; `reason` completes "a bent sheet is not plausible: "."""
-
-    reason: str
+    def frame(
+        self, view: PhotoFrame, points: Points, text_height_px: float, paper: Points | None, crop: Crop
+    ) -> CurvedFrame:
+        """See `PageShape`."""
+        framing = CURVED_TEXT_FRAMING if crop == "text" else None
+        return frame_curved_page(self.page_map, view, points, text_height_px, paper, framing)
 
 
 def describe_strips(
@@ -162,7 +177,7 @@ def thin(samples: FlowSamples, count: int) -> FlowSamples:
     )
 
 
-def estimate_curved_page(evidence: PageEvidence, prior: FocalPrior) -> CurvedPage | NoSheet:
+def estimate_curved_page(evidence: PageEvidence, prior: FocalPrior) -> CurvedPage | NoShape:
     """Fit a bent sheet to the text of a page.
 
     The fit starts from flat sheets, first to the flows alone. Then the text lines are traced in the flat view, and
@@ -178,7 +193,7 @@ def estimate_curved_page(evidence: PageEvidence, prior: FocalPrior) -> CurvedPag
 
     Returns
     -------
-    CurvedPage or NoSheet
+    CurvedPage or NoShape
         The page, or the reason why no bent sheet is plausible.
     """
     p, e = CurvedParameters(), evidence
@@ -202,19 +217,16 @@ def estimate_curved_page(evidence: PageEvidence, prior: FocalPrior) -> CurvedPag
             fitted, lines = _fit_lines(e, prior, fitted, p)
         reason = implausibility(fitted.surface, e.characters, p)
     if reason is not None:
-        return NoSheet(reason)
-    seen = prior.source == "assumed" and fitted.log_focal_deviation < FOCAL.seen_deviation
+        return NoShape(reason)
     page_map = morph_to_lines(fitted.surface, lines)
     return CurvedPage(
         page_map,
-        fitted.surface,
         describe_strips(fitted.surface, e.view, e.characters, p.strips),
-        fitted.surface.focal,
-        "estimated" if seen else prior.source,
+        prior.source_beside(fitted.log_focal_deviation),
         lines.count // 2,
         flow_deviation(page_map, e.major, e.minor),
         measure_straightness(fitted.surface, lines),
-        contradicted,
+        (EXIF_CONTRADICTED,) if contradicted else (),
         fitted,
         lines,
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import scaling, transform_points, translation
-from services.geometry.page_frame import FramingParameters
+from services.geometry.page_frame import FramingParameters, within_bounds
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.ridged.mesh import SheetMesh
@@ -40,14 +40,18 @@ class CurvedFrame:
     width: int
     height: int
 
+    @property
+    def H_photo_flat(self) -> None:
+        """See `Frame`."""
+
     def to_photo(self, pixels: Points) -> Points:
         """See `Frame`."""
         seen = self.page_map.to_photo(transform_points(self.H_page_flat, pixels))
-        return np.asarray(seen * self.view.unit_px + self.view.centre)
+        return self.view.to_photo(seen)
 
     def to_flat(self, photo: Points) -> Points:
-        """Output pixels (N, 2) of photo pixels (N, 2)."""
-        page = self.page_map.to_page((photo - self.view.centre) / self.view.unit_px)
+        """See `Frame`."""
+        page = self.page_map.to_page(self.view.to_centred(photo))
         return transform_points(np.linalg.inv(self.H_page_flat), page)
 
     def through(self, H_old_new: Homography, width: int, height: int) -> "CurvedFrame":
@@ -61,15 +65,15 @@ def frame_curved_page(
     text_points: Points,
     text_height_px: float,
     paper: Points | None,
-    framing: FramingParameters | None = None,
     parameters: CurvedFramingParameters | None = None,
+    framing: FramingParameters | None = None,
 ) -> CurvedFrame:
     """View of the whole sheet, or, without an outline, of the part of the photo that is near the text.
 
     `text_points` (N, 2) are centres of characters in photo pixels; `paper` is the sheet's outline if it was found.
     """
     f, p = framing or FramingParameters(), parameters or CurvedFramingParameters()
-    characters = (text_points - view.centre) / view.unit_px
+    characters = view.to_centred(text_points)
     text = page_map.to_page(characters)
     # Photo pixels per page unit at the text.
     with np.errstate(invalid="ignore"):
@@ -83,7 +87,7 @@ def frame_curved_page(
     outer = np.stack([core[0] - reach, core[1] + reach])
     seen = _visible(page_map, view, outer)
     if paper is not None:
-        sheet = page_map.to_page((paper - view.centre) / view.unit_px)
+        sheet = page_map.to_page(view.to_centred(paper))
         inside = ((sheet >= outer[0]) & (sheet <= outer[1])).all(axis=1)
         if inside.any():
             rim = f.paper_margin * float((core[1] - core[0]).max())
@@ -92,32 +96,28 @@ def frame_curved_page(
     box = np.stack([np.minimum(core[0], seen[0]), np.maximum(core[1], seen[1])])
     box = _believable(page_map, view, core, box, usual, p)
     extent = box[1] - box[0]
-    pixels = f.max_growth * view.width * view.height
-    resolution = min(
-        resolution, float(np.sqrt(pixels / (extent[0] * extent[1]))), 20000.0 / float(extent.max())
-    )
+    resolution = within_bounds(resolution, (extent[0], extent[1]), view.width * view.height, f)
     width, height = (max(round(v * resolution), 1) for v in extent)
     low = (float(box[0, 0]), float(box[0, 1]))
     H_page_flat = translation(*low) @ scaling(1 / resolution) @ translation(0.5, 0.5)
     return CurvedFrame(page_map, view, H_page_flat, width, height)
 
 
-def frame_mesh(mesh: SheetMesh, view: PhotoFrame, text_points: Points | None) -> CurvedFrame:
+def frame_mesh(mesh: SheetMesh, view: PhotoFrame, text_points: Points) -> CurvedFrame:
     """View of a whole sheet, cut at its sides, at the resolution of the text in the photo.
 
-    `text_points` (N, 2) are centres of characters in photo pixels; with None or few, the resolution is that of the
+    `text_points` (N, 2) are centres of characters in photo pixels; with few, the resolution is that of the
     whole sheet.
     """
     f = FramingParameters()
-    points = None if text_points is None else (text_points - view.centre) / view.unit_px
-    if points is None or len(points) < f.min_characters:
+    points = view.to_centred(text_points)
+    if len(points) < f.min_characters:
         points = mesh.project(mesh.nodes.reshape(-1, 3))
     with np.errstate(invalid="ignore"):
         scale = view.unit_px / np.sqrt(np.abs(np.linalg.det(mesh.jacobians(points))))
     resolution = float(np.nanpercentile(scale, f.detail_percentile))
     width, height = mesh.size
-    pixels = f.max_growth * view.width * view.height
-    resolution = min(resolution, float(np.sqrt(pixels / (width * height))), 20000.0 / max(width, height))
+    resolution = within_bounds(resolution, (width, height), view.width * view.height, f)
     size = max(round(width * resolution), 1), max(round(height * resolution), 1)
     H_page_flat = translation(*mesh.origin) @ scaling(1 / resolution) @ translation(0.5, 0.5)
     return CurvedFrame(mesh, view, H_page_flat, *size)

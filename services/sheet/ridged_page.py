@@ -2,20 +2,25 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from services.arrays import Points, Vector
+from services.contract.rectify import Crop
 from services.geometry.focal_prior import FocalLengthSource, FocalPrior
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
+from services.notices import Notice
 from services.sheet.developable.observations import NO_LINES, LineObservations
+from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.start import mesh_between_sides
+from services.sheet.shape import NoShape, ShapeSource
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, MeshSurface
 from services.sheet.tracing.line_tracing import measure_straightness
 from services.texture_flow.field import FlowSamples
@@ -65,25 +70,38 @@ class RidgedPageParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RidgedPage:
-    """The map that flattens a creased page, and the evidence for it.
+    """The map that flattens a creased page, and the evidence for it; see `PageShape`.
 
-    `line_count` lines of text were traced. `line_straightness` is their RMS deviation from straight ones, in text
-    heights, 0 without lines; `side_deviation` is the RMS distance of the outline from the mesh's border, in photo
-    units, `stretch` the RMS relative change of the lengths of the mesh's edges.
+    `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, 0 without lines;
+    `side_deviation` the RMS distance of the outline from the mesh's border, in photo units, `stretch` the RMS relative
+    change of the lengths of the mesh's edges.
     """
 
     page_map: SheetMesh
-    focal: float
     focal_source: FocalLengthSource
-    line_count: int
-    line_straightness: float
-    side_deviation: float
-    stretch: float
-    log_focal_deviation: float = float("inf")
+    line_count: int = 0
+    line_straightness: float = 0.0
+    side_deviation: float = 0.0
+    stretch: float = 0.0
+    kind: ClassVar[Literal["curved"]] = "curved"
+    log_focal_deviation: ClassVar[float] = float("inf")
     """A flexible sheet shows the focal length less precisely than a smooth one; the precision is not known."""
+    notices: ClassVar[tuple[Notice, ...]] = ()
+    sides_believed: ClassVar[bool] = True
+    ends_at_sides: ClassVar[bool] = True
+
+    @property
+    def focal(self) -> float:
+        """See `PageShape`."""
+        return self.page_map.focal
+
+    @property
+    def sources(self) -> tuple[ShapeSource, ...]:
+        """See `PageShape`."""
+        return ("outline", "text") if self.line_count else ("outline",)
 
     def surface(self, view: PhotoFrame) -> MeshSurface:
-        """The mesh as the answer describes it."""
+        """See `PageShape`."""
         X = self.page_map.nodes
         points = self.page_map.project(X.reshape(-1, 3)) * view.unit_px + view.centre
         along = X[:-1, 1:] - X[:-1, :-1] + X[1:, 1:] - X[1:, :-1]
@@ -92,12 +110,14 @@ class RidgedPage:
         N /= np.linalg.norm(N, axis=2, keepdims=True)
         return MeshSurface(points.reshape(*X.shape[:2], 2).astype(np.float64), N.astype(np.float64))
 
-
-@dataclass(frozen=True, slots=True)
-class NoRidgedPage:
-    """Why no creased sheet is plausible."""
-
-    reason: str
+    def frame(
+        self, view: PhotoFrame, points: Points, text_height_px: float, paper: Points | None, crop: Crop
+    ) -> CurvedFrame:
+        """See `PageShape`."""
+        if crop == "sheet":
+            return frame_mesh(self.page_map, view, points)
+        framing = CURVED_TEXT_FRAMING if crop == "text" else None
+        return frame_curved_page(self.page_map, view, points, text_height_px, None, framing)
 
 
 def complete_corners(outline: SheetOutline, p: RidgedPageParameters) -> Points | None:
@@ -189,7 +209,7 @@ def estimate_ridged_page(
     strokes: FlowSamples | None,
     major: FlowSamples | None = None,
     parameters: RidgedPageParameters | None = None,
-) -> RidgedPage | NoRidgedPage:
+) -> RidgedPage | NoShape:
     """The creased sheet with this `outline`, or why there is none.
 
     Parameters
@@ -204,27 +224,27 @@ def estimate_ridged_page(
     p = parameters or RidgedPageParameters()
     whole = complete_corners(outline, p)
     if outline.confidence < LEAST_CONFIDENCE or whole is None:
-        return NoRidgedPage("the sheet's outline is not seen clearly")
+        return NoShape("the sheet's outline is not seen clearly")
     if min(side.seen for side in outline.sides) < p.min_seen:
-        return NoRidgedPage("a side of the sheet is not seen")
+        return NoShape("a side of the sheet is not seen")
     corners, order = turn_outline(whole, direction_rad)
     sides = tuple(
         SideObservations(
-            np.asarray((outline.sides[k].points - view.centre) / view.unit_px),
+            view.to_centred(outline.sides[k].points),
             outline.sides[k].deviations / view.unit_px,
         )
         for k in order
     )
     start = mesh_between_sides(
-        np.asarray((corners - view.centre) / view.unit_px),
+        view.to_centred(corners),
         tuple(side.points for side in sides),
         float(np.exp(prior.log_focal)),
         p.fit.schedule[0].cells,
     )
     if start is None:
-        return NoRidgedPage("its corners are not those of a rectangle before a camera")
+        return NoShape("its corners are not those of a rectangle before a camera")
     if major is not None and abs(print_skew(start, major)) > p.max_skew_rad:
-        return NoRidgedPage("its print is askew on it")
+        return NoShape("its print is askew on it")
     seen = SheetObservations(NO_LINES, strokes, sides, prior.log_focal, prior.deviation)
     steps = p.focal_steps if prior.source == "assumed" else ()
     mesh, lines = _fit_to_lines(start, trace, seen, steps, p)
@@ -235,10 +255,9 @@ def estimate_ridged_page(
         mesh, lines = _fit_to_lines(turned, trace, seen, (), p)
         reason = _implausibility(mesh, sides, p)
     if reason is not None:
-        return NoRidgedPage(reason)
+        return NoShape(reason)
     return RidgedPage(
         mesh,
-        mesh.focal,
         prior.source,
         lines.count // 2,
         measure_straightness(mesh, lines),

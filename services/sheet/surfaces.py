@@ -1,12 +1,24 @@
-"""Descriptions of bent pages for the answer, in photo pixels and the camera frame."""
+"""Descriptions of pages' surfaces for the answer, in photo pixels and the camera frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
+from services.arrays import Floats
+from services.geometry.homographies import resizing, to_resized
 
 MAX_MAGNIFICATION_RATIO = 10.0
 """Largest over smallest enlargement over the text of a bent page; more is a wrong shape."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneSurface:
+    """Unit normal in the camera frame (x right, y down, z forward); None where f is unknown."""
+
+    normal: tuple[float, float, float] | None
+
+    def resized(self, _factor: float) -> Self:
+        """The surface in pixels of a photo that is `factor` times as large."""
+        return self
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,10 +30,15 @@ class StripsSurface:
     `vanishing_points` (L + 1, 3) its homogeneous vanishing point in photo pixels.
     """
 
-    normals: NDArray[np.float64]
-    points: NDArray[np.float64]
-    angles_rad: NDArray[np.float64]
-    vanishing_points: NDArray[np.float64]
+    normals: Floats
+    points: Floats
+    angles_rad: Floats
+    vanishing_points: Floats
+
+    def resized(self, factor: float) -> Self:
+        """See `PlaneSurface`."""
+        vanishing_points = self.vanishing_points @ resizing(factor).T
+        return replace(self, points=to_resized(self.points, factor), vanishing_points=vanishing_points)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,5 +48,12 @@ class MeshSurface:
     `normals` (rows - 1, columns - 1, 3) are the unit normals of its cells in the camera frame (z away from the viewer).
     """
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    points: Floats
+    normals: Floats
+
+    def resized(self, factor: float) -> Self:
+        """See `PlaneSurface`."""
+        return replace(self, points=to_resized(self.points, factor))
+
+
+Surface = PlaneSurface | StripsSurface | MeshSurface

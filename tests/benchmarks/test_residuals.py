@@ -18,8 +18,7 @@ from benchmarks.common.residuals import (
     similarity_residual,
     strip_of,
 )
-from services.rectify.results import PlaneSurface
-from services.sheet.surfaces import StripsSurface
+from services.sheet.surfaces import PlaneSurface, StripsSurface
 from simulation.camera import Camera, Pose
 from simulation.flat_page import Page, PageWord
 from simulation.scenes import BOOK, CONE, POSES

@@ -18,8 +18,8 @@ from benchmarks.rectify.simulated import Bench, Options, run_case
 from benchmarks.rectify.subject import FlowErrors, Flows, measure_flows, measure_steps
 from benchmarks.rectify.true_map import flatten_by_truth, flatten_in_frame
 from services.errors import NoText
-from services.rectify.results import CameraEstimate, Evidence, Orientation, PlaneSurface, RectifyResult
-from services.sheet.surfaces import StripsSurface
+from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
+from services.sheet.surfaces import PlaneSurface, StripsSurface
 from simulation.flat_page import Page
 from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto

@@ -8,7 +8,7 @@ import numpy as np
 from services.arrays import Points, Vector
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
-from services.rectify.analysis import PageAnalysis, analyse_photo
+from services.rectify.analysis.page_analysis import PageAnalysis, analyse_photo
 from services.sheet.evidence import PageEvidence
 from services.texture_flow.field import FlowSamples, angle_difference
 from services.texture_flow.vanishing_points import estimate_vanishing_points

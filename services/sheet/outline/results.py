@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass
 
-from services.arrays import Points, Vector
+import cv2
+import numpy as np
+
+from services.arrays import Mask, Points, Vector
 
 LEAST_CONFIDENCE = 0.5
 """Sides of outlines of less confidence are more often wrong than right: they are not used."""
@@ -38,3 +41,14 @@ class SheetOutline:
     sides: tuple[SheetSide, SheetSide, SheetSide, SheetSide]
     confidence: float
     polygon: Points
+
+    def holds(self, points: Points, scale: float = 0.25) -> Mask:
+        """Which `points` (N, 2) lie within, to a few pixels: on a mask of `scale` times the size."""
+        low = np.floor(self.polygon.min(axis=0))
+        size = np.ceil((self.polygon.max(axis=0) - low) * scale).astype(int) + 1
+        mask = np.zeros((size[1], size[0]), np.uint8)
+        cv2.fillPoly(mask, [np.round((self.polygon - low) * scale).astype(np.int32)], 1)
+        at = np.round((points - low) * scale).astype(int)
+        inside = ((at >= 0) & (at < size)).all(axis=1)
+        at = np.clip(at, 0, size - 1)
+        return np.asarray(inside & (mask[at[:, 1], at[:, 0]] > 0))

@@ -7,11 +7,11 @@ from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import estimate_plane
 from services.geometry.vanishing_points import FlowVanishingPoints, VanishingPoint
-from services.rectify.focal_length import EXIF_DEVIATION, GIVEN_DEVIATION, focal_prior
+from services.rectify.analysis.focal_length import EXIF_DEVIATION, GIVEN_DEVIATION, focal_prior
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.scenes import POSES, View
-from tests.services.rectify.observations import PrintedPlane, photograph_plane
+from tests.services.sheet.plane.observations import PrintedPlane, photograph_plane
 
 FRAME = PhotoFrame(1050, 1350)
 ASSUMED = focal_prior(FRAME, None, None)

@@ -12,7 +12,7 @@ from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.light.tones import ToneMap
 from services.mosaic.placed_photo import PlacedPhoto
 from services.mosaic.placing.placement import Placement
-from services.rectify.framing import FlatFrame
+from services.sheet.plane.framing import FlatFrame
 from simulation.flat_page import Page
 from simulation.pages import own_pages
 

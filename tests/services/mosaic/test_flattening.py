@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from services.contract.cameras import CameraMemory
-from services.contract.rectify import RectifyParameters
 from services.errors import NoText
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import jacobians, scaling, transform_points
 from services.mosaic import flattening
 from services.mosaic.flattening import flatten_photo, take_as_flat, view_photo
-from services.rectify.focal_length import remembered
-from services.rectify.framing import FlatFrame
 from services.rectify.stage_clock import StageClock
+from services.sheet.plane.framing import FlatFrame
 from tests.services.mosaic.views import look_at, page_image, photograph
 
 pytestmark = pytest.mark.pipeline
@@ -45,18 +44,21 @@ def test_a_tilted_photo_becomes_a_view_that_differs_from_the_page_by_a_similarit
 
 
 def test_the_remembered_camera_takes_part_in_the_pose(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[RectifyParameters] = []
+    asked: list[FocalPrior] = []
 
-    def estimate(photo: object, parameters: RectifyParameters, *rest: object) -> None:
-        asked.append(parameters)
+    def shape(_analysis: object, _view: object, prior: FocalPrior, *rest: object) -> None:
+        asked.append(prior)
         raise NoText("enough")
 
-    monkeypatch.setattr(flattening, "estimate_page", estimate)
+    monkeypatch.setattr(flattening, "shape_page", shape)
     memory = CameraMemory("phone", 0.3, 0.02, 5)
     for known in (memory, None):
         with pytest.raises(NoText):
             flatten_photo(0, page_image(), None, StageClock(), known)
-    assert [remembered(parameters) for parameters in asked] == [memory, None]
+    assert [(prior.source, prior.log_focal == 0.3) for prior in asked] == [
+        ("remembered", True),
+        ("assumed", False),
+    ]
 
 
 def test_native_scale_tells_how_far_the_view_was_reduced() -> None:

@@ -6,7 +6,7 @@ from services.geometry.homographies import scaling, transform_points, translatio
 from services.mosaic.flattening import view_photo
 from services.mosaic.patch_mesh import flat_points, mesh_of_patch, scale_of_patch
 from services.mosaic.placing.placement import Placement
-from services.rectify.framing import FlatFrame
+from services.sheet.plane.framing import FlatFrame
 from tests.services.mosaic.views import page_image, photograph
 
 TILTED = np.array([[1.1, 0.1, 20.0], [-0.05, 0.9, 10.0], [2e-4, -1e-4, 1.0]])

@@ -9,7 +9,7 @@ from services.arrays import Homography, RgbImage
 from services.geometry.homographies import translation
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import view_photo
-from services.rectify.framing import FlatFrame
+from services.sheet.plane.framing import FlatFrame
 from simulation.flat_page import Page
 from simulation.pages import own_pages
 

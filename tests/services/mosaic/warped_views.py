@@ -10,7 +10,7 @@ from services.arrays import GrayImage, Homography, Points
 from services.geometry.homographies import scaling, transform_points, translation
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.registration.reduced_view import quarter_turn
-from services.rectify.framing import FlatFrame
+from services.sheet.plane.framing import FlatFrame
 from simulation.pages import own_pages
 
 WIDTH, HEIGHT = 1200, 1875

@@ -7,16 +7,10 @@ from typing import Any
 import numpy as np
 
 from services.mosaic.results import MosaicResult, Pair, Patch
-from services.rectify.results import (
-    CameraEstimate,
-    Evidence,
-    Notice,
-    Orientation,
-    PlaneSurface,
-    RectifyResult,
-)
+from services.notices import Notice
+from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
 from services.rectify.spread import RectifiedPages
-from services.sheet.surfaces import MeshSurface, StripsSurface
+from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface
 
 
 def reject_constant(name: str) -> None:

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from services.contract.images import Encoding
 from services.mosaic.results import MosaicResult, Pair, Patch
 from services.operations.reduced_views import reduce_mosaic, reduce_view, reduced_size
-from services.rectify.results import CameraEstimate, Evidence, Orientation, PlaneSurface, RectifyResult
+from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
+from services.sheet.surfaces import PlaneSurface
 
 sides = st.integers(1, 5000)
 

@@ -11,13 +11,14 @@ import pytest
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NoText
 from services.geometry.photo_frame import PhotoFrame
-from services.geometry.vanishing_points import FlowVanishingPoints
+from services.geometry.planar import PagePlane
 from services.ocr.engine import OcrEngine, Word
 from services.progress import progress_to
-from services.rectify.analysis import PageAnalysis
-from services.rectify.pipeline import FlatPage, rectify
-from services.rectify.pose import PagePose
+from services.rectify.analysis.page_analysis import PageAnalysis
+from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
+from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.surfaces import StripsSurface
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
@@ -283,9 +284,9 @@ def test_texture_of_the_desk_is_no_text_where_the_outline_was_believed() -> None
     inside, outside = np.full((3, 2), 50.0), np.full((20, 2), 150.0)
     square = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0]])
     outline = outline_of(square, 0.3, np.random.default_rng(0))
-    pose = PagePose(np.eye(3), (0.0, 0.0, 1.0), 1000.0, "assumed", (), 0, 0.1, sources=("outline",))
+    pose = PlanarPage(PagePlane(np.eye(3), 7.0), "assumed", sources=("outline",))
     analysis = cast(PageAnalysis, SimpleNamespace(characters=np.concatenate([inside, outside])))
-    page = FlatPage(analysis, PhotoFrame(200, 200), cast(FlowVanishingPoints, None), pose, (), outline)
+    page = ShapedPage(PhotoFrame(200, 200), pose, (), outline, analysis)
     assert len(page.characters) == 3
     assert len(replace(page, shape=replace(pose, sources=("outline", "text"))).characters) == 23
     assert len(replace(page, outline=None).characters) == 23

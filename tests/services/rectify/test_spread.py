@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from services.contract.rectify import RectifyParameters
-from services.rectify.analysis import analyse_spread
-from services.rectify.results import Notice
+from services.notices import Notice
+from services.rectify.analysis.page_analysis import analyse_spread
 from services.rectify.spread import RectifiedPages, reading_order, rectify_spread, turn_like, turn_result
 from simulation.degradation import PHONE
 from simulation.pages import own_pages

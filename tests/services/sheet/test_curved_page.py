@@ -10,8 +10,8 @@ import pytest
 from services.arrays import Floats, Points, Vector
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify.analysis import analyse_photo
-from services.rectify.focal_length import focal_prior
+from services.rectify.analysis.focal_length import focal_prior
+from services.rectify.analysis.page_analysis import analyse_photo
 from services.sheet.curved_page import (
     CurvedPage,
     CurvedParameters,
@@ -29,6 +29,7 @@ from services.sheet.developable.observations import NO_LINES, PageObservations
 from services.sheet.developable.residuals import BENDS, surface_of
 from services.sheet.developable.smooth_residual import MorphedPage
 from services.sheet.developable.surface import DevelopableSurface, bend_basis
+from services.sheet.shape import EXIF_CONTRADICTED
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.pages import own_pages
@@ -99,17 +100,17 @@ def test_pages_are_flattened(album: Album, found: Estimates, name: str) -> None:
     true = shot.truth.focal_length_px / shot.frame.unit_px
     assert abs(field_of_view_deg(page.focal) - field_of_view_deg(true)) < 2.0
     assert page.focal_source == "estimated"
-    assert page.focal == page.surface.focal
+    assert page.focal == page.fitted.surface.focal
     # The small residual lies on the surface.
     assert isinstance(page.page_map, MorphedPage)
-    assert page.page_map.surface is page.surface
-    normals = page.surface.normals((points - shot.frame.centre) / shot.frame.unit_px)
+    assert page.page_map.surface is page.fitted.surface
+    normals = page.fitted.surface.normals((points - shot.frame.centre) / shot.frame.unit_px)
     cosine = (normals * shot.truth.normals(points)).sum(axis=1)
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean() < 1.5
     assert page.line_count == pytest.approx(len(shot.truth.visible_lines()), abs=5)
     assert page.deviation < np.radians(0.6)
     assert page.line_straightness < 0.04
-    assert not page.exif_contradicted
+    assert page.notices == ()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -211,7 +212,7 @@ def test_a_page_that_is_rolled_along_its_height() -> None:
     points = shot.truth.text_points(np.random.default_rng(2))
     assert photo.residual_percent(page, points) < 0.5
     # The rulings run along the text.
-    assert abs(np.sin(page.surface.skew_rad)) > 0.95
+    assert abs(np.sin(page.fitted.surface.skew_rad)) > 0.95
 
 
 def test_a_known_focal_length_is_kept_and_a_wrong_exif_one_is_not(album: Album) -> None:
@@ -225,8 +226,8 @@ def test_a_known_focal_length_is_kept_and_a_wrong_exif_one_is_not(album: Album) 
     assert exif is not None
     assert exif.focal * shot.frame.unit_px == pytest.approx(true, rel=0.03)
     assert exif.focal_source == "estimated"
-    assert exif.exif_contradicted
-    assert not given.exif_contradicted
+    assert exif.notices == (EXIF_CONTRADICTED,)
+    assert given.notices == ()
 
 
 def fuzzed(name: str, shot: Shot) -> tuple[FlowSamples, FlowSamples]:

@@ -124,7 +124,7 @@ def test_margins_end_where_they_would_be_stretched(turn: tuple[float, float, flo
     seen = replace(SEEN, bent=bent, half=(0.12, 0.12))
     for limit in (1.3, 1e9):
         parameters = CurvedFramingParameters(reach=2.0, max_stretch=limit)
-        frame = frame_curved_page(seen.surface, seen.view, seen.characters, 5.0, None, None, parameters)
+        frame = frame_curved_page(seen.surface, seen.view, seen.characters, 5.0, None, parameters)
         found = stretches(frame, frame.to_flat(seen.characters))
         if limit == 1.3:
             assert 0.95 / 1.3 < found.min() < 0.85
@@ -139,7 +139,7 @@ def test_the_output_is_bounded_by_the_photo(growth: float) -> None:
     near = replace(SEEN, bent=replace(SEEN.bent, focal=0.9, turn=(0.6, 0.5, 0.0)), half=(0.25, 0.25))
     for seen in (SEEN, near):
         frame = frame_curved_page(
-            seen.surface, seen.view, seen.characters, 5.0, None, FramingParameters(max_growth=growth)
+            seen.surface, seen.view, seen.characters, 5.0, None, framing=FramingParameters(max_growth=growth)
         )
         assert frame.width * frame.height <= growth * seen.width * seen.height * 1.01
 

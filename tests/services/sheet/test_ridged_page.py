@@ -13,7 +13,6 @@ from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import LineObservations, Run
 from services.sheet.outline.results import SheetOutline
 from services.sheet.ridged_page import (
-    NoRidgedPage,
     RidgedPage,
     RidgedPageParameters,
     complete_corners,
@@ -21,6 +20,7 @@ from services.sheet.ridged_page import (
     sides_bend,
     turn_outline,
 )
+from services.sheet.shape import NoShape
 from simulation.flat_page import Page
 from simulation.folded import folded_in_thirds
 from simulation.sheets import SHEET_ASPECT, SHEET_VIEWS
@@ -85,7 +85,7 @@ def map_errors(truth: Truth, page_map: PageMap) -> Vector:
 
 def estimate(
     truth: Truth, *, text: bool = True, p: RidgedPageParameters = P, outline: SheetOutline | None = None
-) -> RidgedPage | NoRidgedPage:
+) -> RidgedPage | NoShape:
     rng = np.random.default_rng(4)
     outline = outline or bent_outline_of_truth(truth, 0.5, rng)
     lines = lines_of(truth, rng)
@@ -222,7 +222,7 @@ def refusal(**changes: object) -> str:
     truth = truth_of(2)
     outline = replace(bent_outline_of_truth(truth, 0.5, np.random.default_rng(4)), **changes)  # type: ignore[arg-type]
     found = estimate(truth, text=False, outline=outline)
-    assert isinstance(found, NoRidgedPage)
+    assert isinstance(found, NoShape)
     return found.reason
 
 
@@ -245,7 +245,7 @@ def test_an_outline_that_is_not_seen_is_no_sheet() -> None:
 )
 def test_what_is_beyond_the_bounds_of_paper_is_refused(bounds: dict[str, float], reason: str) -> None:
     found = estimate(truth_of(2), text=False, p=replace(P, **bounds))  # type: ignore[arg-type]
-    assert isinstance(found, NoRidgedPage)
+    assert isinstance(found, NoShape)
     assert reason in found.reason
 
 
@@ -260,4 +260,4 @@ def test_sides_of_no_sheet_of_paper_are_refused() -> None:
         sides[k] = replace(sides[k], points=sides[k].points + bulge, straightness_px=0.1 * width)
     leaf = replace(outline, sides=(sides[0], sides[1], sides[2], sides[3]))
     found = estimate_ridged_page(leaf, FRAME, FocalPrior(float(np.log(1.3)), 0.03, "exif"), 0.0, None, None)
-    assert isinstance(found, NoRidgedPage)
+    assert isinstance(found, NoShape)

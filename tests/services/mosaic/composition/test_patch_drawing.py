@@ -21,7 +21,7 @@ from services.mosaic.composition.patch_drawing import (
 )
 from services.mosaic.light.tones import ToneMap
 from services.mosaic.placing.placement import DisplacementField, Placement
-from services.rectify.framing import FlatFrame
+from services.sheet.plane.framing import FlatFrame
 from tests.services.mosaic.cuttings import Box, cut, in_color, place, prose
 
 pytestmark = pytest.mark.pipeline

@@ -13,7 +13,7 @@ from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.light.tones import ToneMap, apply_tones
 from services.mosaic.placing.placement import DisplacementField, Placement
-from services.rectify.framing import FlatFrame
+from services.sheet.plane.framing import FlatFrame
 from tests.counts import some
 
 pytestmark = pytest.mark.pipeline

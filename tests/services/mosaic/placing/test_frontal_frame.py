@@ -9,7 +9,7 @@ from services.arrays import Homography, Points
 from services.geometry.homographies import scaling, transform_points, translation
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.frontal_frame import FrontalFrame, agree_on_frontal_frame
-from services.rectify.framing import FlatFrame
+from services.sheet.plane.framing import FlatFrame
 from tests.services.mosaic.synthetic_views import SIZE, grid, grid_views, imperfection
 
 pytestmark = pytest.mark.pipeline

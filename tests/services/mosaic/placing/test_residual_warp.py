@@ -13,7 +13,7 @@ from services.mosaic.placing.adjustment import residual_px
 from services.mosaic.placing.placement import DisplacementField, Placement
 from services.mosaic.placing.residual_warp import ResidualWarp, estimate_residual_warp
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.rectify.framing import FlatFrame
+from services.sheet.plane.framing import FlatFrame
 from tests.services.mosaic.synthetic_views import SIZE, grid, grid_views, match_all
 
 pytestmark = pytest.mark.pipeline

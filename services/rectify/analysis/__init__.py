@@ -1,0 +1,1 @@
+"""What a photo shows of its page, before a shape is fitted."""

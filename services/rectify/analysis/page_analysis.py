@@ -1,0 +1,392 @@
+"""The evidence in one photo: its text and both texture flows, measured on reduced images."""
+
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+
+from services.arrays import GrayImage, Mask, Points, RgbImage
+from services.errors import NoText
+from services.geometry.homographies import from_resized, to_resized
+from services.geometry.photo_frame import PhotoFrame
+from services.imaging.channels import luminance
+from services.imaging.illumination import divide_by_light, reduced_light
+from services.imaging.paper import Paper, PaperParameters, model_paper
+from services.imaging.photo_part import PhotoPart, cut_part
+from services.imaging.reduction import Halves, reduce_image
+from services.rectify.analysis.page_choice import PageChoice, choose_page
+from services.rectify.stage_clock import StageClock
+from services.sheet.evidence import PageEvidence
+from services.sheet.tracing.page_text import PageText
+from services.texture_flow.field import FlowField, FlowSamples, move_field, resize_field
+from services.texture_flow.major import MajorFlow, MajorFlowParameters, detect_coarse_flow, refine_major_flow
+from services.texture_flow.minor import MinorFlow, MinorFlowParameters, estimate_minor_flow
+from services.texture_flow.text_identification import (
+    FEWEST_CHARACTERS,
+    IdentifiedText,
+    TextComponents,
+    identify_text,
+    keep_characters,
+)
+from services.texture_flow.vanishing_points import estimate_vanishing_points
+
+PICTURE_SHARE = 0.8
+"""On a page of dark print a smaller share of the ink is rejected as no text. On pictures, and on light print in a dark
+photo, a larger share is."""
+
+NO_DIRECTION = "the characters that were found do not form text lines of a common direction."
+MARGIN_TEXT_HEIGHTS = 5.0
+"""Round the text, in the image for strokes: nearly a block of the minor flow."""
+FEW_STROKES = 4
+"""With fewer samples the minor flow is assumed to be at right angles to the major flow,"""
+UNSEEN_WEIGHT = 0.05
+"""and gets this share of its weight."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisParameters:
+    """Working sizes of the analysis, and its least input."""
+
+    long_side_px: int = 1600
+    """Text and major flow: text height is then about 8 px on a full page of small print."""
+    stroke_text_height_px: float = 20.0
+    """Minor flow: above this text height, strokes gain nothing from more pixels."""
+    least_reduction: float = 1.0
+    """A factor above this is left out: it takes more time than the pixels that it saves."""
+    other_page_share: float = 0.02
+    """If a larger share of the characters was left out as those of another page, the flows are measured again."""
+    min_flow_samples: int = 6
+    major: MajorFlowParameters = field(default_factory=MajorFlowParameters)
+    minor: MinorFlowParameters = field(default_factory=MinorFlowParameters)
+    paper: PaperParameters = field(default_factory=PaperParameters)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageAnalysis:
+    """Text and flows of one page in a photo; samples and fields are in pixels of the photo.
+
+    A photo of light print on dark paper is analysed as a negative; then `reduced` and `strokes` are negatives.
+    `text` is in the frame of `reduced` (H, W), the flat-fielded photo resized by `factor`; the minor flow was measured
+    on `strokes`. `minor` is None where no strokes were found.
+    """
+
+    paper: Paper
+    reduced: GrayImage
+    factor: float
+    strokes: PhotoPart
+    text: IdentifiedText
+    printed: TextComponents
+    """All that looks like characters, in the frame of `reduced`: `text` is what lies on the page's paper."""
+    major: FlowSamples
+    major_field: FlowField
+    minor: FlowSamples | None
+    minor_field: FlowField | None
+    gutter: Points | None = None
+    """Line (N, 2) beyond which only a facing page lies, if one was seen; photo pixels, from end to end of the photo."""
+
+    @property
+    def facing_page(self) -> bool:
+        """Whether text of a facing page was found and left out."""
+        return self.gutter is not None
+
+    @property
+    def characters(self) -> Points:
+        """Centres of the characters (N, 2) in photo pixels."""
+        return characters_in_photo(self.text, self.factor)
+
+    @property
+    def text_height_px(self) -> float:
+        """Typical character size in photo pixels."""
+        return self.text.text_height_px / self.factor
+
+    def evidence(self, view: PhotoFrame) -> PageEvidence:
+        """Observations that a shape is fitted to, in the centred unit coordinates of `view`."""
+        text = PageText(
+            self.reduced, self.text.ink, self.text.area, self.factor, self.characters, self.text_height_px
+        )
+        major = self.major.centred(view)
+        if self.minor is not None and len(self.minor) >= FEW_STROKES:
+            minor = self.minor.centred(view)
+        else:
+            minor = FlowSamples(major.points, major.angles + np.pi / 2, UNSEEN_WEIGHT * major.weights)
+        points = estimate_vanishing_points(major, minor)
+        return PageEvidence(text, view, major, minor, points, has_strokes=self.minor is not None)
+
+
+def characters_in_photo(text: IdentifiedText, factor: float) -> Points:
+    """Centres (N, 2) of the characters of `text`, found in the photo resized by `factor`, in photo pixels."""
+    return from_resized(text.components.centres, factor)
+
+
+def region_mask(region: tuple[tuple[float, float], ...], shape: tuple[int, int], factor: float) -> Mask:
+    """Inside of the polygon `region` (photo pixels) on an image of `shape` resized by `factor`."""
+    corners = to_resized(np.array(region, np.float64), factor)
+    mask = np.zeros(shape, np.uint8)
+    # Corners far outside would overflow fillPoly's integers.
+    limit = 4.0 * max(shape)
+    cv2.fillPoly(mask, [np.round(np.clip(corners, -limit, limit)).astype(np.int32)], 1)
+    return mask.astype(bool)
+
+
+def analyse_photo(
+    photo: RgbImage | Halves,
+    region: tuple[tuple[float, float], ...] | None = None,
+    parameters: AnalysisParameters | None = None,
+    clock: StageClock | None = None,
+) -> PageAnalysis:
+    """Find the text and both texture flows in a photo.
+
+    Parameters
+    ----------
+    photo
+        (H, W, 3) RGB.
+    region
+        Polygon in photo pixels; text outside of it is ignored.
+    parameters
+        Working sizes.
+    clock
+        Receives the CPU time of the stages `text` and `texture_flow`.
+
+    Returns
+    -------
+    PageAnalysis
+        Text, major flow and minor flow (2.3) of the main page.
+
+    Raises
+    ------
+    NoText
+        When there are too few characters, or their lines show no common direction.
+    """
+    return _analyse(photo, region, parameters, clock, is_spread=False)[0]
+
+
+def analyse_spread(
+    photo: RgbImage | Halves,
+    region: tuple[tuple[float, float], ...] | None = None,
+    clock: StageClock | None = None,
+) -> tuple[PageAnalysis, ...]:
+    """Analyse a photo of an opened book: the main page, and the facing page if its text shows its shape.
+
+    Raises
+    ------
+    NoText
+        When there are too few characters on the main page, or their lines show no common direction.
+    """
+    return _analyse(photo, region, None, clock, is_spread=True)
+
+
+def _analyse(
+    photo: RgbImage | Halves,
+    region: tuple[tuple[float, float], ...] | None,
+    parameters: AnalysisParameters | None,
+    clock: StageClock | None,
+    *,
+    is_spread: bool,
+) -> tuple[PageAnalysis, ...]:
+    p = parameters or AnalysisParameters()
+    clock = clock or StageClock()
+    found: list[tuple[PageAnalysis, ...]] = []
+    refusals: list[NoText] = []
+    # The steps expect dark print on light paper; in the negative, light print on dark paper is that.
+    for negative in (False, True):
+        try:
+            halves = Halves.of(photo)
+            seen = Halves(np.asarray(255 - halves.image, np.uint8)) if negative else halves
+            found.append(_analyse_dark_print(seen, region, p, clock, is_spread=is_spread))
+        except NoText as refusal:
+            refusals.append(refusal)
+        if found and found[0][0].text.rejected_fraction <= PICTURE_SHARE:
+            return found[0]
+    if not found:
+        raise refusals[0]
+    return min(found, key=lambda pages: pages[0].text.rejected_fraction)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundText:
+    """The gray photo, its flat-fielded copy reduced by `factor`, its `text` in that frame, the paper under the text.
+
+    `printed` is all that looks like characters, on paper or not; `light` the brightness of the bare page on a smaller
+    copy of the photo.
+    """
+
+    gray: GrayImage
+    factor: float
+    reduced: GrayImage
+    light: GrayImage
+    text: IdentifiedText
+    printed: TextComponents
+    paper: Paper
+
+    @property
+    def characters(self) -> Points:
+        """Centres of the characters (N, 2) in photo pixels."""
+        return characters_in_photo(self.text, self.factor)
+
+    @property
+    def text_height_px(self) -> float:
+        """Typical character size in photo pixels."""
+        return self.text.text_height_px / self.factor
+
+
+def _analyse_dark_print(
+    photo: RgbImage | Halves,
+    region: tuple[tuple[float, float], ...] | None,
+    p: AnalysisParameters,
+    clock: StageClock,
+    *,
+    is_spread: bool,
+) -> tuple[PageAnalysis, ...]:
+    """`analyse_photo` or `analyse_spread` for dark print on light paper."""
+    with clock.stage("text"):
+        seen = find_text(photo, region, p)
+    factor, text = seen.factor, seen.text
+    with clock.stage("texture_flow"):
+        flows = _measure_flows(seen, text, p)
+    facing, found = None, None
+    if region is None or is_spread:
+        with clock.stage("text"):
+            major, minor, strokes = flows
+            found = choose_page(
+                photo,
+                seen.characters,
+                seen.text_height_px,
+                _to_photo(major.samples, factor),
+                None if minor is None else _part_to_photo(minor.samples, strokes),
+                seen.paper,
+                is_spread=is_spread,
+            )
+            left_out = 1 - found.kept.mean()
+            # Most of what was left out is text, so the share of other ink is not computed again.
+            if is_spread and found.facing.sum() >= FEWEST_CHARACTERS:
+                facing = replace(
+                    keep_characters(text, found.facing), rejected_fraction=text.rejected_fraction
+                )
+            text = replace(keep_characters(text, found.kept), rejected_fraction=text.rejected_fraction)
+        if left_out > p.other_page_share:
+            with clock.stage("texture_flow"):
+                flows = _measure_flows(seen, text, p)
+    if len(flows[0].samples) < p.min_flow_samples:
+        raise NoText(NO_DIRECTION)
+    pages = [_analysis_of(seen, text, flows, found)]
+    if facing is not None:
+        with clock.stage("texture_flow"):
+            flows = _measure_flows(seen, facing, p)
+        if len(flows[0].samples) >= p.min_flow_samples:
+            pages.append(_analysis_of(seen, facing, flows, found))
+    return tuple(pages)
+
+
+def analyse_text(found: FoundText, p: AnalysisParameters) -> PageAnalysis:
+    """Both texture flows of all the text that was found, without a choice of the page.
+
+    Raises
+    ------
+    NoText
+        When its lines show no common direction.
+    """
+    flows = _measure_flows(found, found.text, p)
+    if len(flows[0].samples) < p.min_flow_samples:
+        raise NoText(NO_DIRECTION)
+    return _analysis_of(found, found.text, flows, None)
+
+
+def _analysis_of(
+    seen: FoundText,
+    text: IdentifiedText,
+    flows: tuple[MajorFlow, MinorFlow | None, PhotoPart],
+    choice: PageChoice | None,
+) -> PageAnalysis:
+    """Results for one page, in pixels of the photo."""
+    major, minor, strokes = flows
+    factor = seen.factor
+    gutter = None if choice is None else choice.gutter_beside(characters_in_photo(text, factor))
+    return PageAnalysis(
+        seen.paper,
+        seen.reduced,
+        factor,
+        strokes,
+        text,
+        seen.printed,
+        _to_photo(major.samples, factor),
+        resize_field(major.field, 1 / factor),
+        None if minor is None else _part_to_photo(minor.samples, strokes),
+        None if minor is None else move_field(resize_field(minor.field, 1 / strokes.factor), strokes.origin),
+        gutter,
+    )
+
+
+def find_text(
+    photo: RgbImage | Halves,
+    region: tuple[tuple[float, float], ...] | None = None,
+    parameters: AnalysisParameters | None = None,
+) -> FoundText:
+    """The dark print in `photo` (H, W, 3), within `region` if there is one.
+
+    Raises
+    ------
+    NoText
+        When there are too few characters.
+    """
+    p = parameters or AnalysisParameters()
+    halves = Halves.of(photo)
+    gray = luminance(halves.image)
+    factor = min(1.0, p.long_side_px / max(gray.shape))
+    seen = reduce_image(gray, factor)
+    light = reduced_light(seen)
+    reduced = divide_by_light(seen, light)
+    guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
+    text = identify_text(reduced, guide)
+    printed, paper = text.components, None
+    if len(text.components.sizes) >= FEWEST_CHARACTERS:
+        paper = model_paper(halves, characters_in_photo(text, factor), p.paper)
+        on_paper = paper.holds(characters_in_photo(text, factor))
+        # Print on many grounds (posters, boxes) is not clutter: at most a minority is dropped.
+        text = keep_characters(text, on_paper) if on_paper.mean() > 0.6 else text
+    if paper is None or len(text.components.sizes) < FEWEST_CHARACTERS:
+        count = len(text.components.sizes)
+        raise NoText(
+            f"{f'only {count}' if count else 'no'} printed characters were found; at least {FEWEST_CHARACTERS} are "
+            "needed. Photograph the page closer, sharper or in better light"
+            + (", or give a larger region." if region is not None else ".")
+        )
+    return FoundText(gray, factor, reduced, light, text, printed, paper)
+
+
+def _measure_flows(
+    seen: FoundText, text: IdentifiedText, p: AnalysisParameters
+) -> tuple[MajorFlow, MinorFlow | None, PhotoPart]:
+    """The major flow in the frame of `seen.reduced`, and the minor flow in that of the part with strokes."""
+    major = refine_major_flow(text, detect_coarse_flow(text, p.major), p.major)
+    strokes, area = _cut_text(seen, text, p)
+    enlarge = strokes.factor / seen.factor
+    lines = move_field(resize_field(major.field, 1 / seen.factor), (-strokes.origin[0], -strokes.origin[1]))
+    lines = resize_field(lines, strokes.factor)
+    minor = estimate_minor_flow(strokes.image, area, text.text_height_px * enlarge, lines, p.minor)
+    return major, minor, strokes
+
+
+def _cut_text(seen: FoundText, text: IdentifiedText, p: AnalysisParameters) -> tuple[PhotoPart, Mask]:
+    """The part of the photo that holds the `text`, at the size for strokes, and the text's area (h, w) there."""
+    factor = p.stroke_text_height_px * seen.factor / text.text_height_px
+    if factor > p.least_reduction:
+        factor = 1.0
+    margin = int(np.ceil(MARGIN_TEXT_HEIGHTS * text.text_height_px))
+    left, top, width, height = cv2.boundingRect(text.area.view(np.uint8))
+    low = np.maximum(np.array([left, top]) - margin, 0)
+    high = np.minimum(np.array([left + width, top + height]) + margin, text.area.shape[::-1])
+    # Whole pixels of the photo and of the reduced photo, which differ by rounding only.
+    first = np.floor(low / seen.factor).astype(int)
+    last = np.minimum(np.ceil(high / seen.factor).astype(int), seen.gray.shape[::-1])
+    strokes = cut_part(seen.gray, seen.light, first, last, factor)
+    inside = np.ascontiguousarray(text.area[low[1] : high[1], low[0] : high[0]]).view(np.uint8)
+    size = (strokes.image.shape[1], strokes.image.shape[0])
+    return strokes, cv2.resize(inside, size, interpolation=cv2.INTER_NEAREST).astype(bool)
+
+
+def _to_photo(samples: FlowSamples, factor: float) -> FlowSamples:
+    return FlowSamples(from_resized(samples.points, factor), samples.angles, samples.weights)
+
+
+def _part_to_photo(samples: FlowSamples, part: PhotoPart) -> FlowSamples:
+    return FlowSamples(part.to_photo(samples.points), samples.angles, samples.weights)

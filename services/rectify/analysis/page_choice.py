@@ -1,0 +1,289 @@
+"""Which text belongs to the page: what lies beyond a gutter, or beyond the sheet's edge, is left out.
+
+A photo of an opened book shows part of the facing page, whose text has another direction and lies on another surface.
+Text is taken to lie on two pages only if there is a long edge of brightness between them (a gutter, a shadow, the rim
+of a page) that continues beyond the text, and a second sign: the lines change their direction across it, or the text
+beyond it is cut off by the end of the photo. Flat columns have neither. Columns of a page that is bent strongly between
+them, or in whose gutter a shadow ends, may have all three; but they are set closer together than two pages, between
+which there are two margins.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, Points, RgbImage, Vector
+from services.geometry.homographies import from_resized, to_resized
+from services.imaging.channels import log_brightness
+from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
+from services.imaging.paper import Paper, PaperParameters
+from services.imaging.reduction import Halves, reduce_image
+from services.rectify.analysis.gutter import Gutter, direction_jump, find_gutter, row_gap
+from services.texture_flow.field import FlowSamples
+from services.texture_flow.text_identification import FEWEST_CHARACTERS
+
+Chosen = NDArray[np.bool_]
+
+
+EDGES = LongEdgeParameters(contrast=0.05, noise_factor=0.0, candidates=60, sheet_on_either_side=True)
+SAME_PAPER = PaperParameters(text_contrast=0.35)
+
+
+@dataclass(frozen=True, slots=True)
+class PageChoiceParameters:
+    """Lengths are multiples of the text height, contrasts differences of the logarithm of brightness."""
+
+    long_side_px: int = 700
+    slopes: tuple[float, ...] = (-0.2, 0.0, 0.2)
+    """Of edges against the strokes; an edge may lean by 0.14 more."""
+    near: float = 0.5
+    near_share: float = 0.004
+    """Largest share of the characters that are nearer than `near` to an edge between pages."""
+    few: float = 0.03
+    """A smaller share of the characters is not a page."""
+    few_on_desk: float = 0.1
+    """Neither is a smaller share that does not lie on paper like the main page's."""
+    few_contrast: float = 0.3
+    """Few characters are left out when the ground beyond the edge differs by this from the paper before it."""
+    contrast_share: float = 0.8
+    cut_contrast: float = 0.1
+    """Least contrast of an edge, if the text beyond it is cut off by the end of the photo."""
+    jump_rad: float = float(np.deg2rad(8.0))
+    column_gap: float = 5.0
+    """With a smaller gap between them, texts on both sides are columns of one page. `row_gap` on simulated photos:
+    columns 0.9 to 4.5, two pages 5.1 to 12."""
+    column_jump_rad: float = float(np.deg2rad(30.0))
+    """Unless the lines change their direction by this: bent columns show up to 24 degrees."""
+    border: float = 2.0
+    """Characters nearer to the end of the photo are cut off, or are next to some that are."""
+    cut_share: float = 0.3
+    """Of a page's lines that are cut off."""
+    cut_worth: float = 0.5
+    """Of a character on a page that is cut off, when the main page is chosen."""
+    same_paper_share: float = 0.5
+    """Of the characters beyond an edge, when they lie on paper like the main page's."""
+    stray_share: float = 0.005
+    """A smaller share of stray characters does no harm and is kept."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageChoice:
+    """Which characters (N,) are on the main page, and which on the facing page, if one was found.
+
+    `gutters` are lines (M, 2) between both pages in photo pixels, from end to end of the photo. Edges of a shadow or of
+    a page stack are among them.
+    """
+
+    kept: Chosen
+    facing: Chosen
+    gutters: tuple[Points, ...] = ()
+
+    @property
+    def facing_page(self) -> bool:
+        """Whether a facing page was found."""
+        return len(self.gutters) > 0
+
+    def gutter_beside(self, page: Points) -> Points | None:
+        """Of the gutters the one farthest from the text `page` (N, 2): nothing of its page lies beyond that."""
+        middle = page.mean(axis=0)
+        return max(
+            self.gutters, key=lambda line: float(np.linalg.norm(line - middle, axis=1).min()), default=None
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Text:
+    """Characters (N, 2) and major flow in photo pixels, of `height` px, in a photo of `size` (width, height)."""
+
+    characters: Points
+    height: float
+    major: FlowSamples
+    size: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Divide:
+    """A long edge, its `line` (K, 2), and the signed distance from it of characters (N,) and flow samples (M,).
+
+    All in photo pixels; rows are distances along it.
+    """
+
+    edge: LongEdge
+    line: Points
+    characters: Vector
+    character_rows: Vector
+    samples: Vector
+    sample_rows: Vector
+
+
+def choose_page(
+    photo: RgbImage | Halves,
+    characters: Points,
+    text_height_px: float,
+    major: FlowSamples,
+    minor: FlowSamples | None,
+    paper: Paper,
+    *,
+    is_spread: bool = False,
+) -> PageChoice:
+    """Choose the characters of the main page, and those of a facing page.
+
+    Parameters
+    ----------
+    photo
+        (H, W, 3) RGB.
+    characters
+        (N, 2) centres in photo pixels.
+    text_height_px
+        Size of the characters.
+    major, minor
+        Texture flows in photo pixels; `minor` is None where no strokes were found.
+    paper
+        The paper that the text is on.
+    is_spread
+        The photo is known to show an opened book: then a gutter is searched also where no long edge shows it.
+
+    Returns
+    -------
+    PageChoice
+        Which characters are on which page, and the lines between the pages.
+    """
+    p = PageChoiceParameters()
+    halves = Halves.of(photo)
+    size = (halves.image.shape[1], halves.image.shape[0])
+    text = _Text(characters, text_height_px, major, size)
+    direction = _reading_direction(major, minor)
+    divides = _divides(halves, text, direction, p)
+    everything = np.ones(len(characters), bool)
+    choice = _divide(everything, divides, text, paper, p)
+    if is_spread and not choice.facing_page:
+        gutter = find_gutter(halves.image, characters, text_height_px, major, direction)
+        choice = choice if gutter is None else _split(gutter, choice.kept, text, p)
+    if choice.facing_page:
+        # Characters beyond the facing page's own edges are not on it.
+        facing = choice.facing & _divide(choice.facing, divides, text, paper, p).kept
+        return PageChoice(choice.kept, facing, choice.gutters)
+    if (~choice.kept).sum() <= p.stray_share * len(characters):
+        return PageChoice(everything, choice.facing)
+    return choice
+
+
+def _divide(
+    candidates: Chosen, divides: list[_Divide], text: _Text, paper: Paper, p: PageChoiceParameters
+) -> PageChoice:
+    """The main page among the `candidates` (N,), and the facing page."""
+    kept, facing = candidates.copy(), np.zeros(len(candidates), bool)
+    gutters: tuple[Points, ...] = ()
+    smaller = [min((d.characters < 0).sum(), (d.characters > 0).sum()) for d in divides]
+    for k in np.argsort(smaller)[::-1]:
+        right = divides[k].characters > 0
+        sides = (kept & ~right, kept & right)
+        if not sides[0].any() or not sides[1].any():
+            continue
+        main, other = sorted(sides, key=lambda side: -_worth(side, text, p))
+        if main.sum() < FEWEST_CHARACTERS:
+            continue
+        on_paper = float(paper.holds(text.characters[other], SAME_PAPER).mean()) >= p.same_paper_share
+        is_few = other.sum() <= (p.few if on_paper else p.few_on_desk) * len(candidates)
+        if is_few and divides[k].edge.ground_differs(p.few_contrast, p.contrast_share):
+            kept &= ~other
+        elif not is_few and _is_another_page(divides[k], other, text, p):
+            kept &= ~other
+            # Edges are sorted by how well they separate the pages: the first one is the gutter.
+            if not gutters:
+                facing, gutters = other, _lines_between(main, other, divides)
+    return PageChoice(kept, facing, gutters)
+
+
+def _lines_between(main: Chosen, other: Chosen, divides: list[_Divide]) -> tuple[Points, ...]:
+    """All divides that have the one page on one side and the other on the other."""
+    lines = []
+    for divide in divides:
+        beyond = (divide.characters > 0) == (float(np.median(divide.characters[other])) > 0)
+        if beyond[other].all() and not beyond[main].any():
+            lines.append(divide.line)
+    return tuple(lines)
+
+
+def _split(gutter: Gutter, kept: Chosen, text: _Text, p: PageChoiceParameters) -> PageChoice:
+    sides = (kept & ~gutter.right, kept & gutter.right)
+    main, other = sorted(sides, key=lambda side: -_worth(side, text, p))
+    return PageChoice(main, other, (gutter.line,))
+
+
+def _reading_direction(major: FlowSamples, minor: FlowSamples | None) -> float:
+    """Mean direction of text lines, rad: across the strokes where they were seen, since gutters run along these."""
+    flow, turn = (major, 0.0) if minor is None or len(minor) < 4 else (minor, np.pi / 2)
+    doubled = np.sum(flow.weights * np.exp(2j * (flow.angles + turn)))
+    return 0.5 * float(np.angle(doubled))
+
+
+def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoiceParameters) -> list[_Divide]:
+    """Long edges across the text lines, near to which there are almost no characters."""
+    factor = min(1.0, p.long_side_px / max(text.size))
+    small = reduce_image(photo, factor, least_side_px=8, fine=False)
+    size = (small.shape[1], small.shape[0])
+    brightness = log_brightness(small)
+    cos, sin = np.cos(direction_rad), np.sin(direction_rad)
+    found = []
+    for slope in p.slopes:
+        A = np.array([[1.0, -slope], [0.0, 1.0]]) @ np.array([[cos, sin], [-sin, cos]])
+        corners = np.array([[0, 0], [size[0], 0], [0, size[1]], size]) @ A.T
+        low = corners.min(axis=0)
+        width, height = (int(v) for v in np.ceil(corners.max(axis=0) - low))
+        turn = np.column_stack([A, -low])
+        turned = cv2.warpAffine(brightness, turn, (width, height), flags=cv2.INTER_LINEAR)
+        inside = np.pad(np.ones((size[1] - 4, size[0] - 4), np.uint8), 2)
+        shown = cv2.warpAffine(inside, turn, (width, height), flags=cv2.INTER_NEAREST).astype(bool)
+
+        def place(points: Points, A: Floats = A, low: Vector = low) -> Points:
+            return np.asarray(to_resized(points, factor) @ A.T - low)
+
+        def replace(points: Points, A: Floats = A, low: Vector = low) -> Points:
+            return from_resized((points + low) @ np.linalg.inv(A).T, factor)
+
+        at, samples = place(text.characters), place(text.major.points)
+        along = (float(np.percentile(at[:, 1], 2)), float(np.percentile(at[:, 1], 98)))
+        for edge in find_long_edges(np.asarray(turned), shown, along, width, EDGES):
+            away = (at[:, 0] - edge.at(at[:, 1])) / factor
+            if (np.abs(away) < p.near * text.height).sum() <= p.near_share * len(at):
+                across = (samples[:, 0] - edge.at(samples[:, 1])) / factor
+                rows = np.linspace(0, height - 1, 60)
+                line = replace(np.column_stack([edge.at(rows), rows]))
+                found.append(_Divide(edge, line, away, at[:, 1] / factor, across, samples[:, 1] / factor))
+    return found
+
+
+def _at_end_of_photo(side: Chosen, text: _Text, p: PageChoiceParameters) -> float:
+    """Share of the lines of a page's characters that reach the end of the photo."""
+    points, reach = text.characters[side], p.border * text.height
+    last = np.array(text.size) - 1
+    share = 0.0
+    for axis in (0, 1):
+        lines = np.floor(points[:, 1 - axis] / reach)
+        for near in (points[:, axis] < reach, points[:, axis] > last[axis] - reach):
+            share = max(share, len(np.unique(lines[near])) / len(np.unique(lines)))
+    return share
+
+
+def _worth(side: Chosen, text: _Text, p: PageChoiceParameters) -> float:
+    """How much of the photo's subject a page is: its characters, less when it is cut off or far from the middle."""
+    if not side.any():
+        return 0.0
+    middle = np.array(text.size) / 2
+    away = np.linalg.norm(text.characters[side].mean(axis=0) - middle) / np.linalg.norm(middle)
+    whole = p.cut_worth if _at_end_of_photo(side, text, p) > p.cut_share else 1.0
+    return float(side.sum() * whole * np.exp(-(away**2)))
+
+
+def _is_another_page(divide: _Divide, other: Chosen, text: _Text, p: PageChoiceParameters) -> bool:
+    """Whether the lines change their direction at the edge, or those beyond it are cut off."""
+    jump = direction_jump(divide.samples, divide.sample_rows, text.major, text.height)
+    if row_gap(divide.characters, divide.character_rows, text.height) < p.column_gap:
+        return jump > p.column_jump_rad
+    if jump > p.jump_rad:
+        return True
+    cut_off = _at_end_of_photo(other, text, p) > p.cut_share
+    return cut_off and divide.edge.ground_differs(p.cut_contrast, p.contrast_share)

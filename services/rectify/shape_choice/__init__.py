@@ -1,0 +1,1 @@
+"""The choice of a page's shape by the evidence."""

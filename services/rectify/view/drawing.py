@@ -1,0 +1,229 @@
+"""Drawing of a view by one remap of the photo, for flat and for bent pages."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Floats, GrayImage, Points, RgbImage
+from services.geometry.homographies import resizing, to_resized, transform_points, translation
+from services.geometry.page_frame import Frame
+from services.imaging.node_grid import (
+    GRID_STEP_PX,
+    band_nodes,
+    between_nodes,
+    continuous_nodes,
+    node_grid,
+    take_values,
+)
+from services.imaging.paper import certain_sheet
+
+MAX_REDUCTION = 12.0
+"""Most photo pixels per output pixel along one axis; a page needs fewer."""
+MASK_SIDE_PX = 500
+"""Long side of the image that tells which nodes are near the paper's edge."""
+MASK_ERROR_PX = 2.0
+"""Distances in that image are off by less: half a pixel by its rounding, 5 % by OpenCV's steps of a distance."""
+TILE_NODES = 16
+"""Nodes of the map's grid along the side of a tile in which the paper's edge is drawn."""
+FAR_PX = 1e6
+"""From the view: its paper has no corners farther away."""
+BAND_PX = 16 * GRID_STEP_PX
+"""Rows drawn at a time; this bounds the memory of the dense map."""
+
+
+def draw_gray_view(
+    gray: GrayImage, factor: float, frame: Frame, origin: tuple[float, float] = (0.0, 0.0)
+) -> GrayImage:
+    """The view in gray, drawn from `gray`, the photo from pixel `origin` on, resized by `factor`; white outside."""
+    if frame.H_photo_flat is not None:
+        flat = cv2.warpPerspective(
+            gray,
+            resizing(factor) @ translation(-origin[0], -origin[1]) @ frame.H_photo_flat,
+            (frame.width, frame.height),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderValue=255.0,
+        )
+        return np.asarray(flat, np.uint8)
+    view = np.full((frame.height, frame.width), 255, np.uint8)
+    _remap(gray, photo_nodes(frame) - origin, factor, cv2.INTER_LINEAR, view)
+    return view
+
+
+def draw_flat_view(
+    photo: RgbImage,
+    frame: Frame,
+    outline: Points | None = None,
+    paper: Points | None = None,
+) -> RgbImage:
+    """Draw the flat view from the photo by one remap at full resolution.
+
+    Parameters
+    ----------
+    photo
+        (H, W, 3) RGB.
+    frame
+        Backward map from pixels of the view to photo pixels.
+    outline
+        (N, 2) photo pixels: the outline of a sheet that is wholly in the photo. Outside of it the view is white, as
+        on a scanner.
+    paper
+        (M, 2) photo pixels: a polygon outside of which the view is white too, of a bent page as of a flat one.
+
+    Returns
+    -------
+    RgbImage
+        (frame.height, frame.width, 3); white where the photo ends.
+    """
+    nodes: Floats | None = None
+    if frame.H_photo_flat is not None:
+        flat = np.asarray(
+            cv2.warpPerspective(
+                photo,
+                frame.H_photo_flat,
+                (frame.width, frame.height),
+                flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
+                borderValue=(255.0, 255.0, 255.0),
+            ),
+            np.uint8,
+        )
+        sheet = None if outline is None else certain_sheet(outline)
+        corners = None if sheet is None else transform_points(np.linalg.inv(frame.H_photo_flat), sheet)
+    else:
+        flat = np.full((frame.height, frame.width, 3), 255, np.uint8)
+        nodes = photo_nodes(frame)
+        _remap(photo, nodes, 1.0, cv2.INTER_CUBIC, flat)
+        corners = None if outline is None else _certain_flat_sheet(frame, outline)
+    if corners is not None:
+        _whiten_outside(flat, corners)
+    if paper is not None:
+        whiten_beyond(flat, frame, paper, nodes)
+    return flat
+
+
+def places_in_view(frame: Frame, photo: Points) -> Points:
+    """Pixels (M, 2) of the view at which the points `photo` (N, 2) are seen, of those that it shows."""
+    with np.errstate(all="ignore"):
+        flat = frame.to_flat(photo)
+        seen = ((flat >= 0) & (flat <= [frame.width - 1, frame.height - 1])).all(axis=1)
+    return flat[seen]
+
+
+def photo_nodes(frame: Frame) -> Floats:
+    """Photo pixels (rows, columns, 2) of the nodes of the view's grid; NaN where the page's model ends."""
+    grid, shape = node_grid(0, 0, frame.width, frame.height)
+    return np.asarray(frame.to_photo(grid)).reshape(*shape, 2)
+
+
+def _whiten_outside(flat: RgbImage, polygon: Points) -> None:
+    """Draw white, in place, what lies outside `polygon` (M, 2), pixels of the view `flat`."""
+    height, width = flat.shape[:2]
+    around = np.array([[-2, -2], [width + 1, -2], [width + 1, height + 1], [-2, height + 1]])
+    # The contours themselves are drawn too, so the polygon is a pixel larger.
+    beyond = np.round(polygon + np.sign(polygon - polygon.mean(axis=0)))
+    # Two contours: what lies in one of them but not in both is filled.
+    cv2.fillPoly(flat, [around.astype(np.int32), beyond.astype(np.int32)], (255, 255, 255))
+
+
+def whiten_beyond(flat: RgbImage, frame: Frame, paper: Points, nodes: Floats | None = None) -> None:
+    """Make the pixels of the view `flat` white, in place, whose photo points are outside the polygon `paper` (M, 2).
+
+    `nodes` are the view's `photo_nodes`, where they are known already.
+
+    The map of a bent page has no inverse beyond its horizon. So the polygon is mapped into the view only if the page is
+    flat and the polygon ends before the horizon. Else pixels of the view are mapped into the photo, and their distances
+    from the polygon are computed at the nodes of a grid.
+    """
+    if frame.H_photo_flat is not None:
+        H_flat_photo = np.linalg.inv(frame.H_photo_flat)
+        depth = paper @ H_flat_photo[2, :2] + H_flat_photo[2, 2]
+        corners = transform_points(H_flat_photo, paper)
+        if depth.min() * depth.max() > 0 and np.abs(corners).max() < FAR_PX:
+            _whiten_outside(flat, corners)
+            return
+    at = photo_nodes(frame) if nodes is None else nodes
+    _whiten_negative(flat, _distances_inside(paper, np.nan_to_num(at, nan=-FAR_PX)))
+
+
+def _distances_inside(polygon: Points, nodes: Floats) -> NDArray[np.float32]:
+    """Distances (rows, columns), px, of `nodes` (rows, columns, 2) from the sides of `polygon` (M, 2); outside below 0.
+
+    Exact at nodes of cells that a side may cross; elsewhere only the sign is, which is all that is needed there. A
+    reduced image of the polygon tells which are which.
+    """
+    low = polygon.min(axis=0) - 2.0
+    scale = min(1.0, MASK_SIDE_PX / float(np.ptp(polygon, axis=0).max()))
+    size = np.ceil((polygon.max(axis=0) + 2.0 - low) * scale).astype(int) + 1
+    inside = np.zeros((size[1], size[0]), np.uint8)
+    cv2.fillPoly(inside, [np.round((polygon - low) * scale * 16).astype(np.int32)], 1, shift=4)
+    reduced = np.asarray(cv2.distanceTransform(inside, cv2.DIST_L2, 3), np.float32)
+    reduced -= cv2.distanceTransform(1 - inside, cv2.DIST_L2, 3)
+    at = ((nodes - low) * scale).astype(np.float32)
+    distances = take_values(reduced, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT, -MASK_SIDE_PX) / np.float32(
+        scale
+    )
+    unsure = MASK_ERROR_PX / scale
+    neighbours = np.ones((3, 3), np.uint8)
+    entered, left = (
+        cv2.dilate(side.astype(np.uint8), neighbours) > 0
+        for side in (distances > -unsure, distances < unsure)
+    )
+    corners = polygon.astype(np.float32)
+    for row, column in np.argwhere(entered & left):
+        x, y = nodes[row, column]
+        distances[row, column] = cv2.pointPolygonTest(corners, (float(x), float(y)), True)
+    return np.asarray(distances, np.float32)
+
+
+def _whiten_negative(flat: RgbImage, nodes: NDArray[np.float32]) -> None:
+    """Draw white, in place, where the values between `nodes` (rows, columns) are negative: tile by tile of the view.
+
+    Most tiles lie wholly inside or outside, and need no values between the nodes.
+    """
+    height, width = flat.shape[:2]
+    step = TILE_NODES * GRID_STEP_PX
+    for top in range(0, height, step):
+        for left in range(0, width, step):
+            tile = flat[top : top + step, left : left + step]
+            row, column = top // GRID_STEP_PX, left // GRID_STEP_PX
+            near = nodes[row : row + TILE_NODES + 2, column : column + TILE_NODES + 2]
+            if near.max() < 0:
+                tile[:] = 255
+            elif near.min() < 0:
+                tile[between_nodes(near, tile.shape[1], tile.shape[0]) < 0] = 255
+
+
+def _certain_flat_sheet(frame: Frame, outline: Points) -> Points | None:
+    """The sheet's corners in the view; a bent sheet's outline is convex only when it is flat."""
+    flat = frame.to_flat(outline)
+    limit = 2.0 * max(frame.width, frame.height)
+    if not np.isfinite(flat).all() or np.abs(flat).max() > limit:
+        return None
+    return certain_sheet(flat)
+
+
+def _remap(
+    image: NDArray[np.uint8],
+    nodes_in_photo: Floats,
+    factor: float,
+    interpolation: int,
+    flat: NDArray[np.uint8],
+) -> None:
+    """Draw `image`, the photo resized by `factor`, into `flat` through the map at its nodes, band by band."""
+    height, width = flat.shape[:2]
+    all_nodes = to_resized(nodes_in_photo, factor)
+    all_known = continuous_nodes(all_nodes, MAX_REDUCTION * factor)
+    white = (255.0,) * (1 if image.ndim == 2 else 3)
+    for top in range(0, height, BAND_PX):
+        rows = min(BAND_PX, height - top)
+        near = band_nodes(top, rows)
+        nodes, known = all_nodes[near], all_known[near]
+        x, y = (
+            between_nodes(np.where(known, nodes[..., axis], 0.0).astype(np.float32), width, rows)
+            for axis in (0, 1)
+        )
+        if not known.all():
+            # A pixel next to an unknown node is mapped to a place outside the photo.
+            x[between_nodes(known.astype(np.float32), width, rows) < 0.999] = -1e6
+        flat[top : top + rows] = cv2.remap(
+            image, x, y, interpolation, borderMode=cv2.BORDER_CONSTANT, borderValue=white
+        )

@@ -1,0 +1,25 @@
+"""Which characters figures of a photo's quality are measured on."""
+
+import numpy as np
+import pytest
+
+from services.rectify.analysis.print_sample import print_heights, sample_print
+from services.texture_flow.text_identification import FEWEST_CHARACTERS
+from tests.services.scenes import Album
+
+pytestmark = pytest.mark.pipeline
+
+
+def test_only_characters_of_the_page_are_sampled(album: Album) -> None:
+    analysis = album["plain"].analysis
+    upper = analysis.characters[:, 1] < np.median(analysis.characters[:, 1])
+    sample = sample_print(analysis, upper)
+    assert sample is not None
+    np.testing.assert_array_equal(sample.characters, analysis.characters[upper])
+    np.testing.assert_allclose(sample.heights_px, print_heights(analysis.text)[upper] / analysis.factor)
+
+
+def test_a_few_characters_are_no_text(album: Album) -> None:
+    analysis = album["plain"].analysis
+    few = np.arange(len(analysis.characters)) < FEWEST_CHARACTERS - 1
+    assert sample_print(analysis, few) is None
