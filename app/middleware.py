@@ -50,6 +50,8 @@ LATER = frozenset(
         ("POST", "/layout"),
         ("POST", "/layout/models/{name}/initialize"),
         ("POST", "/layout/models/{name}/train"),
+        ("POST", "/layout/models/{name}/samples/archive"),
+        ("POST", "/layout/import"),
         ("POST", "/layout/proposals"),
     }
 )

@@ -147,7 +147,9 @@ class _DatabaseFile:
     def check(self) -> None:
         """Raise `FileNotFoundError` when a file was deleted or replaced."""
         if self._identity is not None and self._identity != _identity(self._path):
-            raise FileNotFoundError(errno.ENOENT, "the file was replaced; restart the service")
+            raise FileNotFoundError(
+                errno.ENOENT, "the file was moved or replaced; put it back, or restart the service"
+            )
         log = self._log_identity
         if log is not None and log != _identity(self._log):
             raise FileNotFoundError(

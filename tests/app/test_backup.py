@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.backup_note import NAME
+from app.backup_note import NAME, TEXT
 from app.layout_store import DATABASE
 from app.main import create_app
 from app.remeasuring import remeasure
@@ -84,3 +84,15 @@ def test_the_folder_says_that_a_plain_copy_is_no_backup(tmp_path: Path) -> None:
         data_dir=tmp_path / "copy"
     ) as client:  # what the note is about: it opens, and lacks the sample
         assert json.loads(client.get("/layout/models").content)["models"] == []
+
+
+def test_no_empty_backup_is_made_in_the_wrong_folder(tmp_path: Path) -> None:
+    """Nor an empty database in the place of the one that is not there."""
+    (tmp_path / "data" / "blobs").mkdir(parents=True)
+    assert subprocess.run(
+        ["bash", "-ec", commands()], cwd=tmp_path, capture_output=True, check=False
+    ).returncode
+    assert not (tmp_path / "data" / DATABASE).exists()
+    [command] = re.findall(r"^ +(python3 .*)$", TEXT, re.MULTILINE)
+    here = command.replace("/BACKUP", ".")
+    assert subprocess.run(["bash", "-ec", here], cwd=tmp_path, capture_output=True, check=False).returncode
