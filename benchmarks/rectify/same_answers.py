@@ -3,7 +3,8 @@
 `OTHER` is a commit (taken by `git archive`) or the folder of a checkout. Both answer the same requests of /rectify, of
 previews and of /mosaic by their own operations, each in a process of its own. The whole documents and the pixels of the
 views are compared; only times, ids and dates are not. What differs is answered again, three times.
-Answers are kept under a digest of the code that made them. The inputs are the examples, and 60 real photos where the data are there.
+Answers are kept under a digest of the code that made them. The inputs are the examples, and 60 real
+photos where the data are there.
 """
 
 import argparse
