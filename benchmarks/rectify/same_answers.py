@@ -2,8 +2,9 @@
 
 `OTHER` is a commit (taken by `git archive`) or the folder of a checkout. Both answer the same requests of /rectify, of
 previews and of /mosaic by their own operations, each in a process of its own. The whole documents and the pixels of the
-views are compared; only times, ids and dates are not. Answers are kept under a digest of the code that made them. The
-inputs are the examples, and 60 real photos where the data are there.
+views are compared; only times, ids and dates are not. What differs is answered again, three times.
+Answers are kept under a digest of the code that made them. The inputs are the examples, and 60 real
+photos where the data are there.
 """
 
 import argparse
@@ -56,6 +57,9 @@ FEW = (
 EXAMPLE_SETS = (("left.png", "right.png"), ("a.jpg", "b.jpg", "c.jpg", "d.jpg"))
 REAL_SETS = ("n2_o20_0_patent", "n4_o40_1_patent")
 MOST_DIFFERENCES = 4
+REPEATS = 3
+"""Answers that differ are computed again, on both sides: the last bits of some sums depend on where arrays lie
+in memory, and an iterative fit makes 4e-9 of them (a preview of examples/d.jpg has two answers)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,15 +90,26 @@ def main(arguments: Sequence[str]) -> int:
     options = parser.parse_args(arguments)
     requests = list(find_requests(data_folder(options.data), few=options.few))
     with checkout(options.other) as other:
-        theirs = answers(other, requests, fresh=options.fresh)
-    ours = answers(REPOSITORY, requests, fresh=options.fresh)
+        old = [[answer] for answer in answers(other, requests, fresh=options.fresh)]
+        new = [[answer] for answer in answers(REPOSITORY, requests, fresh=options.fresh)]
+        for _ in range(REPEATS):
+            doubted = [k for k in range(len(requests)) if nearest(old[k], new[k])]
+            for folder, known in ((other, old), (REPOSITORY, new)):
+                again = answers(folder, [requests[k] for k in doubted], fresh=True)
+                for k, answer in zip(doubted, again, strict=True):
+                    known[k].append(answer)
     different = 0
-    for request, old, new in zip(requests, theirs, ours, strict=True):
-        found = differences(old, new)
+    for request, theirs, ours in zip(requests, old, new, strict=True):
+        found = nearest(theirs, ours)
         different += bool(found)
         print(f"{request.name}: {'; '.join(found[:MOST_DIFFERENCES]) or 'same'}")
     print(f"{len(requests)} answers, {different} of them differ.")
     return int(different > 0)
+
+
+def nearest(old: Sequence[object], new: Sequence[object]) -> list[str]:
+    """The fewest differences between one of the `old` answers to a request and one of the `new`."""
+    return min((differences(a, b) for a in old for b in new), key=len)
 
 
 def find_requests(data: Path, *, few: bool = False) -> Iterator[Request]:
