@@ -13,7 +13,7 @@ layout.sqlite3-wal    its newest part: a copy of layout.sqlite3 alone lacks it, 
 blobs/                pictures of pages, images of samples, uploads and results of jobs
 
 1. The database, by SQLite itself, which takes both files together:
-   python3 -c 'from sqlite3 import connect as c; c("file:layout.sqlite3?mode=rw", uri=True).backup(c("/BACKUP/layout.sqlite3"))'
+   python3 -c 'from sqlite3 import*;c=connect;c("file:layout.sqlite3?mode=rw",uri=1).backup(c("/BACKUP/layout.sqlite3"))'
 2. Then the folder blobs:
    cp -a blobs /BACKUP/
 
