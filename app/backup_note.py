@@ -13,12 +13,12 @@ layout.sqlite3-wal    its newest part: a copy of layout.sqlite3 alone lacks it, 
 blobs/                pictures of pages, images of samples, uploads and results of jobs
 
 1. The database, by SQLite itself, which takes both files together:
-   python3 -c 'from sqlite3 import*;c=connect;c("file:layout.sqlite3?mode=rw",uri=1).backup(c("/BACKUP/layout.sqlite3"))'
+   python3 -c 'import sqlite3; sqlite3.connect("file:layout.sqlite3?mode=rw", uri=True).backup(sqlite3.connect("/BACKUP/layout.sqlite3"))'
 2. Then the folder blobs:
    cp -a blobs /BACKUP/
 
 To restore, stop the service and put both into an empty folder. More: docs/operations.md, Back-up.
-"""
+"""  # noqa: E501 (a command is one line)
 
 
 def write_note(folder: Path) -> None:
