@@ -28,8 +28,10 @@ OF_ONE_FILE = frozenset(
     }
 )
 """Codes of errors about one file of an archive, which do not stop the others."""
-_MOST_NAME, _MOST_DETAIL = 200, 500
-"""Characters of a file's name and of a problem's detail in a report about thousands of files."""
+_MOST_NAME = 200
+"""Characters of a file's name in a report about thousands of files."""
+_MOST_DETAIL = 500
+"""Characters of a problem's detail there."""
 _PROGRAMS = (".DS_Store", "Thumbs.db", "desktop.ini")
 """Files that file managers add."""
 _PIECE_BYTES = 2**16
