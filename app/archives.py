@@ -28,6 +28,10 @@ OF_ONE_FILE = frozenset(
     }
 )
 """Codes of errors about one file of an archive, which do not stop the others."""
+_MOST_NAME = 200
+"""Characters of a file's name in a report about thousands of files."""
+_MOST_DETAIL = 500
+"""Characters of a problem's detail there."""
 _PROGRAMS = (".DS_Store", "Thumbs.db", "desktop.ini")
 """Files that file managers add."""
 _PIECE_BYTES = 2**16
@@ -61,7 +65,7 @@ class UploadedArchive:
         return path in self._files
 
     def read(self, path: str, most_bytes: int) -> bytes:
-        """The content of a file.
+        """The content of a file. The caller says which file an error is about.
 
         Raises
         ------
@@ -72,12 +76,12 @@ class UploadedArchive:
         """
         entry = self._files[path]
         if entry.size > most_bytes:
-            raise TooLarge(f"{path}: a file of the archive may have {most_bytes} bytes.", self._field)
+            raise TooLarge(f"A file of the archive may have {most_bytes} bytes.", self._field)
         try:
             with self._turn:
                 content = _content(self._file, entry)
         except (zlib.error, ValueError, OSError) as error:
-            raise InvalidOption(f"{path}: this file of the archive is damaged.", self._field) from error
+            raise InvalidOption("This file of the archive is damaged; pack it again.", self._field) from error
         return content
 
 
@@ -92,6 +96,20 @@ class SpooledFile:
     async def read(self) -> bytes:
         """The content; raises as `UploadedArchive.read`."""
         return await asyncio.to_thread(self.archive.read, self.path, self.most_bytes)
+
+
+def shown_name(path: str) -> str:
+    """The path of a file as a report has it: at most 200 characters."""
+    return _cut(path, _MOST_NAME)
+
+
+def shown_detail(detail: str) -> str:
+    """What is wrong with a file as a report has it: at most 500 characters."""
+    return _cut(detail, _MOST_DETAIL)
+
+
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def _content(file: IO[bytes], entry: ArchivedFile) -> bytes:

@@ -185,6 +185,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
                 "samples_added": 12,
                 "samples_known": 0,
                 "problems": [],
+                "more_problems": 0,
             }
         ]
     },

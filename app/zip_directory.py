@@ -15,7 +15,10 @@ from services.errors import InvalidOption, TooLarge
 STORED, DEFLATED = 0, 8
 ENTRY_BYTES = 256
 """Mean size of an entry of the directory: 46 bytes, the path, and extra fields (times, owners)."""
+MOST_NAME_BYTES = 1024
+"""Of one path; a report or a refusal that names one file stays small."""
 _END = struct.Struct("<4s4H2LH")
+_END_MARK = b"PK\5\6"
 _END_64_PLACE = struct.Struct("<4sLQL")
 _END_64 = struct.Struct("<4sQ2H2L4Q")
 _ENTRY = struct.Struct("<4s6H3L5H2L")
@@ -62,7 +65,7 @@ def read_directory(file: IO[bytes], field: str, most_files: int, most_bytes: int
     ------
     InvalidOption
         When this is no ZIP archive, its directory is damaged, two files have one path or share bytes, or a file has a
-        password or is packed by another method than deflate.
+        name of more than `MOST_NAME_BYTES`, a password, or is packed by another method than deflate.
     TooLarge
         When there are more than `most_files` files, or they have more than `most_bytes` together when inflated.
     """
@@ -120,15 +123,23 @@ class _Unsupported(Exception):
 
 
 def _place_of_directory(file: IO[bytes]) -> tuple[int, int]:
-    """Offset and size of the directory, both within the file."""
+    """Offset and size of the directory, both within the file.
+
+    The mark of its end may also be in the archive's comment. The record whose comment ends with the file is the one;
+    of several the first, since a comment may hold a whole record.
+    """
     end = file.seek(0, 2)
     tail_begin = max(0, end - _END.size - _MOST_COMMENT_BYTES)
     file.seek(tail_begin)
     tail = file.read()
-    place = tail.rfind(b"PK\5\6")
-    if place < 0:
+    place = tail.find(_END_MARK)
+    while place >= 0:
+        _, _, _, _, entries, size, begin, comment_bytes = _END.unpack_from(tail, place)
+        if place + _END.size + comment_bytes == len(tail):
+            break
+        place = tail.find(_END_MARK, place + 1)
+    else:
         raise _Damaged
-    _, _, _, _, entries, size, begin, _ = _END.unpack_from(tail, place)
     end = tail_begin + place
     if entries == 0xFFFF or _FULL in (size, begin):
         end, size, begin = _place_by_64_bits(file, end, size, begin)
@@ -164,6 +175,8 @@ def _entries(file: IO[bytes], begin: int, size: int) -> Iterator[ArchivedFile]:
         left -= _ENTRY.size + name_bytes + extra_bytes + comment_bytes
         if header[0] != b"PK\1\2" or left < 0:
             raise _Damaged
+        if name_bytes > MOST_NAME_BYTES:
+            raise _Unsupported(f"the name of a file may have {MOST_NAME_BYTES} bytes.")
         rest = file.read(name_bytes + extra_bytes + comment_bytes)
         path = _path_of(rest[:name_bytes], is_utf8=bool(header[3] & _IS_UTF8))
         if path.endswith("/"):

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import zipfile
-from collections import Counter, defaultdict
 from collections.abc import Iterator
 from functools import partial
 from tempfile import SpooledTemporaryFile
@@ -13,7 +12,7 @@ from fastapi import APIRouter, Form, Query, Request, Response
 from pydantic import AfterValidator, ValidationError
 from starlette.responses import StreamingResponse
 
-from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive
+from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive, shown_detail, shown_name
 from app.form_parts import FormRoute
 from app.problems import documented, refusal_in
 from app.routes.common_responses import FORM, READING, STORE, WORK
@@ -35,7 +34,7 @@ from app.schemas.layout_archives import (
 from app.schemas.options import Absent
 from models.errors import ModelNotFound, NotStorable, StoreError
 from models.repository import Store
-from services.errors import DocumentError, InvalidOption
+from services.errors import DocumentError, InvalidOption, TooLarge
 from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout", tags=["layout models"], route_class=FormRoute)
@@ -45,6 +44,8 @@ MOST_FILES = 50_000
 """Samples and models of one archive."""
 MOST_MANIFEST_BYTES = 2**20
 """200 classes with types of fields have a tenth of it."""
+_MOST_PROBLEMS = 1000
+"""Problems that a report lists; the others are counted."""
 _IN_MEMORY_BYTES = 2**22
 _CHUNK_BYTES = 2**18
 
@@ -145,25 +146,24 @@ async def import_layout_models(
     )
 
     async def work(progress: ProgressSink | None) -> Response:
-        imported = []
+        imported: list[ImportedClass] = []
+        problems = _Problems(request)
         for number, each in enumerate(manifest.models):
             if progress is not None:
                 progress("models", number / len(manifest.models))
-            imported.append(await _import_class(request, state, archive, each, paths.get(each.name, [])))
+            imported.append(await _import_class(state, archive, each.name, paths[each.name], problems))
         for each, report in zip(
             manifest.models, imported, strict=True
         ):  # now that the classes they continue exist
-            await _import_settings(state, each, report)
+            await _import_settings(state, each, report, problems)
         request.state.seat.release()
         return await answer_json(partial(ImportReport, models=imported))
 
     return await answer_now_or_later(request, state, work)
 
 
-def _open(
-    file: IO[bytes], most_bytes: int
-) -> tuple[UploadedArchive, Manifest, dict[str, list[tuple[str, str]]]]:
-    """The archive, its manifest, and by the names of classes the paths of their files, whole and within the class.
+def _open(file: IO[bytes], most_bytes: int) -> tuple[UploadedArchive, Manifest, dict[str, list[str]]]:
+    """The archive, its manifest, and by the names of its classes the paths of their files.
 
     Raises
     ------
@@ -176,30 +176,52 @@ def _open(
         )
     try:
         manifest = Manifest.model_validate_json(archive.read(MANIFEST, MOST_MANIFEST_BYTES))
+    except (InvalidOption, TooLarge) as error:
+        raise type(error)(f"archive: {MANIFEST}: {error.detail}", "archive") from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(map(str, first["loc"]))[:80]
         raise InvalidOption(f"archive: {MANIFEST}: {where}: {first['msg']}.", "archive") from error
-    paths: defaultdict[str, list[tuple[str, str]]] = defaultdict(list)
-    for each in archive.files():
-        folder, name, path = (*each.path.split("/", 2), "", "")[:3]
-        if folder == "models" and path:
-            paths[name].append((each.path, path))
+    paths: dict[str, list[str]] = {}
+    for each in manifest.models:
+        if each.name in paths:
+            raise InvalidOption(f"archive: {MANIFEST}: it has the class {each.name!r} twice.", "archive")
+        paths[each.name] = []
+    for packed in archive.files():
+        folder, name, path = (*packed.path.split("/", 2), "", "")[:3]
+        if folder == "models" and path and name in paths:
+            paths[name].append(packed.path)
     return archive, manifest, paths
 
 
+class _Problems:
+    """The problems of one import, which lists a bounded number of them in the reports of its classes."""
+
+    def __init__(self, request: Request) -> None:
+        self._scope = request.scope
+        self._left = _MOST_PROBLEMS
+
+    def add(self, report: ImportedClass, path: str, error: DocumentError | StoreError) -> None:
+        """Add what is wrong with a file to the report of its class, or count it there."""
+        refusal = refusal_in(error, self._scope)
+        if self._left == 0:
+            report.more_problems += 1
+            return
+        self._left -= 1
+        report.problems.append(
+            ImportProblem(file=shown_name(path), code=refusal.code, detail=shown_detail(refusal.detail))
+        )
+
+
 async def _import_class(
-    request: Request,
-    state: AppState,
-    archive: UploadedArchive,
-    entry: ArchivedClass,
-    paths: list[tuple[str, str]],
+    state: AppState, archive: UploadedArchive, name: str, paths: list[str], problems: _Problems
 ) -> ImportedClass:
-    name, settings = entry.name, state.settings
-    counts: Counter[bool] = Counter()
-    problems: list[ImportProblem] = []
-    version, changed = None, False
-    for path, path_in_class in paths:
+    settings = state.settings
+    report = ImportedClass(
+        name=name, version=None, changed=False, samples_added=0, samples_known=0, problems=[], more_problems=0
+    )
+    for path in paths:
+        path_in_class = path.split("/", 2)[2]
         folder, _, rest = path_in_class.partition("/")
         try:
             if folder == "samples" and rest:
@@ -215,23 +237,18 @@ async def _import_class(
                         max_models=settings.max_models,
                     )
                 )
-                counts[stored.created] += 1
+                if stored.created:
+                    report.samples_added += 1
+                else:
+                    report.samples_known += 1
             elif path_in_class == "model.json":
                 content = SpooledFile(archive, path, settings.max_model_bytes)
-                version, changed = await _import_model(state, name, content)
+                report.version, report.changed = await _import_model(state, name, content)
         except (DocumentError, StoreError) as error:
             if error.code not in OF_ONE_FILE:
                 raise
-            refusal = refusal_in(error, request.scope)
-            problems.append(ImportProblem(file=path, code=refusal.code, detail=refusal.detail))
-    return ImportedClass(
-        name=name,
-        version=version,
-        changed=changed,
-        samples_added=counts[True],
-        samples_known=counts[False],
-        problems=problems,
-    )
+            problems.add(report, path, error)
+    return report
 
 
 async def _import_model(state: AppState, name: str, content: SpooledFile) -> tuple[int, bool]:
@@ -253,11 +270,13 @@ async def _import_model(state: AppState, name: str, content: SpooledFile) -> tup
     return await state.store.call(write)
 
 
-async def _import_settings(state: AppState, entry: ArchivedClass, report: ImportedClass) -> None:
+async def _import_settings(
+    state: AppState, entry: ArchivedClass, report: ImportedClass, problems: _Problems
+) -> None:
     """Take over the settings of a class; what cannot be taken over is added to the problems of its report."""
     try:
         await state.store.call(
             lambda store: store.change_settings(entry.name, **settings_changes(entry.settings))
         )
     except (ModelNotFound, NotStorable) as error:
-        report.problems.append(ImportProblem(file=MANIFEST, code=error.code, detail=error.detail))
+        problems.add(report, MANIFEST, error)

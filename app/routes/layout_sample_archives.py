@@ -7,7 +7,7 @@ from typing import IO, Annotated
 
 from fastapi import APIRouter, Form, Request, Response
 
-from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive
+from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive, shown_detail, shown_name
 from app.form_parts import FormRoute
 from app.problems import documented, refusal_in
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
@@ -41,7 +41,7 @@ class _Page:
     @property
     def files(self) -> list[str]:
         named = [file for file in (self.zones, self.image) if file is not None]
-        return [file.path for file in (*named, *self.others)]
+        return [shown_name(file.path) for file in (*named, *self.others)]
 
 
 @router.post(
@@ -141,7 +141,7 @@ async def _add(
         if error.code not in OF_ONE_FILE:
             raise
         refusal = refusal_in(error, request.scope)
-        problem = FileProblem(code=refusal.code, detail=refusal.detail)
+        problem = FileProblem(code=refusal.code, detail=shown_detail(refusal.detail))
         return FileReport(files=page.files, status="failed", id=None, problem=problem)
     return FileReport(
         files=page.files, status="added" if sample.created else "known", id=sample.id, problem=None

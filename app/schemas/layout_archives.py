@@ -29,7 +29,9 @@ class FileProblem(Answer):
 class FileReport(Answer):
     """What became of one page of the archive."""
 
-    files: list[str] = Field(description="Its files in the archive.")
+    files: list[str] = Field(
+        description="Its files in the archive; of a long name the first 199 characters and `…`."
+    )
     status: Literal["added", "known", "failed", "ignored"] = Field(
         description="known: the class had this sample before. ignored: no page (an image without labelled zones)."
     )
@@ -51,7 +53,7 @@ class SamplesReport(Answer):
 class ImportProblem(FileProblem):
     """Why a file of the archive was not used."""
 
-    file: str
+    file: str = Field(description="Of a long name the first 199 characters and `…`.")
 
 
 class ImportedClass(Answer):
@@ -62,7 +64,10 @@ class ImportedClass(Answer):
     changed: bool = Field(description="Whether the archive's model became a new version.")
     samples_added: int = Field(ge=0)
     samples_known: int = Field(ge=0)
-    problems: list[ImportProblem] = Field(description="Files that were not used.")
+    problems: list[ImportProblem] = Field(
+        description="Files that were not used; the first 1000 of all classes together."
+    )
+    more_problems: int = Field(ge=0, description="How many more there are.")
 
 
 class ImportReport(Answer):

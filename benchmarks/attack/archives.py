@@ -77,6 +77,22 @@ def empty_files(classes: int = 200, files: int = 4999) -> bytes:
     )
 
 
+def long_names(files: int, name_bytes: int) -> bytes:
+    """An import whose megabytes are the names of damaged files of one class."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        archive.writestr("manifest.json", _manifest(["z"]))
+    whole = buffer.getvalue()
+    begin = whole.index(b"PK\1\2")
+    own = whole[begin : whole.index(b"PK\5\6")]
+    names = (f"models/z/samples/{number}\U0001f600".encode() for number in range(files))
+    entries = (
+        entry(name + b"\1" * (name_bytes - len(name)), flags=0x800, offset=begin + 30 * number)
+        for number, name in enumerate(names)
+    )
+    return directory_of([own, *entries], whole[:begin] + bytes(30 * files))
+
+
 def import_many(url: str, files: int = 5001, of_class: int = 834) -> Answer:
     """The answer to an import of samples as the service exports them; "incomplete" when some did not come."""
     with httpx.Client(base_url=url, timeout=_TIMEOUT_S) as client:
@@ -148,6 +164,11 @@ ATTACKS = (
         _INVALID,
     ),
     *_both("half an archive", lambda: packed(_FILE)[:-30], _INVALID),
+    Attack(
+        "200 files with names of 60 KB, imported",
+        partial(_send, _IMPORT, partial(long_names, 200, 60_000)),
+        _INVALID,
+    ),
     Attack("200 classes and 4999 empty files", partial(_send, _IMPORT, empty_files), ("ok",), is_quick=False),
     Attack("an import of 5001 exported samples", import_many, ("ok",), is_quick=False),
 )

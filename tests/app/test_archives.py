@@ -12,7 +12,7 @@ import pytest
 
 from app.archives import UploadedArchive
 from services.errors import DocumentError, InvalidOption, TooLarge
-from tests.app.hostile_archives import DIRECTORY, entry, mutated, packed, streamed, with_directory
+from tests.app.hostile_archives import DIRECTORY, END, entry, mutated, packed, streamed, with_directory
 from tests.app.scripted import PAGE, model_document
 from tests.app.scripts import upload
 from tests.app.serving import serving
@@ -66,6 +66,23 @@ def test_names_of_files_are_read_as_the_archive_says() -> None:
     ]
 
 
+def test_a_name_may_have_1024_bytes() -> None:
+    name = "ä" * 512
+    assert [file.path for file in opened(packed([(name, b"1")])).files()] == [name]
+
+
+@pytest.mark.parametrize(
+    "comment",
+    [b"hi PK\5\6 there" + bytes(40), END + bytes(18), END * 16_383],
+    ids=["the mark", "an empty archive", "many marks"],
+)
+def test_a_comment_may_have_the_mark_of_the_end(comment: bytes) -> None:
+    buffer = io.BytesIO(GOOD)
+    with zipfile.ZipFile(buffer, "a") as archive:
+        archive.comment = comment
+    assert [file.path for file in opened(buffer.getvalue()).files()] == [path for path, _ in FILES]
+
+
 def _lying_about_sizes() -> bytes:
     return with_directory(GOOD, [entry(b"a.json", method=8, sizes=(50, MOST_BYTES + 1))])
 
@@ -80,6 +97,9 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], type[DocumentError]]] = {
         InvalidOption,
     ),
     "no name": (lambda: with_directory(GOOD, [entry(b"")]), InvalidOption),
+    "a long name": (lambda: with_directory(GOOD, [entry(b"a" * 1025)]), InvalidOption),
+    "a long name of a folder": (lambda: with_directory(GOOD, [entry(b"a" * 1024 + b"/")]), InvalidOption),
+    "bytes behind its end": (lambda: GOOD + b"x", InvalidOption),
     "files that share bytes": (
         lambda: with_directory(GOOD, [entry(b"a", sizes=(90, 90)), entry(b"b", sizes=(90, 90), offset=40)]),
         InvalidOption,
@@ -158,7 +178,7 @@ def test_a_file_that_is_not_what_the_directory_states_is_damaged(content: bytes)
 
 
 def test_a_file_of_an_archive_has_a_limit_of_its_own() -> None:
-    with pytest.raises(TooLarge, match="2999 bytes"):
+    with pytest.raises(TooLarge, match="may have 2999 bytes"):
         opened(GOOD).read("models/memo/samples/2.json", 2999)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
+from app.routes import layout_exchange
 from tests.app.scripted import PAGE, model_document
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
@@ -131,6 +132,31 @@ def test_a_file_that_cannot_be_used_does_not_stop_the_others(source: httpx.Clien
     source.delete("/layout/models/memo").raise_for_status()
 
 
+def test_a_report_is_short(source: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It lists a bounded number of problems of all classes together, and begins of names."""
+    assert layout_exchange._MOST_PROBLEMS == 1000
+    monkeypatch.setattr(layout_exchange, "_MOST_PROBLEMS", 10)
+    files = {f"models/memo/samples/{number}{'x' * 900}.json": b"" for number in range(11)}
+    classes = [{"name": "memo", "settings": {}}, {"name": "fax-2", "settings": {}}]
+    content = packed(
+        {"manifest.json": manifest(models=classes), **files, "models/fax-2/samples/1.json": b"", "other": b""}
+    )
+    memo, fax = send(source, content).json()["models"]
+    assert (len(memo["problems"]), memo["more_problems"]) == (10, 2), "a file's and that of the settings"
+    assert (fax["problems"], fax["more_problems"]) == ([], 2)
+    assert {(len(each["file"]), each["file"][-1]) for each in memo["problems"]} == {(200, "…")}
+    assert not any("xx" in each["detail"] for each in memo["problems"])
+
+
+def test_the_path_of_a_file_is_told_once(source: httpx.Client) -> None:
+    files = {"models/memo/model.json": b" " * 9, "models/memo/samples/1.json": b"x" * 99}
+    damaged = packed({"manifest.json": manifest(), **files}).replace(b"xxxx", b"yxxx", 1)
+    [report] = send(source, damaged).json()["models"]
+    [_, problem, _] = report["problems"]
+    assert problem["file"] == "models/memo/samples/1.json"
+    assert problem["detail"] == "This file of the archive is damaged; pack it again."
+
+
 @pytest.mark.parametrize(
     "content",
     [
@@ -140,8 +166,19 @@ def test_a_file_that_cannot_be_used_does_not_stop_the_others(source: httpx.Clien
         packed({"manifest.json": manifest(format_version=2)}),
         packed({"manifest.json": manifest(models=[{"name": "../up", "settings": {}}])}),
         packed({"manifest.json": manifest(models=[{"name": "a", "settings": {"learner": "magic"}}])}),
+        packed({"manifest.json": manifest(models=[{"name": "a", "settings": {}}] * 2)}),
+        packed({"manifest.json": manifest()}).replace(b"layout", b"LAYOUT", 1),
     ],
-    ids=["no archive", "no manifest", "a list", "another version", "a path as a name", "an unknown learner"],
+    ids=[
+        "no archive",
+        "no manifest",
+        "a list",
+        "another version",
+        "a path as a name",
+        "an unknown learner",
+        "a class twice",
+        "a damaged manifest",
+    ],
 )
 def test_what_is_no_export_is_refused(source: httpx.Client, content: bytes) -> None:
     assert assert_problem(send(source, content), 422, "invalid-option")["field"] == "archive"

@@ -94,6 +94,13 @@ def test_a_page_that_fails_does_not_stop_the_others(
     assert good["status"] in {"added", "known"}
 
 
+def test_names_in_a_report_are_cut(client: httpx.Client) -> None:
+    path = f"{'x' * 900}.json"
+    [bad, _] = report_of(client, {path: page("y" * 3000), "good.json": page("good")})["pages"]
+    assert bad["files"] == [f"{'x' * 199}…"]
+    assert bad["problem"]["detail"] == "A file of the archive may have 2000 bytes."
+
+
 def test_a_full_class_takes_no_more() -> None:
     with serving(max_samples_per_model=2) as client:
         report = report_of(client, {f"{number}.json": page(str(number)) for number in range(3)})
