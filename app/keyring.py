@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
-from app.known_keys import known_keys
+from app.known_keys import FEWEST_CHARACTERS, known_keys, short_keys
 from app.roles import InvalidKeys, Key
 
 log = logging.getLogger(__name__)
@@ -33,6 +33,12 @@ class Keyring:
         self._stamp = _stamp_of(path)  # before the file is read, so that no change is missed
         self._due = asyncio.Event()
         self.keys: Mapping[str, Key] = known_keys(entries, path)
+        if short := short_keys(entries):
+            log.warning(
+                "keys of API_KEYS have less than %d characters and can be guessed: %s",
+                FEWEST_CHARACTERS,
+                ", ".join(short),
+            )
 
     @asynccontextmanager
     async def watched(self) -> AsyncIterator[None]:

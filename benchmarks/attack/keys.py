@@ -228,6 +228,8 @@ ATTACKS = (
     ),
     _start("a file of keys without a key", "api_keys_file", "# nobody\n", _TOLD),
     _start("API_KEYS of a comma", "api_keys", ",", _TOLD),
+    _start("API_KEYS that is empty", "api_keys", "", _TOLD),
+    _start("a name without a key", "api_keys", "admin:", "everybody could guess"),
     _start("a digest twice in the file", "api_keys_file", _line("rita", "reader") * 2, "already, as rita"),
     Attack("a key taken out of the file", partial(_removed_key, is_asked=False), _FORBIDDEN, is_quick=False),
     Attack("SIGHUP to the service", partial(_removed_key, is_asked=True), _FORBIDDEN, is_quick=False),

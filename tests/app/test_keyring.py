@@ -45,6 +45,21 @@ def test_the_same_key_twice_is_refused(tmp_path: Path) -> None:
     assert len(known_keys(("phone:secret",), path)) == 4  # with and without its name
 
 
+@pytest.mark.parametrize("entry", ["admin:", "first entry:", "1:", ":"])
+def test_an_entry_with_an_empty_key_is_refused(entry: str) -> None:
+    with pytest.raises(InvalidKeys, match="entry 2 of API_KEYS has nothing behind its colon"):
+        known_keys(("phone:secret", entry), None)
+
+
+def test_short_keys_are_told_without_the_key(caplog: pytest.LogCaptureFixture) -> None:
+    Keyring(("phone:secret", "sesame", "tablet:" + "k" * 16, "k" * 17), None)
+    (told,) = caplog.messages
+    assert "less than 16 characters" in told
+    assert told.endswith("entry 1 (phone), entry 2")
+    assert "secret" not in told
+    assert "sesame" not in told
+
+
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     for content in (b"\xff\xfe", b"#" * (2 << 20)):
         (tmp_path / "keys").write_bytes(content)

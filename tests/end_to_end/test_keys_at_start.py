@@ -19,6 +19,8 @@ RITA = f"rita reader {digest_of_key(b'key-of-rita')}\n"
     ("setting", "content", "sentence"),
     [
         ("API_KEYS", ",", "API_KEYS: it is set and holds no key"),
+        ("API_KEYS", "", "API_KEYS: it is set and holds no key"),
+        ("API_KEYS", "admin:", "entry 1 of API_KEYS has nothing behind its colon"),
         ("API_KEYS_FILE", "# nobody yet\n", "API_KEYS_FILE holds no key"),
         (
             "API_KEYS_FILE",
