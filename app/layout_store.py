@@ -16,7 +16,6 @@ from app.backup_note import write_note
 from app.decisions import EVIDENCE, Decision, decide, place_in_queue
 from app.probe import Probe
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
-from models.private_files import make_folder
 from models.records import ResultDraft, StoredModel, UnknownPageDraft
 from models.repository import Store
 from services.contract.layout import MOST_MODEL_BYTES, ModelDocument
@@ -113,7 +112,7 @@ class LayoutStore:
             store, cannot = Store.open(self._database_url), "the database must be writable"
         else:
             try:
-                make_folder(self._folder)
+                self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # for its owner only
             except OSError as error:
                 raise StoreUnavailable(f"the folder cannot be made: {error.strerror or error}") from error
             store, cannot = Store.open(self._folder / DATABASE), "the folder must be writable"
