@@ -236,7 +236,7 @@ $(BENCH): $(BENCH_CREATED)
 DATA_DIR ?= data
 DATA_OWNER ?= 10001:10001
 data-folder:
-	@mkdir -p '$(DATA_DIR)'
+	@mkdir -p -m 700 '$(DATA_DIR)'
 	@[ "$$(id -u)" != 0 ] || chown '$(DATA_OWNER)' '$(DATA_DIR)'
 
 # Versions that are pinned stay where the .in files allow it; `make lock UPGRADE=--upgrade` moves them.

@@ -48,6 +48,6 @@ class Audit:
 
     def _action_of(self, scope: Scope) -> str | None:
         for method, pattern, action in self._patterns:
-            if method == scope["method"] and pattern.match(scope["path"]):
+            if method == scope["method"] and pattern.fullmatch(scope["path"]):
                 return action
         return None

@@ -66,7 +66,7 @@ class ApiKeys:
 
     def _judge(self, headers: Headers, token: str | None, keys: Mapping[str, Key]) -> Key:
         """The key that the request was sent with."""
-        sent = [key for key in (headers.get(HEADER), _bearer(headers.get("authorization"))) if key]
+        sent = [*_values(headers, HEADER), *filter(None, map(_bearer, _values(headers, "Authorization")))]
         if len(set(sent)) > 1:
             raise Forbidden(f"{HEADER} and Authorization hold different keys; send one of them.")
         if sent:
@@ -84,20 +84,24 @@ class ApiKeys:
         )
 
 
-def _bearer(authorization: str | None) -> str | None:
-    """Key of an Authorization header.
+def _values(headers: Headers, name: str) -> set[str]:
+    """The value of a header, if it has one.
 
     Raises
     ------
-    Unauthorized
-        When the header has another scheme.
+    Forbidden
+        When the header came several times, with different values: a proxy may have judged another one.
     """
-    if not authorization:
-        return None
+    values = set(filter(None, headers.getlist(name)))
+    if len(values) > 1:
+        raise Forbidden(f"The header {name} came several times, with different values; send it once.")
+    return values
+
+
+def _bearer(authorization: str) -> str | None:
+    """Key of an Authorization header; None if it has another scheme, as that of a proxy in front may have."""
     scheme, _, key = authorization.strip().partition(" ")
-    if scheme.lower() != "bearer":
-        raise Unauthorized(f"Send the API key as Authorization: Bearer KEY, or in the {HEADER} header.")
-    return key.strip()
+    return key.strip() if scheme.lower() == "bearer" else None
 
 
 def _without_token(query: bytes) -> tuple[str | None, bytes]:

@@ -12,6 +12,7 @@ layout.sqlite3        the database
 layout.sqlite3-wal    its newest part: a copy of layout.sqlite3 alone lacks it, and still looks intact
 blobs/                pictures of pages, images of samples, uploads and results of jobs
 
+The back-up holds the same secrets: begin with `umask 077`, so that only you can read it.
 1. The database, by SQLite itself, which takes both files together:
    python3 -c 'import sqlite3; sqlite3.connect("file:layout.sqlite3?mode=rw", uri=True).backup(sqlite3.connect("/BACKUP/layout.sqlite3"))'
 2. Then the folder blobs:

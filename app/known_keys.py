@@ -11,6 +11,8 @@ from pathlib import Path
 
 from app.roles import ADMIN, InvalidKeys, Key, digest_of_key, read_keys_file
 
+FEWEST_CHARACTERS = 16
+"""Shorter keys can be guessed; the log says so at the start."""
 _NAMED = re.compile(r"([A-Za-z][A-Za-z0-9_.-]{0,62}):(.+)", re.DOTALL)
 
 
@@ -20,8 +22,15 @@ def known_keys(entries: Sequence[str], path: Path | None) -> Mapping[str, Key]:
     Raises
     ------
     InvalidKeys
-        When the file cannot be used or holds no key, or when two entries are the same key.
+        When the file cannot be used or holds no key, when an entry is `name:`, whose key everybody could guess, or when
+        two entries are the same key.
     """
+    for number, entry in enumerate(entries, 1):
+        if entry.endswith(":") and entry.count(":") == 1:
+            raise InvalidKeys(
+                f"entry {number} of API_KEYS has nothing behind its colon, and everybody could guess such a key: write "
+                "name:key, or a key alone"
+            )
     of_file = [] if path is None else read_keys_file(path)
     keys: dict[str, Key] = {}
     for digests, key in (*map(_forms_of_entry, entries), *(({key.digest}, key) for key in of_file)):
@@ -32,6 +41,15 @@ def known_keys(entries: Sequence[str], path: Path | None) -> Mapping[str, Key]:
             )
         keys |= dict.fromkeys(digests, key)
     return keys
+
+
+def short_keys(entries: Sequence[str]) -> list[str]:
+    """Which entries have a key that can be guessed: their numbers, and names where they have one."""
+    return [
+        f"entry {number} ({named[1]})" if (named := _NAMED.fullmatch(entry)) else f"entry {number}"
+        for number, entry in enumerate(entries, 1)
+        if len(spellings_of_key(entry)[-1]) < FEWEST_CHARACTERS
+    ]
 
 
 def each_key(keys: Mapping[str, Key]) -> Iterable[Key]:

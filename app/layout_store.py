@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import stat
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -112,7 +113,7 @@ class LayoutStore:
             store, cannot = Store.open(self._database_url), "the database must be writable"
         else:
             try:
-                self._folder.mkdir(parents=True, exist_ok=True)
+                self._folder.mkdir(mode=stat.S_IRWXU, parents=True, exist_ok=True)  # for its owner only
             except OSError as error:
                 raise StoreUnavailable(f"the folder cannot be made: {error.strerror or error}") from error
             store, cannot = Store.open(self._folder / DATABASE), "the folder must be writable"

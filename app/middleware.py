@@ -17,6 +17,7 @@ from app.jobs.registry import Jobs
 from app.keyring import Keyring
 from app.logs import RequestLog
 from app.metrics import Metrics
+from app.paths import PlainPaths
 from app.problems import ProblemBoundary
 from app.roles import RoleRules
 from app.settings import Settings
@@ -85,8 +86,8 @@ def add_middleware(
     """Add everything that every request passes before its route.
 
     The middleware that is added last is the outermost: prefix, log, security headers, body limits, origins,
-    compression, errors, requests of other sites, API keys, roles, list of changes, methods, admission to the queue of
-    jobs and to the engine.
+    compression, errors, paths that name nothing, requests of other sites, API keys, roles, list of changes, methods,
+    admission to the queue of jobs and to the engine.
     """
     places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
     app.add_middleware(Admission, engine=engine, work=WORK, places=places)
@@ -105,6 +106,7 @@ def add_middleware(
     app.add_middleware(RoleRules)
     app.add_middleware(ApiKeys, keyring=keyring, tokens=tokens)
     app.add_middleware(OwnSite, origins=settings.cors_origins)
+    app.add_middleware(PlainPaths)
     app.add_middleware(ProblemBoundary)
     app.add_middleware(
         GZipMiddleware,

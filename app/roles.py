@@ -141,7 +141,7 @@ class RoleRules:
     def _may(self, role: Role, method: str, path: str) -> bool:
         if method in _SAFE:
             return role != "reader" or path not in NOT_FOR_READERS
-        return any(method == allowed and pattern.match(path) for allowed, pattern in self._allowed[role])
+        return any(method == allowed and pattern.fullmatch(path) for allowed, pattern in self._allowed[role])
 
 
 def _patterns(requests: tuple[tuple[str, str], ...]) -> list[tuple[str, re.Pattern[str]]]:

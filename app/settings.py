@@ -369,9 +369,10 @@ class Settings(BaseSettings):
     @field_validator("api_keys", mode="before")
     @classmethod
     def _require_a_key(cls, value: object) -> object:
-        if isinstance(value, str) and value and not value.strip(", \t\r\n"):
+        if isinstance(value, str) and not value.strip(", \t\r\n"):
             raise ValueError(
-                "it is set and holds no key, and without keys everybody could use the service: add a key, or unset it"
+                "it is set and holds no key, and without keys everybody could use the service: add a key, or unset it "
+                "to run an open service"
             )
         return value
 

@@ -20,6 +20,7 @@ from obstore.exceptions import BaseError
 from obstore.store import from_url
 
 from models.errors import NotFound, NotStorable, StoreUnavailable
+from models.private_files import make_folder, narrow
 
 PART_BYTES = 5 << 20
 """Bytes that are in memory while a blob is written or read; S3 takes no smaller parts of one upload."""
@@ -121,7 +122,8 @@ class _Folder:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder.absolute()
-        self._folder.mkdir(parents=True, exist_ok=True)
+        make_folder(self._folder)
+        narrow(self._folder)
 
     def write(self, key: str, parts: Iterator[bytes]) -> None:
         path = self._folder / key

@@ -36,6 +36,7 @@ from sqlalchemy.pool import ConnectionPoolEntry
 
 from models.bounded_connection import bounded
 from models.errors import NotStorable, StoreDamaged, StoreTooNew, StoreUnavailable
+from models.private_files import make_database, make_folder
 from models.tables import Table
 
 BUSY_TIMEOUT_S = 10.0
@@ -71,7 +72,7 @@ _PRAGMAS = (
 
 
 def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> Engine:
-    """An engine for an SQLite file (created with its folder if missing) or for the URL of a database."""
+    """An engine for an SQLite file (for its owner only; made with its folder if missing) or for a database's URL."""
     url = _url_of(where)
     with storage_errors():
         if url.get_backend_name() == "postgresql":
@@ -80,7 +81,8 @@ def open_engine(where: Path | str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> En
             raise StoreUnavailable("the database is neither SQLite nor PostgreSQL")
         if not url.database or url.database == ":memory:":
             raise StoreUnavailable("SQLite needs a file: without one nothing would be remembered")
-        Path(url.database).parent.mkdir(parents=True, exist_ok=True)
+        make_folder(Path(url.database).parent)
+        make_database(Path(url.database))
         engine = create_engine(
             url,
             hide_parameters=True,

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from starlette.datastructures import UploadFile
 
 from app.paths import PathTemplates
-from services.errors import DocumentError, InvalidOption
+from services.errors import InvalidOption
 
 _LONGEST_NAME = 80
 Form = TypeVar("Form", bound=BaseModel)
@@ -94,16 +94,10 @@ def with_format(form: Form, format: str | None) -> Form:
     return form.model_copy(update={"format": format})
 
 
-class NothingNamed(DocumentError):
-    """No resource can have this path."""
-
-    code = "not-found"
-
-
 class KnownQueryOptions:
     """Dependency of all routes: a request has only query options that its route has, each of them once.
 
-    No name or id has the character NUL, which no database of PostgreSQL holds.
+    No value has the character NUL, which no database of PostgreSQL holds.
     """
 
     def __init__(self, routes: Iterable[APIRoute]) -> None:
@@ -119,11 +113,7 @@ class KnownQueryOptions:
         Raises
         ------
         InvalidOption
-        NothingNamed
-            When the path has the character NUL.
         """
-        if "\0" in request.scope["path"]:
-            raise NothingNamed("The path has the character NUL, so it names nothing.")
         template = self._templates.match(request.scope["path"])
         known = self._options.get((request.method, template or ""))
         if known is None:

@@ -51,7 +51,7 @@ class _Page:
     responses={
         200: {"description": "What became of each page.", "model": SamplesReport},
         **ACCEPTED,
-        **documented("conflict", *FORM, *IMAGE, *STORE, *WORK),
+        **documented("not-found", "conflict", *FORM, *IMAGE, *STORE, *WORK),
     },
     openapi_extra=PREFER,
     dependencies=[known_parts(ArchiveForm)],

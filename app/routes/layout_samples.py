@@ -35,7 +35,7 @@ router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"
             "model": SampleReceipt,
             "headers": {"Location": {"description": "Its path.", "schema": {"type": "string"}}},
         },
-        **documented("conflict", "store-full", "not-storable", *FORM, *IMAGE, *STORE, *WORK),
+        **documented("not-found", "conflict", "store-full", "not-storable", *FORM, *IMAGE, *STORE, *WORK),
     },
     openapi_extra=LABELLED_PAGE_BODY,
 )

@@ -136,6 +136,10 @@ def _feedback(url: str) -> Answer:
     return Answer(shown.status_code, "shown" if shown.json()["feedback"] else "hidden")
 
 
+def _of_reader(method: str, path: str, url: str) -> Answer:
+    return answer_of(httpx.request(method, url + path, headers=_key("rita"), timeout=_TIMEOUT_S))
+
+
 def _jobs(url: str) -> Answer:
     """What the last of six jobs of one key is answered."""
     files = {"image": picture()}
@@ -213,8 +217,19 @@ ATTACKS = (
     ),
     _of_file("a verifier called admin, by a job", _proposals, "hidden"),
     _of_file("feedback of another key", _feedback, "hidden"),
+    *(
+        _of_file(f"{method} {path}%0a", partial(_of_reader, method, path + "%0a"), "not-found")
+        for method, path in (
+            ("GET", "/audit"),
+            ("POST", "/layout"),
+            ("POST", "/layout/proposals"),
+            ("POST", "/rectify"),
+        )
+    ),
     _start("a file of keys without a key", "api_keys_file", "# nobody\n", _TOLD),
     _start("API_KEYS of a comma", "api_keys", ",", _TOLD),
+    _start("API_KEYS that is empty", "api_keys", "", _TOLD),
+    _start("a name without a key", "api_keys", "admin:", "everybody could guess"),
     _start("a digest twice in the file", "api_keys_file", _line("rita", "reader") * 2, "already, as rita"),
     Attack("a key taken out of the file", partial(_removed_key, is_asked=False), _FORBIDDEN, is_quick=False),
     Attack("SIGHUP to the service", partial(_removed_key, is_asked=True), _FORBIDDEN, is_quick=False),

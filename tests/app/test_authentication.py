@@ -1,6 +1,7 @@
 """API keys, where they are configured."""
 
 import os
+from collections.abc import Iterator
 
 import httpx
 import pytest
@@ -13,6 +14,13 @@ from tests.app.scripted import OPERATIONS
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
+
+
+@pytest.fixture(scope="module")
+def guarded() -> Iterator[httpx.Client]:
+    """A service with two keys."""
+    with serving(api_keys="first, second") as client:
+        yield client
 
 
 def rectify(client: httpx.Client, key: str | bytes | None) -> httpx.Response:
@@ -48,11 +56,37 @@ def test_a_key_of_a_foreign_locale_is_its_bytes(monkeypatch: pytest.MonkeyPatch)
         assert rectify(client, b"schl\x99ssel").status_code == 200
 
 
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ([("X-API-Key", "first"), ("X-API-Key", "second")], 403),
+        ([("X-API-Key", "first"), ("X-API-Key", "third")], 403),
+        ([("Authorization", "Bearer first"), ("Authorization", "Bearer second")], 403),
+        ([("Authorization", "Bearer first"), ("Authorization", "Basic Zmlyc3Q6")], 403),
+        ([("X-API-Key", "first"), ("Authorization", "Bearer second")], 403),
+        ([("X-API-Key", "first"), ("X-API-Key", "first"), ("Authorization", "bearer first")], 200),
+        ([("X-API-Key", "first"), ("Authorization", "Basic Zmlyc3Q6")], 200),
+        ([("X-API-Key", "third"), ("Authorization", "Basic Zmlyc3Q6")], 403),
+        ([("Authorization", "Basic Zmlyc3Q6")], 401),
+    ],
+)
+def test_headers_that_come_twice_or_belong_to_a_proxy(
+    guarded: httpx.Client, headers: list[tuple[str, str]], status: int
+) -> None:
+    assert guarded.get("/layout/models", headers=headers).status_code == status
+
+
+def test_a_token_counts_beside_the_credentials_of_a_proxy(guarded: httpx.Client) -> None:
+    token = guarded.post("/tokens", headers={"X-API-Key": "first"}).json()["token"]
+    basic = {"Authorization": "Basic Zmlyc3Q6"}
+    assert guarded.get("/layout/models", params={"token": token}, headers=basic).status_code == 200
+
+
 def test_no_keys_no_guard() -> None:
-    assert Settings(api_keys="").api_keys == ()  # type: ignore[arg-type]
+    assert not Settings().has_keys
 
 
-@pytest.mark.parametrize("keys", [",", " ", " , "])
+@pytest.mark.parametrize("keys", ["", ",", " ", " , "])
 def test_keys_that_are_set_and_empty_are_refused(keys: str) -> None:
     with pytest.raises(ValidationError, match="everybody could use the service"):
         Settings(api_keys=keys)  # type: ignore[arg-type]

@@ -33,7 +33,7 @@ REQUESTS = (
 )  # fmt: skip
 
 
-@pytest.fixture(scope="module", params=["", "key"], ids=["open", "with keys"])
+@pytest.fixture(scope="module", params=[(), ("key",)], ids=["open", "with keys"])
 def service(request: pytest.FixtureRequest) -> Iterator[httpx.Client]:
     with serving(cors_origins="https://app.example.org", api_keys=request.param) as client:
         letter = model_document("letter", "date")

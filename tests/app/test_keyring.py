@@ -1,8 +1,12 @@
 """Keys of both sources, a file of keys that changes, and tokens that a key makes."""
 
+import asyncio
 import os
+import signal
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -45,6 +49,21 @@ def test_the_same_key_twice_is_refused(tmp_path: Path) -> None:
     assert len(known_keys(("phone:secret",), path)) == 4  # with and without its name
 
 
+@pytest.mark.parametrize("entry", ["admin:", "first entry:", "1:", ":"])
+def test_an_entry_with_an_empty_key_is_refused(entry: str) -> None:
+    with pytest.raises(InvalidKeys, match="entry 2 of API_KEYS has nothing behind its colon"):
+        known_keys(("phone:secret", entry), None)
+
+
+def test_short_keys_are_told_without_the_key(caplog: pytest.LogCaptureFixture) -> None:
+    Keyring(("phone:secret", "sesame", "tablet:" + "k" * 16, "k" * 17), None)
+    (told,) = caplog.messages
+    assert "less than 16 characters" in told
+    assert told.endswith("entry 1 (phone), entry 2")
+    assert "secret" not in told
+    assert "sesame" not in told
+
+
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     for content in (b"\xff\xfe", b"#" * (2 << 20)):
         (tmp_path / "keys").write_bytes(content)
@@ -61,27 +80,97 @@ def test_the_name_admin_is_a_role_of_api_keys_only(tmp_path: Path) -> None:
     assert roles == {"root": "admin", "secret": None, "key-of-vera": "verifier"}
 
 
+def look(keyring: Keyring) -> None:
+    """Two looks at the file: one that changed less than a second ago counts when it is the same at the second."""
+    keyring.read_again()
+    keyring.read_again()
+
+
 def test_a_changed_file_is_taken_over_and_an_invalid_one_is_not(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = write(tmp_path / "keys", RITA)
     keyring = Keyring((), path)
     write(path, RITA, ANNA)
-    keyring.read_again()
+    look(keyring)
     assert names(keyring) == {"rita", "anna"}
     for wrong in ((), ("nonsense",), (RITA, RITA)):
         write(path, *wrong)
-        keyring.read_again()
-        keyring.read_again()  # the same file is told once
+        look(keyring)
+        look(keyring)  # the same file is told once
         assert names(keyring) == {"rita", "anna"}
     path.unlink()
-    keyring.read_again()
+    look(keyring)
     assert names(keyring) == {"rita", "anna"}
     told = [record for record in caplog.records if "cannot be used" in record.message]
     assert [record.levelname for record in told] == ["ERROR"] * 4
     write(tmp_path / "new", ANNA).replace(path)
-    keyring.read_again()
+    look(keyring)
     assert names(keyring) == {"anna"}
+
+
+def test_a_file_that_is_being_written_is_not_taken_over(tmp_path: Path) -> None:
+    path = write(tmp_path / "keys", RITA, ANNA)
+    keyring = Keyring((), path)
+    write(path, RITA)  # the first half
+    assert not keyring.read_again()
+    write(path, RITA, RITA.replace("rita", "tina").replace("0", "1"))
+    assert not keyring.read_again()
+    assert names(keyring) == {"rita", "anna"}
+    assert keyring.read_again()
+    assert names(keyring) == {"rita", "tina"}
+    assert not keyring.read_again()
+    old = time.time_ns() - 2 * keyring_module.SETTLED_NS
+    os.utime(write(path, ANNA), ns=(old, old))
+    assert keyring.read_again()  # nobody writes it any more
+    assert names(keyring) == {"anna"}
+
+
+def test_a_file_that_changes_while_it_is_read_is_not_taken_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    path = write(tmp_path / "keys", RITA)
+    keyring = Keyring((), path)
+
+    def read_and_write(*arguments: Any) -> Mapping[str, Key]:
+        monkeypatch.undo()
+        found = known_keys(*arguments)
+        write(path, RITA, ANNA)
+        return found
+
+    monkeypatch.setattr(keyring_module, "known_keys", read_and_write)
+    write(path, ANNA)
+    assert keyring.read_again(is_asked=True)
+    assert names(keyring) == {"rita"}
+    look(keyring)
+    assert names(keyring) == {"rita", "anna"}
+    assert [("while it was read" in each, "were read again" in each) for each in caplog.messages] == [
+        (True, False),
+        (False, True),
+    ]
+
+
+def test_many_signals_lead_to_one_reading_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here the pause is longer than the test, so that the first of the signals alone has led to a reading."""
+    monkeypatch.setattr(keyring_module, "ASKED_EVERY_S", 3600.0)
+    keyring = Keyring((), write(tmp_path / "keys", RITA))
+    readings: list[bool] = []
+    monkeypatch.setattr(keyring, "read_again", lambda *, is_asked: readings.append(is_asked) or True)
+
+    async def storm() -> None:
+        async with keyring.watched():
+            for _ in range(200):
+                os.kill(os.getpid(), signal.SIGHUP)
+                await asyncio.sleep(0)
+            while not readings:
+                await asyncio.sleep(0)
+            for _ in range(200):
+                os.kill(os.getpid(), signal.SIGHUP)
+                await asyncio.sleep(0)
+
+    asyncio.run(storm())
+    assert readings == [True]
 
 
 def test_a_file_that_is_put_in_place_with_the_same_time_and_size_counts(tmp_path: Path) -> None:
@@ -90,7 +179,7 @@ def test_a_file_that_is_put_in_place_with_the_same_time_and_size_counts(tmp_path
     new = write(tmp_path / "new", RITA.replace("rita", "tina"))
     os.utime(new, ns=(before.st_atime_ns, before.st_mtime_ns))
     new.replace(path)
-    keyring.read_again()
+    look(keyring)
     assert names(keyring) == {"tina"}
 
 

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Iterator
+from itertools import product
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -15,9 +16,11 @@ from fastapi import Request
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
+from app.authentication import OPEN_PATHS
 from app.callers import Caller, caller_of
 from app.jobs.stored_request import JobRun, do_request
 from app.main import create_app
+from app.middleware import METHODS
 from app.roles import (
     NOT_FOR_READERS,
     READERS_WRITE,
@@ -34,6 +37,7 @@ from tests.app.serving import serving
 from tests.app.test_jobs import LATER, start, until
 from tests.app.test_layout_feedback import give, recognize
 from tests.app.test_problems import assert_problem
+from tests.counts import repeats
 
 KEYS = {
     "rita": ("reader", "key-of-rita"),
@@ -141,6 +145,37 @@ def test_a_job_is_listed_when_it_changes_something(client: httpx.Client) -> None
         ("anna", "initialization", f"version {version}"),
         ("vera", "sample added", sample),
     ]
+
+
+def test_a_path_with_a_control_character_names_nothing(tmp_path: Path) -> None:
+    """Patterns of routes end with `$`, which matches before a last newline too: `/audit%0a` would be `/audit`."""
+    file = tmp_path / "keys.txt"
+    file.write_text("\n".join(line(name, *of) for name, of in KEYS.items()))
+    app = create_app(Settings(api_keys_file=file, api_keys=("old:key-of-old",)), OPERATIONS)
+    paths = {re.sub("{[^}]+}", "a", path) for path in app.openapi()["paths"]} | OPEN_PATHS | {"/nowhere"}
+    keys = [*(key for _, key in KEYS.values()), "key-of-old", ""]
+    every = list(product(METHODS, sorted(paths), keys))
+    requests = [
+        *(
+            (method, path + "%0a", key) for method, path, key in every[:: repeats(3, 1)]
+        ),  # of five keys: all in turn
+        *(
+            ("GET", f"/audit{character}", KEYS["rita"][1])
+            for character in ("%00", "%1f", "%7f", "/%0A", "%0d")
+        ),
+        ("GET", "/au%00dit", KEYS["rita"][1]),
+    ]
+
+    async def others() -> list[tuple[str, str, str, int]]:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://service") as client:
+            statuses = [
+                (await client.request(method, path, headers={"X-API-Key": key})).status_code
+                for method, path, key in requests
+            ]
+            assert_problem(await client.get("/audit%0a"), 404, "not-found")
+        return [(*sent, status) for sent, status in zip(requests, statuses, strict=True) if status != 404]
+
+    assert asyncio.run(others()) == []
 
 
 def test_the_digest_is_no_key(client: httpx.Client) -> None:
