@@ -158,7 +158,9 @@ class FeedbackRepository(Transactions):
                 FeedbackModelRow.model_id == find_model(session, name).id
             )
             wanted = select(FeedbackRow).where(FeedbackRow.id.in_(of_model))
-            wanted = wanted.options(defer(FeedbackRow.request), defer(FeedbackRow.report))
+            wanted = wanted.options(
+                defer(FeedbackRow.request), defer(FeedbackRow.report), defer(FeedbackRow.lesson)
+            )
             if before is not None:
                 wanted = wanted.where(FeedbackRow.id < before)
             if owner is not None:
