@@ -11,7 +11,7 @@ from benchmarks.attack.clients import Answer, answer_of
 from benchmarks.attack.row import Attack
 
 CLIENTS = 8
-RESULTS = 12
+RESULTS = 8
 ZONES = 50
 LETTERS = 34_000
 """Of a zone: a page is as large as MAX_ZONES_BYTES allows."""
