@@ -28,6 +28,8 @@ log = logging.getLogger(__name__)
 DATABASE = "layout.sqlite3"
 MOST_THREADS = 4
 """SQLite allows parallel reads and one write at a time. More threads would only wait for each other."""
+MOST_LISTS = 2
+"""Lists of documents that are made at a time, so that they take neither all threads nor much memory."""
 PROBE_TIMEOUT_S = 0.7
 """Time for the check of the store by `/health/ready`, which answers within a second."""
 PURGE_EVERY_S = 60.0
@@ -70,6 +72,7 @@ class LayoutStore:
         self._timeout_s = timeout_s
         self._probe = Probe(self._is_readable, "store-probe")
         self._loading = asyncio.Lock()
+        self._lists = asyncio.Semaphore(MOST_LISTS)
         self._revision: int | None = None
         self._ready: Mapping[str, ReadyModel] = {}
         self._last_purge_s = 0.0
@@ -142,6 +145,11 @@ class LayoutStore:
         async with self._in_time():
             in_context = copy_context().run  # the store lists changes with the author of this request
             return await asyncio.get_running_loop().run_in_executor(self._threads, in_context, work, store)
+
+    async def read_list(self, work: Callable[[Store], T]) -> T:
+        """As `call`, for work that reads many documents: `MOST_LISTS` at a time, the others wait."""
+        async with self._in_time(), self._lists:
+            return await self.call(work)
 
     @asynccontextmanager
     async def _in_time(self) -> AsyncIterator[None]:

@@ -27,6 +27,11 @@ def encode_document(document: Document) -> bytes:
 
 def decode_document(stored: bytes) -> dict[str, Any]:
     """The document, with the same key order and numbers. Raises `StoreDamaged` when the bytes are no document."""
+    return decode_measured(stored)[0]
+
+
+def decode_measured(stored: bytes) -> tuple[dict[str, Any], int]:
+    """The document, and its bytes of JSON. Raises `StoreDamaged` when the bytes are no document."""
     try:
         unpacker = zlib.decompressobj()
         text = unpacker.decompress(stored, MAX_DOCUMENT_BYTES)
@@ -35,7 +40,7 @@ def decode_document(stored: bytes) -> dict[str, Any]:
         raise StoreDamaged(f"a stored document cannot be read: {error}") from error
     if not unpacker.eof or not isinstance(document, dict):
         raise StoreDamaged("a stored document is cut off")
-    return document
+    return document, len(text)
 
 
 def digest_document(document: Document) -> str:

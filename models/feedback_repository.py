@@ -28,7 +28,7 @@ from models.records import (
     ModelUndo,
     StoredFeedback,
 )
-from models.tables import FeedbackModelRow, FeedbackRow, ModelRow, SampleRow, UnknownPageRow
+from models.tables import FeedbackModelRow, FeedbackRow, ModelRow, ReviewRow, SampleRow, UnknownPageRow
 from models.transactions import Transactions
 
 HEALTH_WINDOW = 50
@@ -71,7 +71,7 @@ class FeedbackRepository(Transactions):
         False, and nothing changes. The verified page becomes a sample. It replaces the sample of an earlier feedback on
         the same result, and is deleted from the unknown pages. When the class has `max_samples` samples, the oldest
         sample from feedback is deleted first; if all samples were posted, the page does not become a sample. The result
-        itself may have expired.
+        itself may have expired. A claim on the page ends.
 
         `undone` has the models without the lessons of earlier feedback on the result. They are stored first. A change
         of such a model starts from its document there; its `expected_version` is not used. `seen` has the ids of the
@@ -139,6 +139,8 @@ class FeedbackRepository(Transactions):
             session.add(feedback)
             session.flush()
             session.add_all(links.values())
+            of_page = update(ReviewRow).where(ReviewRow.result_id == draft.result_id)
+            session.execute(of_page.values(claim=None, claimed_by=None, claimed_at=None, claimed_until=None))
             if draft.revised is not None:
                 revise_result(session, draft.result_id, draft.revised)
             session.flush()
@@ -158,7 +160,9 @@ class FeedbackRepository(Transactions):
                 FeedbackModelRow.model_id == find_model(session, name).id
             )
             wanted = select(FeedbackRow).where(FeedbackRow.id.in_(of_model))
-            wanted = wanted.options(defer(FeedbackRow.request), defer(FeedbackRow.report))
+            wanted = wanted.options(
+                defer(FeedbackRow.request), defer(FeedbackRow.report), defer(FeedbackRow.lesson)
+            )
             if before is not None:
                 wanted = wanted.where(FeedbackRow.id < before)
             if owner is not None:

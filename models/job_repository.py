@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, Row, case, func, select, update
+from sqlalchemy import ColumnElement, Row, case, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from models.clocks import is_over, latest, oldest_first
@@ -88,6 +88,13 @@ class JobRepository(Transactions):
         """The job with this key; None: there is none. Raises `JobKeyReused` when it had another digest."""
         with self._writing() as session:
             return self._repeated(session, repeat_key, digest)
+
+    def has_job_of_key(self, repeat_key: str) -> bool:
+        """Whether a job that has not expired has this key."""
+        is_kept = or_(JobRow.expires_at.is_(None), ~self._is_expired())
+        wanted = select(JobRow.id).where(JobRow.repeat_key == repeat_key, is_kept)
+        with self._reading() as session:
+            return session.execute(wanted).first() is not None
 
     def _repeated(self, session: Session, repeat_key: str | None, digest: str | None) -> StoredJob | None:
         if repeat_key is None:

@@ -127,10 +127,14 @@ ResultState = Literal["open", "confirmed", "corrected"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ListedResult:
-    """The result of one page in a list; `result` is its `LayoutResult` without the id."""
+    """The result of one page in a list; `result` is its `LayoutResult` without the id.
+
+    `stored_bytes` is the size of all that is stored of it, as JSON.
+    """
 
     id: str
     result: dict[str, Any]
+    stored_bytes: int
     created_at: datetime
     expires_at: datetime
     state: ResultState

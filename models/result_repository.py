@@ -1,14 +1,14 @@
 """The store's calls for data that expires: results of recognition, and pages that fitted no class."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from datetime import datetime, timedelta
 from typing import cast
 
-from sqlalchemy import ColumnElement, CursorResult, delete, select
+from sqlalchemy import ColumnElement, CursorResult, Select, delete, select
 from sqlalchemy.orm import Session
 
-from models.documents import Document, decode_document, encode_document
+from models.documents import Document, decode_document, decode_measured, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
 from models.queries import IDS_AT_ONCE, READ_AT_ONCE, add_unknown_page
 from models.records import (
@@ -111,52 +111,37 @@ class ResultRepository(Transactions):
             raise ResultNotFound(f"there is no result {result_id!r}, or no longer", result_id)
         return replace(result, pages=tuple(_stored_result(page) for page in rows if page is not None))
 
-    def results(
+    def each_result(
         self,
-        limit: int,
         *,
         before: str | None = None,
         owner: str | None = None,
         state: ResultState | None = None,
-        ids: Collection[str] | None = None,
-    ) -> list[ListedResult]:
-        """The newest results of pages that are kept, newest first, `limit` at most.
+    ) -> Iterator[ListedResult]:
+        """Iterates over the results of pages that are kept, newest first. One is decoded at a time.
 
-        `before` is the id of a result: only older ones are listed. `owner`, `state` and `ids` select; None: all.
+        `before` is the id of a result: only older ones are listed. `owner` and `state` select; None: all.
         """
-        of_row = select(FeedbackRow.id).where(FeedbackRow.result_id == ResultRow.id)
-        something_wrong = (
-            FeedbackRow.class_wrong | (FeedbackRow.wrong_zones > 0) | (FeedbackRow.wrong_letters > 0)
-        )
-        verified, corrected = of_row.exists(), of_row.where(something_wrong).exists()
+        verified, corrected = _verdicts_of_row()
         wanted = select(ResultRow, verified, corrected).where(ResultRow.expires_at > self._clock())
         if before is not None:
             wanted = wanted.where(ResultRow.id < before)
         if owner is not None:
             wanted = wanted.where(ResultRow.owner == owner)
-        if ids is not None:
-            wanted = wanted.where(ResultRow.id.in_(ids))
         if state is not None:
             wanted = wanted.where(verified if state != "open" else ~verified)
         if state in ("confirmed", "corrected"):
             wanted = wanted.where(corrected if state == "corrected" else ~corrected)
-        listed: list[ListedResult] = []
         with self._reading() as session:
-            rows = session.execute(
-                wanted.order_by(ResultRow.id.desc()).execution_options(yield_per=READ_AT_ONCE)
-            )
-            for row, is_verified, is_corrected in rows:
-                document = decode_document(row.document)
-                if "result" in document:  # a document's values are those of its pages
-                    found: ResultState = "confirmed" if is_verified else "open"
-                    found = "corrected" if is_corrected else found
-                    listed.append(
-                        ListedResult(row.id, document["result"], row.created_at, row.expires_at, found)
-                    )
-                session.expunge(row)
-                if len(listed) == limit:
-                    break
-        return listed
+            yield from _each_listed(session, wanted.order_by(ResultRow.id.desc()))
+
+    def each_result_of(self, ids: Iterable[str]) -> Iterator[ListedResult]:
+        """Iterates over these results in their order, one decoded at a time; those that are not kept are left out."""
+        verified, corrected = _verdicts_of_row()
+        wanted = select(ResultRow, verified, corrected).where(ResultRow.expires_at > self._clock())
+        with self._reading() as session:
+            for id in ids:
+                yield from _each_listed(session, wanted.where(ResultRow.id == id))
 
     def result_owner(self, result_id: str) -> str | None:
         """The owner of a result, or of the feedback on a result that is no longer kept. Raises `ResultNotFound`."""
@@ -240,6 +225,26 @@ class ResultRepository(Transactions):
             if count:
                 self._list_change(session, None, ", ".join(sorted(ids)))
             return count
+
+
+def _verdicts_of_row() -> tuple[ColumnElement[bool], ColumnElement[bool]]:
+    """Whether a person has verified the result of a row, and whether something was wrong."""
+    of_row = select(FeedbackRow.id).where(FeedbackRow.result_id == ResultRow.id)
+    something_wrong = (
+        FeedbackRow.class_wrong | (FeedbackRow.wrong_zones > 0) | (FeedbackRow.wrong_letters > 0)
+    )
+    return of_row.exists(), of_row.where(something_wrong).exists()
+
+
+def _each_listed(session: Session, wanted: Select[ResultRow, bool, bool]) -> Iterator[ListedResult]:
+    for row, is_verified, is_corrected in session.execute(wanted.execution_options(yield_per=READ_AT_ONCE)):
+        document, size = decode_measured(row.document)
+        if "result" in document:  # a document's values are those of its pages
+            found: ResultState = "confirmed" if is_verified else "open"
+            found = "corrected" if is_corrected else found
+            result = document["result"]
+            yield ListedResult(row.id, result, size, row.created_at, row.expires_at, found)
+        session.expunge(row)
 
 
 def _stored_result(row: ResultRow) -> StoredResult:

@@ -97,15 +97,18 @@ class ReviewRepository(Transactions):
         ]
 
     def claim_review(
-        self, result_id: str, who: str | None, ttl_s: float, claim: str | None
+        self, result_id: str, who: str | None, ttl_s: float, claim: str | None, *, reopen: bool = False
     ) -> tuple[str, datetime]:
         """Give a page to one person for `ttl_s` seconds: the secret of the claim, and its end. `claim` renews a claim.
 
-        Raises `Claimed` when somebody else has the page, and `ResultNotFound`.
+        Raises `Claimed` when somebody else has the page, or, without `reopen`, when it is skipped or verified and the
+        caller does not have it; and `ResultNotFound`.
         """
         with self._changing() as (session, _):
             now = self._clock()
             row = _own_review(session, result_id, claim, now)
+            if not reopen and not _is_claimed(row, now) and _is_done(session, row):
+                raise Claimed("this page is skipped or verified; take the next one, or send `reopen`: true")
             row.claim = row.claim if claim is not None and claim == row.claim else secrets.token_urlsafe(16)
             row.claimed_by, row.claimed_at = who, now
             row.claimed_until = now + timedelta(seconds=ttl_s)
@@ -160,7 +163,7 @@ class ReviewRepository(Transactions):
             row = _own_review(session, result_id, claim, self._clock())
             if row.claim != claim:
                 raise Claimed("the claim on this page has ended; claim it again")
-            if session.execute(select(_IS_VERIFIED).where(ReviewRow.result_id == result_id)).scalar_one():
+            if _is_verified(session, result_id):
                 return False
             session.get_one(ResultRow, result_id).document = encode_document(document)
             for name, value in asdict(place).items():
@@ -170,10 +173,13 @@ class ReviewRepository(Transactions):
     def release_review(self, result_id: str, claim: str | None, *, skip: bool = False) -> None:
         """End a claim; `skip` also takes the page out of the open ones.
 
-        Raises `Claimed` when somebody else has the page, and `ResultNotFound`.
+        Raises `Claimed` when somebody else has the page or `claim` is not the claim on it, and `ResultNotFound`.
         """
         with self._changing() as (session, _):
-            row = _own_review(session, result_id, claim, self._clock())
+            now = self._clock()
+            row = _own_review(session, result_id, claim, now)
+            if claim is not None and not _is_claimed(row, now):
+                raise Claimed("the claim on this page has ended; claim it again")
             row.claim = row.claimed_by = row.claimed_at = row.claimed_until = None
             row.is_skipped |= skip
 
@@ -221,6 +227,15 @@ def _own_review(session: Session, result_id: str, claim: str | None, now: dateti
     if _is_claimed(row, now) and row.claim != claim:
         raise Claimed("another person works on this page; take the next one, or send `claim` of your claim")
     return row
+
+
+def _is_done(session: Session, row: ReviewRow) -> bool:
+    """Whether the page is no longer among the open ones."""
+    return row.is_skipped or _is_verified(session, row.result_id)
+
+
+def _is_verified(session: Session, result_id: str) -> bool:
+    return session.execute(select(_IS_VERIFIED).where(ReviewRow.result_id == result_id)).scalar_one()
 
 
 def _is_claimed(row: ReviewRow, now: datetime) -> bool:

@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.connection import while_connected
 from app.engine.base import Busy
-from app.jobs.registry import JobCancelled, Jobs
+from app.jobs.registry import KEY_HEADER, JobCancelled, Jobs
 from app.jobs.stored_request import describe_request
 from app.paths import PathTemplates
 from app.problems import problem_response
@@ -67,7 +67,9 @@ class JobAdmission:
         if is_job or self.forwards:
             length = headers.get("content-length", "")
             await self.jobs.require_room(
-                scope["state"]["caller"], int(length) if length.isascii() and length.isdigit() else 0
+                scope["state"]["caller"],
+                int(length) if length.isascii() and length.isdigit() else 0,
+                headers.get(KEY_HEADER) if is_job else None,
             )
         if is_job or not self.forwards:
             await self.app(scope, receive, send)

@@ -32,6 +32,7 @@ from services.errors import DocumentError
 
 log = logging.getLogger(__name__)
 
+KEY_HEADER = "Idempotency-Key"
 MOST_KEY_CHARACTERS = 200
 """Longest Idempotency-Key."""
 ORPHANED_AFTER = timedelta(hours=1)
@@ -116,12 +117,19 @@ class Jobs:
 
     # Accepting
 
-    async def require_room(self, owner: str | None, input_bytes: int) -> None:
-        """Raise `Busy` when a job of this owner would not be accepted now. The body need not be read for that."""
+    async def require_room(self, owner: str | None, input_bytes: int, key: str | None = None) -> None:
+        """Raise `Busy` when a job of this owner would not be accepted now. The body need not be read for that.
+
+        A job with the Idempotency-Key `key` of the owner needs no room: the request may be a repeated one.
+        """
         bounds = self._limits.bounds
         try:
             await self._store.call(lambda store: store.require_queue_room(bounds, owner, input_bytes))
         except QueueFull as full:
+            if key is not None:
+                repeat_key = _repeat_key(key, owner)
+                if await self._store.call(lambda store: store.has_job_of_key(repeat_key)):
+                    return
             raise _busy(full) from None
 
     async def repeated(self, request: Repeatable, owner: str | None) -> StoredJob | None:
@@ -132,7 +140,7 @@ class Jobs:
         KeyReused
             When the key came with a different request.
         """
-        key = _repeat_key(request, owner)
+        key = _repeat_key(request.key, owner)
         try:
             return await self._store.call(lambda store: store.repeated_job(key, request.digest))
         except JobKeyReused:
@@ -196,7 +204,7 @@ class Jobs:
             request=description,
             input_key=key if size else None,
             input_bytes=size,
-            repeat_key=None if repeatable is None else _repeat_key(repeatable, owner),
+            repeat_key=None if repeatable is None else _repeat_key(repeatable.key, owner),
             digest=None if repeatable is None else repeatable.digest,
             priority=priority,
             callback_url=callback_url,
@@ -307,8 +315,8 @@ class Jobs:
             log.warning("blobs could not be deleted: %s", error)
 
 
-def _repeat_key(request: Repeatable, owner: str | None) -> str:
-    return hashlib.sha256(f"{owner or ''}\n{request.key}".encode("utf-8", "surrogatepass")).hexdigest()
+def _repeat_key(key: str, owner: str | None) -> str:
+    return hashlib.sha256(f"{owner or ''}\n{key}".encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def _busy(full: QueueFull) -> Busy:

@@ -2,7 +2,8 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal, cast
 
 from fastapi import APIRouter, Query, Request, Response
@@ -25,6 +26,8 @@ router = APIRouter(tags=["layout"])
 CURSOR_PATTERN = r"^([0-9]{1,9}(\.[0-9]{1,20})?(e-[0-9]{1,3})?_)?[0-9A-HJKMNP-TV-Z]{26}$"
 MOST_LISTED = 200
 """Results of one answer; the documents of 200 pages with all their zones are read in 0.2 s."""
+MOST_LISTED_BYTES = 4 << 20
+"""Of all that is stored of the results of one answer, as JSON. The last result may reach over it."""
 COLUMNS = (
     "result",
     "created",
@@ -81,7 +84,8 @@ async def layout_results(
     """List the kept results of pages with the values of their fields: the newest first, or as a review queue.
 
     JSON lines have one result a line, CSV one value a row. A result that is made meanwhile is not in later answers; one
-    that expires is left out. With API keys, the results are those of the caller's key.
+    that expires is left out. Where results are large, an answer has fewer than `limit`; `next` leads on, as does the
+    header `Link`. With API keys, the results are those of the caller's key.
     """
     chosen = choose_described_format(format, request.headers.get("accept"), LIST_MEDIA_TYPES)
     owner = caller_of(request).only
@@ -90,7 +94,7 @@ async def layout_results(
         reviews, results, following = _read(store, limit, state_, order, cursor, owner)
         return _listed(results, reviews, chosen, following), following
 
-    response, following = await state.store.call(read)
+    response, following = await state.store.read_list(read)
     if following is not None:
         link_next(request, state, response, following)
     return response
@@ -115,16 +119,35 @@ def _read(
         raise Conflict("cursor: it belongs to a list in another order; begin again without it.", "cursor")
     if order == "newest" and state in (None, "confirmed", "corrected"):
         of_state = None if state is None else cast(ResultState, state)
-        results = store.results(limit + 1, before=after, owner=owner, state=of_state)
-        reviews = store.reviews(limit, ids=[each.id for each in results[:limit]])
-        following = results[limit - 1].id if len(results) > limit else None
-        return {review.id: review for review in reviews}, results[:limit], following
+        results, has_more = _first_of(store.each_result(before=after, owner=owner, state=of_state), limit)
+        reviews = store.reviews(limit, ids=[each.id for each in results])
+        following = results[-1].id if has_more else None
+        return {review.id: review for review in reviews}, results, following
     reviews = store.reviews(limit + 1, state=state, order=order, after=after, owner=owner)
-    following = cursor_of(reviews[limit - 1], order) if len(reviews) > limit else None
     known = {review.id: review for review in reviews[:limit]}
-    found = {each.id: each for each in store.results(limit, ids=list(known))}
     # A result that was deleted after the queue was read is left out.
-    return known, [found[id] for id in known if id in found], following
+    results, has_more = _first_of(store.each_result_of(known), limit)
+    if has_more:
+        return known, results, cursor_of(known[results[-1].id], order)
+    return known, results, cursor_of(reviews[limit - 1], order) if len(reviews) > limit else None
+
+
+def _first_of(results: Iterator[ListedResult], limit: int) -> tuple[list[ListedResult], bool]:
+    """The first results, with what is listed of them alone, and whether there are more.
+
+    There are `limit` at most, and fewer where their documents have more than `MOST_LISTED_BYTES`.
+    """
+    found: list[ListedResult] = []
+    size = 0
+    for each in results:
+        if len(found) == limit or size >= MOST_LISTED_BYTES:
+            return found, True
+        size += each.stored_bytes
+        listed: dict[str, Any] = {
+            name: each.result[name] for name in ("class", "fields") if name in each.result
+        }
+        found.append(replace(each, result=listed))
+    return found, False
 
 
 def _listed(

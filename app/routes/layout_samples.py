@@ -91,7 +91,7 @@ async def layout_samples(
         zones = len(sample.document["zones"])
         return SampleSummary(id=sample.id, zones=zones, labels=labels, created=sample.created_at)
 
-    summaries, has_more = await state.store.call(
+    summaries, has_more = await state.store.read_list(
         lambda store: first_of(map(summarize, store.each_sample(name, after=cursor or "")), limit)
     )
     if has_more:

@@ -11,7 +11,7 @@ from app.callers import caller_of
 from app.connection import while_connected
 from app.form_parts import has_form
 from app.jobs.callback_request import parse_callback_url
-from app.jobs.registry import MOST_KEY_CHARACTERS, Repeatable
+from app.jobs.registry import KEY_HEADER, MOST_KEY_CHARACTERS, Repeatable
 from app.jobs.stored_request import RUN, JobRun
 from app.routes.sent_request import digest_of
 from app.routes.state import AppState
@@ -26,7 +26,6 @@ Work = Callable[[ProgressSink | None], Coroutine[Any, Any, Response]]
 """Coroutine that answers a request. It passes the sink to `Engine.submit`; None: progress is not reported."""
 
 ACCEPTED_STATUS = 202
-KEY_HEADER = "Idempotency-Key"
 CALLBACK = "callback_url"
 POLL_AFTER_S = 1
 """Advice for clients that poll: the shortest work takes about this long."""

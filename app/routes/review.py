@@ -26,14 +26,15 @@ log = logging.getLogger(__name__)
 async def claim_layout_result(request: Request, state: State, id: str) -> Claim:
     """Claim a page of the queue for CLAIM_TTL_S seconds, so that two people do not work on it; or renew the claim.
 
-    `conflict` when somebody else has it. Feedback needs no claim. With `recognize` the page is first recognized again
-    if its models have learned since, so that nobody corrects what the models know by now.
+    `conflict` when somebody else has it, or when it is skipped or verified: `reopen` claims such a page. Feedback needs
+    no claim, and ends it. With `recognize` the page is first recognized again if its models have learned since, so that
+    nobody corrects what the models know by now.
     """
     caller = await require_own_result(request, state, id)
     body = await read_json(request, ClaimRequest, default=ClaimRequest())
     ttl_s = state.settings.claim_ttl_s
     claim, until = await state.store.call(
-        lambda store: store.claim_review(id, caller.name, ttl_s, body.claim)
+        lambda store: store.claim_review(id, caller.name, ttl_s, body.claim, reopen=body.reopen)
     )
     is_again = body.recognize and await _recognize_again(state, id, claim)
     return Claim(result=id, claim=claim, until=until, recognized_again=is_again)
@@ -61,7 +62,7 @@ async def _recognize_again(state: AppState, result_id: str, claim: str) -> bool:
     openapi_extra=json_request(ClaimBody, required=False),
 )
 async def release_layout_result(request: Request, state: State, id: str) -> None:
-    """Give a claimed page back to the queue."""
+    """Give a claimed page back to the queue. `conflict` when the claim has ended, or is not the one on the page."""
     await require_own_result(request, state, id)
     body = await read_json(request, ClaimBody, default=ClaimBody())
     await state.store.call(lambda store: store.release_review(id, body.claim))
@@ -75,7 +76,10 @@ async def release_layout_result(request: Request, state: State, id: str) -> None
     openapi_extra=json_request(ClaimBody, required=False),
 )
 async def skip_layout_result(request: Request, state: State, id: str) -> None:
-    """Take a page out of the open ones without feedback; feedback on it changes that."""
+    """Take a page out of the open ones without feedback; feedback on it changes that.
+
+    `conflict` when somebody else has it, or when the claim that is sent has ended.
+    """
     await require_own_result(request, state, id)
     body = await read_json(request, ClaimBody, default=ClaimBody())
     await state.store.call(lambda store: store.release_review(id, body.claim, skip=True))

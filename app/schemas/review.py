@@ -57,6 +57,9 @@ class ClaimBody(BaseModel):
 class ClaimRequest(ClaimBody):
     """A new claim, or a claim to be renewed."""
 
+    reopen: bool = Field(
+        default=False, description="Claim the page also if it is skipped or verified, to look at it again."
+    )
     recognize: bool = Field(
         default=False,
         description="Recognize the page again if its models have learned since; then read the result. Its zones stay.",

@@ -6,7 +6,7 @@ from typing import Any
 
 import httpx
 
-from benchmarks.attack import archives, images, keys, mosaics, pdfs, races, texts
+from benchmarks.attack import archives, images, keys, lists, mosaics, pdfs, races, texts
 from benchmarks.attack.clients import (
     Answer,
     answer_of,
@@ -206,4 +206,5 @@ ATTACKS = (
     *mosaics.ATTACKS,
     *keys.ATTACKS,
     *races.ATTACKS,
+    *lists.ATTACKS,
 )

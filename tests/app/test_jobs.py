@@ -209,6 +209,25 @@ def test_the_queue_of_jobs_is_bounded_apart_from_seats(tmp_path: Path) -> None:
         until(client, start(client, ""))
 
 
+def test_a_full_queue_finds_the_job_of_a_key(tmp_path: Path) -> None:
+    with serving(max_jobs=1, api_keys=("mine", "yours")) as client:
+        client.headers["X-API-Key"] = "mine"
+        headers = {**LATER, "Idempotency-Key": "once"}
+
+        def send(**others: str) -> httpx.Response:
+            files = {"image": upload(f"wait {tmp_path}")}
+            return client.post("/rectify", files=files, headers={**headers, **others})
+
+        path = send().headers["location"]
+        again = send()
+        assert (again.status_code, again.headers.get("location")) == (202, path)
+        for others in ({"Idempotency-Key": "another"}, {"X-API-Key": "yours"}):
+            assert_problem(send(**others), 503, "busy")
+        other_body = client.post("/rectify", files={"image": upload("")}, headers=headers)
+        assert_problem(other_body, 409, "conflict")
+        client.delete(path)
+
+
 def test_metrics_tell_the_queue(tmp_path: Path) -> None:
     with serving() as client:
         first, second = (start(client, f"wait {tmp_path}") for _ in range(2))

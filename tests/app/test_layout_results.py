@@ -11,6 +11,8 @@ import httpx
 import pytest
 
 from app.layout_store import DATABASE
+from models.documents import decode_measured
+from models.records import ReviewDraft
 from models.repository import Store
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
@@ -23,6 +25,9 @@ def result_with(text: str, value: str | None, kind: str) -> dict[str, Any]:
     of_class = {"name": "letter", "model_version": 1, "cost": 1.0, "probability": 0.9}
     field = {"label": "x", "text": text, "type": kind, "value": value, "confidence": 0.5, "zones": ["z1"]}
     return {"result": {"class": of_class, "fields": [field], "zones": []}, "page": {}}
+
+
+LARGE = result_with("x" * 20_000, None, "text")
 
 
 @pytest.fixture(scope="module")
@@ -87,3 +92,30 @@ def test_another_format_is_not_acceptable(client: httpx.Client) -> None:
         client.get("/layout/results", headers={**KEYS[0], "Accept": "image/png"}), 406, "not-acceptable"
     )
     assert client.get("/layout/results", headers={**KEYS[0], "Accept": "text/*"}).text.startswith("result,")
+
+
+@pytest.mark.parametrize("order", ["newest", "gain"])
+def test_a_list_of_large_results_has_short_pages(
+    order: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One result is over the bound already: every page has one, and the links lead through all of them."""
+    decoded = []
+
+    def count(stored: bytes) -> tuple[dict[str, Any], int]:
+        decoded.append(len(stored))
+        return decode_measured(stored)
+
+    with Store.open(tmp_path / DATABASE) as store:
+        place = ReviewDraft(1.0, 0.5, "letter", 1, "review")
+        ids = [store.add_result(LARGE, 1000, review=place) for _ in range(4)]
+    monkeypatch.setattr("app.routes.layout_results.MOST_LISTED_BYTES", 10_000)
+    monkeypatch.setattr("models.result_repository.decode_measured", count)
+    with serving(data_dir=tmp_path) as client:
+        seen, path, answers = [], f"/layout/results?order={order}", 0
+        while path:
+            response = client.get(path)
+            answers += 1
+            seen += [entry["id"] for entry in response.json()["results"]]
+            path = response.links.get("next", {}).get("url", "")
+    assert (seen, answers) == (ids[::-1], 4)
+    assert len(decoded) == 4 + 3  # and of each answer but the last the one after it

@@ -84,6 +84,20 @@ def test_a_claimed_page_is_for_one_person(client: httpx.Client) -> None:
     assert_problem(client.post("/layout/results/01M7ZZQ4ZN38G37138FEXHE2T7/claim"), 404, "not-found")
 
 
+def test_a_page_that_is_done_is_given_to_nobody_else(client: httpx.Client) -> None:
+    skipped, verified = recognize(client), recognize(client)
+    claims = {id: client.post(f"/layout/results/{id}/claim").json() for id in (skipped, verified)}
+    mine = {"claim": claims[skipped]["claim"]}
+    assert client.post(f"/layout/results/{skipped}/skip", json=mine).status_code == 204
+    give(client, verified, {"class": "letter"})
+    for id in (skipped, verified):
+        path, ended = f"/layout/results/{id}", {"claim": claims[id]["claim"]}
+        assert_problem(client.post(f"{path}/claim"), 409, "conflict")
+        assert_problem(client.post(f"{path}/skip", json=ended), 409, "conflict")
+        assert_problem(client.post(f"{path}/release", json=ended), 409, "conflict")
+        assert client.post(f"{path}/claim", json={"reopen": True}).status_code == 200
+
+
 def test_decisions_follow_the_feedback(client: httpx.Client) -> None:
     """After 700 zones that were right, pages as sure as those go through; a wrong one more and they do not."""
     first = client.get(f"/layout/results/{recognize(client)}").json()["decision"]
@@ -138,7 +152,9 @@ def test_a_claimed_page_is_recognized_again_by_what_its_class_has_learned(client
     assert [zone["confidence"] for zone in after["zones"]] == pytest.approx([0.91, 0.91])
     assert queue(client)[0]["gain"] == pytest.approx(2 - 2 * 0.75 * 0.91)
     give(client, other, {"class": "letter"})
-    assert client.post(f"/layout/results/{other}/claim", json=asked).json()["recognized_again"] is False
+    assert_problem(client.post(f"/layout/results/{other}/claim", json=asked), 409, "conflict")
+    reopened = {"recognize": True, "reopen": True}
+    assert client.post(f"/layout/results/{other}/claim", json=reopened).json()["recognized_again"] is False
 
 
 def test_a_page_of_a_document_is_recognized_again_as_one_of_its_document(client: httpx.Client) -> None:

@@ -4,6 +4,7 @@ import contextlib
 import itertools
 from dataclasses import replace
 from datetime import timedelta
+from itertools import islice
 from threading import get_ident
 from typing import Any
 
@@ -108,16 +109,16 @@ def test_results_are_listed_newest_first_and_page_by_page(letters: Store, clock:
         clock.now += timedelta(seconds=1)
         ids.append(letters.add_result({"result": {"n": number}}, ttl_s=100, owner="ab"[number % 2]))
     letters.add_document({"class": "letter"}, [ResultDraft({"result": {"n": 7}})], ttl_s=100)
-    assert [each.result["n"] for each in letters.results(20)] == [7, 6, 5, 4, 3, 2, 1, 0]
-    assert [each.result["n"] for each in letters.results(20, owner="a")] == [6, 4, 2, 0]
+    assert [each.result["n"] for each in letters.each_result()] == [7, 6, 5, 4, 3, 2, 1, 0]
+    assert [each.result["n"] for each in letters.each_result(owner="a")] == [6, 4, 2, 0]
     seen, before = [], ids[6]
-    while listed := letters.results(2, before=before):
+    while listed := list(islice(letters.each_result(before=before), 2)):
         seen += [each.id for each in listed]
         before = listed[-1].id
         letters.add_result({"result": {"n": 99}}, ttl_s=100)
     assert seen == ids[5::-1]
     clock.now += timedelta(seconds=200)
-    assert letters.results(20) == []
+    assert list(letters.each_result()) == []
 
 
 def test_results_have_the_state_that_feedback_gave_them(letters: Store) -> None:
@@ -127,7 +128,9 @@ def test_results_have_the_state_that_feedback_gave_them(letters: Store) -> None:
     letters.add_feedback(replace(draft(ids[2], "c", wrong=0), letters=9, wrong_letters=1), [])
     letters.add_feedback(draft(ids[3], "d", wrong=0, found="memo"), [])
     states = ["confirmed", "corrected", "corrected", "corrected", "open"]
-    assert [(each.id, each.state) for each in letters.results(9)][::-1] == list(zip(ids, states, strict=True))
+    assert [(each.id, each.state) for each in letters.each_result()][::-1] == list(
+        zip(ids, states, strict=True)
+    )
     for state in ("open", "confirmed", "corrected"):
         expected = [id for id, each in zip(ids, states, strict=True) if each == state]
-        assert [each.id for each in letters.results(9, state=state)][::-1] == expected
+        assert [each.id for each in letters.each_result(state=state)][::-1] == expected

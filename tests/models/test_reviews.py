@@ -79,6 +79,38 @@ def test_two_people_never_have_the_same_page(store: Store, clock: Clock) -> None
     assert store.claim_review(page, "ben", 60, None)[0] != claim
 
 
+@pytest.mark.parametrize("is_skipped", [True, False])
+def test_a_page_that_is_done_is_claimed_on_purpose_only(store: Store, is_skipped: bool) -> None:
+    store.add_version("letter", {"nodes": []}, "import")
+    page = add(store, 1)
+    claim, _ = store.claim_review(page, "anna", 60, None)
+    if is_skipped:
+        store.release_review(page, claim, skip=True)
+    else:
+        store.add_feedback(draft(page), [])
+    assert store.reviews(1)[0].claimed_by is None
+    for sent in (None, claim):
+        with pytest.raises(Claimed):
+            store.claim_review(page, "ben", 60, sent)
+    again, until = store.claim_review(page, "ben", 60, None, reopen=True)
+    assert store.claim_review(page, "ben", 60, again) == (again, until)  # who has it renews it
+    with pytest.raises(Claimed):
+        store.claim_review(page, "anna", 60, None, reopen=True)
+
+
+@pytest.mark.parametrize("skip", [True, False])
+def test_a_claim_that_is_sent_must_be_the_claim_of_the_page(store: Store, clock: Clock, skip: bool) -> None:
+    page = add(store, 1)
+    with pytest.raises(Claimed):
+        store.release_review(page, "guess", skip=skip)
+    claim, _ = store.claim_review(page, "anna", 60, None)
+    clock.now += timedelta(seconds=61)
+    with pytest.raises(Claimed):
+        store.release_review(page, claim, skip=skip)
+    assert store.reviews(1)[0].state == "open"
+    store.release_review(page, None, skip=skip)  # without a claim, nobody has it
+
+
 def test_states_follow_from_feedback(store: Store) -> None:
     store.add_version("letter", {"nodes": []}, "import")
     pages = [add(store, 1) for _ in range(4)]
@@ -157,6 +189,9 @@ def test_only_who_claimed_a_page_replaces_its_recognition(store: Store, clock: C
     assert store.result(page).document == {"result": {"class": None}}
     assert store.reviews(1)[0].gain == 2
     store.add_feedback(draft(page), [change("letter", 1)])
+    with pytest.raises(Claimed):  # feedback ends the claim
+        store.replace_recognition(page, claim, {"result": {}}, place(3))
+    claim, _ = store.claim_review(page, "anna", 60, None, reopen=True)
     assert not store.replace_recognition(page, claim, {"result": {}}, place(3))
     clock.now += timedelta(seconds=61)
     store.release_review(page, None)

@@ -21,7 +21,7 @@ export function createView() {
   const leave = button("Back to the queue", () => close());
   const following = button("Next", () => next());
   const reasons = make("div", {});
-  const editor = new PageEditor({ actions: [following, skip, leave] });
+  const editor = new PageEditor({ actions: [following, skip, leave], onConfirmed: () => endClaim() });
   const page = make("section", { "aria-label": "Open page", hidden: true }, reasons, editor.element);
   const queue = make("section", { class: "panel" }, make("div", { class: "row" }, labelled("State", state), labelled("Order", order), begin), rows, more);
   const element = make("div", { class: "view" }, make("h1", {}, "Review"), notes, queue, page);
@@ -75,7 +75,7 @@ export function createView() {
       const { results } = await response.json();
       for (const { id, review } of results) {
         if (review.claimed_until || seen.has(id)) continue;
-        if (await openPage(id)) return;
+        if (await openPage(id, false)) return;
       }
       path = nextOf(response);
     }
@@ -83,12 +83,12 @@ export function createView() {
     notify("No page is open.");
   }
 
-  /** Opens a page with a claim on it; false if somebody else has it. */
-  async function openPage(id) {
+  /** Opens a page with a claim on it; false if somebody else has it. `reopen`: also if it is skipped or verified. */
+  async function openPage(id, reopen = true) {
     try {
       if (claim?.result !== id) {
         await letGo();
-        claim = await post(`layout/results/${id}/claim`, { recognize: true });
+        claim = await post(`layout/results/${id}/claim`, { recognize: true, reopen });
       }
       const result = await get(`layout/results/${id}`);
       queue.hidden = true;
@@ -101,7 +101,7 @@ export function createView() {
       return true;
     } catch (error) {
       if (error.code === "conflict") {
-        notify("Another person has this page.");
+        notify("Another person has or had this page.");
         return false;
       }
       notes.replaceChildren(problemNote(error));
@@ -116,16 +116,21 @@ export function createView() {
   /** Ends the claim on the open page; a page without feedback stays open for others. */
   async function letGo() {
     if (!claim) return;
-    const { result, claim: secret } = claim;
-    claim = null;
-    seen.add(result);
+    const { result, claim: secret } = endClaim();
     await request("POST", `layout/results/${result}/release`, { body: { claim: secret } }).catch(() => {});
   }
 
-  async function skipPage() {
-    const { result, claim: secret } = claim;
+  /** Forgets the claim, which feedback ends too; what it was. */
+  function endClaim() {
+    const ended = claim;
     claim = null;
-    seen.add(result);
+    if (ended) seen.add(ended.result);
+    return ended;
+  }
+
+  async function skipPage() {
+    if (!claim) return next(); // after feedback
+    const { result, claim: secret } = endClaim();
     try {
       await request("POST", `layout/results/${result}/skip`, { body: { claim: secret } });
       notify("Skipped.");
