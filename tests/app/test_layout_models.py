@@ -101,7 +101,7 @@ def test_good_names(shared: httpx.Client, name: str) -> None:
     assert shared.get(f"/layout/models/{name}").json() == document
 
 
-@pytest.mark.parametrize("name", [".hidden", "a b", "é", "x" * 61, "a%0A", "a,b"])
+@pytest.mark.parametrize("name", [".hidden", "a b", "é", "x" * 61, "a,b"])
 def test_bad_names(shared: httpx.Client, name: str) -> None:
     for response in (
         shared.get(f"/layout/models/{name}"),

@@ -13,6 +13,7 @@ from services.rectify.results import RectifyResult
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, WAVE, photograph
+from tests.counts import some
 
 pytestmark = pytest.mark.pipeline
 
@@ -68,7 +69,8 @@ def test_one_line_of_text_shows_no_page(kind: PageKind) -> None:
         rectify(photo, RectifyParameters(kind=kind, upright=False))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.long
+@pytest.mark.parametrize("kind", some(1, KINDS))
 def test_few_lines_of_text(kind: PageKind) -> None:
     photo = rgb(print_lines(900, 300, 4, 26, np.random.default_rng(1)))
     result = rectify(photo, RectifyParameters(kind=kind, upright=False))
@@ -77,7 +79,8 @@ def test_few_lines_of_text(kind: PageKind) -> None:
     assert straightness(result) < 0.02
 
 
-@pytest.mark.parametrize("turns", [1, 2, 3])
+@pytest.mark.long
+@pytest.mark.parametrize("turns", some(1, [1, 2, 3]))
 def test_text_that_stands_upright_comes_out_level(turns: int) -> None:
     photo = rgb(print_lines(700, 900, 20, 22, np.random.default_rng(2)))
     result = rectify(np.ascontiguousarray(np.rot90(photo, turns)), RectifyParameters(upright=False))
@@ -100,7 +103,8 @@ def bent() -> RgbImage:
     return photograph(own_pages(700, 1090)[0], POSES[0], 0.0, BOOK, size=(900, 1160)).image
 
 
-@pytest.mark.parametrize("part", [np.s_[:, :520], np.s_[250:700, 200:800]])
+@pytest.mark.long
+@pytest.mark.parametrize("part", some(1, [np.s_[:, :520], np.s_[250:700, 200:800]]))
 def test_a_bent_page_cut_by_the_frame(bent: RgbImage, part: tuple[slice, ...]) -> None:
     photo = np.ascontiguousarray(bent[part])
     result = rectify(photo, RectifyParameters(upright=False))
@@ -109,7 +113,8 @@ def test_a_bent_page_cut_by_the_frame(bent: RgbImage, part: tuple[slice, ...]) -
     assert result.kind == "curved"
 
 
-@pytest.mark.parametrize(("seed", "kind"), [(3, "auto"), (1, "curved")])
+@pytest.mark.long
+@pytest.mark.parametrize(("seed", "kind"), some(1, [(3, "auto"), (1, "curved")]))
 def test_photos_of_no_page(seed: int, kind: PageKind) -> None:
     """Print that is warped as no paper can be, in noise."""
     rng = np.random.default_rng(seed)

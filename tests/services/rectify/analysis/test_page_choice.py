@@ -19,6 +19,7 @@ from simulation.photo import simulate_photo
 from simulation.scenes import BOOK, PLANE, POSES, View, photograph
 from simulation.surfaces import Cylinder, Plane
 from simulation.truth import Truth
+from tests.counts import some
 from tests.services.scenes import Album, Shot
 
 pytestmark = pytest.mark.pipeline
@@ -79,7 +80,8 @@ LEANING = (View("left", 2500.0, 26.0, 180.0, 0.5), View("right", 2500.0, 26.0, 0
 FRONTAL = (View("left", 2500.0, 0.0, 0.0, 0.0), View("right", 2500.0, 0.0, 0.0, 0.5))
 
 
-@pytest.mark.parametrize("shape", [PLANE, BOOK])
+@pytest.mark.long
+@pytest.mark.parametrize("shape", some(1, [BOOK, PLANE]))
 def test_the_text_of_a_facing_page_is_left_out(shape: Plane | Cylinder) -> None:
     photo, left = spread(0, 3, LEANING, shape)
     # The right page is cut off by the end of the photo.
@@ -160,8 +162,10 @@ VALLEY, RIDGE = Cylinder((0.0, 0.0, 0.75, 0.0, -0.35)), Cylinder((0.0, 0.0, -1.3
 ABOVE, BELOW = View("above", 2000.0, 25.0, 262.0, -4.0), View("below", 2300.0, 22.0, 90.0, 3.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    ("shape", "view", "dark_side"), [(VALLEY, ABOVE, 1.0), (VALLEY, BELOW, -1.0), (RIDGE, BELOW, 1.0)]
+    ("shape", "view", "dark_side"),
+    some(1, [(VALLEY, ABOVE, 1.0), (VALLEY, BELOW, -1.0), (RIDGE, BELOW, 1.0)]),
 )
 def test_columns_of_a_page_that_bends_between_them_stay_together(
     shape: Cylinder, view: View, dark_side: float

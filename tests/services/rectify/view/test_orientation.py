@@ -16,6 +16,7 @@ from services.ocr.engine import ReadDirection, Word
 from services.ocr.tesseract import find_tessdata, open_engine
 from services.rectify.results import Orientation
 from services.rectify.view.orientation import apply_orientation, estimate_orientation
+from tests.counts import some
 from tests.services.ocr.pages import blank, set_lines, text_page
 
 pytestmark = pytest.mark.pipeline
@@ -257,7 +258,8 @@ REAL_PAGES = {
 }
 
 
-@pytest.mark.parametrize("kind", REAL_PAGES)
+@pytest.mark.long
+@pytest.mark.parametrize("kind", some(3, [*REAL_PAGES]))
 def test_real_engine_turns_print_upright(kind: str) -> None:
     engine = open_engine()
     if engine is None:
