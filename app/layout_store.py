@@ -21,6 +21,7 @@ from models.records import ResultDraft, StoredModel, UnknownPageDraft
 from models.repository import Store
 from services.contract.layout import MOST_MODEL_BYTES, ModelDocument
 from services.errors import InvalidOption
+from services.heap import release_freed_memory
 
 T = TypeVar("T")
 log = logging.getLogger(__name__)
@@ -148,8 +149,15 @@ class LayoutStore:
 
     async def read_list(self, work: Callable[[Store], T]) -> T:
         """As `call`, for work that reads many documents: `MOST_LISTS` at a time, the others wait."""
+
+        def read(store: Store) -> T:
+            try:
+                return work(store)
+            finally:
+                release_freed_memory()
+
         async with self._in_time(), self._lists:
-            return await self.call(work)
+            return await self.call(read)
 
     @asynccontextmanager
     async def _in_time(self) -> AsyncIterator[None]:

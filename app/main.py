@@ -73,6 +73,7 @@ from app.settings import Settings
 from app.tokens import SECRET, Tokens
 from models.repository import Store
 from services.contract.operations import Operations
+from services.heap import keep_few_heaps
 from services.layout.content.content_settings import InvalidContentSettings, read_settings
 
 log = logging.getLogger(__name__)
@@ -116,6 +117,8 @@ TAGS = {
 }
 MAX_FIELD_BYTES = 64 * 1024
 """Largest option field. 200 points of a region need a tenth of it. The zones of a page have their own limit."""
+MOST_HEAPS = 2
+"""Of the server, for all its threads: with one heap for each, what they had freed added up to 100 MB."""
 MultiPartParser.spool_max_size = 256 * 1024
 """Bytes of an uploaded file that stay in memory: 64 mosaics of 16 photos may arrive at once."""
 
@@ -349,6 +352,7 @@ def work(app: FastAPI | None = None, settings: Settings | None = None) -> None:
 
 def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:
     """Run the service until SIGTERM or SIGINT. Requests in progress may then finish within the grace period."""
+    keep_few_heaps(MOST_HEAPS)
     settings = settings or _settings_of_environment()
     _configure_process(settings)
     app = app or _app(settings)

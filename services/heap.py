@@ -2,6 +2,7 @@
 
 import ctypes
 from collections.abc import Callable
+from contextlib import suppress
 
 
 def _find_trim() -> Callable[[int], int]:
@@ -13,6 +14,19 @@ def _find_trim() -> Callable[[int], int]:
 
 
 _trim = _find_trim()
+
+
+_M_ARENA_MAX = -8
+"""Number of glibc's parameter for the most heaps."""
+
+
+def keep_few_heaps(most: int) -> None:
+    """Have the threads of this process share `most` heaps; takes effect for threads that start later.
+
+    By itself glibc gives each thread its own, up to eight a processor, and what one has freed is of no use to others.
+    """
+    with suppress(OSError, AttributeError):  # another C library than glibc
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, most)
 
 
 def release_freed_memory() -> None:
