@@ -33,6 +33,22 @@ class Decision:
     reasons: tuple[dict[str, Any], ...] = ()
 
 
+def read_tolerated_errors(text: str) -> dict[str, float]:
+    """The tolerated errors of a setting by class or `class/label`; `*`: all classes. Raises ValueError."""
+    shares = {"*": 0.01}
+    for entry in filter(None, map(str.strip, text.split(","))):
+        name, _, share = entry.rpartition("=")
+        shares[name or "*"] = float(share)
+    return shares
+
+
+def tolerated_errors_of(name: str, shares: Mapping[str, float]) -> dict[str | None, float]:
+    """Tolerated error of a class, under None, and of its labels that have one of their own."""
+    prefix = f"{name}/"
+    of_labels = {key.removeprefix(prefix): share for key, share in shares.items() if key.startswith(prefix)}
+    return {None: shares.get(name, shares["*"]), **of_labels}
+
+
 def _at_most(wrong: int, total: int, rate: float) -> float:
     """Probability of `wrong` or fewer successes of a binomial distribution."""
     if rate <= 0.0 or rate >= 1.0:

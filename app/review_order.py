@@ -11,7 +11,7 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import asdict
 from typing import Any
 
-from app.decisions import place_in_queue
+from app.decisions import place_in_queue, tolerated_errors_of
 from app.engine.base import Engine
 from app.layout_store import LayoutStore
 from app.routes.labelled_pages import layout_settings
@@ -92,7 +92,9 @@ class ReviewOrder:
         )
         again = {**result, **found}
         name = again["class"]["name"] if again["class"] else "*"
-        decision = await self._store.decision(again, self._settings.tolerated_errors_of(name))
+        decision = await self._store.decision(
+            again, tolerated_errors_of(name, self._settings.tolerated_errors)
+        )
         return {**document, "result": {**again, "decision": asdict(decision)}}
 
     async def _order_regularly(self) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Self
 from pydantic import Field, FilePath, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from app.decisions import read_tolerated_errors
 from app.processors import usable_workers, worker_memory_bytes
 from services.contract.images import ImageLimits
 
@@ -390,15 +391,8 @@ class Settings(BaseSettings):
 
     @field_validator("tolerated_errors", mode="before")
     @classmethod
-    def _shares(cls, value: object) -> object:
-        """The shares by class or `class/label`; `*`: all classes."""
-        if not isinstance(value, str):
-            return value
-        shares = {"*": 0.01}
-        for entry in filter(None, map(str.strip, value.split(","))):
-            name, _, share = entry.rpartition("=")
-            shares[name or "*"] = float(share)
-        return shares
+    def _read_shares(cls, value: object) -> object:
+        return read_tolerated_errors(value) if isinstance(value, str) else value
 
     @field_validator("tolerated_errors")
     @classmethod
@@ -407,15 +401,3 @@ class Settings(BaseSettings):
             if not 0.0 < share <= 1.0:
                 raise ValueError(f"the share of {name} must be above 0 and at most 1")
         return value
-
-    def tolerated_errors_of(self, name: str) -> dict[str | None, float]:
-        """Tolerated error of a class, under None, and of its labels that have one of their own."""
-        prefix = f"{name}/"
-        of_labels = {
-            key.removeprefix(prefix): share
-            for key, share in self.tolerated_errors.items()
-            if key.startswith(prefix)
-        }
-        errors: dict[str | None, float] = {None: self.tolerated_errors.get(name, self.tolerated_errors["*"])}
-        errors.update(of_labels)
-        return errors

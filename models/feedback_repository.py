@@ -9,6 +9,14 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, defer
 
 from models.documents import Document, decode_document, digest_document, encode_document
 from models.errors import KeyReused, NotStorable
+from models.feedback_records import (
+    FeedbackDraft,
+    FeedbackSummary,
+    ModelChange,
+    ModelHealth,
+    ModelUndo,
+    StoredFeedback,
+)
 from models.lesson_repository import require_feedback_seen, revise_result, take_back
 from models.queries import (
     add_unknown_page,
@@ -19,14 +27,6 @@ from models.queries import (
     require_result_id,
     require_storable,
     require_version,
-)
-from models.records import (
-    FeedbackDraft,
-    FeedbackSummary,
-    ModelChange,
-    ModelHealth,
-    ModelUndo,
-    StoredFeedback,
 )
 from models.tables import FeedbackModelRow, FeedbackRow, ModelRow, ReviewRow, SampleRow, UnknownPageRow
 from models.transactions import Transactions

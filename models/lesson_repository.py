@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from models.documents import decode_document, encode_document
 from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
+from models.feedback_records import Lesson, ModelPast, ModelStep, ModelUndo, UndoneFeedback
 from models.queries import (
     append_version,
     find_model,
@@ -17,7 +18,7 @@ from models.queries import (
     require_version,
     stored_model,
 )
-from models.records import Lesson, ModelPast, ModelStep, ModelUndo, Origin, StoredModel, UndoneFeedback
+from models.records import Origin, StoredModel
 from models.tables import (
     FeedbackModelRow,
     FeedbackRow,

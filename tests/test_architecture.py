@@ -36,7 +36,14 @@ RULES = [
     (
         "app",
         ("models", *SQL),
-        ("models.repository", "models.records", "models.errors", "models.blobs", "models.job_records"),
+        (
+            "models.repository",
+            "models.records",
+            "models.feedback_records",
+            "models.errors",
+            "models.blobs",
+            "models.job_records",
+        ),
     ),
     ("app/engine", (*HTTP, "pydantic", "app"), ("app.engine",)),
     (

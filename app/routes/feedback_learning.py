@@ -29,7 +29,8 @@ from app.routes.model_samples import newest_samples
 from app.routes.state import AppState
 from app.schemas.layout_feedback import FeedbackBody
 from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
-from models.records import FeedbackDraft, ModelChange, ModelUndo, StoredFeedback, StoredSample
+from models.feedback_records import FeedbackDraft, ModelChange, ModelUndo, StoredFeedback
+from models.records import StoredSample
 from models.repository import Store
 from services.contract.fields import FieldSetting
 from services.contract.layout import ModelDocument

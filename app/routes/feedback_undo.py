@@ -20,7 +20,8 @@ from app.routes.lessons import lesson_page, rounds_and_learner, teach
 from app.routes.model_samples import newest_samples
 from app.routes.state import AppState
 from models.errors import VersionConflict
-from models.records import Lesson, ModelPast, ModelStep, ModelUndo, StoredSample, UndoneFeedback
+from models.feedback_records import Lesson, ModelPast, ModelStep, ModelUndo, UndoneFeedback
+from models.records import StoredSample
 from models.repository import Store
 from services.contract.layout import ModelDocument
 from services.errors import DocumentError

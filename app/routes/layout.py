@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
 
 from app.callers import caller_of
+from app.decisions import tolerated_errors_of
 from app.form_parts import FormRoute
 from app.problems import documented
 from app.representations import (
@@ -214,7 +215,7 @@ async def _with_decision(state: AppState, result: dict[str, Any]) -> dict[str, A
     if not result["classes"]:
         return result
     name = result["class"]["name"] if result["class"] else "*"
-    decision = await state.store.decision(result, state.settings.tolerated_errors_of(name))
+    decision = await state.store.decision(result, tolerated_errors_of(name, state.settings.tolerated_errors))
     return {**result, "decision": asdict(decision)}
 
 

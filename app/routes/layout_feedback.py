@@ -32,7 +32,7 @@ from app.schemas.layout_feedback import (
 )
 from app.schemas.layout_models import ModelName
 from app.schemas.page import Warning
-from models.records import FeedbackSummary, StoredFeedback
+from models.feedback_records import FeedbackSummary, StoredFeedback
 
 router = APIRouter(tags=["layout feedback"])
 

@@ -13,7 +13,8 @@ from app.routes.state import State
 from app.schemas.layout_models import Health, ModelName
 from app.schemas.layout_settings import ModelHealthReport, Settings, SettingsBody, TypedField
 from models.errors import NotStorable
-from models.records import ModelHealth, ModelSettings
+from models.feedback_records import ModelHealth
+from models.records import ModelSettings
 from models.repository import Store
 
 router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])

@@ -12,6 +12,7 @@ from app.decisions import (
     decide,
     place_in_queue,
     threshold_of,
+    tolerated_errors_of,
     verdicts_of,
 )
 from app.settings import Settings
@@ -91,8 +92,8 @@ def test_the_gain_is_the_expected_number_of_wrong_zones() -> None:
 def test_tolerated_errors_are_read_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOLERATED_ERRORS", "0.02, letter=0.005, letter/date=0.001")
     settings = Settings()
-    assert settings.tolerated_errors_of("memo") == {None: 0.02}
-    assert settings.tolerated_errors_of("letter") == {None: 0.005, "date": 0.001}
+    assert tolerated_errors_of("memo", settings.tolerated_errors) == {None: 0.02}
+    assert tolerated_errors_of("letter", settings.tolerated_errors) == {None: 0.005, "date": 0.001}
     monkeypatch.setenv("TOLERATED_ERRORS", "letter=2")
     with pytest.raises(ValueError, match="letter"):
         Settings()

@@ -1,7 +1,6 @@
 """POST /layout/results/{id}/feedback: what a person says counts once, and nothing of it is lost."""
 
 import json
-import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -399,37 +398,3 @@ def test_the_history_of_a_model(client: httpx.Client) -> None:
     assert len(client.get("/layout/models/memo/feedback").json()["feedback"]) == 1
     for limit in (0, 1001):
         assert_problem(client.get(f"/layout/models/letter/feedback?limit={limit}"), 422, "invalid-option")
-
-
-def test_an_undo_whose_answer_is_lost_is_done_all_the_same(
-    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Its client has left, and a repetition of the feedback is answered as the first time; then the undo commits.
-
-    So accepted feedback may be missing, once an undo of it was sent and not answered.
-    """
-    result = recognize(client)
-    told = answer(give(client, result, {"labels": {"z2": "date"}}, "key"))
-    arrived, may_go_on, is_done = threading.Event(), threading.Event(), threading.Event()
-    undo = Store.undo_feedback
-
-    def held(*arguments: Any, **more: Any) -> Any:
-        arrived.set()
-        assert may_go_on.wait(20)
-        try:
-            return undo(*arguments, **more)
-        finally:
-            is_done.set()
-
-    monkeypatch.setattr(Store, "undo_feedback", held)
-    with ThreadPoolExecutor(1) as thread:
-        path = f"/layout/results/{result}/feedback"
-        lost = thread.submit(client.delete, path, timeout=1)
-        assert arrived.wait(20)
-        with pytest.raises(httpx.ReadTimeout):
-            lost.result()
-    again = answer(give(client, result, {"labels": {"z2": "date"}}, "key"))
-    assert (again["id"], again["created"]) == (told["id"], False)
-    may_go_on.set()
-    assert is_done.wait(20)
-    assert client.get("/layout/models/letter/feedback").json()["feedback"] == []

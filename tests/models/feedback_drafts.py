@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from models.records import FeedbackDraft, ModelChange, UnknownPageDraft
+from models.feedback_records import FeedbackDraft, ModelChange
+from models.records import UnknownPageDraft
 
 
 def draft(

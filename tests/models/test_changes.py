@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from models.records import ModelUndo
+from models.feedback_records import ModelUndo
 from models.repository import Author, Store, changes_by
 from tests.models.feedback_drafts import change, draft
 from tests.models.whole_database import everything

@@ -10,13 +10,8 @@ import pytest
 from sqlalchemy.orm import Session
 
 from models.errors import KeyReused, ModelNotFound, NotStorable, StoreUnavailable, VersionConflict
-from models.records import (
-    FeedbackDraft,
-    ModelChange,
-    ModelHealth,
-    StoredFeedback,
-    UnknownPageDraft,
-)
+from models.feedback_records import FeedbackDraft, ModelChange, ModelHealth, StoredFeedback
+from models.records import UnknownPageDraft
 from models.repository import Store
 from models.ulid import is_ulid
 from tests.models.feedback_drafts import change, draft

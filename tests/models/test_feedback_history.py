@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from models.errors import KeyReused, ModelNotFound, SampleNotFound, StoreFull, VersionConflict
-from models.records import FeedbackDraft, ModelChange
+from models.feedback_records import FeedbackDraft, ModelChange
 from models.repository import Store, utc_now
 from models.ulid import UlidFactory
 from tests.models.conftest import Clock

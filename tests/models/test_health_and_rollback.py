@@ -7,8 +7,8 @@ import pytest
 from sqlalchemy import event
 
 from models.errors import ModelNotFound, VersionConflict
+from models.feedback_records import ModelHealth
 from models.feedback_repository import HEALTH_WINDOW
-from models.records import ModelHealth
 from models.repository import Store
 from tests.models.conftest import Clock
 from tests.models.feedback_drafts import draft

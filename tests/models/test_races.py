@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from models.errors import Claimed, QueueFull, StoreError, StoreFull, StoreUnavailable, VersionConflict
+from models.feedback_records import ModelChange, ModelUndo
 from models.job_records import JobBounds, JobDraft, JobEnd
-from models.records import ModelChange, ModelUndo, ReviewDraft
+from models.records import ReviewDraft
 from models.repository import Store
 from services.contract.cameras import MOST_PHOTOS
 from tests.counts import repeats

@@ -16,7 +16,8 @@ from sqlalchemy import bindparam, inspect, select, text
 from models import migrations, session
 from models.documents import digest_document, encode_document
 from models.errors import StoreTooNew, StoreUnavailable
-from models.records import FeedbackDraft, ModelChange, ModelSettings
+from models.feedback_records import FeedbackDraft, ModelChange
+from models.records import ModelSettings
 from models.repository import Store
 from models.tables import ModelRow, StateRow, Table, UtcDateTime
 from tests.models.conftest import Clock

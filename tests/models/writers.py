@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from models.errors import VersionConflict
-from models.records import FeedbackDraft, ModelChange
+from models.feedback_records import FeedbackDraft, ModelChange
 from models.repository import Store, utc_now
 from models.ulid import UlidFactory
 

@@ -10,8 +10,9 @@ from sqlalchemy import LargeBinary, select
 
 from models.documents import decode_document
 from models.errors import StoreError, StoreUnavailable
+from models.feedback_records import FeedbackDraft, ModelChange, ModelUndo
 from models.job_records import Delivery, JobBounds, JobDraft, JobEnd, Progress
-from models.records import FeedbackDraft, ModelChange, ModelUndo, ReviewDraft
+from models.records import ReviewDraft
 from models.repository import Store, utc_now
 from models.tables import Table
 from tests.models.feedback_drafts import draft
