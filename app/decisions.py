@@ -46,7 +46,9 @@ def tolerated_errors_of(name: str, shares: Mapping[str, float]) -> dict[str | No
     """Tolerated error of a class, under None, and of its labels that have one of their own."""
     prefix = f"{name}/"
     of_labels = {key.removeprefix(prefix): share for key, share in shares.items() if key.startswith(prefix)}
-    return {None: shares.get(name, shares["*"]), **of_labels}
+    errors: dict[str | None, float] = {None: shares.get(name, shares["*"])}
+    errors.update(of_labels)
+    return errors
 
 
 def _at_most(wrong: int, total: int, rate: float) -> float:

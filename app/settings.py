@@ -230,14 +230,12 @@ class Settings(BaseSettings):
         description="Most clients that listen to events of jobs; further ones get 503 `busy`.",
     )
 
-    # OCR
+    # OCR and content features
     ocr_languages: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
         description="Comma-separated languages that requests may ask for, by Tesseract's names (eng,deu,fra); the "
         "first one is read where a request names none. Default: what is installed, English first.",
     )
-
-    # Content features
     content_features: FilePath | None = Field(
         default=None,
         description="Settings file of content features (word lists and patterns); it overrides the built-in ones.",
