@@ -1,5 +1,6 @@
 """Steps that several repositories use: they find rows, check values before storing, and convert rows to records."""
 
+from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import cast, get_args
 
@@ -15,12 +16,13 @@ from models.records import (
     ModelSettings,
     ModelSummary,
     Origin,
+    ReviewDraft,
     SampleOrigin,
     StoredModel,
     StoredSample,
     UnknownPageDraft,
 )
-from models.tables import ModelRow, SampleRow, StateRow, UnknownPageRow, VersionRow
+from models.tables import ModelRow, ResultRow, ReviewRow, SampleRow, StateRow, UnknownPageRow, VersionRow
 from models.ulid import is_ulid
 from services.contract.fields import MOST_FIELDS, FieldSetting
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
@@ -30,6 +32,18 @@ READ_AT_ONCE = 8
 IDS_AT_ONCE = 500
 """Ids in one statement; SQLite accepts 32,766 parameters."""
 _MAX_VERSION = 2**31 - 1  # of the column
+
+
+def review_of(row: ResultRow, place: ReviewDraft) -> ReviewRow:
+    """The entry of a result in the review queue, open and claimed by nobody."""
+    return ReviewRow(
+        result_id=row.id,
+        is_skipped=False,
+        owner=row.owner,
+        created_at=row.created_at,
+        expires_at=row.expires_at,
+        **asdict(place),
+    )
 
 
 def look_up_model(session: Session, name: str) -> ModelRow | None:

@@ -1,7 +1,7 @@
 """The store's calls for data that expires: results of recognition, and pages that fitted no class."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import cast
 
@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from models.documents import Document, decode_document, decode_measured, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
-from models.queries import IDS_AT_ONCE, READ_AT_ONCE, add_unknown_page
+from models.queries import IDS_AT_ONCE, READ_AT_ONCE, add_unknown_page, review_of
 from models.records import (
     ListedResult,
     ResultDraft,
@@ -20,7 +20,7 @@ from models.records import (
     UnknownPage,
     UnknownPageDraft,
 )
-from models.tables import FeedbackRow, ResultRow, ReviewRow, UnknownPageRow
+from models.tables import FeedbackRow, ResultRow, UnknownPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
 
@@ -84,14 +84,7 @@ class ResultRepository(Transactions):
                 add_unknown_page(session, page_id, row.id, draft.unknown, now)
         session.flush()
         session.add_all(
-            ReviewRow(
-                result_id=row.id,
-                is_skipped=False,
-                owner=row.owner,
-                created_at=row.created_at,
-                expires_at=row.expires_at,
-                **asdict(draft.review),
-            )
+            review_of(row, draft.review)
             for row, draft in zip(rows, drafts, strict=True)
             if draft.review is not None
         )

@@ -1,12 +1,11 @@
 """The store's calls for what migrations of the tables cannot do: rows of an older release are caught up with."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 
 from sqlalchemy import func, select
 
 from models.documents import Document, decode_document
-from models.queries import READ_AT_ONCE
+from models.queries import READ_AT_ONCE, review_of
 from models.records import ReviewDraft
 from models.tables import FeedbackModelRow, FeedbackRow, ResultRow, ReviewRow
 from models.transactions import Transactions
@@ -32,16 +31,7 @@ class UpgradeRepository(Transactions):
                     if result is None:  # a document is reviewed by its pages
                         continue
                     count += 1
-                    session.add(
-                        ReviewRow(
-                            result_id=row.id,
-                            is_skipped=False,
-                            owner=row.owner,
-                            created_at=row.created_at,
-                            expires_at=row.expires_at,
-                            **asdict(place(result)),
-                        )
-                    )
+                    session.add(review_of(row, place(result)))
                 session.flush()
                 session.expunge_all()
         return count
