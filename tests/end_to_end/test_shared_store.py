@@ -23,7 +23,7 @@ from tests.models.databases import KINDS
 pytestmark = pytest.mark.long
 
 CLIENTS = 20
-ROUNDS = repeats(2, 30)
+ROUNDS = repeats(2, 200)
 LABELS = ("sender", "date")
 
 

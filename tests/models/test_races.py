@@ -163,7 +163,7 @@ def test_of_feedback_on_one_page_the_last_one_counts(
     names = ("letter", "memo", "fax", "note")
     for name in names:
         store.add_version(name, {"lessons": []}, "import")
-    for _ in range(repeats(1, 40)):
+    for _ in range(repeats(1, 200)):
         result = page(store)
 
         def work(n: int, result: str = result) -> Work:
@@ -190,7 +190,7 @@ def test_of_feedback_on_one_page_the_last_one_counts(
 
 def test_no_lesson_of_different_pages_is_lost(store: Store, clients: Clients) -> None:
     store.add_version("letter", {"lessons": []}, "import")
-    for _ in range(repeats(1, 40)):
+    for _ in range(repeats(1, 200)):
         results = [page(store) for _ in range(CLIENTS)]
         clients.all_at_once(lambda n, results=results: learn(results[n], "letter", "right"))  # type: ignore[misc]
         assert set(results) <= set((store.model("letter").document or {})["lessons"])
