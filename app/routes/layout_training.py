@@ -23,6 +23,7 @@ from app.schemas.options import CallbackUrl
 from models.errors import ModelNotFound, VersionConflict
 from models.records import StoredModel, StoredSample
 from models.repository import Store
+from services.contract.layout import ModelDocument
 from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
@@ -90,7 +91,7 @@ async def _train_and_store(
 async def _train_newest_version(
     state: AppState, name: str, rounds: int, precondition: Precondition, progress: ProgressSink | None
 ) -> Response:
-    def read(store: Store) -> tuple[StoredModel, list[StoredSample]]:
+    def read(store: Store) -> tuple[StoredModel, ModelDocument, list[StoredSample]]:
         model = store.model(name)
         precondition.check(name, model.version)
         samples = samples_to_learn_from(store, name)
@@ -100,12 +101,12 @@ async def _train_newest_version(
                 f"POST /layout/models/{name}/initialize makes one",
                 name,
             )
-        return model, samples
+        return model, document_of(model), samples
 
-    model, samples = await state.store.call(read)
+    model, sent, samples = await state.store.call(read)
     trained, report = await state.engine.submit(
         state.operations.train_model,
-        document_of(model),
+        sent,
         [sample.document for sample in samples],
         rounds,
         layout_settings(state.settings),

@@ -81,6 +81,16 @@ def _get(path: str) -> Callable[["_Filled"], httpx.Response]:
     return lambda client: client.get(path)
 
 
+def _job(client: "_Filled") -> httpx.Response:
+    """The result of a job with a large answer, when it has ended."""
+    files, headers = {"image": ("a.jpg", JPEG)}, {"Prefer": "respond-async"}
+    accepted = client.post("/rectify", files=files, data={"format": "json", "embed": "true"}, headers=headers)
+    job = accepted.raise_for_status().headers["Location"]
+    for line in client.lines(f"{job}/events"):  # the stream ends with the job
+        assert line is not None
+    return client.get(f"{job}/result")
+
+
 REQUESTS: dict[str, Callable[["_Filled"], httpx.Response]] = {
     "an image within JSON": _photos("/rectify", "image", 1, embed="true"),
     "pages with meshes": _photos("/rectify", "image", PAGES),
@@ -122,6 +132,10 @@ REQUESTS: dict[str, Callable[["_Filled"], httpx.Response]] = {
     "a sample that comes": lambda client: client.post(f"{MODEL}/samples", json=json.loads(_zones())),
     "a sample that goes": _get(f"{MODEL}/samples/{{sample}}"),
     "samples": _get(f"{MODEL}/samples?limit=1000"),
+    "training": lambda client: client.post(f"{MODEL}/train", json={"rounds": 1}),
+    "a claim": lambda client: client.post("/layout/results/{result}/claim"),
+    "an undo": lambda client: client.delete("/layout/results/{page}/feedback"),
+    "a job and its result": _job,
     "an archive of samples": _samples,
     "an import": _import,
     "an export": _get("/layout/export"),
@@ -167,3 +181,12 @@ class _Filled:
     def put(self, path: str, **content: Any) -> httpx.Response:
         """PUT."""
         return self._client.put(path.format(**self._known), timeout=120, **content)
+
+    def delete(self, path: str) -> httpx.Response:
+        """DELETE."""
+        return self._client.delete(path.format(**self._known), timeout=120)
+
+    def lines(self, path: str) -> Iterator[str]:
+        """Yield the lines of a stream as they come."""
+        with self._client.stream("GET", path, timeout=120) as response:
+            yield from response.iter_lines()
