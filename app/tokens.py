@@ -12,12 +12,11 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from app.roles import Key
+from models.records import CLOCKS_DIFFER_S
 from services.errors import DocumentError
 
 SECRET = "tokens"
 """Name of the secret in the store."""
-CLOCKS_DIFFER_S = 30
-"""Clocks of the machines that share the store may differ by so much."""
 _PURPOSE = b"document-rectification token 2"
 _MAC_BYTES = 16
 

@@ -173,9 +173,7 @@ class LocalEngine:
         finally:
             job.answer.cancel()  # stops the work if the caller was cancelled; no effect on a finished job
             self._open.discard(job.answer)
-            if (
-                job in self._jobs
-            ):  # not `suppress(ValueError)`: that error has all arguments of the job in words
+            if job in self._jobs:  # the error of `remove` would have all arguments of the job in words
                 self._jobs.remove(job)
 
     def status(self) -> EngineStatus:
@@ -340,9 +338,7 @@ class LocalEngine:
             job.tell(STARTED, 0.0)
             try:
                 arguments = [await unspool(argument) for argument in job.arguments]
-            except (
-                DocumentError
-            ) as refusal:  # what was spooled cannot be read; the worker has not seen the job
+            except DocumentError as refusal:  # of what was spooled; the worker has not seen the job
                 error, usable = refusal, True
                 return usable
             if job.answer.done():

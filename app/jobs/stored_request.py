@@ -119,9 +119,8 @@ async def do_request(
             "request_id": stored["request_id"],
             "key": None,
             "caller": stored["caller"],
-            "role": stored.get(
-                "role"
-            ),  # jobs of earlier releases have none: they see what their key has made
+            # Jobs of earlier releases have none: they see what their key has made.
+            "role": stored.get("role"),
             "seat": StubSeat(),
             RUN: run,
         },

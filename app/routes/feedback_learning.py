@@ -81,9 +81,7 @@ async def learn_from_feedback(
             try:
                 feedback = await _learn_once(state, given)
                 break
-            except (
-                VersionConflict
-            ):  # another request wrote a version or a feedback first: start again from it
+            except VersionConflict:  # another request was faster: start again from what it wrote
                 await asyncio.sleep(_random.uniform(0.0, LONGEST_PAUSE_S))
                 given = await _given(state, result_id, key, request, body, owner)
             except ModelNotFound as error:  # the found class was deleted: skip it

@@ -62,9 +62,7 @@ async def undo_feedback(state: AppState, result_id: str) -> UndoneFeedback:
                 return await state.store.call(
                     partial(Store.undo_feedback, result_id=result_id, undone=undone, seen=seen)
                 )
-            except (
-                VersionConflict
-            ):  # another request wrote a version or a feedback first: start again from it
+            except VersionConflict:  # another request was faster: start again from what it wrote
                 continue
     raise Busy(f"Other requests keep updating {' and '.join(names)}. Send the request again later.")
 

@@ -15,7 +15,8 @@ from app import keyring as keyring_module
 from app.keyring import Keyring
 from app.known_keys import known_keys
 from app.roles import InvalidKeys, Key, digest_of_key
-from app.tokens import CLOCKS_DIFFER_S, InvalidToken, Tokens
+from app.tokens import InvalidToken, Tokens
+from models.records import CLOCKS_DIFFER_S
 from tests.app.serving import POLL_S, serving
 from tests.app.test_problems import assert_problem
 
