@@ -19,6 +19,7 @@ MODULES = {
     "camera_memory": "rectify.camera_memory",
     "languages": "rectify.languages",
     "paper": "rectify.paper",
+    "app_scans": "rectify.app_scans",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

@@ -184,8 +184,9 @@ class Evidence(Answer):
     )
     minor_convergence: float | None = Field(description="S3/S1 of the strokes' flow; null: too few samples.")
     text_area_fraction: float = Field(ge=0, le=1, description="Share of the photo that is text.")
-    source: list[Literal["text", "outline", "rules"]] = Field(
-        description="Sources of the shape: text, the sheet's edges, straight lines of print other than text."
+    source: list[Literal["text", "outline", "rules", "photo"]] = Field(
+        description="Sources of the shape: text, the sheet's edges, straight lines of print other than text; "
+        "`photo`: the photo is the flat page already (a scan, a page of a PDF, a page that an app has cropped)."
     )
     outline_confidence: float | None = Field(
         ge=0, le=1, description="Confidence of the sheet's edges; null: none were found."

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from services.arrays import RgbImage
-from services.contract.images import ImageLimits
+from services.contract.images import ImageLimits, PictureOrigin
 from services.errors import DocumentError, InvalidOption, TooLarge, UnsupportedMediaType
 from services.imaging import containers
 from services.imaging.codec import DecodedImage, UploadFormat, count_pixels, decode_image, detect_format
@@ -53,6 +53,7 @@ class PagePicture(NamedTuple):
     """Width and height of the page; None: those of `pixels`."""
     camera: str | None = None
     """Name of the camera by EXIF."""
+    origin: PictureOrigin = "unknown"
 
     @property
     def size(self) -> tuple[int, int]:
@@ -160,6 +161,7 @@ def page_picture(image: DecodedImage) -> PagePicture:
         image.reduction,
         image.size,
         image.camera,
+        image.origin,
     )
 
 
@@ -218,7 +220,7 @@ class _Pdf:
     def decode(self, page: int, enough_px: int | None) -> PagePicture:
         width, height, scale = self._plan(page)
         picture = np.ascontiguousarray(self.pages.draw(page, scale)[:height, :width])
-        return PagePicture(picture, None, dpi=scale * _POINTS_PER_INCH)
+        return PagePicture(picture, None, dpi=scale * _POINTS_PER_INCH, origin="document")
 
     def _plan(self, page: int) -> tuple[int, int, float]:
         """Width and height in pixels, and pixels a point."""

@@ -87,6 +87,12 @@ def reduce_image(
     return np.asarray(cv2.resize(smooth, size, interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
+def enlarge_image(image: NDArray[np.uint8], factor: float) -> NDArray[np.uint8]:
+    """`image` (H, W) or (H, W, 3) at `factor` of its size (not below 1), cubic between its pixels."""
+    height, width = (round(side * factor) for side in image.shape[:2])
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
+
+
 def _weight_beside(factor: float) -> float | None:
     """Weight w of the pixels beside each, after which bilinear interpolation at steps of 1 / `factor` has little noise.
 

@@ -98,7 +98,7 @@ def recognize_upload(
 
 def _decode(image: bytes, settings: LayoutSettings) -> PagePicture:
     picture = decode_image(image, settings.image)
-    return PagePicture(picture.pixels, picture.focal_length_px)
+    return PagePicture(picture.pixels, picture.focal_length_px, origin=picture.origin)
 
 
 def recognize_picture(
@@ -210,9 +210,8 @@ def measure_page(
         picture = photo.pixels
         if options.rectify:
             with progress_within(0.05, FLATTENED):
-                flat = rectify(
-                    picture, RectifyParameters(), photo.focal_length_px, ocr_engine(options.language)
-                )
+                reader = ocr_engine(options.language)
+                flat = rectify(picture, RectifyParameters(), photo.focal_length_px, reader, photo.origin)
             described = describe_flat_page(flat, (picture.shape[1], picture.shape[0]))
             picture, notices = flat.image, flat.warnings
             timings_ms |= flat.timings_ms

@@ -107,7 +107,8 @@ def name_camera(parameters: RectifyParameters, photo: PagePicture) -> RectifyPar
 
 def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult:
     try:
-        return rectify(photo.pixels, parameters, photo.focal_length_px, ocr_engine(parameters.language))
+        engine = ocr_engine(parameters.language)
+        return rectify(photo.pixels, parameters, photo.focal_length_px, engine, photo.origin)
     except NoText as refusal:
         if parameters.on_no_text == "refuse":
             raise
@@ -117,7 +118,7 @@ def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult
 def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> RectifiedPages:
     try:
         engine = ocr_engine(parameters.language)
-        return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine)
+        return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine, photo.origin)
     except NoText as refusal:
         if parameters.on_no_text == "refuse":
             raise

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from services.arrays import RgbImage
+from services.contract.images import PictureOrigin
 from services.contract.rectify import PageKind, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
@@ -14,15 +15,17 @@ from services.imaging.reduction import Halves
 from services.notices import Notice
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis.focal_length import requested_prior
-from services.rectify.analysis.page_analysis import PICTURE_SHARE, PageAnalysis, analyse_photo
+from services.rectify.analysis.page_analysis import PageAnalysis, analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.analysis.print_sample import sample_print
 from services.rectify.page_description import describe_page
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.results import Orientation, RectifyResult
-from services.rectify.shape_choice.choice import FEW_LINES, choose_shape
+from services.rectify.shape_choice.choice import choose_shape
+from services.rectify.shape_choice.flat_hypothesis import blank_flat_page, flat_page
 from services.rectify.shape_choice.principal_point import find_principal_point
 from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.shape_choice.text_check import refusal_of_text
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_flat_view, places_in_view
@@ -54,6 +57,7 @@ def rectify(
     parameters: RectifyParameters,
     exif_focal_length_px: float | None = None,
     ocr: OcrEngine | None = None,
+    origin: PictureOrigin = "unknown",
 ) -> RectifyResult:
     """Flatten the page in a photo: its frontal view, upright.
 
@@ -67,6 +71,8 @@ def rectify(
         Focal length of EXIF in photo pixels, if there is one.
     ocr
         Reads lines to find which way is up; without it the view is not turned.
+    origin
+        Where the photo is from: it may be the page already.
 
     Returns
     -------
@@ -82,7 +88,7 @@ def rectify(
     """
     check_parameters(photo.shape[1], photo.shape[0], parameters)
     clock = StageClock(STAGE_BEGINS)
-    page = find_page(photo, parameters, exif_focal_length_px, clock)
+    page = find_page(photo, parameters, exif_focal_length_px, clock, origin)
     return flatten_page(photo, page, parameters, ocr, clock)
 
 
@@ -111,6 +117,8 @@ def flatten_page(
     with clock.stage("remap"):
         sheet = page.outline if crop == "sheet" else None
         paper = None if sheet is None else paper_in_photo(sheet, page.characters)
+        if page.ground is not None and crop == "sheet":
+            paper = page.ground.outline
         flat = draw_flat_view(photo, frame, border, paper)
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
@@ -121,7 +129,11 @@ def flatten_page(
 
 
 def find_page(
-    photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
+    photo: RgbImage,
+    parameters: RectifyParameters,
+    exif_focal_length_px: float | None,
+    clock: StageClock,
+    origin: PictureOrigin = "unknown",
 ) -> ShapedPage:
     """The page in `photo` by its text and the outline of its sheet, or by one of them where the other is not seen.
 
@@ -133,6 +145,7 @@ def find_page(
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = requested_prior(view, parameters, exif_focal_length_px)
     outline, sought, halves = None, False, Halves(photo)
+    is_flat_asked = parameters.kind != "curved" and parameters.region is None
     try:
         analysis = analyse_photo(halves, parameters.region, clock=clock)
         release_freed_memory()
@@ -140,6 +153,10 @@ def find_page(
         if not analysis.facing_page and parameters.region is None:
             with clock.stage("outline"):
                 outline, sought = find_outline(halves, analysis.characters, analysis.text_height_px), True
+        with clock.stage("shape"):
+            flat = flat_page(halves, analysis, outline, view, prior, origin) if is_flat_asked else None
+        if flat is not None:
+            return flat
         page = shape_page(analysis, view, prior, parameters.kind, clock, outline)
         return replace(page, notices=(*page.notices, FACING_PAGE)) if analysis.facing_page else page
     except NoText as refusal:
@@ -147,6 +164,9 @@ def find_page(
             with clock.stage("outline"):
                 outline = find_outline(halves)
         with clock.stage("shape"):
+            flat = blank_flat_page(halves, outline, view, prior, origin) if is_flat_asked else None
+            if flat is not None:
+                return flat
             return find_textless_page(photo, outline, view, prior, refusal)
 
 
@@ -182,10 +202,7 @@ def shape_page(
             again = choose_shape(moved.evidence, moved.prior, kind, outline, sheet)
             if type(again) is type(shape):
                 shape, evidence, notices = again, moved.evidence, (*moved.notices, *again.notices)
-    few_lines = analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES
-    if few_lines and not shape.sides_believed:
-        raise NoText(
-            f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
-            "Send region, a polygon round the text, if there is some."
-        )
+        refusal = refusal_of_text(analysis, evidence, shape, outline)
+    if refusal is not None:
+        raise NoText(refusal)
     return ShapedPage(evidence.view, shape, notices, outline, analysis, evidence.vanishing_points)

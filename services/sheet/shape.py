@@ -12,8 +12,9 @@ from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
 from services.sheet.surfaces import Surface
 
-ShapeSource = Literal["text", "outline", "rules"]
-"""What can show the page's shape: its text, the sheet's outline, straight print that is no text."""
+ShapeSource = Literal["text", "outline", "rules", "photo"]
+"""What can show the page's shape: its text, the sheet's outline, straight print that is no text, or the photo, which is
+the page."""
 EXIF_CONTRADICTED = Notice(
     "exif-contradicted",
     "the page's perspective does not fit the focal length in the EXIF data (cropped or resized after it was taken?), "

@@ -146,6 +146,16 @@ def keep_characters(text: IdentifiedText, kept: NDArray[np.bool_]) -> Identified
     )
 
 
+def detect_ink(gray: GrayImage, region: Mask | None = None) -> Mask:
+    """All ink (H, W) of a flat-fielded photo, print or not, within `region` (H, W): the three steps of 2.3.1."""
+    p = TextIdentificationParameters()
+    diagonal = float(np.hypot(*gray.shape))
+    area = find_text_area(detect_edges(gray, p), p.closing * diagonal)
+    if region is not None:
+        area &= region
+    return binarize_niblack(gray, area, p.niblack_window * diagonal, p.niblack_k, p.ink_contrast)
+
+
 def identify_text(gray: GrayImage, region: Mask | None = None) -> IdentifiedText:
     """Printed text of a flat-fielded photo (dark on light), in its own pixel frame.
 
@@ -157,11 +167,7 @@ def identify_text(gray: GrayImage, region: Mask | None = None) -> IdentifiedText
         (H, W) guide: only text inside of it counts.
     """
     p = TextIdentificationParameters()
-    diagonal = float(np.hypot(*gray.shape))
-    area = find_text_area(detect_edges(gray, p), p.closing * diagonal)
-    if region is not None:
-        area &= region
-    ink = binarize_niblack(gray, area, p.niblack_window * diagonal, p.niblack_k, p.ink_contrast)
+    ink = detect_ink(gray, region)
     count, label_image, stats, centroids = label_components(ink)
     kept = _select_characters(ink, label_image, stats, centroids, p)
     text_ink = _ink_of(kept, count, ink, label_image)

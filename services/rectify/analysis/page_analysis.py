@@ -13,7 +13,7 @@ from services.imaging.channels import luminance
 from services.imaging.illumination import divide_by_light, reduced_light
 from services.imaging.paper import Paper, PaperParameters, model_paper
 from services.imaging.photo_part import PhotoPart, cut_part
-from services.imaging.reduction import Halves, reduce_image
+from services.imaging.reduction import Halves, enlarge_image, reduce_image
 from services.rectify.analysis.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
 from services.sheet.evidence import PageEvidence
@@ -49,6 +49,10 @@ class AnalysisParameters:
 
     long_side_px: int = 1600
     """Text and major flow: text height is then about 8 px on a full page of small print."""
+    least_side_px: int = 700
+    """Smaller photos are enlarged for that, to `enlarged_side_px` or by `most_enlargement`: their letters touch."""
+    enlarged_side_px: int = 1000
+    most_enlargement: float = 3.0
     stroke_text_height_px: float = 20.0
     """Minor flow: above this text height, strokes gain nothing from more pixels."""
     least_reduction: float = 1.0
@@ -332,7 +336,9 @@ def find_text(
     halves = Halves.of(photo)
     gray = luminance(halves.image)
     factor = min(1.0, p.long_side_px / max(gray.shape))
-    seen = reduce_image(gray, factor)
+    if max(gray.shape) < p.least_side_px:
+        factor = min(p.enlarged_side_px / max(gray.shape), p.most_enlargement)
+    seen = reduce_image(gray, factor) if factor <= 1 else enlarge_image(gray, factor)
     light = reduced_light(seen)
     reduced = divide_by_light(seen, light)
     guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)

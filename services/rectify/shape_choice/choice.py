@@ -11,6 +11,7 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
+from services.rectify.shape_choice.text_check import FEW_LINES
 from services.sheet.curved_page import CurvedPage, estimate_curved_page
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
@@ -29,8 +30,6 @@ from services.sheet.straight_sides import straighten_sides
 from services.sheet.tracing.line_tracing import measure_bend, measure_straightness, trace_by_characters
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 
-FEW_LINES = 10
-"""Fewer lines show little of a page's shape."""
 STRAIGHT = 0.04
 """RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
 VISIBLE_BEND = 0.2

@@ -7,6 +7,7 @@ import numpy as np
 from services.arrays import Mask, Points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
+from services.imaging.ground import Ground
 from services.notices import Notice
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.sheet.outline.results import SheetOutline
@@ -29,6 +30,8 @@ class ShapedPage:
     vanishing_points: FlowVanishingPoints | None = None
     straight_print: Points | None = None
     """Ends (M, 2) of straight lines, photo pixels, where these alone show the shape."""
+    ground: Ground | None = None
+    """The paper, where it is of one kind up to the photo's frame."""
 
     @property
     def on_page(self) -> Mask:

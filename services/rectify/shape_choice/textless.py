@@ -9,7 +9,9 @@ from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
+from services.imaging.ground import even_share
 from services.notices import Notice
+from services.rectify.shape_choice.even_rim import has_even_rim
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import OutlinePlane, OutlinePlaneParameters, read_sides
@@ -27,6 +29,9 @@ BENT = OutlinePlaneParameters(max_bend=0.06, max_misfit_rad=float(np.deg2rad(8.0
 """For bent sheets, of which only the corners are used."""
 
 
+EVEN_SHARE = 0.4
+"""Of the photo, at least, is the one ground on which straight lines are those of a page: pages have 0.5 and more, tiles
+0.15."""
 STRAIGHT_SIDE = 0.006
 """RMS bend of a side, as a share of the sheet's size: without text a bend must be obvious."""
 
@@ -41,6 +46,8 @@ def find_textless_page(
     NoText
         `refusal` with what else was searched, when neither shows a plane.
     """
+    if outline is not None and not has_even_rim(photo, outline.polygon):
+        outline = None
     # A sheet with bent sides is a bent sheet, even if a plane would fit them.
     if outline is not None and sides_bend(outline) > STRAIGHT_SIDE:
         ridged = estimate_ridged_page(outline, view, prior, 0.0, None, None)
@@ -51,6 +58,9 @@ def find_textless_page(
         flat = planar_page(sheet.plane, prior, "outline")
         return ShapedPage(sheet.view, flat, flat.notices, outline)
     ruled = plane_from_rules(luminance(photo), view, prior)
+    # Straight lines of tiles or planks are not those of a page.
+    if not isinstance(ruled, NoShape) and even_share(photo) < EVEN_SHARE:
+        ruled = NoShape("its straight lines do not lie on one sheet")
     if not isinstance(ruled, NoShape):
         ends = view.to_photo(np.concatenate([ruled.lines.starts, ruled.lines.ends]))
         flat = planar_page(ruled, prior, "rules")

@@ -8,6 +8,7 @@ import numpy as np
 from services.arrays import Mask, Points, RgbImage
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
+from services.imaging.ground import sides_reached
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.view.drawing import draw_flat_view
@@ -118,11 +119,14 @@ def cut_to_page(
     text_height_px = analysis.text_height_px * factor
     edges = SheetEdges() if whole else find_sheet_edges(view, text, text_height_px, shown)
     edges = replace(edges, **{side: None for side in known})
-    blank = blank_ground(view, shown, text, text_height_px, p)
-    unseen = {
-        s: getattr(blank, s) for s in SIDES if s not in known and getattr(edges, s) is None and not whole
-    }
-    return crop_frame(frame, replace(edges, **unseen), factor)
+    open_sides = [side for side in SIDES if side not in known and getattr(edges, side) is None]
+    if open_sides and not whole:
+        blank = blank_ground(view, shown, text, text_height_px, p)
+        # Paper that goes on to the photo's frame is the sheet's, blank or not.
+        cut = [side for side in open_sides if getattr(blank, side) is not None]
+        paper = sides_reached(view, shown) if cut else frozenset()
+        edges = replace(edges, **{side: getattr(blank, side) for side in cut if side not in paper})
+    return crop_frame(frame, edges, factor)
 
 
 def blank_ground(

@@ -35,7 +35,9 @@ class RectifyPipeline:
         self.mesh = np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64)
         self.surface: PlaneSurface | StripsSurface | MeshSurface = PlaneSurface((0.0, 0.6, 0.8))
 
-    def __call__(self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any) -> RectifyResult:
+    def __call__(
+        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, origin: str = "unknown"
+    ) -> RectifyResult:
         self.calls.append((photo.shape, parameters, exif_focal_length_px, ocr))
         return RectifyResult(
             np.ascontiguousarray(np.rot90(photo)),
@@ -50,7 +52,7 @@ class RectifyPipeline:
         )
 
     def rectify_spread(
-        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any
+        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, origin: str = "unknown"
     ) -> RectifiedPages:
         """Stands for `rectify_spread`: as many pages as `pages`, the second one half as high."""
         result = self(photo, parameters, exif_focal_length_px, ocr)

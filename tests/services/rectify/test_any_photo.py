@@ -41,7 +41,8 @@ def check(result: RectifyResult, photo: RgbImage) -> None:
     # Small print is drawn larger than the photo shows it, in views of a few megapixels.
     framing, shown = FramingParameters(), photo.shape[0] * photo.shape[1]
     enlarged = min(framing.small_view_px, framing.max_enlargement**2 * framing.max_growth * shown)
-    assert pixels <= 1.01 * max(framing.max_growth * shown, enlarged) + 100
+    # So is what lies beside a page that is turned.
+    assert pixels <= 1.1 * max(framing.max_growth * shown, enlarged) + 100
     assert min(result.image.shape[:2]) >= 1
     assert result.camera.focal_length_px is not None
     assert np.isfinite(result.camera.focal_length_px)
@@ -62,11 +63,13 @@ def straightness(result: RectifyResult) -> float:
     return float(np.abs(along.imag).max())
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_one_line_of_text_shows_no_page(kind: PageKind) -> None:
+def test_one_line_of_text_shows_no_bend_but_the_photo_is_a_page() -> None:
     photo = rgb(print_lines(900, 300, 1, 26, np.random.default_rng(1)))
+    result = rectify(photo, RectifyParameters(upright=False))
+    assert result.evidence.source == ("photo",)
+    np.testing.assert_array_equal(result.image, photo)
     with pytest.raises(NoText, match="common direction"):
-        rectify(photo, RectifyParameters(kind=kind, upright=False))
+        rectify(photo, RectifyParameters(kind="curved", upright=False))
 
 
 @pytest.mark.long

@@ -1,0 +1,211 @@
+"""The hypothesis that the photo is the flat page already, but for a turn: what must be beaten before a page is bent.
+
+Scans, screenshots, pages of PDFs and pages that an app has cropped are flat and fill their pictures. A plane or a bent
+sheet that is fitted to them follows the noise of their print. So the photo itself is the first hypothesis. It loses
+only by evidence beyond that evidence's own noise: sides of a sheet in view, lines or strokes that converge, lines that
+bend.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.contract.images import PictureOrigin
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.photo_frame import PhotoFrame
+from services.imaging.channels import luminance
+from services.imaging.ground import Ground, find_ground
+from services.imaging.illumination import divide_by_light, reduced_light
+from services.imaging.reduction import Halves, reduce_image
+from services.rectify.analysis.page_analysis import PageAnalysis
+from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.shape_choice.text_check import is_level_in_view
+from services.sheet.evidence import PageEvidence
+from services.sheet.outline.results import SheetOutline
+from services.sheet.plane.departure import Departure, Measured, flow_convergence, measure_departure
+from services.sheet.plane.flat_photo import FlatPhoto
+from services.sheet.plane.flat_text import flatten_text
+from services.sheet.plane.pose import level_plane
+from services.sheet.tracing.level_rows import shows_print
+from services.texture_flow.text_identification import detect_ink
+
+
+@dataclass(frozen=True, slots=True)
+class FlatParameters:
+    """What beats the hypothesis. Convergences are in rad over half of the photo's width, bends shares of the width."""
+
+    line_convergence: float = 0.014
+    stroke_convergence: float = 0.02
+    """Smaller ones move the page's points by less than 0.2 and 0.3 % of its width (RMS), and are those of a camera
+    tilted by 2 and 3 degrees. 17 pages that an app has cropped have up to 0.013 by their lines and 0.019 by their
+    strokes, 9 scans up to 0.003 and 0.005."""
+    deviations: float = 4.0
+    """Standard deviations that a convergence must have: neighbouring directions share ink, so these are too small."""
+    bend: float = 0.0013
+    """Cropped and scanned pages have up to 0.0010, pages that are visibly bent 0.0014 and more."""
+    clear_flow: float = 3.0
+    """If the directions of the text alone show so many times the least convergence, no line is traced."""
+    few_lines: int = 3
+    """Fewer lines do not show whether the photo is flat; then its ground must, and level print on it."""
+    clear_lines: int = 10
+    """So many on one ground are print without a closer look."""
+    visible_turn_rad: float = float(np.deg2rad(0.5))
+    """A page that is turned by less keeps its own pixels."""
+    most_turn_rad: float = float(np.deg2rad(15.0))
+    """Of a page that fills its picture; print that is turned by more is slanted on its page."""
+    sheet_confidence: float = 0.9
+    """Confidence of an outline from which on its sides are a sheet's in view ..."""
+    hugging: float = 0.05
+    """... unless they all lie within this share of the photo's long side from its frame ..."""
+    along_axis: float = 0.007
+    """... or, on a page of a PDF, along its axes (slope): such sides are those of a picture."""
+    analysed_px: int = 1600
+    """Long side of the copy in which print is sought."""
+
+
+def flat_page(
+    photo: Halves,
+    analysis: PageAnalysis,
+    outline: SheetOutline | None,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    origin: PictureOrigin,
+) -> ShapedPage | None:
+    """The `photo` as the page itself; None if the evidence shows another shape.
+
+    `analysis` is that of its text, `outline` the sheet's if one was found, `prior` that of the focal length.
+    """
+    p = FlatParameters()
+    if origin == "camera" or analysis.facing_page or sheet_in_view(outline, view, origin, p):
+        return None
+    evidence = analysis.evidence(view)
+    plane = level_plane(evidence.major, prior)
+    skew = float(np.arctan2(plane.rotation[1, 0], plane.rotation[0, 0]))
+    upright = _from_axis(skew)
+    if abs(upright) > p.most_turn_rad:
+        # Print that is aslant on an upright page, or an upright photo of a page that lies aslant?
+        return blank_flat_page(photo, outline, view, prior, origin)
+    flow = flow_convergence(evidence.major, view, skew)
+    if _is_sure(flow, p.clear_flow * p.line_convergence, p):
+        return None
+    lines = flatten_text(evidence.text, view, plane).lines
+    departure = measure_departure(lines, evidence.strokes, view, skew, analysis.text_height_px)
+    if is_beaten(departure, p):
+        return None
+    ground = find_ground(photo)
+    shape = _flat_photo(ground, departure.skew_rad, departure.lines, view, prior, origin, p)
+    if origin != "document" and not _is_print(photo, evidence, shape, ground, p):
+        return None
+    hugging = outline if outline is not None and _hugs_frame(outline, view, p) else None
+    return ShapedPage(
+        view, shape, (), hugging, analysis, evidence.vanishing_points, ground=_paper(ground, shape)
+    )
+
+
+def blank_flat_page(
+    photo: Halves,
+    outline: SheetOutline | None,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    origin: PictureOrigin,
+) -> ShapedPage | None:
+    """The `photo` as the page itself, whose text shows no direction; None if it is not known to be a page.
+
+    A page of a PDF is one without any text; another picture must have level print on one ground.
+    """
+    p = FlatParameters()
+    if origin != "document" and (origin == "camera" or sheet_in_view(outline, view, origin, p)):
+        return None
+    ground = find_ground(photo)
+    if origin != "document" and (ground is None or not photo_shows_print(photo)):
+        return None
+    shape = _flat_photo(ground, 0.0, 0, view, prior, origin, p)
+    return ShapedPage(view, shape, (), ground=_paper(ground, shape))
+
+
+def sheet_in_view(
+    outline: SheetOutline | None, view: PhotoFrame, origin: PictureOrigin, p: FlatParameters
+) -> bool:
+    """Whether the sides of a sheet are in view, and not only slivers of a desk at the photo's frame."""
+    if outline is None or outline.confidence < p.sheet_confidence or _hugs_frame(outline, view, p):
+        return False
+    if origin != "document":
+        return True
+    ways = np.roll(outline.corners, -1, axis=0) - outline.corners
+    slopes = np.abs(ways).min(axis=1) / np.maximum(np.abs(ways).max(axis=1), 1e-9)
+    return not bool((slopes < p.along_axis).all())
+
+
+def is_beaten(departure: Departure, p: FlatParameters | None = None) -> bool:
+    """Whether the print departs from a flat photo's by more than its noise, and visibly."""
+    p = p or FlatParameters()
+    lines, strokes = departure.line_convergence, departure.stroke_convergence
+    return (
+        (lines is not None and _is_sure(lines, p.line_convergence, p))
+        or (strokes is not None and _is_sure(strokes, p.stroke_convergence, p))
+        or (departure.bend is not None and departure.bend > p.bend)
+    )
+
+
+def _is_print(
+    photo: Halves,
+    evidence: PageEvidence,
+    shape: FlatPhoto,
+    ground: Ground | None,
+    p: FlatParameters,
+) -> bool:
+    """Whether there is print: lines of text or level rows of any print on one ground, or rows of text on any."""
+    if ground is None:
+        return shape.line_count >= p.few_lines and is_level_in_view(evidence, shape)
+    return shape.line_count >= p.clear_lines or photo_shows_print(photo)
+
+
+def photo_shows_print(photo: Halves) -> bool:
+    """Whether level rows of print, dark or light, are seen along one of the photo's axes."""
+    gray = luminance(photo.image)
+    small = reduce_image(gray, min(1.0, FlatParameters().analysed_px / max(gray.shape)))
+    for seen in (small, np.asarray(255 - small, np.uint8)):
+        ink = detect_ink(divide_by_light(seen, reduced_light(seen)))
+        if shows_print(ink) or shows_print(np.ascontiguousarray(ink.T)):
+            return True
+    return False
+
+
+def _is_sure(found: Measured, least: float, p: FlatParameters) -> bool:
+    """Whether a convergence is visible, above `least`, and beyond its noise."""
+    return abs(found.value) > max(least, p.deviations * found.deviation)
+
+
+def _hugs_frame(outline: SheetOutline, view: PhotoFrame, p: FlatParameters) -> bool:
+    """Whether each side of the outline lies near the photo's frame."""
+    size = np.array([view.width - 1, view.height - 1], np.float64)
+    gaps = np.minimum(outline.polygon, size - outline.polygon).min(axis=1)
+    return bool(np.percentile(gaps, 95) < p.hugging * max(view.width, view.height))
+
+
+def _from_axis(angle_rad: float) -> float:
+    """`angle_rad` less the nearest quarter turn."""
+    return float(angle_rad - np.round(angle_rad / (np.pi / 2)) * np.pi / 2)
+
+
+def _flat_photo(
+    ground: Ground | None,
+    skew_rad: float,
+    lines: int,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    origin: PictureOrigin,
+    p: FlatParameters,
+) -> FlatPhoto:
+    """The photo turned by `skew_rad`, or by the nearest quarter turn where the difference is not visible."""
+    off = _from_axis(skew_rad)
+    turn = skew_rad if abs(off) > p.visible_turn_rad else skew_rad - off
+    box = None if ground is None else ground.box
+    if origin == "document":
+        box = (0, 0, view.width - 1, view.height - 1)
+    return FlatPhoto(turn, float(np.exp(prior.log_focal)), box, lines, keeps_size=origin == "document")
+
+
+def _paper(ground: Ground | None, shape: FlatPhoto) -> Ground | None:
+    """The ground where slivers of it are to be left out: not on pages of documents."""
+    return None if shape.keeps_size else ground

@@ -1,0 +1,137 @@
+"""The photo is the page until its evidence shows more: cropped pages, pages of PDFs, and what is no page."""
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import gaussian_filter
+
+from services.arrays import RgbImage
+from services.contract.images import PictureOrigin
+from services.contract.rectify import RectifyParameters
+from services.errors import NoText
+from services.rectify.pipeline import rectify
+from services.rectify.results import RectifyResult
+from simulation.pages import own_pages
+from simulation.photo import simulate_photo
+from simulation.scenes import BOOK, PLANE, POSES
+from simulation.surfaces import Shape
+
+pytestmark = pytest.mark.pipeline
+AS_IT_LIES = RectifyParameters(upright=False)
+
+
+def answer(photo: RgbImage, origin: PictureOrigin = "unknown") -> RectifyResult:
+    return rectify(photo, AS_IT_LIES, origin=origin)
+
+
+def letter(width: int = 840, height: int = 1188) -> RgbImage:
+    """A page (H, W, 3) whose lower half is blank."""
+    page = np.full((height, width), 235, np.uint8)
+    printed = own_pages(width, round(1.5 * width))[0].image[: height // 2]
+    page[: len(printed)] = np.minimum(printed, 235)
+    return np.repeat(page[..., None], 3, axis=2)
+
+
+def cropped_by_an_app(seed: int) -> RgbImage:
+    """A letter, a little out of square, with a shadow, noise and a wedge of desk at its left."""
+    rng = np.random.default_rng(seed)
+    page = letter()
+    height, width = page.shape[:2]
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+    moved = corners + rng.uniform(-3, 3, (4, 2)).astype(np.float32) + np.array([3, 0], np.float32)
+    H = cv2.getPerspectiveTransform(corners, moved)
+    photo = cv2.warpPerspective(page, H, (width, height), borderMode=cv2.BORDER_REPLICATE).astype(np.float64)
+    photo *= np.linspace(1.0, 0.8, height)[:, None, None]
+    cv2.fillPoly(photo, [np.array([[0, 0], [9, 0], [0, height]], np.int32)], (70.0, 60.0, 50.0))
+    return np.clip(photo + rng.normal(0, 3, photo.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_cropped_page_stays_as_it_is_with_its_blank_half(seed: int) -> None:
+    photo = cropped_by_an_app(seed)
+    result = answer(photo)
+    assert (result.kind, result.evidence.source, result.warnings) == ("planar", ("photo",), ())
+    # Nothing is bent or turned: the mesh is the photo's own grid, less a sliver at its left.
+    step = np.diff(result.mesh, axis=1)
+    assert np.ptp(step[..., 0]) < 1e-6
+    assert np.abs(step[..., 1]).max() < 1e-6
+    height, width = photo.shape[:2]
+    assert result.mesh[0, 0, 0] < 5
+    assert abs(result.mesh[0, 0, 1]) < 0.5
+    np.testing.assert_allclose(result.mesh[-1, -1], [width - 1, height - 1], atol=1)
+    # The desk is drawn white.
+    assert result.image[: len(result.image) // 3, :2].min() > 150
+
+
+@pytest.mark.parametrize("shape", [PLANE, BOOK], ids=["plane", "book"])
+def test_a_photo_close_to_the_page_is_flattened(shape: Shape) -> None:
+    page, view = own_pages(700, 1090)[0], POSES[1]
+    camera = view.camera(900, 1200)
+    photo = simulate_photo(page, shape, 0.0, view.pose(page, shape, camera, margin=-0.08), camera)
+    result = answer(photo.image)
+    assert "photo" not in result.evidence.source
+    assert result.kind == ("planar" if shape is PLANE else "curved")
+
+
+def test_a_scan_that_lies_askew_is_turned() -> None:
+    page = letter()
+    middle = (page.shape[1] / 2, page.shape[0] / 2)
+    M = cv2.getRotationMatrix2D(middle, 2.0, 1.0)
+    scan = cv2.warpAffine(page, M, page.shape[1::-1], borderValue=(235, 235, 235))
+    result = answer(np.asarray(scan, np.uint8))
+    assert result.evidence.source == ("photo",)
+    way = result.mesh[0, -1] - result.mesh[0, 0]
+    assert np.degrees(np.arctan2(way[1], way[0])) == pytest.approx(-2.0, abs=0.15)
+
+
+def write(image: RgbImage, text: str, at: tuple[int, int], size: int = 22, turn_deg: float = 0.0) -> None:
+    """Draw `text` on `image` in place, turned counter-clockwise."""
+    label = Image.new("L", (12 * len(text) + 40, 40), 255)
+    ImageDraw.Draw(label).text((5, 5), text, font=ImageFont.load_default(size), fill=0)
+    turned = np.asarray(label.rotate(turn_deg, expand=True, fillcolor=255, resample=Image.Resampling.BICUBIC))
+    x, y = at
+    part = image[y : y + turned.shape[0], x : x + turned.shape[1]]
+    part[:] = np.minimum(part, turned[: part.shape[0], : part.shape[1], None])
+
+
+def test_slanted_labels_do_not_turn_a_page() -> None:
+    chart = np.full((700, 1500, 3), 255, np.uint8)
+    for k in range(18):
+        write(chart, "Category name", (60 + 75 * k, 480), turn_deg=45.0)
+    for k in range(6):
+        write(chart, f"{100 * k}", (10, 400 - 70 * k))
+        write(chart, "series of values", (1280, 100 + 50 * k))
+    result = answer(chart, "document")
+    assert (result.evidence.source, result.image.shape) == (("photo",), chart.shape)
+    np.testing.assert_array_equal(result.image, chart)
+
+
+def test_a_picture_on_a_page_of_a_pdf_is_not_its_sheet() -> None:
+    page = np.full((1170, 830, 3), 255, np.uint8)
+    page[120:820, 60:760] = 40
+    page[200:220, 120:700] = 130
+    write(page, "What follows is an image that is embedded in the page", (60, 60))
+    result = answer(page, "document")
+    assert (result.evidence.source, result.image.shape) == (("photo",), page.shape)
+
+
+def test_a_blank_page_is_one_only_in_a_pdf() -> None:
+    blank = np.full((400, 300, 3), 255, np.uint8)
+    assert answer(blank, "document").evidence.source == ("photo",)
+    with pytest.raises(NoText):
+        answer(blank)
+
+
+def test_a_camera_s_photo_is_not_taken_for_a_page() -> None:
+    result = rectify(cropped_by_an_app(1), AS_IT_LIES, origin="camera")
+    assert result.evidence.source == ("text",)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_leaves_are_no_text(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rough = np.stack([gaussian_filter(rng.normal(0, 1, (480, 640)), 2 + seed) for _ in range(3)], axis=2)
+    photo = np.clip(120 + 45 * rough / rough.std(), 0, 255).astype(np.uint8)
+    with pytest.raises(NoText):
+        answer(photo)
