@@ -149,7 +149,7 @@ def describe_preview(
     check_parameters(*photo.size, parameters)
     reduced = reduce_parameters(parameters, photo.reduction)
     try:
-        found = preview_page(photo.pixels, reduced, photo.focal_length_px)
+        found = preview_page(photo.pixels, reduced, photo.focal_length_px, photo.origin)
     except NoText as refusal:
         if parameters.on_no_text == "refuse":
             raise

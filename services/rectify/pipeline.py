@@ -14,6 +14,7 @@ from services.imaging.normalization import normalize_illumination
 from services.imaging.reduction import Halves
 from services.notices import Notice
 from services.ocr.engine import OcrEngine
+from services.rectify.analysis.desk_texture import is_texture_beside
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.page_analysis import PageAnalysis, analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
@@ -153,6 +154,9 @@ def find_page(
         if not analysis.facing_page and parameters.region is None:
             with clock.stage("outline"):
                 outline, sought = find_outline(halves, analysis.characters, analysis.text_height_px), True
+            if outline is not None and is_texture_beside(analysis, outline):
+                on_sheet = tuple((float(x), float(y)) for x, y in outline.polygon)
+                analysis = analyse_photo(halves, on_sheet, clock=clock)
         with clock.stage("shape"):
             flat = flat_page(halves, analysis, outline, view, prior, origin) if is_flat_asked else None
         if flat is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from services.arrays import Points, RgbImage
+from services.contract.images import PictureOrigin
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
@@ -31,6 +32,7 @@ from services.rectify.analysis.print_sample import print_heights
 from services.rectify.page_description import describe_page
 from services.rectify.pipeline import FACING_PAGE
 from services.rectify.results import Orientation, PrintSample, RectifyResult
+from services.rectify.shape_choice.flat_hypothesis import blank_flat_page, flat_page, sheet_in_view
 from services.rectify.shape_choice.quick_bend import bend_quickly
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import planar_page
@@ -125,7 +127,10 @@ class PreviewParameters:
 
 
 def preview_page(
-    photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None = None
+    photo: RgbImage,
+    parameters: RectifyParameters,
+    exif_focal_length_px: float | None = None,
+    origin: PictureOrigin = "unknown",
 ) -> RectifyResult:
     """Where the page lies in a reduced `photo` (H, W, 3): the result of `rectify` with a blank image.
 
@@ -150,12 +155,18 @@ def preview_page(
             height_px = None if text is None else text.text_height_px
             outline = find_outline(halves, characters, height_px, p.outline)
     page: ShapedPage | None
+    is_flat_asked = parameters.kind != "curved" and parameters.region is None
     with clock.stage("shape"):
-        page = _sheet_between_sides(outline, view, prior, text, parameters, p)
+        in_view = sheet_in_view(outline, view, origin)
+        page = _sheet_between_sides(outline, view, prior, text, parameters, p) if in_view else None
+        if page is None and text is None and is_flat_asked:
+            page = blank_flat_page(halves, outline, view, prior, origin)
     if page is None:
         if text is None:
             raise refusal or NoText("neither text nor a sheet's edges are seen.")
-        page = _page_of_text(halves, text, view, prior, outline, parameters, clock, p)
+        page = _page_of_text(
+            halves, text, view, prior, outline, parameters, clock, p, origin if is_flat_asked else "camera"
+        )
     with clock.stage("framing"):
         frame = frame_shape(page, find_border(page, parameters.crop), parameters.crop)
         if parameters.crop == "sheet" and page.outline is not None:
@@ -245,8 +256,9 @@ def _page_of_text(
     parameters: RectifyParameters,
     clock: StageClock,
     p: PreviewParameters,
+    origin: PictureOrigin,
 ) -> ShapedPage:
-    """The page by its text: a plane, or a bent sheet where a short fit explains the directions of the text better."""
+    """The page by its text: the photo itself, a plane, or a bent sheet where a short fit explains the text better."""
     with clock.stage("texture_flow"):
         analysis = analyse_text(text, p.analysis)
     if parameters.region is None:
@@ -257,6 +269,9 @@ def _page_of_text(
         # The outline of an opened book is not that of a single page.
         seen, outline = (FACING_PAGE,), None
     with clock.stage("shape"):
+        flat = flat_page(photo, analysis, outline, view, prior, origin)
+        if flat is not None:
+            return flat
         evidence = analysis.evidence(view)
         seems = apparent_kind(evidence, parameters.kind)
         if seems == "curved":

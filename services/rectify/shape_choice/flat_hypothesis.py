@@ -124,9 +124,13 @@ def blank_flat_page(
 
 
 def sheet_in_view(
-    outline: SheetOutline | None, view: PhotoFrame, origin: PictureOrigin, p: FlatParameters
+    outline: SheetOutline | None,
+    view: PhotoFrame,
+    origin: PictureOrigin,
+    parameters: FlatParameters | None = None,
 ) -> bool:
     """Whether the sides of a sheet are in view, and not only slivers of a desk at the photo's frame."""
+    p = parameters or FlatParameters()
     if outline is None or outline.confidence < p.sheet_confidence or _hugs_frame(outline, view, p):
         return False
     if origin != "document":

@@ -1,0 +1,34 @@
+"""Texture of a desk that was taken for text: it lies beside a certain sheet, and forms no lines."""
+
+import cv2
+import numpy as np
+
+from services.arrays import Mask
+from services.geometry.homographies import to_resized
+from services.rectify.analysis.page_analysis import PageAnalysis
+from services.sheet.outline.results import SheetOutline
+from services.sheet.tracing.level_rows import shows_print
+
+CERTAIN_SHEET = 0.95
+"""Confidence from which on 99 % of the outlines are right."""
+MOST_BESIDE = 0.03
+"""Share of the characters beside the sheet up to which they are specks, which disturb nothing."""
+
+
+def is_texture_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> bool:
+    """Whether part of the text of `analysis` is texture beside the certain sheet within `outline`."""
+    if outline is None or outline.confidence < CERTAIN_SHEET:
+        return False
+    inside = outline.holds(analysis.characters)
+    if inside.mean() >= 1 - MOST_BESIDE:
+        return False
+    beside = _ink_beside(analysis, outline)
+    return not (shows_print(beside) or shows_print(np.ascontiguousarray(beside.T)))
+
+
+def _ink_beside(analysis: PageAnalysis, outline: SheetOutline) -> Mask:
+    """Ink (H, W) of the text outside of `outline`, in the frame of the analysis."""
+    ink = analysis.text.ink.astype(np.uint8)
+    corners = np.round(to_resized(outline.polygon, analysis.factor) * 16).astype(np.int32)
+    cv2.fillPoly(ink, [corners], 0, shift=4)
+    return np.asarray(ink > 0)

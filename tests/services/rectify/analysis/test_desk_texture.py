@@ -1,0 +1,42 @@
+"""The grain of a desk is not taken for the text of the sheet that lies on it."""
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw, ImageFont
+
+from services.arrays import RgbImage
+from services.contract.rectify import RectifyParameters
+from services.rectify.pipeline import rectify
+
+pytestmark = pytest.mark.pipeline
+SHEET = np.array([[230, 200], [830, 230], [800, 1050], [190, 1010]], np.float64)
+"""Corners in the photo, clockwise from the top left."""
+
+
+def notepad_on_grain() -> RgbImage:
+    """A sheet with three lines of print on a desk whose grain looks like upright characters."""
+    rng = np.random.default_rng(1)
+    desk = np.full((1200, 1000, 3), (176, 132, 92), np.float64)
+    for x, y in rng.uniform([0, 0], [990, 1180], (900, 2)):
+        length = int(rng.integers(8, 18))
+        desk[int(y) : int(y) + length, int(x) : int(x) + int(rng.integers(2, 5))] *= 0.55
+    page = Image.new("L", (600, 800), 240)
+    draw = ImageDraw.Draw(page)
+    for k, text in enumerate(("Something to give back", "Where value meets values", "A note on the desk")):
+        draw.text((60, 50 + 60 * k), text, font=ImageFont.load_default(32), fill=30)
+    flat = np.repeat(np.asarray(page, np.float64)[..., None], 3, axis=2)
+    corners = np.array([[0, 0], [600, 0], [600, 800], [0, 800]], np.float32)
+    H = cv2.getPerspectiveTransform(corners, SHEET.astype(np.float32))
+    seen = cv2.warpPerspective(flat, H, (1000, 1200), flags=cv2.INTER_AREA)
+    on_sheet = cv2.warpPerspective(np.ones((800, 600)), H, (1000, 1200)) > 0.5
+    photo = np.where(on_sheet[..., None], seen, cv2.GaussianBlur(desk, (0, 0), 1.0))
+    return np.clip(photo + rng.normal(0, 2, photo.shape), 0, 255).astype(np.uint8)
+
+
+def test_the_view_is_cut_at_the_sheet_and_level_with_it() -> None:
+    result = rectify(notepad_on_grain(), RectifyParameters(upright=False))
+    assert result.kind == "planar"
+    ends = result.mesh[[0, 0, -1, -1], [0, -1, -1, 0]]
+    # The view's corners are the sheet's, to a few pixels.
+    assert np.linalg.norm(ends - SHEET, axis=1).max() < 16
