@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import Points
+from services.geometry.sheet_aspect import SheetAspect
 
 MM_PER_INCH = 25.4
 FORMATS: dict[str, tuple[float, float]] = {
@@ -37,11 +38,15 @@ class PaperParameters:
     least_deviation: float = 0.004
     """On simulated photos with the outline in view."""
     assumed_camera: float = 0.02
-    """Added where nothing shows the focal length: the foreshortening of a tilted sheet depends on it."""
+    """Added where nothing shows the focal length of a bent sheet: the foreshortening of a tilted one depends on it."""
     agreement: float = 2.5
     """A format fits within this many deviations."""
     most_deviation: float = 0.025
     """Letter and A4 differ by 0.089: beyond this the aspect decides nothing."""
+    certain_format: float = 0.97
+    """Probability from which on a format is named that a sheet has been given because the photo does not show its
+    aspect: of 1800 simulated sheets, two fifths of them of no format, 243 were named so, 5 of these wrongly, whose
+    aspect is within 1.3 % of the format's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +95,7 @@ def measure_size(
     height: int,
     *,
     camera_assumed: bool,
+    seen: SheetAspect | None = None,
 ) -> PageSize:
     """The size of the sheet in a flat view of `width` x `height` pixels.
 
@@ -103,6 +109,8 @@ def measure_size(
         (rows, columns, 2) photo points of the view.
     camera_assumed
         Whether nothing showed the focal length.
+    seen
+        How well the aspect is known, if that was computed.
     """
     p = PaperParameters()
     sides = None
@@ -126,7 +134,17 @@ def measure_size(
         )
     sheet_width, sheet_height, difference = sides
     aspect = sheet_width / sheet_height
-    deviation = math.hypot(p.least_deviation, difference) + (p.assumed_camera if camera_assumed else 0.0)
+    deviation = math.hypot(p.least_deviation, difference)
+    if seen is not None:
+        deviation = math.hypot(deviation, seen.log_deviation)
+    elif camera_assumed:
+        deviation += p.assumed_camera
+    if seen is not None and seen.likely is not None and seen.probability < p.certain_format:
+        reason = (
+            f"The photo shows the sheet's aspect to {100 * deviation:.1f} % only; {seen.likely} is the likeliest "
+            f"format, with a probability of {seen.probability:.2f}."
+        )
+        return PageSize(None, None, None, None, None, reason, round(aspect, 4), round(deviation, 4))
     return _choose(sheet_width, aspect, deviation, p)
 
 

@@ -176,6 +176,7 @@ def _document(
         width,
         height,
         camera_assumed=result.camera.source == "assumed",
+        seen=result.sheet_aspect,
     )
     dpi = None if page.dpi is None else page.dpi * scale
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}

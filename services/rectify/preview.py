@@ -203,7 +203,7 @@ def _sheet_between_sides(
         # Lines of text run along the sides that the photo shows as left and right.
         turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         plane = replace(plane, plane=replace(plane.plane, rotation=plane.plane.rotation @ turn))
-    flat = planar_page(plane, prior, "outline")
+    flat = planar_page(plane, prior, "outline", sheet)
     return ShapedPage(sheet.view, flat, flat.notices, outline)
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from services.arrays import Points
 from services.documents.paper_size import FORMATS, PageSize, measure_size, parse_size, places_in_view
+from services.geometry.sheet_aspect import SheetAspect
 
 WIDTH, HEIGHT = 901, 1201
 H = np.array([[1.2, 0.1, 50.0], [-0.05, 1.1, 30.0], [1e-4, 5e-5, 1.0]])
@@ -67,6 +68,21 @@ def test_nothing_is_named_where_the_corners_are_not_seen_or_the_camera_is_unknow
     skewed[1, 0] += 60  # opposite sides differ: the map is wrong there
     assert "too little to tell" in size_of(skewed).reason
     assert size_of(a4, assumed=True).aspect_deviation == pytest.approx(0.024, abs=0.002)
+
+
+def test_a_format_that_only_the_likely_focal_length_shows_is_named_if_it_is_certain() -> None:
+    a4 = sheet(560, 792)
+
+    def seen(aspect: SheetAspect) -> PageSize:
+        return measure_size("auto", photo(a4), mesh(), WIDTH, HEIGHT, camera_assumed=True, seen=aspect)
+
+    likely = seen(SheetAspect(0.012, "a4", 0.9))
+    assert (likely.paper, likely.width_mm) == (None, None)
+    assert "a4 is the likeliest" in likely.reason
+    assert likely.aspect_deviation == pytest.approx(0.0126, abs=2e-4)
+    assert seen(SheetAspect(0.002, "a4", 0.98)).paper == "a4"
+    # A plane whose focal length was assumed may show its aspect all the same.
+    assert seen(SheetAspect(0.003)).aspect_deviation == pytest.approx(0.005, abs=2e-4)
 
 
 def test_a_size_that_is_given_is_taken() -> None:
