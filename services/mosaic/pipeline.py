@@ -85,7 +85,6 @@ def mosaic(
             part = place_photos(flats, pairs, parameters.base)
         except NotOverlapping as refusal:
             raise explain_refusal(refusal, textless, len(kept)) from None
-    with clock.stage("composition"):
         joined = None if parameters.rectify else join_whole_pixels(flats, part)
     if joined is None:
         with clock.stage("illumination"):

@@ -25,8 +25,8 @@ REACH_PX = 1.0
 """Distance of the shifts that matched blocks show from their median, in the median, up to which they are one shift."""
 SAME_SHARE = 0.6
 """Least share of the pixels at contours that are equal in both photos: a bar that stays in its place, a clock and a
-mouse pointer differ. Of pages that were scanned twice 0.14 are equal at a noise of half a level, of screenshots that were
-compressed as JPEG of quality 95 0.34, of a page and itself one pixel below up to 0.41."""
+mouse pointer differ. Of pages that were scanned twice 0.14 are equal at a noise of half a level, of screenshots as
+JPEG of quality 95 0.34, of a page and itself one pixel below up to 0.41."""
 MOST_GROWTH = 1.2
 """A page that is larger than the placed one by this has more pixels than a mosaic may have."""
 TIE = np.float32(1e-3)
