@@ -101,6 +101,8 @@ class DecodedImage:
     size: tuple[int, int] = (0, 0)
     """Width and height of the photo, with EXIF orientation applied."""
     camera: str | None = None
+    pixel_aspect: float = 1.0
+    """Width of a pixel over its height; `dpi` is the higher resolution of both axes."""
 
 
 def decode_image(
@@ -159,6 +161,7 @@ def decode_image(
         reduction,
         (size[1], size[0]) if orientation > 4 else size,
         facts.camera,
+        1 / facts.pixel_aspect if facts.orientation > 4 else facts.pixel_aspect,
     )
 
 

@@ -93,11 +93,11 @@ def test_a_flat_scan_of_two_pages_is_two_flat_pages_each_level() -> None:
     found = rectify_spread(scan, BOTH)
     assert found.warnings == ()
     assert [page.kind for page in found.pages] == ["planar", "planar"]
-    for page, middle, angle_deg in zip(found.pages, (350, 1040), angles_deg, strict=True):
-        assert page.mesh.mean(axis=(0, 1)) == pytest.approx((middle, 470), abs=60)
-        assert -np.degrees(direction_of(page.mesh)) == pytest.approx(angle_deg, abs=0.2)
+    for result, middle, angle_deg in zip(found.pages, (350, 1040), angles_deg, strict=True):
+        assert result.mesh.mean(axis=(0, 1)) == pytest.approx((middle, 470), abs=60)
+        assert -np.degrees(direction_of(result.mesh)) == pytest.approx(angle_deg, abs=0.2)
         # A mere turn: cells are squares of one size.
-        sizes = np.linalg.norm(np.diff(page.mesh, axis=1), axis=2)
+        sizes = np.linalg.norm(np.diff(result.mesh, axis=1), axis=2)
         assert np.ptp(sizes) < 0.01 * sizes.mean()
 
 
