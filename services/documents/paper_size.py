@@ -28,6 +28,8 @@ FORMATS: dict[str, tuple[float, float]] = {
 """Width and height in millimetres, upright."""
 CANDIDATES = ("a4", "letter", "legal")
 """Formats of different aspect; A3 and A5 are taken only if the request names them."""
+LEAST_TOLD = 0.001
+"""A view that was stretched by less is as it was."""
 _SIZE = re.compile(r"(\d{1,4}(?:\.\d)?)x(\d{1,4}(?:\.\d)?)(?:mm)?")
 
 
@@ -54,7 +56,8 @@ class PageSize:
     """Size of the sheet in millimetres and resolution of the flat view; None for what is not known.
 
     `source` is "outline" (by the aspect of the sheet) or "given". `reason` is a sentence for people. `aspect` is width
-    over height of the sheet in the view, `aspect_deviation` the standard deviation of its logarithm.
+    over height of the sheet in the view, `aspect_deviation` the standard deviation of its logarithm. `stretch` is the
+    factor by which the view's width over its height was changed to fit a given size.
     """
 
     width_mm: float | None
@@ -65,6 +68,7 @@ class PageSize:
     reason: str
     aspect: float | None = None
     aspect_deviation: float | None = None
+    stretch: float | None = None
 
 
 def parse_size(paper: str) -> tuple[float, float] | None:
@@ -87,6 +91,15 @@ def parse_size(paper: str) -> tuple[float, float] | None:
     return float(found[1]), float(found[2])
 
 
+def oriented_size(paper: str, aspect: float) -> tuple[float, float] | None:
+    """Width and height in millimetres of a size that is given, for a sheet whose width over height is about `aspect`.
+
+    A format's name says nothing of the sheet's direction. None for `auto` and `none`.
+    """
+    size = parse_size(paper)
+    return size if size is None or "x" in paper or (size[0] > size[1]) == (aspect > 1) else (size[1], size[0])
+
+
 def measure_size(
     paper: str,
     corners: Points | None,
@@ -96,6 +109,7 @@ def measure_size(
     *,
     camera_assumed: bool,
     seen: SheetAspect | None = None,
+    stretch: float | None = None,
 ) -> PageSize:
     """The size of the sheet in a flat view of `width` x `height` pixels.
 
@@ -111,16 +125,26 @@ def measure_size(
         Whether nothing showed the focal length.
     seen
         How well the aspect is known, if that was computed.
+    stretch
+        Factor by which the view's width over its height was changed to have the proportions of `paper`; None: it was
+        not fitted to them.
     """
     p = PaperParameters()
     sides = None
     if corners is not None and np.isfinite(corners).all():
         sides = _sides(places_in_view(corners, mesh, width, height))
-    given = parse_size(paper)
-    if given is not None:
-        size = given if (given[0] > given[1]) == (width > height) or "x" in paper else (given[1], given[0])
+    size = oriented_size(paper, width / height)
+    if size is not None:
         shown = float(width) if sides is None else sides[0]
-        return PageSize(*size, shown / size[0] * MM_PER_INCH, paper, "given", "The request names the size.")
+        reason = "The request names the size."
+        if stretch is not None and abs(stretch - 1) >= LEAST_TOLD:
+            way = "wider" if stretch > 1 else "higher"
+            percent = 100 * (max(stretch, 1 / stretch) - 1)
+            reason += f" The view was made {way} by {percent:.1f} % to have its proportions."
+        dpi = shown / size[0] * MM_PER_INCH
+        return PageSize(
+            *size, dpi, paper, "given", reason, stretch=None if stretch is None else round(stretch, 4)
+        )
     if paper == "none":
         return PageSize(None, None, None, None, None, "The request wants no size.")
     if sides is None:

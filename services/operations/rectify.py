@@ -188,6 +188,7 @@ def _document(
         height,
         camera_assumed=result.camera.source == "assumed",
         seen=result.sheet_aspect,
+        stretch=result.stretch,
     )
     dpi = None if page.dpi is None else page.dpi * scale
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}

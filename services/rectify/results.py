@@ -78,6 +78,8 @@ class RectifyResult:
     `corners` (4, 2) are those of the sheet in photo pixels, clockwise from the top left of the view; a row is NaN where
     the corner was not seen, and None says that no outline was found. `print` is None if the page has no text.
     `sheet_aspect` says how well the aspect of a flat sheet is known, None where that was not computed.
+    `stretch` is the factor by which the view's width over its height was changed to fit the size that the request
+    names; None where it was not fitted.
     """
 
     image: RgbImage
@@ -92,3 +94,4 @@ class RectifyResult:
     corners: Points | None = None
     print: PrintSample | None = None
     sheet_aspect: SheetAspect | None = None
+    stretch: float | None = None

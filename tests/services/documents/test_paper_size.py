@@ -95,6 +95,18 @@ def test_a_size_that_is_given_is_taken() -> None:
     assert size_of(sheet(560, 792), "none").dpi is None
 
 
+@pytest.mark.parametrize(
+    ("stretch", "told"), [(None, None), (1.0004, None), (1.053, "wider by 5.3 %"), (0.95, "higher by 5.3 %")]
+)
+def test_it_is_told_by_how_much_a_view_was_stretched(stretch: float | None, told: str | None) -> None:
+    size = measure_size(
+        "a4", photo(sheet(560, 792)), mesh(), WIDTH, HEIGHT, camera_assumed=False, stretch=stretch
+    )
+    assert size.stretch == stretch
+    assert (told or "names the size.") in size.reason
+    assert ("made" in size.reason) == (told is not None)
+
+
 @pytest.mark.parametrize("wrong", ["", "a6", "210", "9x100", "100x6000", "1e3x200"])
 def test_other_sizes_are_refused(wrong: str) -> None:
     with pytest.raises(ValueError, match="210x297"):

@@ -70,6 +70,7 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
             "reason": "The sheet's four corners are not in view, so its proportions are unknown.",
             "aspect": None,
             "aspect_deviation": None,
+            "stretch": None,
         },
         "quality": None,
         "text": None,
