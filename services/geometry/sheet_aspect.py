@@ -7,10 +7,12 @@ from dataclasses import dataclass
 class SheetAspect:
     """How well the aspect of a flat sheet is known whose four sides are seen.
 
-    `log_deviation` is the standard deviation of its logarithm. Where the photo alone does not show the aspect, `likely`
+    `aspect` is that of the rectangle between the lines of its sides, width over height on the page, and
+    `log_deviation` the standard deviation of the logarithm. Where the photo alone does not show the aspect, `likely`
     is the most probable of the known formats, with its `probability`.
     """
 
+    aspect: float
     log_deviation: float
     likely: str | None = None
     probability: float = 0.0

@@ -112,17 +112,15 @@ class SheetSides:
 
     def aspect_in(self, plane: PagePlane) -> SheetAspect | None:
         """How well the sheet's aspect is known if `plane` is its plane; None unless four straight sides are seen."""
-        if self.plane is None or not self.straight:
+        sides = along_axes(plane, self.lines)
+        aspect = sheet_aspect(plane, sides) if self.straight else None
+        if self.plane is None or aspect is None:
             return None
         if self.belief is None:
-            return SheetAspect(self.plane.log_aspect_deviation)
-        sides = along_axes(plane, self.lines)
-        aspect = sheet_aspect(plane, sides)
-        if aspect is None:
-            return None
+            return SheetAspect(aspect, self.plane.log_aspect_deviation)
         turned = not np.array_equal(sides.upright, self.lines.upright)
         deviation = self.belief.deviation_about((-1 if turned else 1) * math.log(aspect))
-        return SheetAspect(deviation, self.belief.name, self.belief.probability)
+        return SheetAspect(aspect, deviation, self.belief.name, self.belief.probability)
 
 
 def side_lines(

@@ -76,13 +76,15 @@ def test_a_format_that_only_the_likely_focal_length_shows_is_named_if_it_is_cert
     def seen(aspect: SheetAspect) -> PageSize:
         return measure_size("auto", photo(a4), mesh(), WIDTH, HEIGHT, camera_assumed=True, seen=aspect)
 
-    likely = seen(SheetAspect(0.012, "a4", 0.9))
+    likely = seen(SheetAspect(560 / 792, 0.012, "a4", 0.9))
     assert (likely.paper, likely.width_mm) == (None, None)
     assert "a4 is the likeliest" in likely.reason
     assert likely.aspect_deviation == pytest.approx(0.0126, abs=2e-4)
-    assert seen(SheetAspect(0.002, "a4", 0.98)).paper == "a4"
+    assert seen(SheetAspect(792 / 560, 0.002, "a4", 0.98)).paper == "a4"
     # A plane whose focal length was assumed may show its aspect all the same.
-    assert seen(SheetAspect(0.003)).aspect_deviation == pytest.approx(0.005, abs=2e-4)
+    assert seen(SheetAspect(560 / 792, 0.003)).aspect_deviation == pytest.approx(0.005, abs=2e-4)
+    # Lines of bent sides meet elsewhere than at the corners.
+    assert seen(SheetAspect(560 / 792 * 1.02, 0.003)).aspect_deviation == pytest.approx(0.0204, abs=3e-4)
 
 
 def test_a_size_that_is_given_is_taken() -> None:
