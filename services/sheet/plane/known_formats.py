@@ -6,12 +6,12 @@ each is weighed by how much of the focal length's prior, and of what the sides t
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from services.arrays import Vector
+from services.arrays import Floats, Vector
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.planar import PagePlane
 from services.sheet.plane.straight_lines import StraightLines, fit_line_plane, sheet_aspect
@@ -79,8 +79,8 @@ def weigh_formats(
     start: PagePlane,
     noise: float,
     parameters: FormatParameters | None = None,
-) -> AspectBelief:
-    """What the formats say of the sheet between the four `lines`.
+) -> AspectBelief | None:
+    """What the formats say of the sheet between the four `lines`; None where most focal lengths fit no rectangle.
 
     Parameters
     ----------
@@ -94,35 +94,36 @@ def weigh_formats(
         Deviation of the logarithm of the aspect under a known focal length.
     """
     p = parameters or FormatParameters()
-    log_focals, log_aspects, weights = _curve(lines, prior, start)
-    spread = math.hypot(noise, p.cut)
-    upright = [
-        (name, sign * math.log(aspect), share / 2) for name, aspect, share in SHARES for sign in (1, -1)
-    ]
-    # Every row is a hypothesis: its share times the likelihood of each focal length.
-    rows = [
-        share
-        * weights
-        * np.exp(-0.5 * ((log_aspects - value) / spread) ** 2)
-        / (spread * math.sqrt(2 * math.pi))
-        for _, value, share in upright
-    ]
-    rows.append(OTHER_SHARE / OTHER_RANGE * weights)
-    joint = np.array(rows)
+    curve = _curve(lines, prior, start)
+    if curve is None:
+        return None
+    log_focals, log_aspects, weights = curve
+    # Sheets of a format lie upright or not, one as often as the other.
+    names = [name for name, _, _ in SHARES] * 2
+    upright = np.log([aspect for _, aspect, _ in SHARES])
+    formats = np.concatenate([upright, -upright])[:, None]
+    shares = np.array([share / 2 for _, _, share in SHARES] * 2)[:, None]
+    # The likelihood of each focal length, under each format (rows) and under any other aspect (last row).
+    of_formats = shares * weights * _normal(log_aspects - formats, math.hypot(noise, p.cut))
+    joint = np.vstack([of_formats, OTHER_SHARE / OTHER_RANGE * weights])
     joint /= joint.sum()
-    values = np.array([[value] * len(weights) for _, value, _ in upright] + [log_aspects.tolist()])
     likely = int(np.argmax(joint[:-1].sum(axis=1)))
     probability = float(joint[likely].sum())
-    narrow = None
+    needed = None
     if probability >= p.clear:
-        of_format = joint[likely] / probability
-        middle = float(of_format @ log_focals)
-        deviation = math.sqrt(float(of_format @ (log_focals - middle) ** 2))
-        narrow = replace(prior, log_focal=middle, deviation=deviation)
-    return AspectBelief(upright[likely][0], probability, narrow, values.ravel(), joint.ravel())
+        middle = float(joint[likely] @ log_focals) / probability
+        variance = float(joint[likely] @ (log_focals - middle) ** 2) / probability
+        needed = FocalPrior(middle, math.sqrt(variance), prior.source, prior.of_diagonal)
+    values = np.vstack([np.broadcast_to(formats, of_formats.shape), log_aspects])
+    return AspectBelief(names[likely], probability, needed, values.ravel(), joint.ravel())
 
 
-def _curve(lines: StraightLines, prior: FocalPrior, start: PagePlane) -> tuple[Vector, Vector, Vector]:
+def _normal(off: Floats, deviation: float) -> Floats:
+    """Density of a normal distribution at `off` from its mean."""
+    return np.asarray(np.exp(-0.5 * (off / deviation) ** 2) / (deviation * math.sqrt(2 * math.pi)))
+
+
+def _curve(lines: StraightLines, prior: FocalPrior, start: PagePlane) -> tuple[Vector, Vector, Vector] | None:
     """Logarithms of focal lengths (N,) and of the aspects (N,) that they give, and their likelihoods (N,)."""
     nodes = prior.log_focal + prior.deviation * np.linspace(-REACH, REACH, NODES)
     aspects, costs = np.full(NODES, np.nan), np.full(NODES, np.nan)
@@ -137,6 +138,8 @@ def _curve(lines: StraightLines, prior: FocalPrior, start: PagePlane) -> tuple[V
             if aspect is not None and aspect > 0:
                 aspects[k] = math.log(aspect)
     known = np.isfinite(aspects)
+    if 2 * known.sum() <= NODES:
+        return None
     log_focals = np.linspace(nodes[known].min(), nodes[known].max(), STEPS)
     cost = CubicSpline(nodes[known], costs[known])(log_focals)
     off = (log_focals - prior.log_focal) / prior.deviation

@@ -225,7 +225,7 @@ def _sides_of_lines(
     held = FocalPrior(math.log(plane.plane.focal), HELD_FOCAL, prior.source)
     noise = _aspect_deviation(fit_line_plane(lines, held, plane.plane), lines, held)
     belief = weigh_formats(lines, prior, plane.plane, noise)
-    if belief.prior is not None:
+    if belief is not None and belief.prior is not None:
         of_format = plane_from_lines(lines, belief.prior, p)
         plane = plane if isinstance(of_format, NoShape) else of_format
     return SheetSides(view, lines, plane, straight, belief=belief)
