@@ -47,8 +47,7 @@ class PaperParameters:
     """Letter and A4 differ by 0.089: beyond this the aspect decides nothing."""
     certain_format: float = 0.95
     """Probability from which on a format is named that a sheet has been given because the photo does not show its
-    aspect: of 1800 simulated sheets, two fifths of them of no format, 314 were named so, 4 of these wrongly, whose
-    aspect is within 1.3 % of the format's."""
+    aspect: of 3600 simulated sheets, two fifths of them of no format, 604 were named so, 8 of these wrongly."""
 
 
 @dataclass(frozen=True, slots=True)
