@@ -266,6 +266,10 @@ class PageSize(Answer):
     reason: str
     aspect: float | None = Field(description="Width over height of the sheet, if its four corners are seen.")
     aspect_deviation: float | None = Field(description="Standard deviation of the aspect's logarithm.")
+    stretch: float | None = Field(
+        description="Factor by which the view's width over its height was changed to have the proportions of the size "
+        "that the request names; null: it was not fitted."
+    )
 
 
 class RectifyResult(FlatPage):

@@ -102,6 +102,8 @@ class DecodedImage:
     """Width and height of the photo, with EXIF orientation applied."""
     camera: str | None = None
     origin: PictureOrigin = "unknown"
+    pixel_aspect: float = 1.0
+    """Width of a pixel over its height; `dpi` is the higher resolution of both axes."""
 
 
 def decode_image(
@@ -161,6 +163,7 @@ def decode_image(
         (size[1], size[0]) if orientation > 4 else size,
         facts.camera,
         facts.origin,
+        1 / facts.pixel_aspect if facts.orientation > 4 else facts.pixel_aspect,
     )
 
 

@@ -22,6 +22,10 @@ _CAMERA_ASPECTS = (4 / 3, 3 / 2, 16 / 9, 1.0)
 """Proportions of the photos of cameras and phones; a photo of others was cropped."""
 _LOWEST_DPI, _HIGHEST_DPI = 100.0, 2400.0
 """Range of accepted resolutions. Cameras and editors write placeholders below it (1, 72, 96)."""
+_SAME_DPI = 0.01
+"""Relative difference up to which two resolutions are one."""
+_MOST_PIXEL_ASPECT = 4.0
+"""Of a pixel's longer over its shorter side; those of faxes are up to 2.1 (204 x 98 dpi)."""
 
 
 class DiagonalFocalLength(float):
@@ -36,8 +40,10 @@ class CameraFacts:
     """Data about the camera from an image's metadata.
 
     `orientation` is EXIF's 1-8. `focal_length_px` is in pixels of the image, None if unknown, and a
-    `DiagonalFocalLength` if cropping would change it. `dpi` is pixels per inch of paper, None if unknown (always so for
-    a camera's photo). `origin` is "camera" for a photo with the proportions of one.
+    `DiagonalFocalLength` if cropping would change it. `dpi` is pixels per inch of paper, along the axis with more of
+    them, None if unknown (always so for a camera's photo). `pixel_aspect` is the width of a pixel over its height, as
+    the file has them, before it is turned by `orientation`.
+    `origin` is "camera" for a photo with the proportions of one.
     """
 
     orientation: int
@@ -46,6 +52,7 @@ class CameraFacts:
     origin: PictureOrigin
     camera: str | None = None
     """Make, model and size of the photos, as a name of the camera; None if EXIF does not say."""
+    pixel_aspect: float = 1.0
 
 
 def read_camera_facts(picture: Image.Image) -> CameraFacts:
@@ -58,12 +65,14 @@ def read_camera_facts(picture: Image.Image) -> CameraFacts:
     except Exception:  # Pillow raises various exceptions on a damaged block, which is not needed
         orientation, camera, make, model = 1, {}, "", ""
     is_photo = any(tag in camera for tag in (ExifTags.Base.FocalLength, ExifTags.Base.ExposureTime))
+    dpi, pixel_aspect = (None, 1.0) if is_photo else _believable_dpi(picture.info.get("dpi"))
     return CameraFacts(
         orientation if isinstance(orientation, int) and orientation in range(1, 9) else 1,
         focal_length_px(camera, *picture.size),
-        None if is_photo else _believable_dpi(picture.info.get("dpi")),
+        dpi,
         "camera" if is_photo and _has_camera_aspect(picture.size) else "unknown",
         _camera_name(make, model, picture.size),
+        pixel_aspect,
     )
 
 
@@ -132,11 +141,16 @@ def _positive(value: Any) -> float | None:
     return number if math.isfinite(number) and number > 0 else None
 
 
-def _believable_dpi(value: Any) -> float | None:
-    """Resolution of a (horizontal, vertical) pair, if both agree within 1 % and are plausible for a scanner."""
+def _believable_dpi(value: Any) -> tuple[float | None, float]:
+    """The higher resolution of a (horizontal, vertical) pair, if it is plausible for a scanner; the pixels' aspect."""
+    unknown = None, 1.0
     if not isinstance(value, tuple) or len(value) != 2:
-        return None
+        return unknown
     horizontal, vertical = _positive(value[0]), _positive(value[1])
-    if horizontal is None or vertical is None or abs(horizontal / vertical - 1) > 0.01:
-        return None
-    return horizontal if _LOWEST_DPI <= round(horizontal) <= _HIGHEST_DPI else None
+    if horizontal is None or vertical is None:
+        return unknown
+    aspect = vertical / horizontal
+    higher = max(horizontal, vertical)
+    if not _LOWEST_DPI <= round(higher) <= _HIGHEST_DPI or max(aspect, 1 / aspect) > _MOST_PIXEL_ASPECT:
+        return unknown
+    return (horizontal, 1.0) if abs(1 / aspect - 1) <= _SAME_DPI else (higher, aspect)

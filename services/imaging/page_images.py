@@ -54,10 +54,14 @@ class PagePicture(NamedTuple):
     camera: str | None = None
     """Name of the camera by EXIF."""
     origin: PictureOrigin = "unknown"
+    pixel_aspect: float = 1.0
+    """Width of a pixel over its height; `dpi` is the higher resolution of both axes."""
+    stretch: tuple[float, float] = (1.0, 1.0)
+    """Pixels of the page, at full size, per pixel of the file, along x and y, after they were made square."""
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the page in pixels, not reduced."""
+        """Width and height of the page in pixels of the file, not reduced."""
         return self.full_size or (self.pixels.shape[1], self.pixels.shape[0])
 
 
@@ -162,6 +166,7 @@ def page_picture(image: DecodedImage) -> PagePicture:
         image.size,
         image.camera,
         image.origin,
+        image.pixel_aspect,
     )
 
 

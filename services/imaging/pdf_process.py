@@ -29,6 +29,8 @@ _OPENING_S = 4
 """Processor time for opening a file: 64 MB take 0.5 s."""
 _BEFORE_KILL_S = 2
 """From the signal that names the processor limit to the one that does not."""
+MOST_USER_UNIT = 75_000.0
+"""Points; with 14,400 units a side, more than any page."""
 _PASSWORD_ERROR = 4  # FPDF_ERR_PASSWORD
 
 
@@ -116,6 +118,8 @@ class _Document:
                 width, height = self._document.get_page_size(index)
             except pypdfium2.PdfiumError as error:
                 raise UndecodableImage(f"The PDF is damaged: its page {index + 1} cannot be read.") from error
+            unit = self._user_unit(index)
+            width, height = width * unit, height * unit
             if not (math.isfinite(width) and math.isfinite(height) and width > 0 and height > 0):
                 raise UndecodableImage(f"The PDF is damaged: its page {index + 1} has no size.")
             found.append((width, height))
@@ -124,6 +128,7 @@ class _Document:
     def draw(self, index: int, scale: float) -> pypdfium2.PdfBitmap:
         """A page at `scale` pixels a point, if its structure is within the limits."""
         self._check(index)
+        scale *= self._user_unit(index)
         try:
             return self._document[index].render(scale=scale, rev_byteorder=True)
         except pypdfium2.PdfiumError as error:
@@ -132,8 +137,20 @@ class _Document:
     def _check(self, index: int) -> None:
         """Check the structure, unless this library cannot read the file; the renderer repairs more."""
         with suppress(pikepdf.PdfError, pikepdf.PasswordError, IndexError):
-            self._structure = self._structure or pikepdf.open(io.BytesIO(self._data))
-            check_page(self._structure.pages[index], StructureLimits())
+            check_page(self._page(index), StructureLimits())
+
+    def _page(self, index: int) -> pikepdf.Page:
+        self._structure = self._structure or pikepdf.open(io.BytesIO(self._data))
+        return self._structure.pages[index]
+
+    def _user_unit(self, index: int) -> float:
+        """Points per unit of a page (PDF 1.7, 14.11.2), which the renderer does not know; 1 where it is not valid."""
+        with suppress(
+            pikepdf.PdfError, pikepdf.PasswordError, IndexError, TypeError, ValueError, OverflowError
+        ):
+            unit = float(self._page(index).obj.get("/UserUnit", 1))
+            return unit if 0 < unit <= MOST_USER_UNIT else 1.0
+        return 1.0
 
 
 def main() -> None:

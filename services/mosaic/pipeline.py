@@ -32,6 +32,7 @@ from services.mosaic.placed_photo import PlacedPhoto
 from services.mosaic.placing.placed_part import PlacedPart, place_photos
 from services.mosaic.registration.photo_pairs import register_photos
 from services.mosaic.results import MosaicResult
+from services.mosaic.whole_pixels import join_whole_pixels
 from services.ocr.engine import OcrEngine
 from services.progress import report_progress
 from services.rectify.results import Orientation
@@ -84,21 +85,28 @@ def mosaic(
             part = place_photos(flats, pairs, parameters.base)
         except NotOverlapping as refusal:
             raise explain_refusal(refusal, textless, len(kept)) from None
-    with clock.stage("illumination"):
-        placed = match_light(flats, part, parameters.illumination)
-    with clock.stage("composition"):
+        joined = None if parameters.rectify else join_whole_pixels(flats, part)
+    if joined is None:
+        with clock.stage("illumination"):
+            placed = match_light(flats, part, parameters.illumination)
+        with clock.stage("composition"):
+            text_height_px = typical_text_height_px(placed)
+            composed = compose_page(placed, part.width, part.height, parameters.composition, text_height_px)
+        with clock.stage("framing"):
+            crop = find_page_crop(composed.image, see_sheet(placed, part.width, part.height))
+            page = crop_page(composed.image, crop)
+        sharpness, corner = composed.sharpness, (crop.left, crop.top)
+    else:
+        page, placed = joined.image, joined.placed
         text_height_px = typical_text_height_px(placed)
-        composed = compose_page(placed, part.width, part.height, parameters.composition, text_height_px)
-    with clock.stage("framing"):
-        crop = find_page_crop(composed.image, see_sheet(placed, part.width, part.height))
-        page = crop_page(composed.image, crop)
+        sharpness, corner = (1.0,) * len(placed), (0, 0)
     orientation, notice = Orientation(0, False, None), None
     if parameters.upright:
         with clock.stage("orientation"):
             orientation, notice = tell_orientation(lambda: draw_reading_view(page, text_height_px), ocr)
     turn, _, _ = turning(page.shape[1], page.shape[0], orientation.rotation_deg, orientation.mirrored)
-    H_final_mosaic = np.linalg.inv(turn) @ translation(-crop.left, -crop.top)
-    patches = describe_patches(len(photos), placed, composed.sharpness, H_final_mosaic)
+    H_final_mosaic = np.linalg.inv(turn) @ translation(-corner[0], -corner[1])
+    patches = describe_patches(len(photos), placed, sharpness, H_final_mosaic)
     unplaced = tuple(index for index, patch in enumerate(patches) if not patch.placed)
     notices = [
         *duplicate_notices(repeats),

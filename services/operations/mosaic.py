@@ -103,7 +103,7 @@ def _colour_profile(photos: Sequence[DecodedImage]) -> bytes | None:
 
 def _resolution(photos: Sequence[DecodedImage], result: MosaicResult) -> float | None:
     """Pixels per inch of the mosaic, if all inputs have one resolution; it follows from the scale of the base photo."""
-    resolutions = {photo.dpi for photo in photos}
+    resolutions = {photo.dpi if photo.pixel_aspect == 1.0 else None for photo in photos}
     dpi, scale = resolutions.pop(), result.patches[result.base].scale
     return None if resolutions or dpi is None or scale is None else float(round(dpi * scale))
 

@@ -13,6 +13,7 @@ from services.documents.paper_size import measure_size
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.page_images import PagePicture
+from services.imaging.square_pixels import square_pixels
 from services.operations.capture_reply import describe_quality
 from services.operations.page_reading import READING_BEGINS, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
@@ -33,7 +34,12 @@ from services.rectify.kept_photo import keep_photo
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import rectify
 from services.rectify.preview import PREVIEW_PX, preview_page
-from services.rectify.preview_scale import enlarge, reduce_parameters
+from services.rectify.preview_scale import (
+    enlarge,
+    in_pixels_of_file,
+    in_square_pixels,
+    reduce_parameters,
+)
 from services.rectify.results import RectifyResult
 from services.rectify.spread import RectifiedPages, page_timings, rectify_spread
 from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface, Surface
@@ -62,8 +68,8 @@ def rectify_picture(
     end = READING_BEGINS if parameters.text else ENCODING_BEGINS
     timings_ms: dict[str, float] = {}
     with timed("decode", timings_ms, 0.0):
-        photo = decode(PREVIEW_PX if parameters.preview else None)
-    parameters = name_camera(parameters, photo)
+        photo = square_pixels(decode(PREVIEW_PX if parameters.preview else None))
+    parameters = name_camera(in_square_pixels(parameters, photo.stretch), photo)
     source = SourceFacts(photo.format, photo.dpi, photo.icc_profile)
     if parameters.pages == "both":
         with progress_within(0.03, end):
@@ -90,7 +96,8 @@ def flatten_picture(
     ------
     NoText, InvalidOption
     """
-    parameters = name_camera(parameters, photo)
+    photo = square_pixels(photo)
+    parameters = name_camera(in_square_pixels(parameters, photo.stretch), photo)
     if parameters.preview:
         return [describe_preview(photo, parameters)[0]]
     both = parameters.pages == "both"
@@ -133,7 +140,9 @@ def describe_page(
     if parameters.text:
         engine, language = reading_engine(parameters.language)
         with timed("reading", result.timings_ms, READING_BEGINS):
-            text = read_flat_page(result.image, engine, language, result.mesh)
+            text = read_flat_page(
+                result.image, engine, language, in_pixels_of_file(result, photo.stretch).mesh
+            )
     with timed("quality", result.timings_ms):
         quality = describe_quality(photo.pixels, result, words=None if text is None else text.words)
     view = reduce_view(result, encoding)
@@ -146,7 +155,9 @@ def describe_preview(
     photo: PagePicture, parameters: RectifyParameters
 ) -> tuple[DescribedPage, dict[str, float]]:
     """The page in a reduced photo, in pixels of the photo that was sent, not drawn; and its timings."""
-    check_parameters(*photo.size, parameters)
+    check_parameters(
+        photo.pixels.shape[1] * photo.reduction, photo.pixels.shape[0] * photo.reduction, parameters
+    )
     reduced = reduce_parameters(parameters, photo.reduction)
     try:
         found = preview_page(photo.pixels, reduced, photo.focal_length_px, photo.origin)
@@ -177,10 +188,12 @@ def _document(
         width,
         height,
         camera_assumed=result.camera.source == "assumed",
+        seen=result.sheet_aspect,
+        stretch=result.stretch,
     )
     dpi = None if page.dpi is None else page.dpi * scale
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
-    described = describe_rectification(view, photo.size)
+    described = describe_rectification(in_pixels_of_file(view, photo.stretch), photo.size)
     camera = described["camera"]
     assert isinstance(camera, dict)
     exif_px = (
@@ -197,7 +210,7 @@ def _document(
         "timings_ms": timings_ms,
     }
     if dpi is None and photo.dpi is not None:
-        dpi = float(round(photo.dpi * _pixels_per_photo_pixel(view)))
+        dpi = photo.dpi * _pixels_per_photo_pixel(view)
     return DescribedPage(view.image, document, None, dpi)
 
 

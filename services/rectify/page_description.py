@@ -38,6 +38,7 @@ def describe_page(
         clock.timings_ms,
         corners_by_view(page.outline, mesh, mirrored=orientation.mirrored),
         printed,
+        page.shape.sheet_aspect,
     )
 
 

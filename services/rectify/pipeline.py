@@ -32,6 +32,7 @@ from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_flat_view, places_in_view
 from services.rectify.view.framing import cut_view, find_border, frame_shape
 from services.rectify.view.orientation import orient_page
+from services.rectify.view.paper_fit import fit_to_paper
 from services.rectify.view.sheet_cut import paper_in_photo, restore_detail
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.results import SheetOutline
@@ -114,6 +115,9 @@ def flatten_page(
             orientation, notice = orient_page(photo, analysis, frame, ocr)
         notices += [notice] if notice else []
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
+    stretch = None
+    if crop == "sheet":
+        frame, stretch = fit_to_paper(frame, page, parameters.paper)
     release_freed_memory()
     with clock.stage("remap"):
         sheet = page.outline if crop == "sheet" else None
@@ -126,7 +130,8 @@ def flatten_page(
             places = None if analysis is None else places_in_view(frame, page.characters)
             flat = normalize_illumination(flat, places)
     printed = None if analysis is None else sample_print(analysis, page.on_page)
-    return describe_page(page, flat, frame, orientation, notices, clock, printed)
+    described = describe_page(page, flat, frame, orientation, notices, clock, printed)
+    return replace(described, stretch=stretch)
 
 
 def find_page(

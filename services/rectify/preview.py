@@ -38,6 +38,7 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import planar_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.framing import find_border, frame_shape
+from services.rectify.view.paper_fit import fit_to_paper
 from services.rectify.view.sheet_cut import cut_to_outline
 from services.sheet.outline.candidates import CandidateParameters
 from services.sheet.outline.detection import OutlineParameters, find_outline
@@ -171,10 +172,14 @@ def preview_page(
         frame = frame_shape(page, find_border(page, parameters.crop), parameters.crop)
         if parameters.crop == "sheet" and page.outline is not None:
             frame, _ = cut_to_outline(frame, page.outline, page.characters)
+        stretch = None
+        if parameters.crop == "sheet":
+            frame, stretch = fit_to_paper(frame, page, parameters.paper)
     # Nothing is drawn: one white pixel has the size of the view.
     blank = np.broadcast_to(np.full((1, 1, 3), 255, np.uint8), (frame.height, frame.width, 3))
     printed = None if text is None else PrintSample(text.characters, print_heights(text.text) / text.factor)
-    return describe_page(page, blank, frame, Orientation(0, False, None), page.notices, clock, printed)
+    described = describe_page(page, blank, frame, Orientation(0, False, None), page.notices, clock, printed)
+    return replace(described, stretch=stretch)
 
 
 def _find_text(
@@ -214,7 +219,7 @@ def _sheet_between_sides(
         # Lines of text run along the sides that the photo shows as left and right.
         turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         plane = replace(plane, plane=replace(plane.plane, rotation=plane.plane.rotation @ turn))
-    flat = planar_page(plane, prior, "outline")
+    flat = planar_page(plane, prior, "outline", sheet)
     return ShapedPage(sheet.view, flat, flat.notices, outline)
 
 

@@ -1,4 +1,5 @@
-"""What a request asks of a photo in pixels of a reduced copy, and what was found there in pixels of the photo."""
+"""What a request asks of a photo in pixels of a copy (reduced, or with square pixels), and what was found there in
+pixels of the photo."""
 
 from dataclasses import replace
 
@@ -50,4 +51,28 @@ def enlarge(result: RectifyResult, factor: float) -> RectifyResult:
         mesh=moved(result.mesh),
         corners=None if result.corners is None else moved(result.corners),
         print=printed,
+    )
+
+
+def in_square_pixels(parameters: RectifyParameters, stretch: tuple[float, float]) -> RectifyParameters:
+    """`parameters`, in pixels of the file, for its copy with `stretch` pixels for each of them along x and y."""
+    if parameters.region is None or stretch == (1.0, 1.0):
+        return parameters
+    region = to_resized(np.array(parameters.region), np.array(stretch))
+    return replace(parameters, region=tuple((float(x), float(y)) for x, y in region))
+
+
+def in_pixels_of_file(result: RectifyResult, stretch: tuple[float, float]) -> RectifyResult:
+    """`result` of a copy with square pixels, in pixels of the file, which has 1 / `stretch` of them along x and y.
+
+    Camera and surface stay those of the copy: cameras have square pixels.
+    """
+    if stretch == (1.0, 1.0):
+        return result
+    factor = 1 / np.array(stretch)
+    corners = result.corners
+    return replace(
+        result,
+        mesh=np.asarray(to_resized(result.mesh, factor), np.float64),
+        corners=None if corners is None else np.asarray(to_resized(corners, factor), np.float64),
     )

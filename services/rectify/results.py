@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Points, RgbImage, Vector
 from services.geometry.focal_prior import FocalLengthSource
+from services.geometry.sheet_aspect import SheetAspect
 from services.notices import Notice
 from services.sheet.shape import ShapeSource
 from services.sheet.surfaces import Surface
@@ -76,6 +77,9 @@ class RectifyResult:
     (c (width-1)/(columns-1), r (height-1)/(rows-1)), after `orientation` was applied.
     `corners` (4, 2) are those of the sheet in photo pixels, clockwise from the top left of the view; a row is NaN where
     the corner was not seen, and None says that no outline was found. `print` is None if the page has no text.
+    `sheet_aspect` says how well the aspect of a flat sheet is known, None where that was not computed.
+    `stretch` is the factor by which the view's width over its height was changed to fit the size that the request
+    names; None where it was not fitted.
     """
 
     image: RgbImage
@@ -89,3 +93,5 @@ class RectifyResult:
     timings_ms: dict[str, float] = field(default_factory=dict)
     corners: Points | None = None
     print: PrintSample | None = None
+    sheet_aspect: SheetAspect | None = None
+    stretch: float | None = None

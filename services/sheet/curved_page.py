@@ -82,6 +82,7 @@ class CurvedPage:
     kind: ClassVar[Literal["curved"]] = "curved"
     sources: ClassVar[tuple[ShapeSource, ...]] = ("text",)
     sides_believed: ClassVar[bool] = False
+    sheet_aspect: ClassVar[None] = None
     ends_at_sides: ClassVar[bool] = False
 
     @property

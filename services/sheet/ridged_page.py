@@ -88,6 +88,7 @@ class RidgedPage:
     """A flexible sheet shows the focal length less precisely than a smooth one; the precision is not known."""
     notices: ClassVar[tuple[Notice, ...]] = ()
     sides_believed: ClassVar[bool] = True
+    sheet_aspect: ClassVar[None] = None
     ends_at_sides: ClassVar[bool] = True
 
     @property

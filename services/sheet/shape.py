@@ -9,6 +9,7 @@ from services.geometry.focal_prior import FocalLengthSource
 from services.geometry.page_frame import Frame
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
+from services.geometry.sheet_aspect import SheetAspect
 from services.notices import Notice
 from services.sheet.surfaces import Surface
 
@@ -63,6 +64,10 @@ class PageShape(Protocol):
     @property
     def sides_believed(self) -> bool:
         """Whether the sides of the sheet show this shape, with or without text."""
+
+    @property
+    def sheet_aspect(self) -> SheetAspect | None:
+        """How well the sheet's aspect is known; None where that is not computed."""
 
     @property
     def ends_at_sides(self) -> bool:

@@ -52,6 +52,12 @@ class GutterParameters:
     creased sheets, at which lines turn as they do at a gutter, by 0.03."""
     turn_rad: float = float(np.deg2rad(4.0))
     """Where several gaps are dark, a turn of the lines by this says as much as `dip`."""
+    clear_gap: float = 1.5
+    """A gutter that is not dark is wider than all other gaps by this factor: columns have gaps of one width."""
+    central: float = 0.1
+    """Its distance from the middle of the text, as a share of the text's width, at most."""
+    page_aspects: tuple[float, float] = (0.5, 1.0)
+    """Width over height of the photo's part on either side of it; half of an upright sheet of paper is narrower."""
     long_side_px: int = 700
     paper_percentile: float = 75.0
     """Of the brightness along a line through text: paper."""
@@ -143,6 +149,7 @@ def find_gutter(
     """Find the gutter of an opened book: a dark straight line in a gap between the text of two pages.
 
     Of several dark gaps the one with most evidence is returned: its darkness, and the turn of the text lines at it.
+    Where none is dark, as in flat scans, it is the widest gap, if this divides the photo into two parts like pages.
 
     Parameters
     ----------
@@ -160,7 +167,7 @@ def find_gutter(
     Returns
     -------
     Gutter or None
-        None if no gap between text is dark.
+        None if no gap between text is dark, or divides the photo like a book.
     """
     p = GutterParameters()
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
@@ -172,21 +179,47 @@ def find_gutter(
     widest = max(high - low for _, low, high in found)
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
     brightness = log_brightness(reduce_image(photo, factor, least_side_px=8, fine=False))
-    gutters = []
+    gutters: list[tuple[float, Gutter]] = []
+    widths = []
     for slope, low, high in found:
         if high - low < p.likely_share * widest:
             continue
         place, dip = _darkest(brightness, factor, turn, slope, (low, high), at, p)
         away, across = (v[:, 0] - slope * v[:, 1] - place for v in (at, samples))
-        if row_gap(away, at[:, 1], text_height, p) < (p.close_gap if dip > p.close_dip else p.gap):
+        gap = row_gap(away, at[:, 1], text_height, p)
+        widths.append(gap)
+        if gap < (p.close_gap if dip > p.close_dip else p.gap):
             continue
         jump = direction_jump(across, samples[:, 1], flow, text_height, p)
         reach = float(np.hypot(*photo.shape[:2]))
         ends = np.array([at[:, 1].min() - reach, at[:, 1].max() + reach])
         line = np.column_stack([place + slope * ends, ends]) @ turn
-        gutters.append(Gutter(np.asarray(line), np.asarray(away > 0), dip, jump))
-    dark = [gutter for gutter in gutters if gutter.dip > p.dip]
-    return max(dark, key=lambda gutter: gutter.dip / p.dip + gutter.jump_rad / p.turn_rad, default=None)
+        gutters.append((gap, Gutter(np.asarray(line), np.asarray(away > 0), dip, jump)))
+    dark = [gutter for _, gutter in gutters if gutter.dip > p.dip]
+    if dark:
+        return max(dark, key=lambda gutter: gutter.dip / p.dip + gutter.jump_rad / p.turn_rad)
+    clear = [gutter for gap, gutter in gutters if np.isfinite(gap) and _is_widest(gap, widths, p)]
+    frame = np.array([[0, 0], [photo.shape[1], 0], [0, photo.shape[0]], photo.shape[1::-1]]) @ turn.T
+    return next((gutter for gutter in clear if _divides_pages(gutter.line @ turn.T, at, frame, p)), None)
+
+
+def _is_widest(gap: float, gaps: list[float], p: GutterParameters) -> bool:
+    """Whether `gap` is clearly wider than all others of the `gaps`."""
+    return sum(other > gap / p.clear_gap for other in gaps) == 1
+
+
+def _divides_pages(ends: Points, at: Points, frame: Points, p: GutterParameters) -> bool:
+    """Whether the line between `ends` (2, 2) divides text and photo in the middle, into parts like pages.
+
+    `at` (N, 2) are the characters and `frame` (4, 2) the photo's corners; lines of text are level.
+    """
+    place = float(np.interp(np.median(at[:, 1]), ends[:, 1], ends[:, 0]))
+    first, last = (float(v) for v in np.percentile(at[:, 0], [1, 99]))
+    (left, top), (right, bottom) = frame.min(axis=0), frame.max(axis=0)
+    central = abs(place - 0.5 * (first + last)) < p.central * (last - first)
+    low, high = p.page_aspects
+    like_pages = all(low < width / (bottom - top) < high for width in (place - left, right - place))
+    return central and like_pages
 
 
 def _gaps(at: Points, text_height: float, p: GutterParameters) -> list[tuple[float, float, float]]:

@@ -54,8 +54,9 @@ class ShapedPage:
     @property
     def extent(self) -> Points:
         """Photo points (M, 2) that the view must show: the characters, else the outline, else the straight print."""
-        if self.analysis is not None or self.shape.ends_at_sides:
-            return self.characters
+        characters = self.characters
+        if len(characters) > 0 or self.shape.ends_at_sides:
+            return characters
         if self.outline is not None:
             return self.outline.polygon
         return np.zeros((0, 2)) if self.straight_print is None else self.straight_print

@@ -14,9 +14,14 @@ from services.notices import Notice
 from services.rectify.shape_choice.even_rim import has_even_rim
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.sheet.outline.results import SheetOutline
-from services.sheet.plane.outline_plane import OutlinePlane, OutlinePlaneParameters, read_sides
+from services.sheet.plane.outline_plane import (
+    OutlinePlane,
+    OutlinePlaneParameters,
+    SheetSides,
+    read_sides,
+)
 from services.sheet.plane.planar_page import PlanarPage
-from services.sheet.plane.pose import PoseParameters
+from services.sheet.plane.pose import PoseParameters, aspect_uncertain
 from services.sheet.plane.ruled_plane import plane_from_rules
 from services.sheet.ridged_page import estimate_ridged_page, sides_bend
 from services.sheet.shape import NoShape, ShapeSource
@@ -55,7 +60,7 @@ def find_textless_page(
             return ShapedPage(view, ridged, ridged.notices, outline)
     sheet = read_sides(outline, view, prior)
     if sheet is not None and sheet.plane is not None:
-        flat = planar_page(sheet.plane, prior, "outline")
+        flat = planar_page(sheet.plane, prior, "outline", sheet)
         return ShapedPage(sheet.view, flat, flat.notices, outline)
     ruled = plane_from_rules(luminance(photo), view, prior)
     # Straight lines of tiles or planks are not those of a page.
@@ -76,18 +81,21 @@ def find_textless_page(
     )
 
 
-def planar_page(found: OutlinePlane, prior: FocalPrior, source: ShapeSource) -> PlanarPage:
-    """The plane with notices about its uncertainty."""
+def planar_page(
+    found: OutlinePlane, prior: FocalPrior, source: ShapeSource, sheet: SheetSides | None = None
+) -> PlanarPage:
+    """The plane with notices about its uncertainty; `sheet` has the sides that show it."""
+    aspect = None if sheet is None else sheet.aspect_in(found.plane)
+    uncertain = found.log_aspect_deviation if aspect is None else aspect.log_deviation
     notices: tuple[Notice, ...] = ()
-    if found.log_aspect_deviation > PoseParameters().aspect_deviation:
-        notices = (
-            Notice(
-                "aspect-ratio-uncertain",
-                "this pose does not show the focal length well, so the width-to-height ratio may be off by about "
-                f"{100 * found.log_aspect_deviation:.0f} %; send focal_length_px or keep EXIF.",
-            ),
-        )
-    focal_source = prior.source_beside(found.log_focal_deviation)
+    if uncertain > PoseParameters().aspect_deviation:
+        by_format = sheet is not None and sheet.focal_prior(prior) is not prior
+        notices = (aspect_uncertain(uncertain, by_format=by_format),)
     return PlanarPage(
-        found.plane, focal_source, notices, sources=(source,), sides_believed=source == "outline"
+        found.plane,
+        prior.source_beside(found.log_focal_deviation),
+        notices,
+        sources=(source,),
+        sides_believed=source == "outline",
+        sheet_aspect=aspect,
     )

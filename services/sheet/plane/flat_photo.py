@@ -12,6 +12,7 @@ from services.geometry.homographies import transform_points, translation
 from services.geometry.page_frame import TEXT_FRAMING
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
+from services.geometry.sheet_aspect import SheetAspect
 from services.notices import Notice
 from services.sheet.plane.framing import FlatFrame, frame_page
 from services.sheet.shape import ShapeSource
@@ -38,6 +39,7 @@ class FlatPhoto:
     focal_source: ClassVar[FocalLengthSource] = "assumed"
     log_focal_deviation: ClassVar[float] = float("inf")
     sides_believed: ClassVar[bool] = False
+    sheet_aspect: ClassVar[SheetAspect | None] = None
 
     @property
     def ends_at_sides(self) -> bool:

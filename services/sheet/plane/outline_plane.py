@@ -10,20 +10,26 @@ from services.geometry.focal_prior import FOCAL, FocalPrior
 from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import MAX_TILT_RAD, PagePlane
+from services.geometry.sheet_aspect import SheetAspect
 from services.robust import cauchy_weights, robust_scale
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline, SheetSide
+from services.sheet.plane.known_formats import AspectBelief, weigh_formats
 from services.sheet.plane.straight_lines import (
     LinePlane,
     StraightLines,
+    along_axes,
     fit_line_plane,
     fit_principal_point,
     neighbouring_fits,
+    sheet_aspect,
     start_plane,
 )
 from services.sheet.shape import NoShape
 
 LINE_FITS = 8
 """Reweighted fits of a side's line; the weights then change no more."""
+HELD_FOCAL = 1e-3
+"""Deviation of the logarithm of a focal length that is held."""
 SQUARE_SIZE = 0.05
 """Half the side of the square by which scales are compared, centred units: small against the perspective."""
 
@@ -57,6 +63,8 @@ class OutlinePlaneParameters:
     """Sides that are bent further show neither that the sheet is flat nor that the photo was cropped."""
     max_aspect: float = 8.0
     """Longer sheets than receipts."""
+    certain_aspect: float = 0.004
+    """Deviation of the logarithm of the aspect up to which the photo shows it, and no format is asked for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +99,28 @@ class SheetSides:
     """Whether all four sides are seen, and none is bent."""
     refusal: str = ""
     """Why the sides show no plane."""
+    belief: AspectBelief | None = None
+    """What known formats add, where the photo shows neither the focal length nor the aspect."""
+
+    def under(self, prior: FocalPrior) -> "SheetSides":
+        """The same sides under another prior of the focal length."""
+        return _sides_of_lines(self.view, self.lines, prior, OutlinePlaneParameters(), straight=self.straight)
+
+    def focal_prior(self, prior: FocalPrior) -> FocalPrior:
+        """`prior`, or the focal length that a likely format needs."""
+        return prior if self.belief is None or self.belief.prior is None else self.belief.prior
+
+    def aspect_in(self, plane: PagePlane) -> SheetAspect | None:
+        """How well the sheet's aspect is known if `plane` is its plane; None unless four straight sides are seen."""
+        sides = along_axes(plane, self.lines)
+        aspect = sheet_aspect(plane, sides) if self.straight else None
+        if self.plane is None or aspect is None:
+            return None
+        if self.belief is None:
+            return SheetAspect(aspect, self.plane.log_aspect_deviation)
+        turned = not np.array_equal(sides.upright, self.lines.upright)
+        deviation = self.belief.deviation_about((-1 if turned else 1) * math.log(aspect))
+        return SheetAspect(aspect, deviation, self.belief.name, self.belief.probability)
 
 
 def side_lines(
@@ -179,10 +209,26 @@ def read_sides(
     if off is not None:
         x, y = view.centre + off * view.unit_px
         view, lines = replace(view, principal_point_px=(float(x), float(y))), lines.seen_from(off)
+    return _sides_of_lines(view, lines, prior, p, straight=straight)
+
+
+def _sides_of_lines(
+    view: PhotoFrame, lines: StraightLines, prior: FocalPrior, p: OutlinePlaneParameters, *, straight: bool
+) -> SheetSides:
+    """The sides with the plane that they show, if need be that of a likely format."""
     plane = plane_from_lines(lines, prior, p)
     if isinstance(plane, NoShape):
         return SheetSides(view, lines, None, straight, plane.reason)
-    return SheetSides(view, lines, plane, straight)
+    unseen = straight and prior.source == "assumed" and plane.log_aspect_deviation > p.certain_aspect
+    if not unseen:
+        return SheetSides(view, lines, plane, straight)
+    held = FocalPrior(math.log(plane.plane.focal), HELD_FOCAL, prior.source)
+    noise = _aspect_deviation(fit_line_plane(lines, held, plane.plane), lines, held)
+    belief = weigh_formats(lines, prior, plane.plane, noise)
+    if belief is not None and belief.prior is not None:
+        of_format = plane_from_lines(lines, belief.prior, p)
+        plane = plane if isinstance(of_format, NoShape) else of_format
+    return SheetSides(view, lines, plane, straight, belief=belief)
 
 
 def _principal_point(lines: StraightLines, prior: FocalPrior, p: OutlinePlaneParameters) -> Floats | None:
@@ -227,16 +273,6 @@ def plane_from_lines(
         return NoShape("it is too narrow for a sheet")
     deviation = _aspect_deviation(fit, lines, prior)
     return OutlinePlane(fit.plane, lines, aspect, deviation, fit.log_focal_deviation, misfit)
-
-
-def sheet_aspect(plane: PagePlane, lines: StraightLines) -> float | None:
-    """Width over height of the rectangle between the outermost lines; None where one of its sides is missing."""
-    H = np.linalg.inv(plane.H_centred_plane)
-    middle = 0.5 * (transform_points(H, lines.starts) + transform_points(H, lines.ends))
-    x, y = middle[lines.upright, 0], middle[~lines.upright, 1]
-    if len(x) < 2 or len(y) < 2 or not np.isfinite(middle).all() or np.ptp(y) == 0:
-        return None
-    return float(np.ptp(x) / np.ptp(y))
 
 
 def _aspect_deviation(fit: LinePlane, lines: StraightLines, prior: FocalPrior) -> float:

@@ -10,6 +10,7 @@ from services.geometry.page_frame import TEXT_FRAMING
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
+from services.geometry.sheet_aspect import SheetAspect
 from services.notices import Notice
 from services.sheet.developable.observations import LineObservations
 from services.sheet.plane.framing import FlatFrame, frame_page
@@ -37,6 +38,7 @@ class PlanarPage:
     """Difference between the prior focal length and that of the page, in standard deviations."""
     lines: LineObservations | None = None
     """The text lines, as they were traced in the plane's view; None if its text was not looked at in that."""
+    sheet_aspect: SheetAspect | None = None
     kind: ClassVar[Literal["planar"]] = "planar"
     ends_at_sides: ClassVar[bool] = False
 

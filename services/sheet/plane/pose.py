@@ -1,6 +1,6 @@
 """Choice of the pose by the evidence: refined, closed form, or a rotation within the photo without tilt."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -158,23 +158,27 @@ def refine_with_sides(
     """The refined plane, the text in its last view, and whether the sides of the `sheet` agree with the plane.
 
     From a wrong start the robust loss makes the sides outliers, so the plane of the sides is a second start. If the
-    sides agree with its result, that is returned; else the plane of least cost of flows and sides together.
+    sides agree with its result, that is returned; else the plane of least cost of flows and sides together. A format
+    that is likely by the sides has no say where text and sides disagree under the focal length that it needs.
     """
     e = evidence
     if sheet is None:
         return *refine_pose(e, prior, start, p), False
+    focal = sheet.focal_prior(prior)
     found: list[tuple[float, RefinedPlane, FlatText, bool]] = []
     for first in (start,) if sheet.plane is None else (sheet.plane.plane, start):
         level = level_text(first, e.major)
         if not is_plausible(level, e.characters, p):
             continue
         sides = along_axes(level, sheet.lines)
-        refined, flat = refine_pose(e, prior, level, p, sides)
+        refined, flat = refine_pose(e, focal, level, p, sides)
         agree = sides_agree(refined, sides, p)
         cost = joint_cost(refined, e.major, e.minor, e.vanishing_points, sides, for_text(e.text.height_px))
         found.append((cost, refined, flat, agree))
         if agree and len(sides) > 2:
             break
+    if focal is not prior and not any(agree for *_, agree in found):
+        return refine_with_sides(e, prior, start, p, replace(sheet, belief=None))
     if not found:
         return *refine_pose(e, prior, start, p), False
     _, refined, flat, agree = min(found, key=lambda candidate: candidate[0])
@@ -227,6 +231,7 @@ def choose_pose(
     if prior.source in MEASURED and drawn > FOCAL.exif_contradiction * prior.deviation:
         notices += [EXIF_CONTRADICTED] if prior.source == "exif" else []
         prior = typical_focal_prior()
+        sheet = None if sheet is None else sheet.under(prior)
         refined, flat, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
     plane = refined.plane
     gain = p.curved_gain if kind == "curved" else p.gain
@@ -250,19 +255,16 @@ def choose_pose(
                 "already-flat", "no perspective was found that the page's text supports; it was only turned."
             )
         )
-    if refined.log_aspect_deviation > p.aspect_deviation and prior.source == "assumed" and plane is not level:
-        notices.append(
-            Notice(
-                "aspect-ratio-uncertain",
-                "this pose does not show the focal length, so a typical one was assumed and the width-to-height ratio "
-                f"may be off by about {100 * refined.log_aspect_deviation:.0f} %; send focal_length_px or keep EXIF.",
-            )
-        )
     sources: tuple[ShapeSource, ...] = ("text", "outline") if trusted else ("text",)
     skew = refined.skew_rad if trusted else 0.0
     by_sides = sheet.plane if trusted and sheet is not None else None
     if by_sides is not None and is_stray(refined, flow_deviation(plane, major, minor, 0.0), p):
         plane, sources, skew = by_sides.plane, ("outline",), 0.0
+    aspect = sheet.aspect_in(plane) if trusted and sheet is not None else None
+    uncertain = refined.log_aspect_deviation if aspect is None else aspect.log_deviation
+    if uncertain > p.aspect_deviation and prior.source == "assumed" and plane is not level:
+        by_format = aspect is not None and sheet is not None and sheet.focal_prior(prior) is not prior
+        notices.append(aspect_uncertain(uncertain, by_format=by_format))
     if sheet is not None:
         lines, without = (
             min(flow_deviation(other, major, minor, 0.0) for other in planes)
@@ -281,6 +283,17 @@ def choose_pose(
         float("inf") if plane is level else refined.log_focal_deviation,
         tension,
         flat.lines if plane is refined.plane else None,
+        aspect,
+    )
+
+
+def aspect_uncertain(log_deviation: float, *, by_format: bool = False) -> Notice:
+    """What is said where the aspect has this deviation of its logarithm."""
+    assumed = "the likeliest format of paper" if by_format else "a typical one"
+    return Notice(
+        "aspect-ratio-uncertain",
+        f"this pose does not show the focal length, so {assumed} was assumed and the width-to-height ratio may be off "
+        f"by about {100 * log_deviation:.0f} %; send focal_length_px or keep EXIF.",
     )
 
 

@@ -227,7 +227,7 @@ def refine_plane(
     )
     drawn = abs(float(fit.x[3]) - prior.log_focal)
     if principal_point is None and prior.source == "assumed" and drawn > p.believable_focal * prior.deviation:
-        held = FocalPrior(prior.log_focal, FOCAL.held_deviation, "assumed")
+        held = FocalPrior(prior.log_focal, min(FOCAL.held_deviation, prior.deviation), "assumed")
         return refine_plane(
             PagePlane(start.rotation, float(np.exp(prior.log_focal))), held, major, minor, points, observations,
             replace(p, believable_focal=np.inf), sides,

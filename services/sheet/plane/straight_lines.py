@@ -125,6 +125,16 @@ def side_skew(plane: PagePlane, sides: StraightLines) -> float:
     return float(mean + np.median((angles - mean + np.pi / 2) % np.pi - np.pi / 2))
 
 
+def sheet_aspect(plane: PagePlane, lines: StraightLines) -> float | None:
+    """Width over height of the rectangle between the outermost lines; None where one of its sides is missing."""
+    H = np.linalg.inv(plane.H_centred_plane)
+    middle = 0.5 * (transform_points(H, lines.starts) + transform_points(H, lines.ends))
+    x, y = middle[lines.upright, 0], middle[~lines.upright, 1]
+    if len(x) < 2 or len(y) < 2 or not np.isfinite(middle).all() or np.ptp(y) == 0:
+        return None
+    return float(np.ptp(x) / np.ptp(y))
+
+
 def along_axes(plane: PagePlane, sides: StraightLines) -> StraightLines:
     """The same lines, each along the axis of `plane` that it is nearer to on the whole.
 

@@ -5,6 +5,7 @@ import pytest
 
 from services.arrays import Points
 from services.documents.paper_size import FORMATS, PageSize, measure_size, parse_size, places_in_view
+from services.geometry.sheet_aspect import SheetAspect
 
 WIDTH, HEIGHT = 901, 1201
 H = np.array([[1.2, 0.1, 50.0], [-0.05, 1.1, 30.0], [1e-4, 5e-5, 1.0]])
@@ -69,6 +70,23 @@ def test_nothing_is_named_where_the_corners_are_not_seen_or_the_camera_is_unknow
     assert size_of(a4, assumed=True).aspect_deviation == pytest.approx(0.024, abs=0.002)
 
 
+def test_a_format_that_only_the_likely_focal_length_shows_is_named_if_it_is_certain() -> None:
+    a4 = sheet(560, 792)
+
+    def seen(aspect: SheetAspect) -> PageSize:
+        return measure_size("auto", photo(a4), mesh(), WIDTH, HEIGHT, camera_assumed=True, seen=aspect)
+
+    likely = seen(SheetAspect(560 / 792, 0.012, "a4", 0.9))
+    assert (likely.paper, likely.width_mm) == (None, None)
+    assert "a4 is the likeliest" in likely.reason
+    assert likely.aspect_deviation == pytest.approx(0.0126, abs=2e-4)
+    assert seen(SheetAspect(792 / 560, 0.002, "a4", 0.98)).paper == "a4"
+    # A plane whose focal length was assumed may show its aspect all the same.
+    assert seen(SheetAspect(560 / 792, 0.003)).aspect_deviation == pytest.approx(0.005, abs=2e-4)
+    # Lines of bent sides meet elsewhere than at the corners.
+    assert seen(SheetAspect(560 / 792 * 1.02, 0.003)).aspect_deviation == pytest.approx(0.0204, abs=3e-4)
+
+
 def test_a_size_that_is_given_is_taken() -> None:
     size = size_of(sheet(600, 800), "a5")
     assert (size.width_mm, size.height_mm, size.source) == (148, 210, "given")
@@ -77,6 +95,18 @@ def test_a_size_that_is_given_is_taken() -> None:
     assert (own.width_mm, own.height_mm) == (100, 50.5)
     assert own.dpi == pytest.approx(WIDTH / 100 * 25.4)
     assert size_of(sheet(560, 792), "none").dpi is None
+
+
+@pytest.mark.parametrize(
+    ("stretch", "told"), [(None, None), (1.0004, None), (1.053, "wider by 5.3 %"), (0.95, "higher by 5.3 %")]
+)
+def test_it_is_told_by_how_much_a_view_was_stretched(stretch: float | None, told: str | None) -> None:
+    size = measure_size(
+        "a4", photo(sheet(560, 792)), mesh(), WIDTH, HEIGHT, camera_assumed=False, stretch=stretch
+    )
+    assert size.stretch == stretch
+    assert (told or "names the size.") in size.reason
+    assert ("made" in size.reason) == (told is not None)
 
 
 @pytest.mark.parametrize("wrong", ["", "a6", "210", "9x100", "100x6000", "1e3x200"])

@@ -64,12 +64,24 @@ def test_unbelievable_focal_lengths_are_unknown(camera: dict[int, object]) -> No
 
 
 @pytest.mark.parametrize(
-    ("dpi", "expected"), [((300, 300), 300), ((72, 72), None), ((300, 200), None), ((9600, 9600), None)]
+    ("dpi", "expected"), [((300, 300), 300), ((72, 72), None), ((300, 200), 300), ((9600, 9600), None)]
 )
 @pytest.mark.parametrize("plugin", ["JPEG", "PNG", "TIFF"])
 def test_resolution_of_a_scan(plugin: str, dpi: tuple[int, int], expected: float | None) -> None:
     found = decode_image(make_file(GRAY, plugin, dpi=dpi), ImageLimits()).dpi
     assert found == (None if expected is None else pytest.approx(expected, rel=1e-3))
+
+
+@pytest.mark.parametrize(
+    ("dpi", "aspect"),
+    [((204, 98), 98 / 204), ((100, 200), 2.0), ((300, 299), 1.0), ((90, 45), 1.0), ((1000, 200), 1.0)],
+)
+@pytest.mark.parametrize("plugin", ["JPEG", "PNG", "TIFF"])
+def test_the_aspect_of_pixels(plugin: str, dpi: tuple[int, int], aspect: float) -> None:
+    found = decode_image(make_file(GRAY, plugin, dpi=dpi), ImageLimits())
+    assert found.pixel_aspect == pytest.approx(aspect, rel=1e-3)
+    turned = decode_image(make_file(GRAY, "JPEG", dpi=dpi, exif=make_exif(6, {})), ImageLimits())
+    assert turned.pixel_aspect == pytest.approx(1 / aspect, rel=1e-3)
 
 
 @pytest.mark.parametrize("tag", [FOCAL_LENGTH, EXPOSURE_TIME])

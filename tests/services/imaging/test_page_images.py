@@ -113,6 +113,26 @@ def test_a_page_of_a_pdf_as_it_is_printed() -> None:
     assert np.abs(found.astype(int) - page).mean() < 1
 
 
+@pytest.mark.parametrize(
+    ("unit", "factor"), [(2, 2.0), (0.5, 0.5), (None, 1.0), (0, 1.0), (-3, 1.0), (1e9, 1.0)]
+)
+@pytest.mark.parametrize("turn", [0, 90])
+def test_a_page_has_its_size_by_user_unit_and_rotation(unit: float | None, factor: float, turn: int) -> None:
+    buffer, document = io.BytesIO(), pikepdf.new()
+    document.add_blank_page(page_size=(150, 200))
+    page = document.pages[0].obj
+    page["/Rotate"] = turn
+    if unit is not None:
+        page["/UserUnit"] = unit
+    document.save(buffer)
+    with open_pages([buffer.getvalue()], LIMITS) as pages:
+        picture = pages[0].decode()
+    assert picture.dpi is not None
+    height, width = np.array(picture.pixels.shape[:2]) * 72 / picture.dpi
+    expected = factor * np.array([150, 200] if turn == 0 else [200, 150])
+    assert (width, height) == pytest.approx(expected, abs=0.3)
+
+
 def test_pdfs_and_images_together() -> None:
     uploads = [
         pdf(A4, (842.0, 595.0)),

@@ -314,3 +314,37 @@ def test_a_base_that_does_not_exist() -> None:
     with pytest.raises(InvalidOption, match="base") as caught:
         mosaic(photos(), MosaicParameters(base=3))
     assert caught.value.field == "base"
+
+
+def screenshots(*boxes: tuple[int, int, int, int]) -> list[RgbImage]:
+    """Parts (left, top, right, bottom) of a page in dark mode, with a bar of one colour at the top of each."""
+    page = 255 - page_image()
+    parts = [np.array(page[top:bottom, left:right]) for left, top, right, bottom in boxes]
+    for part in parts[1:]:
+        part[:14] = (40, 60, 90)
+    return parts
+
+
+def test_screenshots_some_whole_pixels_apart_keep_their_pixels() -> None:
+    boxes = ((0, 0, 780, 640), (0, 405, 780, 1045), (0, 811, 780, 1451))
+    shots = screenshots(*boxes)
+    found = mosaic(shots, SCANS)
+    assert found.unplaced == ()
+    expected = 255 - page_image()[:1451, :780]
+    assert np.array_equal(found.image, expected)
+    for patch, (left, top, right, bottom) in zip(found.patches, boxes, strict=True):
+        assert patch.mesh is not None
+        assert patch.mesh[0, 0] == pytest.approx((left, top), abs=1e-6)
+        assert patch.mesh[-1, -1] == pytest.approx((right - 1, bottom - 1), abs=1e-6)
+        assert (patch.scale, patch.sharpness) == pytest.approx((1.0, 1.0))
+
+
+def test_scans_that_are_parts_of_a_pixel_apart_are_not_joined_as_they_are() -> None:
+    page = page_image()
+    moved = cv2.warpAffine(
+        page, np.array([[1.0, 0.0, 0.4], [0.0, 1.0, -405.4]]), (780, 640), flags=cv2.INTER_CUBIC
+    )
+    found = mosaic([np.array(page[:640, :780]), np.asarray(moved, np.uint8)], SCANS)
+    assert found.unplaced == ()
+    assert all(patch.mesh is not None for patch in found.patches)
+    assert not np.array_equal(found.image[:640, :780], page[:640, :780])

@@ -8,6 +8,7 @@ import pickle
 from typing import Any
 
 import numpy as np
+import pikepdf
 import pytest
 from PIL import Image, ImageCms
 from pydantic import TypeAdapter
@@ -69,6 +70,7 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
             "reason": "The sheet's four corners are not in view, so its proportions are unknown.",
             "aspect": None,
             "aspect_deviation": None,
+            "stretch": None,
         },
         "quality": None,
         "text": None,
@@ -268,3 +270,26 @@ def test_a_photo_without_text_is_kept_if_asked_for(monkeypatch: pytest.MonkeyPat
     described = RectifyResult.model_validate(document)
     assert described.mesh.source[-1][-1] == (PHOTO.shape[1] - 1, PHOTO.shape[0] - 1)
     assert [warning.code for warning in described.warnings] == ["kept-as-it-is"]
+
+
+def test_pixels_that_are_not_square_are_made_square_and_places_are_in_those_of_the_file(
+    pipeline: RectifyPipeline,
+) -> None:
+    pipeline.mesh = turned_mesh(np.zeros((80, 60)))
+    asked = RectifyParameters(region=((0.0, 0.0), (50.0, 0.0), (50.0, 30.0)))
+    upload = make_file(PHOTO, "PNG", dpi=(200, 100))
+    reply = rectify_upload(upload, asked, Encoding("pdf"), LIMITS)
+    ((shape, parameters, _, _),) = pipeline.calls
+    assert shape == (80, 60, 3)
+    assert parameters.region[2] == pytest.approx((50.0, 60.5))
+    assert reply.document["photo"] == {"width": 60, "height": 40}
+    mesh = reply.document["mesh"]
+    assert isinstance(mesh, dict)
+    # The middle of a pixel of the file lies between two of the square ones.
+    assert np.array(mesh["source"]) == pytest.approx(
+        np.array([[[59.0, -0.25], [59.0, 39.25]], [[0.0, -0.25], [0.0, 39.25]]])
+    )
+    with pikepdf.open(io.BytesIO(reply.body)) as document:
+        size = [float(side) for side in document.pages[0].mediabox[2:]]
+    # The stand-in turns the page: 80 x 60 pixels at 200 dpi.
+    assert size == pytest.approx([80 * 0.36, 60 * 0.36], rel=1e-3)

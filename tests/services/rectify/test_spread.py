@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 
@@ -78,6 +79,32 @@ def test_a_page_holds_nothing_of_the_other_ones_text() -> None:
     on_left = [spread.left.on_page(page.characters).mean() for page in pages]
     assert sorted(on_left) == pytest.approx([0.0, 1.0], abs=0.005)
     assert all(page.gutter is not None for page in pages)
+
+
+def test_a_flat_scan_of_two_pages_is_two_flat_pages_each_level() -> None:
+    left, right = (page.image for page in own_pages(640, 900)[:4:3])
+    scan = np.full((940, 1400, 3), 255, np.uint8)
+    angles_deg = (-0.5, 2.5)
+    for page, x, angle_deg in zip((left, right), (30, 720), angles_deg, strict=True):
+        size = (page.shape[1], page.shape[0])
+        turn = cv2.getRotationMatrix2D((size[0] / 2, size[1] / 2), angle_deg, 1.0)
+        turned = cv2.warpAffine(page, turn, size, flags=cv2.INTER_AREA, borderValue=255)[..., None]
+        scan[20:920, x : x + 640] = np.minimum(scan[20:920, x : x + 640], turned)
+    found = rectify_spread(scan, BOTH)
+    assert found.warnings == ()
+    assert [page.kind for page in found.pages] == ["planar", "planar"]
+    for result, middle, angle_deg in zip(found.pages, (350, 1040), angles_deg, strict=True):
+        assert result.mesh.mean(axis=(0, 1)) == pytest.approx((middle, 470), abs=60)
+        assert -np.degrees(direction_of(result.mesh)) == pytest.approx(angle_deg, abs=0.2)
+        # A mere turn: cells are squares of one size.
+        sizes = np.linalg.norm(np.diff(result.mesh, axis=1), axis=2)
+        assert np.ptp(sizes) < 0.01 * sizes.mean()
+
+
+def direction_of(mesh: np.ndarray) -> float:
+    """Direction (rad) of the view's rows in the photo."""
+    x, y = (mesh[:, -1] - mesh[:, 0]).mean(axis=0)
+    return float(np.arctan2(y, x))
 
 
 def test_one_page_is_answered_as_one_with_a_word_on_it(album: Album) -> None:

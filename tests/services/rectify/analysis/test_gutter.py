@@ -79,3 +79,35 @@ def test_a_gutter_is_a_dark_line_in_a_wide_gap(dip: float, turn_deg: float) -> N
 @pytest.mark.parametrize(("gap", "dip", "turn_deg"), [(3.0, 0.4, 20.0), (9.0, 0.0, 0.0), (9.0, 0.0, 20.0)])
 def test_a_narrow_gap_and_a_bright_one_are_no_gutter(gap: float, dip: float, turn_deg: float) -> None:
     assert gutter_of(gap, dip, turn_deg) is None
+
+
+def columns(starts: tuple[float, ...], width: float) -> Points:
+    """Characters of blocks of text that begin at `starts` and are `width` pixels wide, in a photo 1000 high."""
+    x = np.concatenate([np.arange(start, start + width, HEIGHT) for start in starts])
+    return np.stack(np.meshgrid(x, np.arange(80.0, 920.0, 2 * HEIGHT)), axis=-1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize(
+    ("photo_width", "starts", "width", "gutter_at"),
+    [
+        (1400, (60.0, 790.0), 550.0, 700.0),
+        # Books in two columns: the gap in the middle is clearly the widest.
+        (1400, (60.0, 350.0, 790.0, 1080.0), 260.0, 700.0),
+        (1400, (60.0, 520.0, 980.0), 360.0, None),
+        (1400, (40.0, 380.0, 730.0, 1080.0), 270.0, None),
+        (1400, (60.0, 520.0), 360.0, None),
+        (1400, (60.0, 720.0), 630.0, None),
+        (700, (40.0, 390.0), 270.0, None),
+    ],
+    ids=["book", "book in columns", "three", "four", "two on the left", "narrow gap", "upright sheet"],
+)
+def test_in_a_flat_scan_the_widest_gap_in_the_middle_of_a_broad_photo_is_the_gutter(
+    photo_width: int, starts: tuple[float, ...], width: float, gutter_at: float | None
+) -> None:
+    at = columns(starts, width)
+    scan = np.full((1000, photo_width, 3), 250, np.uint8)
+    gutter = find_gutter(scan, at, HEIGHT, flow_over(at, 0.0), 0.0)
+    assert (gutter is None) == (gutter_at is None)
+    if gutter is not None and gutter_at is not None:
+        assert gutter.line[:, 0] == pytest.approx(gutter_at, abs=30)
+        assert np.array_equal(gutter.right, at[:, 0] > gutter_at)

@@ -15,6 +15,7 @@ from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import (
     OutlinePlane,
     OutlinePlaneParameters,
+    plane_from_lines,
     read_sides,
     side_lines,
 )
@@ -81,7 +82,8 @@ def test_noise_leaves_errors_that_the_stated_deviations_cover_and_no_more() -> N
         corners = seen_rectangle(aspect, rotation, focal)
         if np.argmin(corners.sum(axis=1)) != 0:
             continue
-        found = plane_of(outline_of(corners, 0.5, rng))
+        found = plane_from_lines(side_lines(outline_of(corners, 0.5, rng), FRAME), TYPICAL)
+        assert isinstance(found, OutlinePlane)
         assert found.aspect is not None
         aspects.append(np.log(found.aspect / aspect) / found.log_aspect_deviation)
         focals.append(np.log(found.plane.focal / focal))
@@ -106,7 +108,10 @@ def test_in_one_point_perspective_the_prior_decides_and_the_aspect_is_called_unc
     azimuth_deg: float,
 ) -> None:
     corners = seen_rectangle(0.7, leaning(30.0, azimuth_deg, 0.0), 1.6)
-    assumed = plane_of(outline_of(corners, 0.3, np.random.default_rng(0)))
+    sides = read_sides(outline_of(corners, 0.3, np.random.default_rng(0)), FRAME, TYPICAL)
+    assert sides is not None
+    assumed = plane_from_lines(sides.lines, TYPICAL)
+    assert isinstance(assumed, OutlinePlane)
     assert assumed.log_aspect_deviation > 0.03
     assert assumed.aspect is not None
     assert abs(np.log(assumed.aspect / 0.7)) < 2.5 * assumed.log_aspect_deviation
