@@ -260,8 +260,9 @@ class PageSize(Answer):
     height_mm: float | None
     dpi: float | None = Field(description="Pixels of the flat view per inch of the sheet.")
     paper: str | None = Field(description="Name of the format, or the size as it was sent.")
-    source: Literal["outline", "given"] | None = Field(
-        description="The sheet's proportions, or the request; null: the size is not known."
+    source: Literal["outline", "given", "file"] | None = Field(
+        description="The sheet's proportions, the request, or the resolution of a file that is the page itself; null: "
+        "the size is not known."
     )
     reason: str
     aspect: float | None = Field(description="Width over height of the sheet, if its four corners are seen.")

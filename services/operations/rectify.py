@@ -9,7 +9,7 @@ import numpy as np
 from services.arrays import Points, Vector
 from services.contract.images import Encoding, PageReply
 from services.contract.rectify import RectifyParameters
-from services.documents.paper_size import measure_size
+from services.documents.paper_size import measure_size, size_of_photo
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.page_images import PagePicture
@@ -191,6 +191,9 @@ def _document(
         seen=result.sheet_aspect,
         stretch=result.stretch,
     )
+    if result.evidence.source == ("photo",) and parameters.paper == "auto":
+        enlarged = _pixels_per_photo_pixel(result)
+        page = size_of_photo(width, height, None if photo.dpi is None else photo.dpi * enlarged)
     dpi = None if page.dpi is None else page.dpi * scale
     timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
     described = describe_rectification(in_pixels_of_file(view, photo.stretch), photo.size)

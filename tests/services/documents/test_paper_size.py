@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from services.arrays import Points
-from services.documents.paper_size import FORMATS, PageSize, measure_size, parse_size, places_in_view
+from services.documents.paper_size import (
+    FORMATS,
+    PageSize,
+    measure_size,
+    parse_size,
+    places_in_view,
+    size_of_photo,
+)
 from services.geometry.sheet_aspect import SheetAspect
 
 WIDTH, HEIGHT = 901, 1201
@@ -113,3 +120,21 @@ def test_it_is_told_by_how_much_a_view_was_stretched(stretch: float | None, told
 def test_other_sizes_are_refused(wrong: str) -> None:
     with pytest.raises(ValueError, match="210x297"):
         parse_size(wrong)
+
+
+@pytest.mark.parametrize(
+    ("size", "dpi", "named"),
+    [((1653, 2339), 200.0, "a4"), ((3300, 2550), 300.0, "letter"), ((2550, 3000), 300.0, None)],
+)
+def test_a_scan_has_the_size_of_its_file(size: tuple[int, int], dpi: float, named: str | None) -> None:
+    found = size_of_photo(*size, dpi)
+    assert (found.paper, found.source, found.dpi) == (named, "file", dpi)
+    assert found.width_mm == pytest.approx(size[0] / dpi * 25.4, abs=0.06)
+
+
+def test_a_cropped_page_may_be_squeezed() -> None:
+    found = size_of_photo(1000, 1294, None)
+    assert (found.paper, found.width_mm) == (None, None)
+    assert found.aspect_deviation is not None
+    # The aspect of Letter, and that of a squeezed A4 within two deviations.
+    assert abs(np.log(1.294 / np.sqrt(2))) < 2 * found.aspect_deviation
