@@ -4,9 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-PictureOrigin = Literal["camera", "document", "unknown"]
-"""Where a picture is from: "camera" if EXIF says so and its proportions are a camera's, "document" if it is a page of a
-PDF."""
 TextFormat = Literal["hocr", "alto", "txt", "markdown"]
 """Formats of an answer that is the text of the pages."""
 AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "txt", "hocr", "alto", "markdown"]

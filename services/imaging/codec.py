@@ -37,7 +37,7 @@ from PIL import (
 )
 
 from services.arrays import RgbImage
-from services.contract.images import ImageLimits, PictureOrigin
+from services.contract.images import ImageLimits
 from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging import containers
 from services.imaging.exif import read_camera_facts
@@ -101,7 +101,6 @@ class DecodedImage:
     size: tuple[int, int] = (0, 0)
     """Width and height of the photo, with EXIF orientation applied."""
     camera: str | None = None
-    origin: PictureOrigin = "unknown"
     pixel_aspect: float = 1.0
     """Width of a pixel over its height; `dpi` is the higher resolution of both axes."""
 
@@ -162,7 +161,6 @@ def decode_image(
         reduction,
         (size[1], size[0]) if orientation > 4 else size,
         facts.camera,
-        facts.origin,
         1 / facts.pixel_aspect if facts.orientation > 4 else facts.pixel_aspect,
     )
 

@@ -8,8 +8,6 @@ from typing import Any
 
 from PIL import ExifTags, Image
 
-from services.contract.images import PictureOrigin
-
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 """43.2666 mm: the diagonal of the 35 mm film frame that FocalLengthIn35mmFilm refers to."""
 _PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
@@ -18,8 +16,6 @@ _SHORTEST_DIAGONALS, _LONGEST_DIAGONALS = 0.2, 20.0
 """Range of accepted focal lengths in image diagonals: fields of view of 136 to 2.9 degrees."""
 _ASPECT_TOLERANCE = 0.01
 """Sizes whose aspect ratios differ by less belong to one image, reduced or not."""
-_CAMERA_ASPECTS = (4 / 3, 3 / 2, 16 / 9, 1.0)
-"""Proportions of the photos of cameras and phones; a photo of others was cropped."""
 _LOWEST_DPI, _HIGHEST_DPI = 100.0, 2400.0
 """Range of accepted resolutions. Cameras and editors write placeholders below it (1, 72, 96)."""
 _SAME_DPI = 0.01
@@ -43,13 +39,11 @@ class CameraFacts:
     `DiagonalFocalLength` if cropping would change it. `dpi` is pixels per inch of paper, along the axis with more of
     them, None if unknown (always so for a camera's photo). `pixel_aspect` is the width of a pixel over its height, as
     the file has them, before it is turned by `orientation`.
-    `origin` is "camera" for a photo with the proportions of one.
     """
 
     orientation: int
     focal_length_px: float | None
     dpi: float | None
-    origin: PictureOrigin
     camera: str | None = None
     """Make, model and size of the photos, as a name of the camera; None if EXIF does not say."""
     pixel_aspect: float = 1.0
@@ -70,14 +64,9 @@ def read_camera_facts(picture: Image.Image) -> CameraFacts:
         orientation if isinstance(orientation, int) and orientation in range(1, 9) else 1,
         focal_length_px(camera, *picture.size),
         dpi,
-        "camera" if is_photo and _has_camera_aspect(picture.size) else "unknown",
         _camera_name(make, model, picture.size),
         pixel_aspect,
     )
-
-
-def _has_camera_aspect(size: tuple[int, int]) -> bool:
-    return any(abs(max(size) / min(size) / aspect - 1) < _ASPECT_TOLERANCE for aspect in _CAMERA_ASPECTS)
 
 
 def _camera_name(make: str, model: str, size: tuple[int, int]) -> str | None:

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from services.arrays import RgbImage
-from services.contract.images import ImageLimits, PictureOrigin
+from services.contract.images import ImageLimits
 from services.errors import DocumentError, InvalidOption, TooLarge, UnsupportedMediaType
 from services.imaging import containers
 from services.imaging.codec import DecodedImage, UploadFormat, count_pixels, decode_image, detect_format
@@ -53,7 +53,8 @@ class PagePicture(NamedTuple):
     """Width and height of the page; None: those of `pixels`."""
     camera: str | None = None
     """Name of the camera by EXIF."""
-    origin: PictureOrigin = "unknown"
+    is_document: bool = False
+    """Whether it is a page of a PDF."""
     pixel_aspect: float = 1.0
     """Width of a pixel over its height; `dpi` is the higher resolution of both axes."""
     stretch: tuple[float, float] = (1.0, 1.0)
@@ -165,7 +166,7 @@ def page_picture(image: DecodedImage) -> PagePicture:
         image.reduction,
         image.size,
         image.camera,
-        image.origin,
+        False,
         image.pixel_aspect,
     )
 
@@ -225,7 +226,7 @@ class _Pdf:
     def decode(self, page: int, enough_px: int | None) -> PagePicture:
         width, height, scale = self._plan(page)
         picture = np.ascontiguousarray(self.pages.draw(page, scale)[:height, :width])
-        return PagePicture(picture, None, dpi=scale * _POINTS_PER_INCH, origin="document")
+        return PagePicture(picture, None, dpi=scale * _POINTS_PER_INCH, is_document=True)
 
     def _plan(self, page: int) -> tuple[int, int, float]:
         """Width and height in pixels, and pixels a point."""

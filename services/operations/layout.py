@@ -98,7 +98,7 @@ def recognize_upload(
 
 def _decode(image: bytes, settings: LayoutSettings) -> PagePicture:
     picture = decode_image(image, settings.image)
-    return PagePicture(picture.pixels, picture.focal_length_px, origin=picture.origin)
+    return PagePicture(picture.pixels, picture.focal_length_px)
 
 
 def recognize_picture(
@@ -211,7 +211,7 @@ def measure_page(
         if options.rectify:
             with progress_within(0.05, FLATTENED):
                 reader = ocr_engine(options.language)
-                flat = rectify(picture, RectifyParameters(), photo.focal_length_px, reader, photo.origin)
+                flat = rectify(picture, RectifyParameters(), photo.focal_length_px, reader, photo.is_document)
             described = describe_flat_page(flat, (picture.shape[1], picture.shape[0]))
             picture, notices = flat.image, flat.warnings
             timings_ms |= flat.timings_ms

@@ -115,7 +115,7 @@ def name_camera(parameters: RectifyParameters, photo: PagePicture) -> RectifyPar
 def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult:
     try:
         engine = ocr_engine(parameters.language)
-        return rectify(photo.pixels, parameters, photo.focal_length_px, engine, photo.origin)
+        return rectify(photo.pixels, parameters, photo.focal_length_px, engine, photo.is_document)
     except NoText as refusal:
         if parameters.on_no_text == "refuse":
             raise
@@ -125,7 +125,7 @@ def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult
 def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> RectifiedPages:
     try:
         engine = ocr_engine(parameters.language)
-        return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine, photo.origin)
+        return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine, photo.is_document)
     except NoText as refusal:
         if parameters.on_no_text == "refuse":
             raise
@@ -160,7 +160,7 @@ def describe_preview(
     )
     reduced = reduce_parameters(parameters, photo.reduction)
     try:
-        found = preview_page(photo.pixels, reduced, photo.focal_length_px, photo.origin)
+        found = preview_page(photo.pixels, reduced, photo.focal_length_px, photo.is_document)
     except NoText as refusal:
         if parameters.on_no_text == "refuse":
             raise

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from services.arrays import RgbImage
-from services.contract.images import PictureOrigin
 from services.contract.rectify import PageKind, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
@@ -59,7 +58,7 @@ def rectify(
     parameters: RectifyParameters,
     exif_focal_length_px: float | None = None,
     ocr: OcrEngine | None = None,
-    origin: PictureOrigin = "unknown",
+    is_document: bool = False,
 ) -> RectifyResult:
     """Flatten the page in a photo: its frontal view, upright.
 
@@ -73,8 +72,8 @@ def rectify(
         Focal length of EXIF in photo pixels, if there is one.
     ocr
         Reads lines to find which way is up; without it the view is not turned.
-    origin
-        Where the photo is from: it may be the page already.
+    is_document
+        Whether the photo is a page of a document, as of a PDF: then it is a page, with or without text.
 
     Returns
     -------
@@ -90,7 +89,7 @@ def rectify(
     """
     check_parameters(photo.shape[1], photo.shape[0], parameters)
     clock = StageClock(STAGE_BEGINS)
-    page = find_page(photo, parameters, exif_focal_length_px, clock, origin)
+    page = find_page(photo, parameters, exif_focal_length_px, clock, is_document)
     return flatten_page(photo, page, parameters, ocr, clock)
 
 
@@ -139,7 +138,7 @@ def find_page(
     parameters: RectifyParameters,
     exif_focal_length_px: float | None,
     clock: StageClock,
-    origin: PictureOrigin = "unknown",
+    is_document: bool = False,
 ) -> ShapedPage:
     """The page in `photo` by its text and the outline of its sheet, or by one of them where the other is not seen.
 
@@ -163,7 +162,9 @@ def find_page(
                 on_sheet = tuple((float(x), float(y)) for x, y in outline.polygon)
                 analysis = analyse_photo(halves, on_sheet, clock=clock)
         with clock.stage("shape"):
-            flat = flat_page(halves, analysis, outline, view, prior, origin) if is_flat_asked else None
+            flat = None
+            if is_flat_asked:
+                flat = flat_page(halves, analysis, outline, view, prior, is_document=is_document)
         if flat is not None:
             return flat
         page = shape_page(analysis, view, prior, parameters.kind, clock, outline)
@@ -173,7 +174,9 @@ def find_page(
             with clock.stage("outline"):
                 outline = find_outline(halves)
         with clock.stage("shape"):
-            flat = blank_flat_page(halves, outline, view, prior, origin) if is_flat_asked else None
+            flat = None
+            if is_flat_asked:
+                flat = blank_flat_page(halves, outline, view, prior, is_document=is_document)
             if flat is not None:
                 return flat
             return find_textless_page(photo, outline, view, prior, refusal)

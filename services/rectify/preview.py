@@ -10,7 +10,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from services.arrays import Points, RgbImage
-from services.contract.images import PictureOrigin
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
@@ -131,7 +130,7 @@ def preview_page(
     photo: RgbImage,
     parameters: RectifyParameters,
     exif_focal_length_px: float | None = None,
-    origin: PictureOrigin = "unknown",
+    is_document: bool = False,
 ) -> RectifyResult:
     """Where the page lies in a reduced `photo` (H, W, 3): the result of `rectify` with a blank image.
 
@@ -158,15 +157,15 @@ def preview_page(
     page: ShapedPage | None
     is_flat_asked = parameters.kind != "curved" and parameters.region is None
     with clock.stage("shape"):
-        in_view = sheet_in_view(outline, view, origin)
+        in_view = sheet_in_view(outline, view, is_document=is_document)
         page = _sheet_between_sides(outline, view, prior, text, parameters, p) if in_view else None
         if page is None and text is None and is_flat_asked:
-            page = blank_flat_page(halves, outline, view, prior, origin)
+            page = blank_flat_page(halves, outline, view, prior, is_document=is_document)
     if page is None:
         if text is None:
             raise refusal or NoText("neither text nor a sheet's edges are seen.")
         page = _page_of_text(
-            halves, text, view, prior, outline, parameters, clock, p, origin if is_flat_asked else "camera"
+            halves, text, view, prior, outline, parameters, clock, p, is_document=is_document
         )
     with clock.stage("framing"):
         frame = frame_shape(page, find_border(page, parameters.crop), parameters.crop)
@@ -261,7 +260,8 @@ def _page_of_text(
     parameters: RectifyParameters,
     clock: StageClock,
     p: PreviewParameters,
-    origin: PictureOrigin,
+    *,
+    is_document: bool,
 ) -> ShapedPage:
     """The page by its text: the photo itself, a plane, or a bent sheet where a short fit explains the text better."""
     with clock.stage("texture_flow"):
@@ -274,7 +274,10 @@ def _page_of_text(
         # The outline of an opened book is not that of a single page.
         seen, outline = (FACING_PAGE,), None
     with clock.stage("shape"):
-        flat = flat_page(photo, analysis, outline, view, prior, origin)
+        is_flat_asked = parameters.kind != "curved" and parameters.region is None
+        flat = None
+        if is_flat_asked:
+            flat = flat_page(photo, analysis, outline, view, prior, is_document=is_document)
         if flat is not None:
             return flat
         evidence = analysis.evidence(view)

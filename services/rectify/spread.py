@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import RgbImage, Vector
-from services.contract.images import PictureOrigin
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
@@ -54,7 +53,7 @@ def rectify_spread(
     parameters: RectifyParameters,
     exif_focal_length_px: float | None = None,
     ocr: OcrEngine | None = None,
-    origin: PictureOrigin = "unknown",
+    is_document: bool = False,
 ) -> RectifiedPages:
     """Frontal flat views of both pages in `photo` (H, W, 3) RGB, the left one first; of one page if only one is found.
 
@@ -70,7 +69,7 @@ def rectify_spread(
     with progress_within(0.0, 0.5):
         pages = _shape_pages(photo, parameters, exif_focal_length_px, clock)
     if len(pages) < 2:
-        result = rectify(photo, parameters, exif_focal_length_px, ocr, origin)
+        result = rectify(photo, parameters, exif_focal_length_px, ocr, is_document)
         return RectifiedPages((result,), (ONE_PAGE,), clock.timings_ms)
     results = []
     for number, page in enumerate(pages):

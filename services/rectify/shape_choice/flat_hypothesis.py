@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.contract.images import PictureOrigin
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
@@ -22,7 +21,7 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import is_level_in_view
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
-from services.sheet.plane.departure import Departure, Measured, flow_convergence, measure_departure
+from services.sheet.plane.departure import Departure, Measured, measure_departure, perspective_by_flow
 from services.sheet.plane.flat_photo import FlatPhoto
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.pose import level_plane
@@ -32,19 +31,17 @@ from services.texture_flow.text_identification import detect_ink
 
 @dataclass(frozen=True, slots=True)
 class FlatParameters:
-    """What beats the hypothesis. Convergences are in rad over half of the photo's width, bends shares of the width."""
+    """What beats the hypothesis. Perspective and bends are RMS displacements of the print as shares of the width."""
 
-    line_convergence: float = 0.014
-    stroke_convergence: float = 0.02
-    """Smaller ones move the page's points by less than 0.2 and 0.3 % of its width (RMS), and are those of a camera
-    tilted by 2 and 3 degrees. 17 pages that an app has cropped have up to 0.013 by their lines and 0.019 by their
-    strokes, 9 scans up to 0.003 and 0.005."""
+    perspective: float = 0.0025
+    """Of 25 pages that an app has cropped, those whose print is sharp enough have up to 0.0022 by their lines, and 9
+    scans up to 0.0002; a camera tilted by 3 degrees over a full page makes 0.003."""
     deviations: float = 4.0
-    """Standard deviations that a convergence must have: neighbouring directions share ink, so these are too small."""
+    """Standard deviations that it must have too: neighbouring directions share ink, so these are too small."""
     bend: float = 0.0013
-    """Cropped and scanned pages have up to 0.0010, pages that are visibly bent 0.0014 and more."""
+    """Cropped and scanned pages have up to 0.0012, pages that are visibly bent 0.0014 and more."""
     clear_flow: float = 3.0
-    """If the directions of the text alone show so many times the least convergence, no line is traced."""
+    """If the directions of the text alone show so many times the least perspective, no line is traced."""
     few_lines: int = 3
     """Fewer lines do not show whether the photo is flat; then its ground must, and level print on it."""
     clear_lines: int = 10
@@ -69,14 +66,15 @@ def flat_page(
     outline: SheetOutline | None,
     view: PhotoFrame,
     prior: FocalPrior,
-    origin: PictureOrigin,
+    *,
+    is_document: bool,
 ) -> ShapedPage | None:
     """The `photo` as the page itself; None if the evidence shows another shape.
 
     `analysis` is that of its text, `outline` the sheet's if one was found, `prior` that of the focal length.
     """
     p = FlatParameters()
-    if origin == "camera" or analysis.facing_page or sheet_in_view(outline, view, origin, p):
+    if analysis.facing_page or sheet_in_view(outline, view, is_document=is_document):
         return None
     evidence = analysis.evidence(view)
     plane = level_plane(evidence.major, prior)
@@ -84,17 +82,19 @@ def flat_page(
     upright = _from_axis(skew)
     if abs(upright) > p.most_turn_rad:
         # Print that is aslant on an upright page, or an upright photo of a page that lies aslant?
-        return blank_flat_page(photo, outline, view, prior, origin)
-    flow = flow_convergence(evidence.major, view, skew)
-    if _is_sure(flow, p.clear_flow * p.line_convergence, p):
+        return blank_flat_page(photo, outline, view, prior, is_document=is_document)
+    flow = perspective_by_flow(evidence.major, evidence.characters, view, skew)
+    if _is_sure(flow, p.clear_flow * p.perspective, p):
         return None
     lines = flatten_text(evidence.text, view, plane).lines
-    departure = measure_departure(lines, evidence.strokes, view, skew, analysis.text_height_px)
+    departure = measure_departure(
+        lines, evidence.strokes, evidence.characters, view, skew, analysis.text_height_px
+    )
     if is_beaten(departure, p):
         return None
     ground = find_ground(photo)
-    shape = _flat_photo(ground, departure.skew_rad, departure.lines, view, prior, origin, p)
-    if origin != "document" and not _is_print(photo, evidence, shape, ground, p):
+    shape = _flat_photo(ground, departure.skew_rad, departure.lines, view, prior, p, is_document=is_document)
+    if not is_document and not _is_print(photo, evidence, shape, ground, p):
         return None
     hugging = outline if outline is not None and _hugs_frame(outline, view, p) else None
     return ShapedPage(
@@ -107,33 +107,35 @@ def blank_flat_page(
     outline: SheetOutline | None,
     view: PhotoFrame,
     prior: FocalPrior,
-    origin: PictureOrigin,
+    *,
+    is_document: bool,
 ) -> ShapedPage | None:
     """The `photo` as the page itself, whose text shows no direction; None if it is not known to be a page.
 
     A page of a PDF is one without any text; another picture must have level print on one ground.
     """
     p = FlatParameters()
-    if origin != "document" and (origin == "camera" or sheet_in_view(outline, view, origin, p)):
+    if not is_document and sheet_in_view(outline, view, is_document=is_document):
         return None
     ground = find_ground(photo)
-    if origin != "document" and (ground is None or not photo_shows_print(photo)):
+    if not is_document and (ground is None or not photo_shows_print(photo)):
         return None
-    shape = _flat_photo(ground, 0.0, 0, view, prior, origin, p)
+    shape = _flat_photo(ground, 0.0, 0, view, prior, p, is_document=is_document)
     return ShapedPage(view, shape, (), ground=_paper(ground, shape))
 
 
 def sheet_in_view(
     outline: SheetOutline | None,
     view: PhotoFrame,
-    origin: PictureOrigin,
+    *,
+    is_document: bool,
     parameters: FlatParameters | None = None,
 ) -> bool:
     """Whether the sides of a sheet are in view, and not only slivers of a desk at the photo's frame."""
     p = parameters or FlatParameters()
     if outline is None or outline.confidence < p.sheet_confidence or _hugs_frame(outline, view, p):
         return False
-    if origin != "document":
+    if not is_document:
         return True
     ways = np.roll(outline.corners, -1, axis=0) - outline.corners
     slopes = np.abs(ways).min(axis=1) / np.maximum(np.abs(ways).max(axis=1), 1e-9)
@@ -143,12 +145,9 @@ def sheet_in_view(
 def is_beaten(departure: Departure, p: FlatParameters | None = None) -> bool:
     """Whether the print departs from a flat photo's by more than its noise, and visibly."""
     p = p or FlatParameters()
-    lines, strokes = departure.line_convergence, departure.stroke_convergence
-    return (
-        (lines is not None and _is_sure(lines, p.line_convergence, p))
-        or (strokes is not None and _is_sure(strokes, p.stroke_convergence, p))
-        or (departure.bend is not None and departure.bend > p.bend)
-    )
+    seen = [found for found in (departure.by_lines, departure.by_strokes) if found is not None]
+    is_seen_aslant = any(_is_sure(found, p.perspective, p) for found in seen)
+    return is_seen_aslant or (departure.bend is not None and departure.bend > p.bend)
 
 
 def _is_print(
@@ -176,7 +175,7 @@ def photo_shows_print(photo: Halves) -> bool:
 
 
 def _is_sure(found: Measured, least: float, p: FlatParameters) -> bool:
-    """Whether a convergence is visible, above `least`, and beyond its noise."""
+    """Whether what was found is visible, above `least`, and beyond its noise."""
     return abs(found.value) > max(least, p.deviations * found.deviation)
 
 
@@ -198,16 +197,17 @@ def _flat_photo(
     lines: int,
     view: PhotoFrame,
     prior: FocalPrior,
-    origin: PictureOrigin,
     p: FlatParameters,
+    *,
+    is_document: bool,
 ) -> FlatPhoto:
     """The photo turned by `skew_rad`, or by the nearest quarter turn where the difference is not visible."""
     off = _from_axis(skew_rad)
     turn = skew_rad if abs(off) > p.visible_turn_rad else skew_rad - off
     box = None if ground is None else ground.box
-    if origin == "document":
+    if is_document:
         box = (0, 0, view.width - 1, view.height - 1)
-    return FlatPhoto(turn, float(np.exp(prior.log_focal)), box, lines, keeps_size=origin == "document")
+    return FlatPhoto(turn, float(np.exp(prior.log_focal)), box, lines, keeps_size=is_document)
 
 
 def _paper(ground: Ground | None, shape: FlatPhoto) -> Ground | None:

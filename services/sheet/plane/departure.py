@@ -10,7 +10,9 @@ with x, y along and across the lines from the middle of the photo. To first orde
     dy'/dx' = -a y  on a line of text,  dx'/dy' = -b x  on a stroke,
 
 so `a` is the convergence of the lines and `b` that of the strokes: how much the directions change over half of the
-photo's width. A bend adds curves that straight lines cannot follow.
+photo's width. The best affine map leaves of them displacements of about a (x - mean x) (y - mean y), and of b likewise.
+Their RMS over the print is what matters: sparse print in the upper half of a letter shows a large convergence where a
+corner of the paper is lifted a little. A bend adds curves that straight lines cannot follow.
 """
 
 from dataclasses import dataclass
@@ -45,51 +47,63 @@ class Measured:
     value: float
     deviation: float
 
+    def scaled(self, factor: float) -> "Measured":
+        """The same in another unit."""
+        return Measured(factor * self.value, abs(factor) * self.deviation)
+
 
 @dataclass(frozen=True, slots=True)
 class Departure:
     """Departure of a photo's print from a flat page without perspective; None for what too little print shows.
 
-    `lines` counts the text lines. `skew_rad` turns the photo's x axis onto them. Convergences are in rad over half of
-    the photo's width, `bend` is the RMS distance of the lines from straight ones that a bend explains, as a share of
-    the photo's width.
+    `lines` counts the text lines. `skew_rad` turns the photo's x axis onto them. The others are RMS displacements of
+    the print, as shares of the photo's width: by the perspective that lines show, by that of strokes, and by a bend.
     """
 
     lines: int
     skew_rad: float
-    line_convergence: Measured | None
-    stroke_convergence: Measured | None
+    by_lines: Measured | None
+    by_strokes: Measured | None
     bend: float | None
 
 
 def measure_departure(
     lines: LineObservations,
     strokes: FlowSamples | None,
+    characters: Points,
     view: PhotoFrame,
     skew_rad: float,
     text_height_px: float,
 ) -> Departure:
-    """Departure of `lines`, traced in the photo turned by `skew_rad`, and of `strokes`, both centred in `view`.
+    """Departure of `lines`, traced in the photo turned by `skew_rad`, and of `strokes`.
 
-    `text_height_px` is the size of characters in the photo.
+    These and `characters` (N, 2) are centred in `view`; `text_height_px` is the characters' size in the photo.
     """
     axes = _axes(view, skew_rad)
     blur = max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2)
+    reach = _reach(characters, view, skew_rad)
     crossing = None
     if strokes is not None and len(strokes) >= FEWEST_STROKES:
         found = _convergence(strokes.points @ axes, strokes, skew_rad + np.pi / 2, 0)
-        crossing = Measured(found.value, blur * found.deviation)
+        crossing = Measured(found.value, blur * found.deviation).scaled(reach)
     used = np.bincount(lines.index)[lines.index] > 1 if len(lines.index) else np.zeros(0, bool)
     if used.sum() < FEWEST_POINTS:
         return Departure(lines.count // 2, skew_rad, None, crossing, None)
     turn, along, bend = _line_departure(lines.points[used] @ axes, lines.index[used], lines.deviations[used])
-    return Departure(lines.count // 2, skew_rad + turn, along, crossing, bend)
+    return Departure(lines.count // 2, skew_rad + turn, along.scaled(reach), crossing, bend)
 
 
-def flow_convergence(lines: FlowSamples, view: PhotoFrame, skew_rad: float) -> Measured:
-    """Convergence of text lines by their directions alone, which are centred in `view` and near `skew_rad`."""
-    found = _convergence(lines.points @ _axes(view, skew_rad), lines, skew_rad, 1)
-    return Measured(-found.value, found.deviation)
+def perspective_by_flow(flow: FlowSamples, characters: Points, view: PhotoFrame, skew_rad: float) -> Measured:
+    """`by_lines` of a `Departure` by the directions of the text alone, which are near `skew_rad`."""
+    found = _convergence(flow.points @ _axes(view, skew_rad), flow, skew_rad, 1)
+    return found.scaled(-_reach(characters, view, skew_rad))
+
+
+def _reach(characters: Points, view: PhotoFrame, skew_rad: float) -> float:
+    """RMS displacement of the `characters` (N, 2), as a share of the photo's width, for a convergence of 1."""
+    x, y = ((characters - characters.mean(axis=0)) @ _axes(view, skew_rad)).T
+    # Halves of the width become shares of it.
+    return 0.5 * float(np.sqrt(np.mean((x * y) ** 2)))
 
 
 def _axes(view: PhotoFrame, skew_rad: float) -> Floats:

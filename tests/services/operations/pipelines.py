@@ -36,7 +36,7 @@ class RectifyPipeline:
         self.surface: PlaneSurface | StripsSurface | MeshSurface = PlaneSurface((0.0, 0.6, 0.8))
 
     def __call__(
-        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, origin: str = "unknown"
+        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, is_document: bool = False
     ) -> RectifyResult:
         self.calls.append((photo.shape, parameters, exif_focal_length_px, ocr))
         return RectifyResult(
@@ -52,7 +52,7 @@ class RectifyPipeline:
         )
 
     def rectify_spread(
-        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, origin: str = "unknown"
+        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, is_document: bool = False
     ) -> RectifiedPages:
         """Stands for `rectify_spread`: as many pages as `pages`, the second one half as high."""
         result = self(photo, parameters, exif_focal_length_px, ocr)

@@ -7,7 +7,6 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter
 
 from services.arrays import RgbImage
-from services.contract.images import PictureOrigin
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.rectify.pipeline import rectify
@@ -21,8 +20,8 @@ pytestmark = pytest.mark.pipeline
 AS_IT_LIES = RectifyParameters(upright=False)
 
 
-def answer(photo: RgbImage, origin: PictureOrigin = "unknown") -> RectifyResult:
-    return rectify(photo, AS_IT_LIES, origin=origin)
+def answer(photo: RgbImage, *, is_document: bool = False) -> RectifyResult:
+    return rectify(photo, AS_IT_LIES, is_document=is_document)
 
 
 def letter(width: int = 840, height: int = 1188) -> RgbImage:
@@ -102,7 +101,7 @@ def test_slanted_labels_do_not_turn_a_page() -> None:
     for k in range(6):
         write(chart, f"{100 * k}", (10, 400 - 70 * k))
         write(chart, "series of values", (1280, 100 + 50 * k))
-    result = answer(chart, "document")
+    result = answer(chart, is_document=True)
     assert (result.evidence.source, result.image.shape) == (("photo",), chart.shape)
     np.testing.assert_array_equal(result.image, chart)
 
@@ -112,20 +111,15 @@ def test_a_picture_on_a_page_of_a_pdf_is_not_its_sheet() -> None:
     page[120:820, 60:760] = 40
     page[200:220, 120:700] = 130
     write(page, "What follows is an image that is embedded in the page", (60, 60))
-    result = answer(page, "document")
+    result = answer(page, is_document=True)
     assert (result.evidence.source, result.image.shape) == (("photo",), page.shape)
 
 
 def test_a_blank_page_is_one_only_in_a_pdf() -> None:
     blank = np.full((400, 300, 3), 255, np.uint8)
-    assert answer(blank, "document").evidence.source == ("photo",)
+    assert answer(blank, is_document=True).evidence.source == ("photo",)
     with pytest.raises(NoText):
         answer(blank)
-
-
-def test_a_camera_s_photo_is_not_taken_for_a_page() -> None:
-    result = rectify(cropped_by_an_app(1), AS_IT_LIES, origin="camera")
-    assert result.evidence.source == ("text",)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

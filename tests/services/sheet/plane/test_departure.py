@@ -5,23 +5,37 @@ import pytest
 
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import LineObservations
-from services.sheet.plane.departure import flow_convergence, measure_departure
+from services.sheet.plane.departure import Departure, measure_departure, perspective_by_flow
 from services.texture_flow.field import FlowSamples
 
 VIEW = PhotoFrame(1000, 1400)
 HALF = 0.5 * VIEW.width / VIEW.unit_px
 """Half of the photo's width in centred units."""
+GRID = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 12), np.linspace(-1.2, 1.2, 20)), axis=-1).reshape(-1, 2)
+"""Characters, in halves of the photo's width."""
+REACH = 0.5 * float(np.sqrt(np.mean((GRID[:, 0] * GRID[:, 1]) ** 2)))
+"""RMS displacement of the print for a convergence of 1, as a share of the photo's width."""
+
+
+def turned(at: np.ndarray, skew_rad: float) -> np.ndarray:
+    """Places in halves of the width as centred points of a photo that is turned by `skew_rad`."""
+    c, s = np.cos(skew_rad), np.sin(skew_rad)
+    return np.asarray(HALF * at @ np.array([[c, s], [-s, c]]))
+
+
+def measure(
+    lines: LineObservations, strokes: FlowSamples | None = None, skew_rad: float = 0.0, px: float = 30.0
+) -> Departure:
+    return measure_departure(lines, strokes, turned(GRID, skew_rad), VIEW, skew_rad, px)
 
 
 def seen_lines(a: float, b: float, bow: float, noise: float, skew_rad: float = 0.0) -> LineObservations:
     """Twenty lines through the homography of `departure`, bowed by `bow` x^2, all in halves of the width."""
     rng = np.random.default_rng(1)
-    x, y = np.meshgrid(np.linspace(-0.8, 0.8, 12), np.linspace(-1.2, 1.2, 20))
+    x, y = GRID.T
     depth = 1 + a * x + b * y
-    at = np.stack([x / depth, (y + bow * x**2) / depth], axis=-1).reshape(-1, 2)
-    at[:, 1] += rng.normal(0, noise, len(at))
-    c, s = np.cos(skew_rad), np.sin(skew_rad)
-    points = HALF * at @ np.array([[c, s], [-s, c]])
+    at = np.column_stack([x / depth, (y + bow * x**2) / depth + rng.normal(0, noise, len(x))])
+    points = turned(at, skew_rad)
     index = np.repeat(np.arange(20), 12)
     return LineObservations(points, index, np.full(len(points), 1e-3), [], [], [], 0.02)
 
@@ -32,19 +46,18 @@ def seen_strokes(a: float, b: float, skew_rad: float = 0.0, noise_rad: float = 0
     at = rng.uniform([-0.8, -1.2], [0.8, 1.2], (200, 2))
     # Upright lines x / (1 + a x + b y): to first order they lean by b x.
     angles = np.pi / 2 + b * at[:, 0] + skew_rad + rng.normal(0, noise_rad, len(at))
-    c, s = np.cos(skew_rad), np.sin(skew_rad)
-    return FlowSamples(HALF * at @ np.array([[c, s], [-s, c]]), angles, np.ones(len(at)))
+    return FlowSamples(turned(at, skew_rad), angles, np.ones(len(at)))
 
 
 @pytest.mark.parametrize("skew_rad", [0.0, 0.2, -1.5])
 def test_perspective_is_found_again(skew_rad: float) -> None:
     a, b = 0.02, -0.03
     lines, strokes = seen_lines(a, b, 0.0, 0.0, skew_rad), seen_strokes(a, b, skew_rad)
-    found = measure_departure(lines, strokes, VIEW, skew_rad, 30.0)
-    assert found.line_convergence is not None
-    assert found.stroke_convergence is not None
-    assert found.line_convergence.value == pytest.approx(a, abs=0.1 * a)
-    assert found.stroke_convergence.value == pytest.approx(b, abs=1e-6)
+    found = measure(lines, strokes, skew_rad)
+    assert found.by_lines is not None
+    assert found.by_strokes is not None
+    assert found.by_lines.value == pytest.approx(a * REACH, rel=0.1)
+    assert found.by_strokes.value == pytest.approx(b * REACH, abs=1e-6)
     # To first order: what is left of the homography is of the second.
     assert found.bend is not None
     assert found.bend < a * a + b * b
@@ -52,20 +65,20 @@ def test_perspective_is_found_again(skew_rad: float) -> None:
 
 
 def test_a_turn_is_no_departure() -> None:
-    found = measure_departure(seen_lines(0.0, 0.0, 0.0, 0.0, 0.01), None, VIEW, 0.0, 30.0)
+    found = measure(seen_lines(0.0, 0.0, 0.0, 0.0, 0.01))
     assert found.skew_rad == pytest.approx(0.01, rel=1e-3)
-    assert found.line_convergence is not None
-    assert abs(found.line_convergence.value) < 1e-9
-    assert found.stroke_convergence is None
+    assert found.by_lines is not None
+    assert abs(found.by_lines.value) < 1e-9
+    assert found.by_strokes is None
 
 
 def test_a_bow_is_a_bend_and_no_perspective() -> None:
     bow = 0.02
-    found = measure_departure(seen_lines(0.0, 0.0, bow, 0.0), None, VIEW, 0.0, 30.0)
+    found = measure(seen_lines(0.0, 0.0, bow, 0.0))
     x = np.linspace(-0.8, 0.8, 12) ** 2
-    assert found.line_convergence is not None
+    assert found.by_lines is not None
     assert found.bend is not None
-    assert abs(found.line_convergence.value) < 1e-9
+    assert abs(found.by_lines.value) < 1e-9
     # RMS of the bow about its mean, halves of the width to shares of it; the farthest points are left out.
     assert 0.8 * 0.5 * bow * np.std(x) < found.bend < 0.5 * bow * np.std(x)
 
@@ -73,23 +86,18 @@ def test_a_bow_is_a_bend_and_no_perspective() -> None:
 def test_deviations_are_those_of_the_noise() -> None:
     pulls = []
     for noise in (0.002, 0.004):
-        found = measure_departure(seen_lines(0.0, 0.0, 0.0, noise), None, VIEW, 0.0, 30.0)
-        assert found.line_convergence is not None
-        pulls.append(found.line_convergence.value / found.line_convergence.deviation)
-        x, y = np.meshgrid(np.linspace(-0.8, 0.8, 12), np.linspace(-1.2, 1.2, 20))
+        found = measure(seen_lines(0.0, 0.0, 0.0, noise))
+        assert found.by_lines is not None
+        pulls.append(found.by_lines.value / found.by_lines.deviation)
         # The deviation of one coefficient of least squares.
-        assert found.line_convergence.deviation == pytest.approx(
-            noise / np.sqrt(((x * y) ** 2).sum()), rel=0.25
-        )
+        one = noise / np.sqrt(((GRID[:, 0] * GRID[:, 1]) ** 2).sum())
+        assert found.by_lines.deviation == pytest.approx(one * REACH, rel=0.25)
     assert np.abs(pulls).max() < 3
 
 
 def test_strokes_of_small_print_say_less() -> None:
     strokes = seen_strokes(0.0, 0.01, noise_rad=0.02)
-    sharp, small = (
-        measure_departure(seen_lines(0, 0, 0, 0), strokes, VIEW, 0.0, px).stroke_convergence
-        for px in (22.0, 11.0)
-    )
+    sharp, small = (measure(seen_lines(0, 0, 0, 0), strokes, px=px).by_strokes for px in (22.0, 11.0))
     assert sharp is not None
     assert small is not None
     assert small.deviation == pytest.approx(4 * sharp.deviation)
@@ -98,8 +106,8 @@ def test_strokes_of_small_print_say_less() -> None:
 def test_few_observations_say_nothing() -> None:
     none = LineObservations(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0), [], [], [], 0.02)
     few = FlowSamples(np.zeros((3, 2)), np.zeros(3), np.ones(3))
-    found = measure_departure(none, few, VIEW, 0.1, 30.0)
-    assert (found.lines, found.line_convergence, found.stroke_convergence, found.bend) == (
+    found = measure(none, few, 0.1)
+    assert (found.lines, found.by_lines, found.by_strokes, found.bend) == (
         0,
         None,
         None,
@@ -112,4 +120,6 @@ def test_directions_of_lines_show_their_convergence_too() -> None:
     rng = np.random.default_rng(3)
     at = rng.uniform([-0.8, -1.2], [0.8, 1.2], (100, 2))
     flow = FlowSamples(HALF * at, -0.05 * at[:, 1], np.ones(100))
-    assert flow_convergence(flow, VIEW, 0.0).value == pytest.approx(0.05, abs=1e-9)
+    found = perspective_by_flow(flow, turned(GRID, 0.0), VIEW, 0.0)
+    assert found.value == pytest.approx(0.05 * REACH, abs=1e-9)
+    assert found.deviation >= 0
