@@ -19,6 +19,7 @@ MODULES = {
     "camera_memory": "rectify.camera_memory",
     "languages": "rectify.languages",
     "paper": "rectify.paper",
+    "whole_sheets": "rectify.whole_sheets",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

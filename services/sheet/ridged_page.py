@@ -72,7 +72,7 @@ class RidgedPageParameters:
 class RidgedPage:
     """The map that flattens a creased page, and the evidence for it; see `PageShape`.
 
-    `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, 0 without lines;
+    `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, NaN where it is not known;
     `side_deviation` the RMS distance of the outline from the mesh's border, in photo units, `stretch` the RMS relative
     change of the lengths of the mesh's edges.
     """
@@ -80,7 +80,7 @@ class RidgedPage:
     page_map: SheetMesh
     focal_source: FocalLengthSource
     line_count: int = 0
-    line_straightness: float = 0.0
+    line_straightness: float = float("nan")
     side_deviation: float = 0.0
     stretch: float = 0.0
     kind: ClassVar[Literal["curved"]] = "curved"
@@ -285,7 +285,8 @@ def _fit_to_lines(
             fitted = _search_focal(fitted, replace(seen, lines=lines), focal_steps, p)
         mesh = fitted.mesh
         before, straightness = straightness, measure_straightness(mesh, lines)
-        if number and (straightness < p.straight or straightness > p.improvement * before):
+        gained = straightness <= p.improvement * before
+        if number and (not lines.count or straightness < p.straight or not gained):
             break
     return mesh, lines
 

@@ -1,0 +1,115 @@
+"""The shapes that a page may have, each fitted when it is first asked for, and the questions that all are asked."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.page_map import PageMap
+from services.sheet.curved_page import CurvedPage, estimate_curved_page
+from services.sheet.developable.observations import NO_EDGES, LineObservations, SheetEdges
+from services.sheet.evidence import PageEvidence
+from services.sheet.outline.results import SheetOutline
+from services.sheet.plane.outline_plane import SheetSides
+from services.sheet.plane.planar_page import PlanarPage
+from services.sheet.plane.pose import choose_pose
+from services.sheet.ridged_page import RidgedPage, estimate_ridged_page, sides_bend
+from services.sheet.sheet_edges import measure_sides, read_edges
+from services.sheet.shape import NoShape
+from services.sheet.tracing.line_tracing import measure_straightness, trace_by_characters
+from services.sheet.tracing.profile_tracing import trace_by_profiles
+
+STRAIGHT_SIDE = 0.003
+"""RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
+
+
+@dataclass(eq=False)
+class Hypotheses:
+    """A page's plane, smooth and creased sheet: a page that is clearly one of them needs no fit of the others."""
+
+    evidence: PageEvidence
+    prior: FocalPrior
+    seems: Literal["planar", "curved"]
+    outline: SheetOutline | None
+    sheet: SheetSides | None
+    refusal: str = ""
+    """Why there is no smooth sheet."""
+
+    @cached_property
+    def direction_rad(self) -> float:
+        """That of the text lines in the photo, up to a half turn."""
+        flow = self.evidence.major
+        double = 2 * flow.angles
+        return 0.5 * float(np.arctan2(flow.weights @ np.sin(double), flow.weights @ np.cos(double)))
+
+    @cached_property
+    def edges(self) -> SheetEdges:
+        """The sides of the sheet, as far as they are seen."""
+        return read_edges(self.outline, self.evidence.view, self.direction_rad)
+
+    @property
+    def bent_sides(self) -> bool:
+        """Whether a side of the sheet is seen to bend."""
+        return self.outline is not None and sides_bend(self.outline) > STRAIGHT_SIDE
+
+    @cached_property
+    def plane(self) -> PlanarPage:
+        """The plane that fits best."""
+        return choose_pose(self.evidence, self.prior, self.seems, sheet=self.sheet)
+
+    @cached_property
+    def plane_lines(self) -> LineObservations:
+        """The text lines, traced in the plane's view."""
+        found = self.plane.lines
+        return self.trace(self.plane.page_map) if found is None else found
+
+    @cached_property
+    def plane_straightness(self) -> float:
+        """That of these lines, in text heights; NaN where it is not known."""
+        return measure_straightness(self.plane.page_map, self.plane_lines)
+
+    @cached_property
+    def smooth(self) -> CurvedPage | None:
+        """The smooth sheet that lines and sides show together; None if none is plausible, and `refusal` says why."""
+        return self._fit_smooth(self.edges)
+
+    @cached_property
+    def smooth_by_text(self) -> CurvedPage | None:
+        """The smooth sheet that text alone shows."""
+        return self._fit_smooth(NO_EDGES) if len(self.edges.points) else self.smooth
+
+    def _fit_smooth(self, edges: SheetEdges) -> CurvedPage | None:
+        found = estimate_curved_page(self.evidence, self.prior, edges)
+        if isinstance(found, NoShape):
+            self.refusal = found.reason
+            return None
+        return found
+
+    @cached_property
+    def creased(self) -> RidgedPage | None:
+        """The creased sheet within the outline, if there is one."""
+        found = self.fit_creased()
+        return None if isinstance(found, NoShape) else found
+
+    def fit_creased(self) -> RidgedPage | NoShape:
+        """The creased sheet within the outline, refined by the page's text, or why there is none."""
+        if self.outline is None:
+            return NoShape("no sheet is seen")
+        e = self.evidence
+        return estimate_ridged_page(
+            self.outline, e.view, self.prior, self.direction_rad, self.trace_by_profiles, e.strokes, e.major
+        )
+
+    def trace(self, page_map: PageMap) -> LineObservations:
+        """The lines that are seen in the view of `page_map`."""
+        return trace_by_characters(self.evidence.text, self.evidence.view, page_map)
+
+    def trace_by_profiles(self, page_map: PageMap) -> LineObservations:
+        """The same by profiles of darkness, as the creased sheet's are: these find lines across creases."""
+        return trace_by_profiles(self.evidence.text, self.evidence.view, page_map)
+
+    def sides_of(self, page_map: PageMap) -> float:
+        """How far the sheet's sides are from straight ones at right angles; NaN where none is seen."""
+        return measure_sides(page_map, self.edges)
