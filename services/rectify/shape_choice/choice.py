@@ -32,12 +32,14 @@ STRAIGHT_SIDES = 0.00035
 0.00032 on 17 of them; 0.00038 to 0.0006 on sheets folded in thirds, 0.0007 to 0.03 on crumpled and crossed ones."""
 FLAT_SIDES = 0.004
 """The same, up to which a smooth sheet is believed against an outline that may be that of a stack of pages."""
-CERTAIN_OUTLINE = 0.95
-"""Confidence from which on 99 % of the outlines are right."""
 CURVED_GAIN = 0.7
 """A bent sheet must bring the deviation of lines or sides below this share of the plane's."""
+SMOOTH_SIDES = 0.001
+"""The same, from which on a sheet is not smooth."""
 CREASED_GAIN = 0.5
-"""The creased sheet must bring the product of both below this share of the smooth sheet's, and neither above it."""
+"""The creased sheet must bring the product of both below this share of a smooth sheet's, ..."""
+NO_WORSE = 1.05
+"""... and must not leave its lines less straight than this: what tracing them in two views differs by."""
 FLOW_GAIN = 0.4
 """Where the lines are straight already, a bent sheet must bring the deviation of the flows below this share of the
 plane's: flows of sparse print are unreliable."""
@@ -119,8 +121,10 @@ def _with_doubt(found: Hypotheses) -> PageShape:
 
 def _choose_bent(found: Hypotheses, *, forced: bool) -> PageShape | None:
     """The bent sheet that explains clearly more than the plane; with `forced`, any plausible one."""
-    smooth = found.smooth or found.smooth_by_text
-    if smooth is not None and found.outline is not None and _text_contradicts_sides(smooth, found):
+    smooth = found.smooth
+    if smooth is None and (not found.certain_outline or found.creased is None):
+        smooth = found.smooth_by_text
+    if smooth is not None and _text_contradicts_sides(smooth, found):
         smooth = found.smooth_by_text
     if smooth is not None and _is_smooth(smooth, found):
         return smooth if forced or _explains_more(smooth, found) else None
@@ -140,8 +144,7 @@ def _is_smooth(smooth: CurvedPage, found: Hypotheses) -> bool:
 
 def _text_contradicts_sides(smooth: CurvedPage, found: Hypotheses) -> bool:
     """Whether text alone leaves clearly straighter lines than text and sides together: the outline is no sheet's."""
-    assert found.outline is not None
-    if found.outline.confidence >= CERTAIN_OUTLINE or not smooth.line_straightness >= STRAIGHT:
+    if found.outline is None or found.certain_outline or not smooth.line_straightness >= STRAIGHT:
         return False
     by_text = found.smooth_by_text
     return by_text is not None and by_text.line_straightness < CURVED_GAIN * measure_straightness(
@@ -150,13 +153,22 @@ def _text_contradicts_sides(smooth: CurvedPage, found: Hypotheses) -> bool:
 
 
 def _needs_creases(creased: RidgedPage, smooth: CurvedPage, found: Hypotheses) -> bool:
-    """Whether the creased sheet explains clearly more than the smooth one, by sides and by lines it was not fitted to."""
-    lines = found.trace_by_profiles(smooth.page_map)
-    by_lines = measure_straightness(creased.page_map, lines) / measure_straightness(smooth.page_map, lines)
+    """Whether the creased sheet explains clearly more than the smooth one, by sides and by lines.
+
+    Lines are traced in the views of both: neither was fitted to those of the other. Where the smooth sheet leaves the
+    sides bent, the sheet is not smooth, and the better one is right.
+    """
     by_sides = found.sides_of(creased.page_map) / found.sides_of(smooth.page_map)
-    if np.isnan(by_lines):
-        return by_sides < CREASED_GAIN
-    return by_lines < 1 and by_sides < 1 and by_lines * by_sides < CREASED_GAIN
+    ratios = []
+    for shape in (creased, smooth):
+        lines = found.trace_by_profiles(shape.page_map)
+        ratios.append(
+            measure_straightness(creased.page_map, lines) / measure_straightness(smooth.page_map, lines)
+        )
+    # On the lines that speak against it.
+    by_lines = max((ratio for ratio in ratios if not np.isnan(ratio)), default=1.0)
+    smooth_sides = found.sides_of(smooth.page_map) < SMOOTH_SIDES
+    return by_lines < NO_WORSE and by_lines * by_sides < (CREASED_GAIN if smooth_sides else 1.0)
 
 
 def _straighter(creased: RidgedPage, found: Hypotheses) -> bool:
@@ -177,8 +189,8 @@ def _explains_more(smooth: CurvedPage, found: Hypotheses) -> bool:
     bend = measure_bend(smooth.lines)
     if enough and bend > VISIBLE_BEND and smooth.line_straightness < CURVED_GAIN * bend:
         return True
-    bent_lines = smooth.line_straightness > STRAIGHT and smooth.line_straightness > found.plane_straightness
-    if found.bent_sides and not bent_lines:
+    worse = CURVED_GAIN * smooth.line_straightness > max(STRAIGHT, found.plane_straightness)
+    if found.bent_sides and not worse:
         sides = found.sides_of(smooth.page_map)
         if sides < FLAT_SIDES and sides < CURVED_GAIN * found.sides_of(found.plane.page_map):
             return True

@@ -8,7 +8,8 @@ import numpy as np
 
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
-from services.sheet.curved_page import CurvedPage, estimate_curved_page
+from services.sheet.curved_page import CurvedPage, estimate_curved_page, fit_flows
+from services.sheet.developable.fitting import FittedSurface
 from services.sheet.developable.observations import NO_EDGES, LineObservations, SheetEdges
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
@@ -21,6 +22,8 @@ from services.sheet.shape import NoShape
 from services.sheet.tracing.line_tracing import measure_straightness, trace_by_characters
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 
+CERTAIN_OUTLINE = 0.95
+"""Confidence from which on 99 % of the outlines are right."""
 STRAIGHT_SIDE = 0.003
 """RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
 
@@ -54,6 +57,11 @@ class Hypotheses:
         """Whether a side of the sheet is seen to bend."""
         return self.outline is not None and sides_bend(self.outline) > STRAIGHT_SIDE
 
+    @property
+    def certain_outline(self) -> bool:
+        """Whether the outline is surely the sheet's, not that of a stack of pages or of a picture."""
+        return self.outline is not None and self.outline.confidence >= CERTAIN_OUTLINE
+
     @cached_property
     def plane(self) -> PlanarPage:
         """The plane that fits best."""
@@ -80,8 +88,13 @@ class Hypotheses:
         """The smooth sheet that text alone shows."""
         return self._fit_smooth(NO_EDGES) if len(self.edges.points) else self.smooth
 
+    @cached_property
+    def flat_fit(self) -> FittedSurface:
+        """What the flows alone show: the start of every smooth sheet."""
+        return fit_flows(self.evidence, self.prior)
+
     def _fit_smooth(self, edges: SheetEdges) -> CurvedPage | None:
-        found = estimate_curved_page(self.evidence, self.prior, edges)
+        found = estimate_curved_page(self.evidence, self.prior, edges, self.flat_fit)
         if isinstance(found, NoShape):
             self.refusal = found.reason
             return None
