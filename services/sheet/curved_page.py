@@ -36,7 +36,8 @@ from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curve
 from services.sheet.sheet_edges import measure_sides
 from services.sheet.shape import EXIF_CONTRADICTED, NoShape, ShapeSource
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, StripsSurface
-from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness, trace_by_characters
+from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
+from services.sheet.tracing.rule_tracing import trace_lines
 from services.texture_flow.field import FlowSamples, mean_deviation
 
 
@@ -297,7 +298,7 @@ def _fit_lines(
     """Fit flows and lines in rounds: each traces the lines in the view of the one before, and uses its deviations."""
     parameters, lines, hull = FittingParameters(cauchy_flows=True), NO_LINES, page_hull(e.characters)
     for _ in range(p.line_rounds):
-        lines = trace_by_characters(e.text, e.view, fitted.surface)
+        lines = trace_lines(e.text, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation, edges)
         fitted = fit_surface(recentre(fitted, e.characters, p, edges), observed, parameters)
         if implausibility(fitted.surface, e.characters, p) is not None:

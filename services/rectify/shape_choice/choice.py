@@ -167,6 +167,8 @@ def _needs_creases(creased: RidgedPage, smooth: CurvedPage, found: Hypotheses) -
         )
     # On the lines that speak against it.
     by_lines = max((ratio for ratio in ratios if not np.isnan(ratio)), default=1.0)
+    if not len(smooth.edges.points):  # the sides are not those of the sheet: they say nothing
+        return bool(by_lines < CURVED_GAIN)
     smooth_sides = found.sides_of(smooth.page_map) < SMOOTH_SIDES
     return by_lines < NO_WORSE and by_lines * by_sides < (CREASED_GAIN if smooth_sides else 1.0)
 

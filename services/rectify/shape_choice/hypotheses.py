@@ -19,8 +19,9 @@ from services.sheet.plane.pose import choose_pose
 from services.sheet.ridged_page import RidgedPage, estimate_ridged_page, sides_bend
 from services.sheet.sheet_edges import measure_sides, read_edges
 from services.sheet.shape import NoShape
-from services.sheet.tracing.line_tracing import measure_straightness, trace_by_characters
+from services.sheet.tracing.line_tracing import measure_straightness
 from services.sheet.tracing.profile_tracing import trace_by_profiles
+from services.sheet.tracing.rule_tracing import trace_lines, with_rules
 
 CERTAIN_OUTLINE = 0.95
 """Confidence from which on 99 % of the outlines are right."""
@@ -70,8 +71,10 @@ class Hypotheses:
     @cached_property
     def plane_lines(self) -> LineObservations:
         """The text lines, traced in the plane's view."""
-        found = self.plane.lines
-        return self.trace(self.plane.page_map) if found is None else found
+        found, e = self.plane.lines, self.evidence
+        if found is None:
+            return self.trace(self.plane.page_map)
+        return with_rules(found, e.text, e.view, self.plane.page_map)
 
     @cached_property
     def plane_straightness(self) -> float:
@@ -117,7 +120,7 @@ class Hypotheses:
 
     def trace(self, page_map: PageMap) -> LineObservations:
         """The lines that are seen in the view of `page_map`."""
-        return trace_by_characters(self.evidence.text, self.evidence.view, page_map)
+        return trace_lines(self.evidence.text, self.evidence.view, page_map)
 
     def trace_by_profiles(self, page_map: PageMap) -> LineObservations:
         """The same by profiles of darkness, as the creased sheet's are: these find lines across creases."""
