@@ -33,11 +33,11 @@ from services.sheet.developable.smooth_residual import morph_to_lines
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.evidence import PageEvidence
 from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page
-from services.sheet.sheet_edges import measure_sides
 from services.sheet.shape import EXIF_CONTRADICTED, NoShape, ShapeSource
+from services.sheet.sheet_edges import measure_sides
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, StripsSurface
 from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
-from services.sheet.tracing.rule_tracing import trace_lines
+from services.sheet.tracing.page_lines import trace_lines
 from services.texture_flow.field import FlowSamples, mean_deviation
 
 
@@ -228,7 +228,7 @@ def estimate_curved_page(
         The page, or the reason why no bent sheet is plausible.
     """
     p, e = CurvedParameters(), evidence
-    fitted = flat_fit or fit_flows(e, prior)
+    fitted = flat = flat_fit or fit_flows(e, prior)
     reason, contradicted = implausibility(fitted.surface, e.characters, p), False
     if reason is None:
         fitted, lines = _fit_lines(e, prior, fitted, p, edges)
@@ -239,7 +239,8 @@ def estimate_curved_page(
             drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
         if prior.source == "assumed" and drawn > FOCAL.believable * prior.deviation:
             prior = FocalPrior(prior.log_focal, FOCAL.held_deviation, "assumed")
-            fitted, lines = _fit_lines(e, prior, fitted, p, edges)
+            # From where the focal length was not drawn yet: the bends go with it.
+            fitted, lines = _fit_lines(e, prior, flat, p, edges)
         reason = implausibility(fitted.surface, e.characters, p)
         if reason is None and len(edges.points) and not measure_sides(fitted.surface, edges) < p.max_sides:
             reason = "no smooth sheet has its sides"

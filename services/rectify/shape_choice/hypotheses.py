@@ -17,11 +17,11 @@ from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.pose import choose_pose
 from services.sheet.ridged_page import RidgedPage, estimate_ridged_page, sides_bend
-from services.sheet.sheet_edges import measure_sides, read_edges
 from services.sheet.shape import NoShape
+from services.sheet.sheet_edges import measure_sides, read_edges
 from services.sheet.tracing.line_tracing import measure_straightness
+from services.sheet.tracing.page_lines import trace_lines, with_rules
 from services.sheet.tracing.profile_tracing import trace_by_profiles
-from services.sheet.tracing.rule_tracing import trace_lines, with_rules
 
 CERTAIN_OUTLINE = 0.95
 """Confidence from which on 99 % of the outlines are right."""

@@ -32,7 +32,6 @@ from services.sheet.tracing.baselines import (
 )
 from services.sheet.tracing.page_text import PageText
 
-
 STRAIGHT = 0.04
 """RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
 

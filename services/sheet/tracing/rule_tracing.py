@@ -5,7 +5,7 @@ direction; thin ridges of neighbouring windows are linked, as those of text line
 rules: each is one line, which is straight on the flat page.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.node_grid import take_values
 from services.sheet.developable.observations import NO_LINES, LineObservations
-from services.sheet.tracing.line_tracing import sampling_maps, trace_by_characters
+from services.sheet.tracing.line_tracing import sampling_maps
 from services.sheet.tracing.page_text import PageText
 from services.sheet.tracing.profile_tracing import ProfileParameters, Ridges, link_ridges
 
@@ -37,7 +37,9 @@ class RuleParameters:
     """Least darkness of a ridge above both sides (0-1)."""
     spacing_px: float = 6.0
     """Least distance of two rules: chains may move by parts of it from one window to the next."""
-    links: ProfileParameters = ProfileParameters(drift=0.5, bend=0.4, gap=2, min_windows=12)
+    links: ProfileParameters = field(
+        default_factory=lambda: ProfileParameters(drift=0.5, bend=0.4, gap=2, min_windows=12)
+    )
     min_length: float = 6.0
     dark_share: float = 0.85
     """Of a rule's length, that has ink: lines of letters have gaps."""
@@ -46,8 +48,6 @@ class RuleParameters:
     piece: float = 1.5
     """Length for each point of the observations."""
     deviation_px: float = 0.35
-    enough_lines: int = 20
-    """Text of as many lines shows the shape without rules."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,29 +61,6 @@ class FlatDarkness:
     def to_page(self, pixels: Points) -> Points:
         """Page points (N, 2) of pixels (N, 2)."""
         return np.asarray((pixels + self.offset) / self.scale)
-
-
-def trace_lines(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
-    """The page's text lines, and its rules where the lines are few, traced in the flat view of `page_map`; centred."""
-    return with_rules(trace_by_characters(text, view, page_map), text, view, page_map)
-
-
-def with_rules(
-    lines: LineObservations, text: PageText, view: PhotoFrame, page_map: PageMap
-) -> LineObservations:
-    """The text `lines`, whose numbers are kept, and after them the rules in the view of `page_map`, if lines are few."""
-    if lines.count // 2 >= RuleParameters().enough_lines:
-        return lines
-    rules = trace_rules(text, view, page_map)
-    if not rules.count:
-        return lines
-    return replace(
-        lines,
-        points=np.concatenate([lines.points, rules.points]),
-        index=np.concatenate([lines.index, rules.index + lines.count]),
-        deviations=np.concatenate([lines.deviations, rules.deviations]),
-        text_height=lines.text_height if lines.count else rules.text_height,
-    )
 
 
 def trace_rules(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
