@@ -87,7 +87,7 @@ def _pose_of_width(view: View, page: Page, shape: Shape, camera: Camera, share: 
 
 
 def measure(photo: SimulatedPhoto) -> dict[str, float]:
-    """Errors of the answer: of the mesh after the best similarity, in percent of the width (100 where it is refused)."""
+    """Errors of the answer: of the mesh after the best similarity, in percent of the width (100 of a refused photo)."""
     try:
         result = rectify(photo.image, RectifyParameters(upright=False))
     except NoText:
@@ -115,8 +115,9 @@ def main(arguments: Sequence[str]) -> int:
         errors = [found["mesh_percent"] for name, found in figures.items() if name.startswith(shape)]
         if errors:
             print(
-                f"{len(errors)} photos {shape:5s}: median {np.median(errors):.3f} %, 95 % {np.percentile(errors, 95):.3f}, "
-                f"largest {max(errors):.3f}; over 0.5 %: {sum(error > 0.5 for error in errors)}"
+                f"{len(errors)} photos {shape:5s}: median {np.median(errors):.3f} %, "
+                f"95 % {np.percentile(errors, 95):.3f}, largest {max(errors):.3f}; "
+                f"over 0.5 %: {sum(error > 0.5 for error in errors)}"
             )
     report, fine = judge(BASELINE / "whole_sheets.json", figures, METRICS, update=asked.update_baseline)
     print(report)

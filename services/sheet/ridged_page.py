@@ -72,7 +72,7 @@ class RidgedPageParameters:
 class RidgedPage:
     """The map that flattens a creased page, and the evidence for it; see `PageShape`.
 
-    `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, NaN where it is not known;
+    `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, NaN if unknown;
     `side_deviation` the RMS distance of the outline from the mesh's border, in photo units, `stretch` the RMS relative
     change of the lengths of the mesh's edges.
     """

@@ -1,4 +1,4 @@
-"""The sides of the sheet as evidence for every shape: which run along the text, and how straight a flat view shows them."""
+"""The sides of the sheet as evidence for every shape: which run along the text, how straight a flat view shows them."""
 
 import numpy as np
 

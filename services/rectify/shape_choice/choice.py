@@ -1,7 +1,7 @@
-"""Choice of a page's shape: a plane, a smooth sheet or a creased one compete, and all are asked the same questions.
+"""Choice of a page's shape: a plane, a smooth sheet or a creased one compete, and are asked the same questions.
 
-How straight are the lines in their view, how straight are the sides of the sheet, and are these at right angles, how far
-are the flows off? What is not known is NaN, and decides nothing: comparisons with it are false.
+How straight are the lines in their view, how straight and at right angles are the sides of the sheet, how far are the
+flows off? What is not known is NaN, and decides nothing: comparisons with it are false.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ import numpy as np
 from services.contract.rectify import PageKind
 from services.geometry.focal_prior import FocalPrior
 from services.notices import Notice
-from services.rectify.shape_choice.hypotheses import Hypotheses
+from services.rectify.shape_choice.hypotheses import FEW_LINES, Hypotheses
 from services.sheet.curved_page import CurvedPage
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
@@ -22,8 +22,6 @@ from services.sheet.ridged_page import RidgedPage
 from services.sheet.shape import PageShape
 from services.sheet.tracing.line_tracing import STRAIGHT, measure_bend, measure_straightness
 
-FEW_LINES = 10
-"""Fewer lines show little of a page's shape."""
 VISIBLE_BEND = 0.2
 """RMS distance of text lines in the photo from straight ones, in text heights, from which on no plane is tried where a
 bent sheet straightens them."""
@@ -85,7 +83,7 @@ def rank_shapes(
     """Yield the plausible shapes, the best one first; each is fitted when it is asked for.
 
     The simplest shape that explains the page is the best: a plane unless a bent sheet explains clearly more, a smooth
-    sheet unless a creased one does. With `kind` "planar" there is only the plane. For the parameters see `choose_shape`.
+    sheet unless a creased one does. With `kind` "planar" there is only the plane. Parameters as of `choose_shape`.
     """
     found = Hypotheses(evidence, prior, apparent_kind(evidence, kind), outline, sheet)
     if kind == "planar":
@@ -102,9 +100,11 @@ def rank_shapes(
 
 
 def _is_flat(found: Hypotheses) -> bool:
-    """Whether nothing speaks against a plane: four straight sides and straight lines, even if sparse flows contradict."""
+    """Whether nothing speaks against a plane: four straight sides, straight lines, even if sparse flows contradict."""
     if found.bent_sides or (found.seems == "curved" and found.sheet is None):
         return False
+    if found.rigid and found.plane_by_sides and found.plane.line_count < FEW_LINES:
+        return True
     level = found.plane_lines.count == 0 or found.plane_straightness < STRAIGHT
     return level and (found.seems == "planar" or found.plane.sides_believed)
 
@@ -112,7 +112,7 @@ def _is_flat(found: Hypotheses) -> bool:
 def _with_doubt(found: Hypotheses) -> PageShape:
     """The plane, and what is said where the page seems to be bent."""
     plane = found.plane
-    if found.seems == "planar" or plane.sides_believed:
+    if found.seems == "planar" or found.plane_by_sides:
         return plane
     why = f"is not plausible ({found.refusal})" if found.refusal else "does not explain its text better"
     said = f"the page seems curved, but a bent sheet {why}; this is its best planar view."
@@ -129,9 +129,9 @@ def _choose_bent(found: Hypotheses, *, forced: bool) -> PageShape | None:
     if smooth is not None and _is_smooth(smooth, found):
         return smooth if forced or _explains_more(smooth, found) else None
     creased = found.creased
-    if creased is not None and (smooth is None or _needs_creases(creased, smooth, found)):
-        if forced or found.bent_sides or _straighter(creased, found):
-            return creased
+    needed = creased is not None and (smooth is None or _needs_creases(creased, smooth, found))
+    if creased is not None and needed and (forced or found.bent_sides or _straighter(creased, found)):
+        return creased
     return smooth if smooth is not None and (forced or _explains_more(smooth, found)) else None
 
 

@@ -1,6 +1,6 @@
 """The shapes that a page may have, each fitted when it is first asked for, and the questions that all are asked."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -8,14 +8,15 @@ import numpy as np
 
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
-from services.sheet.curved_page import CurvedPage, estimate_curved_page, fit_flows
+from services.rectify.shape_choice.textless import planar_page
+from services.sheet.curved_page import CurvedPage, estimate_curved_page, fit_flows, flow_deviation
 from services.sheet.developable.fitting import FittedSurface
 from services.sheet.developable.observations import NO_EDGES, LineObservations, SheetEdges
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planar_page import PlanarPage
-from services.sheet.plane.pose import choose_pose
+from services.sheet.plane.pose import EDGES_BELIEVED, PoseParameters, choose_pose
 from services.sheet.ridged_page import RidgedPage, estimate_ridged_page, sides_bend
 from services.sheet.shape import NoShape
 from services.sheet.sheet_edges import measure_sides, read_edges
@@ -23,6 +24,8 @@ from services.sheet.tracing.line_tracing import measure_straightness
 from services.sheet.tracing.page_lines import trace_lines, with_rules
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 
+FEW_LINES = 10
+"""Fewer lines show little of a page's shape."""
 CERTAIN_OUTLINE = 0.95
 """Confidence from which on 99 % of the outlines are right."""
 STRAIGHT_SIDE = 0.003
@@ -63,10 +66,34 @@ class Hypotheses:
         """Whether the outline is surely the sheet's, not that of a stack of pages or of a picture."""
         return self.outline is not None and self.outline.confidence >= CERTAIN_OUTLINE
 
+    @property
+    def rigid(self) -> bool:
+        """Whether straight sides of a certain outline show a plane: that of a flat sheet, or of a board."""
+        shown = self.sheet is not None and self.sheet.plane is not None
+        return shown and self.certain_outline and not self.bent_sides
+
     @cached_property
     def plane(self) -> PlanarPage:
-        """The plane that fits best."""
-        return choose_pose(self.evidence, self.prior, self.seems, sheet=self.sheet)
+        """The plane that fits best. Against the sides of a rigid sheet text needs many lines."""
+        found = choose_pose(self.evidence, self.prior, self.seems, sheet=self.sheet)
+        against = "outline" not in found.sources or abs(found.skew_rad) > PoseParameters().aslant_rad
+        if not self.rigid or not against or found.line_count >= FEW_LINES:
+            return found
+        assert self.sheet is not None
+        assert self.sheet.plane is not None
+        by_sides = planar_page(self.sheet.plane, self.prior, "outline")
+        e = self.evidence
+        return replace(
+            by_sides,
+            notices=(EDGES_BELIEVED, *by_sides.notices),
+            line_count=found.line_count,
+            deviation=flow_deviation(by_sides.page_map, e.major, e.minor),
+        )
+
+    @property
+    def plane_by_sides(self) -> bool:
+        """Whether the plane is that of the sides, with or without text."""
+        return self.plane.sides_believed or (self.rigid and "outline" in self.plane.sources)
 
     @cached_property
     def plane_lines(self) -> LineObservations:

@@ -1,8 +1,8 @@
 """Straight print that is no text, traced in a flat view: staff lines, rules of tables, underlines, frames.
 
 A rule is a thin dark stroke that goes on without gaps. Darkness is averaged over short windows along the text's
-direction; thin ridges of neighbouring windows are linked, as those of text lines are. Long chains of ink without gaps are
-rules: each is one line, which is straight on the flat page.
+direction; thin ridges of neighbouring windows are linked, as those of text lines are. Long chains of ink without gaps
+are rules: each is one line, which is straight on the flat page.
 """
 
 from dataclasses import dataclass, field
