@@ -20,7 +20,8 @@ from services.rectify.analysis.print_sample import sample_print
 from services.rectify.page_description import describe_page
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.results import Orientation, RectifyResult
-from services.rectify.shape_choice.choice import FEW_LINES, choose_shape
+from services.rectify.shape_choice.choice import choose_shape
+from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.principal_point import find_principal_point
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import find_textless_page

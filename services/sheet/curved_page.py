@@ -79,9 +79,9 @@ class CurvedPage:
     """The map that flattens a curved page, its shape in strips, and the evidence for it.
 
     `fitted` is the fit of the map's global surface, `lines` the straight print and `edges` the sides of the sheet that
-    it was fitted to, and `strips` describe it. `deviation` is the mean deviation (rad) of the flows from horizontal and vertical in the flat view,
-    `line_straightness` the RMS deviation, in text heights, of the text lines from straight
-    ones, before the small residual.
+    it was fitted to, and `strips` describe it. `deviation` is the mean deviation (rad) of the flows from horizontal and
+    vertical in the flat view, `line_straightness` the RMS deviation, in text heights, of the lines from straight ones,
+    before the small residual (NaN if unknown).
     """
 
     page_map: PageMap

@@ -168,23 +168,6 @@ def sides_bend(outline: SheetOutline) -> float:
     return max(side.straightness_px for side in outline.sides) / size
 
 
-def sides_crease(outline: SheetOutline, order: int = 4) -> float:
-    """The largest RMS distance of a side from a polynomial over its chord, as a share of the sheet's size.
-
-    A sheet that is bent without creases has smooth sides; a crease that runs to a side leaves a kink in it.
-    """
-    size = float(np.sqrt(np.prod(np.ptp(outline.polygon, axis=0))))
-    worst = 0.0
-    for side in outline.sides:
-        if len(side.points) > 3 * order:
-            middle = side.points.mean(axis=0)
-            along, across = ((side.points - middle) @ np.linalg.svd(side.points - middle)[2].T).T
-            curve = np.polynomial.Chebyshev.fit(along, across, order)
-            rest = np.sort(np.abs(across - curve(along)))
-            worst = max(worst, float(np.sqrt(np.mean(rest[: int(0.95 * len(rest))] ** 2))))
-    return worst / size
-
-
 def print_skew(mesh: SheetMesh, major: FlowSamples) -> float:
     """Least skew (rad) of three quarters of the text lines against the sheet's top and bottom sides.
 

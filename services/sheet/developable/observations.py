@@ -82,7 +82,7 @@ class SheetEdges:
     @property
     def upright(self) -> Mask:
         """Which points (M,) lie on sides across the text lines."""
-        return self.index % 2 == 1
+        return np.asarray(self.index % 2 == 1)
 
 
 NO_EDGES = SheetEdges(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0))

@@ -1,4 +1,4 @@
-"""Corners that are folded in or torn off: the sides end where their straight parts end, and the corner is where they meet.
+"""Corners that are folded in or torn off: sides end where their straight parts end, corners are where these meet.
 
 An outline that is followed from corner to corner takes the edge of a fold for a part of a side. A side that is straight
 but for a piece at its end, which leaves it in a kink, is that straight part alone. Bent sides have no kink.
@@ -53,7 +53,7 @@ def end_before_cut_corners(outline: SheetOutline) -> SheetOutline:
 
 
 def _straight_part(points: Points, p: CutCornerParameters) -> Mask | None:
-    """Which points (N,) lie on the straight part of a side, if it has one that ends in kinks; all where nothing is cut."""
+    """Which points (N,) lie on the straight part of a side, if it has one that ends in kinks; all if nothing is cut."""
     count = len(points)
     if count < p.min_points:
         return None
