@@ -45,7 +45,7 @@ def measure_sides(page_map: PageMap, edges: SheetEdges) -> float:
     NaN where no side is seen, or `page_map` does not place them.
     """
     page = page_map.to_page(edges.points)
-    known: Mask = np.isfinite(page).all(axis=1)
+    known = np.asarray(np.isfinite(page).all(axis=1))
     if not len(page) or known.mean() < LEAST_PLACED:
         return float("nan")
     index, page = edges.index[known], page[known]
